@@ -1,0 +1,104 @@
+"""Health of a node: rate, latencies, level, and complaints that do not flood the log."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from dataclasses import dataclass
+
+from common.errors import PayloadError
+from common.messages import Latency
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+WINDOW_S = 5.0
+QUIET_S = 5.0
+
+
+class Pace:
+    """Rate and latency over the last seconds. Times come in as arguments."""
+
+    def __init__(self, window_s: float = WINDOW_S) -> None:
+        self._window_s = window_s
+        self._done: deque[tuple[float, float]] = deque()
+        self._started_s: float | None = None
+        self._lock = threading.Lock()
+
+    def note(self, at_s: float, latency_ms: float) -> None:
+        """Take note of one frame done at a monotonic time, so long after its capture."""
+        with self._lock:
+            if self._started_s is None:
+                self._started_s = at_s
+            self._done.append((at_s, latency_ms))
+            self._forget(at_s)
+
+    def rate_hz(self, at_s: float) -> float:
+        """Return frames per second over the window, or since the first if that is shorter."""
+        with self._lock:
+            self._forget(at_s)
+            if len(self._done) < 2 or self._started_s is None:
+                return 0.0
+            return (len(self._done) - 1) / max(at_s - self._done[0][0], 1e-3)
+
+    def latency(self, at_s: float) -> Latency:
+        """Return the percentiles of the window (nearest rank), nil when it is empty."""
+        with self._lock:
+            self._forget(at_s)
+            ordered = sorted(latency for _, latency in self._done)
+        if not ordered:
+            return Latency(p50=None, p99=None)
+        last = len(ordered) - 1
+        return Latency(p50=ordered[round(0.5 * last)], p99=ordered[round(0.99 * last)])
+
+    def _forget(self, at_s: float) -> None:
+        while self._done and at_s - self._done[0][0] > self._window_s:
+            self._done.popleft()
+
+
+@dataclass(slots=True)
+class _Burst:
+    last_s: float
+    suppressed: int = 0
+
+
+class Complaints:
+    """Logs the first drop of a burst, and how many followed when the burst is over.
+
+    Args:
+        log: Where to.
+    """
+
+    def __init__(self, log: logging.Logger) -> None:
+        self._log = log
+        self._bursts: dict[str, _Burst] = {}
+        self._lock = threading.Lock()
+
+    def note(self, error: PayloadError, at_s: float) -> None:
+        """Log a drop if it is the first of its reason for a while; else count it."""
+        with self._lock:
+            burst = self._bursts.get(error.reason)
+            if burst is not None:
+                burst.last_s = at_s
+                burst.suppressed += 1
+                return
+            self._bursts[error.reason] = _Burst(at_s)
+        self._log.warning("dropped a sample, %s", error)
+
+    def settle(self, at_s: float) -> None:
+        """Sum up the bursts that have been quiet long enough."""
+        with self._lock:
+            over = [
+                (reason, burst.suppressed)
+                for reason, burst in self._bursts.items()
+                if at_s - burst.last_s > QUIET_S
+            ]
+            for reason, _ in over:
+                del self._bursts[reason]
+        for reason, suppressed in over:
+            if suppressed:
+                self._log.warning("dropped %d more samples as %s", suppressed, reason)
+
+    def current(self) -> list[str]:
+        """Return the reasons of the bursts that are not over."""
+        with self._lock:
+            return sorted(self._bursts)

@@ -1,0 +1,79 @@
+"""What a node knows of its own health, and the message that says so once a second."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from common.diagnostics import ERROR, OK, STALE, WARN, Complaints, Pace
+from common.errors import PayloadError
+from common.ledger import Ledger
+from common.messages import Diagnostics
+from common.receiving import FrameReceiver
+
+SILENT_S = 2.0
+CLOCK_AHEAD_NS = 50_000_000
+CLOCK_BEHIND_NS = 1_000_000_000
+SEVERITY = {OK: 0, WARN: 1, STALE: 2, ERROR: 3}
+
+
+class Health:
+    """Counters, pace, complaints and the service's own report, judged together.
+
+    Args:
+        node: The node's name.
+        ledger: Its counters.
+    """
+
+    def __init__(self, node: str, ledger: Ledger) -> None:
+        self.pace = Pace()
+        self.receivers: list[FrameReceiver] = []
+        self._node = node
+        self._ledger = ledger
+        self._complaints = Complaints(logging.getLogger(node))
+        self._report = (OK, "")
+        self._started_s = time.monotonic()
+
+    def report(self, level: int, message: str) -> None:
+        """Set what the service itself knows, until its next report."""
+        self._report = (level, message)
+
+    def complain(self, error: PayloadError) -> None:
+        """Log a drop, once per burst."""
+        self._complaints.note(error, time.monotonic())
+
+    def diagnostics(self) -> Diagnostics:
+        """Return the health at this moment; the counters in it balance."""
+        now_s = time.monotonic()
+        self._complaints.settle(now_s)
+        level, message = self._judge(now_s)
+        return Diagnostics(
+            node=self._node,
+            stamp_ns=time.time_ns(),
+            level=level,
+            message=message,
+            uptime_s=now_s - self._started_s,
+            counters=self._ledger.snapshot(),
+            rate_hz=self.pace.rate_hz(now_s),
+            latency_ms=self.pace.latency(now_s),
+        )
+
+    def _judge(self, now_s: float) -> tuple[int, str]:
+        """Return the worst level, and all that there is to say."""
+        found = [self._report]
+        for receiver in self.receivers:
+            since_s = now_s - (receiver.arrived_s or self._started_s)
+            if since_s > SILENT_S:
+                found.append((STALE, f"no frame on {receiver.key} for {since_s:.0f} s"))
+            offset_ns = receiver.age.offset_ns
+            # What exceeds the time a frame takes is the difference of two clocks: normal, but
+            # latencies are wrong by as much, so it is said.
+            if offset_ns is not None and not -CLOCK_AHEAD_NS < offset_ns < CLOCK_BEHIND_NS:
+                found.append(
+                    (OK, f"the camera's clock is {-offset_ns / 1e9:+.1f} s from this machine's")
+                )
+        reasons = self._complaints.current()
+        if reasons:
+            found.append((WARN, f"dropping samples: {', '.join(reasons)}"))
+        worst = max((level for level, _ in found), key=lambda level: SEVERITY[level])
+        return worst, "; ".join(message for _, message in found if message) or "ok"

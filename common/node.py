@@ -1,0 +1,309 @@
+"""``Node``: the life of a process on the network, so that a service is only a loop.
+
+```python
+with Node("brightness", camera="front", publishes=[BRIGHTNESS]) as node:
+    for frame in node.frames("image", want="gray"):
+        node.publish(BRIGHTNESS, Brightness(header=node.header(frame), mean=frame.gray.mean()))
+```
+
+The iterator ends at SIGINT or SIGTERM, and so does the ``with``.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from importlib import metadata
+from types import FrameType, TracebackType
+from typing import Self
+
+import zenoh
+
+from common import images, keys
+from common.codec import Message
+from common.errors import ConfigurationError, PayloadError
+from common.frame import Form, Frame
+from common.health import Health
+from common.images import Pixels
+from common.keys import Topic
+from common.ledger import Ledger
+from common.messages import Diagnostics, Header, NodeDescription, Stamped
+from common.publishing import Sample, StreamPublisher
+from common.receiving import FrameReceiver
+from common.serving import QueryServer, answer_schemas
+from common.session import Connection, open_session
+
+POLL_S = 0.1
+CLOSE_S = 1.0
+
+
+class Node:
+    """A node of the system: opened by ``with``, stopped by a signal or ``stop()``.
+
+    Args:
+        service: Kind of node: ``tracker``.
+        camera: The camera it serves; its name is then ``{service}_{camera}``.
+        connection: Where the router is.
+        publishes: Topics it publishes, rows of the table or their names.
+        messages: Message classes it sends, for schema queries.
+        counts: Names of what comes in and what was dealt with, in its counters.
+        revision: Of its parameters; stands in the headers it makes.
+    """
+
+    def __init__(
+        self,
+        service: str,
+        *,
+        camera: str = keys.DEFAULT_CAMERA,
+        connection: Connection | None = None,
+        publishes: Sequence[Topic | str] = (),
+        messages: Sequence[type[Message]] = (),
+        counts: tuple[str, str] = ("received", "processed"),
+        revision: int = 0,
+    ) -> None:
+        self.connection = connection or Connection()
+        for name in (service, camera, self.connection.namespace):
+            if not keys.is_name(name):
+                raise ConfigurationError(f"{name!r} is no name: allowed are a-z, 0-9 and _")
+        self.service = service
+        self.camera = camera
+        self.name = f"{service}_{camera}"
+        self.revision = revision
+        self.ledger = Ledger(*counts)
+        self.health = Health(self.name, self.ledger)
+        self._topics = [keys.TOPICS[t] if isinstance(t, str) else t for t in publishes]
+        self._messages: set[type[Message]] = {Diagnostics, NodeDescription, *messages}
+        self._publishers: dict[str, StreamPublisher] = {}
+        self._stopping = False
+        self._started_ns = time.time_ns()
+        self._previous_handlers: dict[int, object] = {}
+
+    # Life
+
+    def __enter__(self) -> Self:
+        """Open the session, waiting for the router; declare what the node offers."""
+        self._catch_signals()
+        try:
+            self._session = open_session(self.connection, lambda: self._stopping)
+        except BaseException:
+            self._release_signals()
+            raise
+        self._server = QueryServer(self._publish_diagnostics)
+        namespace = self.connection.namespace
+        for topic in self._topics:
+            self._publishers[topic.name] = StreamPublisher(
+                self._session, topic, topic.key(namespace, self.camera), self._server.ask
+            )
+        self._diagnostics = StreamPublisher(
+            self._session,
+            keys.message_topic("diagnostics", Diagnostics.schema_name),
+            keys.diagnostics_key(namespace, self.name),
+            self._server.ask,
+        )
+        own_key = keys.node_key(namespace, self.name)
+        self._server.declare(self._session, own_key, self._describe)
+        self._server.declare(
+            self._session,
+            keys.schema_key(namespace, "*"),
+            answer_schemas(namespace, self._messages),
+        )
+        self._token = self._session.liveliness().declare_token(own_key)
+        self._server.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Say goodbye and close the session, in bounded time whatever the router does."""
+        self._stopping = True
+        self._server.close()
+        closing = threading.Thread(target=self._session.close, daemon=True)
+        closing.start()
+        closing.join(CLOSE_S)
+        self._release_signals()
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the node was told to stop."""
+        return self._stopping
+
+    def stop(self) -> None:
+        """End the iterators; safe in a signal handler and from any thread."""
+        self._stopping = True
+
+    # Frames in
+
+    def frames(
+        self, topic: Topic | str = "image", *, want: Form = "bgr", max_age_s: float = 0.4
+    ) -> Iterator[Frame]:
+        """Yield the camera's newest frames, each decodable, none twice, none stale.
+
+        Ends when the node is told to stop. What the loop does with a frame is timed and
+        counted as processed when it asks for the next.
+
+        Args:
+            topic: ``image`` or ``raw``, or another topic that carries pictures.
+            want: The form that is decoded beforehand, so that its errors are counted here.
+            max_age_s: Older ones, over the best recently seen, are dropped as ``stale``.
+        """
+        row = keys.TOPICS[topic] if isinstance(topic, str) else topic
+        receiver = FrameReceiver(
+            self._session,
+            row.key(self.connection.namespace, self.camera),
+            camera=self.camera,
+            raw=row.encoding == keys.RAW_IMAGE,
+            max_age_s=max_age_s,
+            ledger=self.ledger,
+            complain=self.health.complain,
+        )
+        self.health.receivers.append(receiver)
+        try:
+            while not self._stopping:
+                frame = receiver.take(POLL_S, want)
+                if frame is None:
+                    continue
+                try:
+                    yield frame
+                finally:
+                    self.done(frame.header.stamp_ns)
+        finally:
+            self.health.receivers.remove(receiver)
+            receiver.close()
+
+    def done(self, stamp_ns: int) -> None:
+        """Count one pending frame as dealt with."""
+        self.ledger.finish()
+        self.health.pace.note(time.monotonic(), (time.time_ns() - stamp_ns) / 1e6)
+
+    def dropped(self, error: PayloadError) -> None:
+        """Count one pending frame as dropped, and say so once per burst."""
+        self.ledger.drop(error.reason)
+        self.health.complain(error)
+
+    # Results out
+
+    def header(self, frame: Frame, encoding: str | None = None) -> Header:
+        """Return the header of something derived from a frame: its identity, our name."""
+        return frame.header.model_copy(
+            update={
+                "encoding": encoding,
+                "node": self.name,
+                "revision": self.revision,
+                "done_ns": time.time_ns(),
+            }
+        )
+
+    def publish(self, topic: Topic | str, message: Stamped) -> None:
+        """Publish a message that carries a header."""
+        publisher = self._publisher(topic)
+        encoding = publisher.topic.encoding
+        publisher.offer(lambda: Sample(message.to_bytes(), encoding, message.header.to_bytes()))
+
+    def publish_picture(
+        self,
+        topic: Topic | str,
+        frame: Frame,
+        picture: Pixels | Callable[[], Pixels],
+        *,
+        encoding: str = "bgr8",
+        quality: int = 80,
+        jpeg: bool | None = None,
+    ) -> None:
+        """Publish a picture made from a frame, if someone subscribes; keep it for queries.
+
+        Args:
+            topic: Its row says whether it goes as JPEG or PNG.
+            frame: What it was made from.
+            picture: Its pixels, or what makes them: called at most once, maybe later and on
+                another thread.
+            encoding: ``bgr8``, or ``mono8`` for a picture of only 0 and 255.
+            quality: JPEG quality.
+            jpeg: True or False overrides the row.
+        """
+        publisher = self._publisher(topic)
+        header = self.header(frame, encoding)
+        as_jpeg = publisher.topic.encoding == keys.JPEG if jpeg is None else jpeg
+
+        def sample() -> Sample:
+            pixels = picture() if callable(picture) else picture
+            if as_jpeg:
+                payload = images.encode_jpeg(pixels, encoding, quality)
+            else:
+                payload = images.encode_png(pixels, bilevel=encoding == "mono8")
+            return Sample(payload, keys.JPEG if as_jpeg else keys.PNG, header.to_bytes())
+
+        publisher.offer(sample)
+
+    def publish_frame(self, frame: Frame) -> bool:
+        """Publish a camera's own frame, compressed and raw, each only if someone subscribes.
+
+        Returns:
+            Whether anyone got it.
+        """
+        attachment = frame.header.to_bytes()
+        compressed = self._publisher(keys.IMAGE).offer(
+            lambda: Sample(frame.compressed, frame.mime, attachment)
+        )
+        raw = self._publisher(keys.RAW).offer(lambda: Sample(frame.raw, keys.RAW_IMAGE, attachment))
+        return compressed or raw
+
+    def _publisher(self, topic: Topic | str) -> StreamPublisher:
+        return self._publishers[topic if isinstance(topic, str) else topic.name]
+
+    # Health and description
+
+    def _publish_diagnostics(self) -> None:
+        diagnostics = self.health.diagnostics()
+        self._diagnostics.offer(
+            lambda: Sample(diagnostics.to_bytes(), self._diagnostics.topic.encoding, None)
+        )
+
+    def _describe(self, query: zenoh.Query) -> None:
+        description = NodeDescription(
+            node=self.name,
+            service=self.service,
+            cameras=(self.camera,),
+            version=installed_version(),
+            host=socket.gethostname(),
+            pid=os.getpid(),
+            started_ns=self._started_ns,
+            publishes=tuple(publisher.key for publisher in self._publishers.values()),
+            subscribes=tuple(receiver.key for receiver in self.health.receivers),
+        )
+        query.reply(
+            keys.node_key(self.connection.namespace, self.name),
+            description.to_bytes(),
+            encoding=keys.msgpack_of(NodeDescription.schema_name),
+        )
+
+    # Signals
+
+    def _catch_signals(self) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+
+        def on_signal(_number: int, _at: FrameType | None) -> None:
+            self.stop()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._previous_handlers[number] = signal.signal(number, on_signal)
+
+    def _release_signals(self) -> None:
+        for number, handler in self._previous_handlers.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        self._previous_handlers.clear()
+
+
+def installed_version() -> str:
+    """Return the version of this distribution, ``unknown`` when run without installing it."""
+    try:
+        return metadata.version("zenoh-vision")
+    except metadata.PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,106 @@
+"""Publish one key: made only when wanted, put with the right urgency, kept for queries."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import zenoh
+
+from common.keys import Topic
+from common.session import direct
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What goes on the wire: payload, its Zenoh encoding, and the header's bytes."""
+
+    payload: bytes
+    encoding: str
+    attachment: bytes | None
+
+
+class Once:
+    """A sample that is made when first asked for, and only once, by whichever thread asks."""
+
+    def __init__(self, make: Callable[[], Sample]) -> None:
+        self._make: Callable[[], Sample] | None = make
+        self._sample: Sample | None = None
+        self._lock = threading.Lock()
+
+    def __call__(self) -> Sample:
+        """Return the sample, making it if nobody has yet."""
+        with self._lock:
+            if self._sample is None:
+                assert self._make is not None
+                self._sample = self._make()
+                self._make = None  # let go of what it was made from
+            return self._sample
+
+
+FRAME_DELIVERY = (zenoh.CongestionControl.BLOCK_FIRST, zenoh.Priority.DATA)
+MESSAGE_DELIVERY = (zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HIGH)
+
+
+class StreamPublisher:
+    """Publishes one key and remembers its newest sample.
+
+    Args:
+        session: An open session.
+        topic: Row of the topic table.
+        key: Full key expression.
+        ask: Called on Zenoh's thread with each query on the key; must return at once.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        topic: Topic,
+        key: str,
+        ask: Callable[[zenoh.Query, Callable[[zenoh.Query], None]], None],
+    ) -> None:
+        self.topic = topic
+        self.key = key
+        congestion_control, priority = (
+            FRAME_DELIVERY if topic.delivery == "frame" else MESSAGE_DELIVERY
+        )
+        self._publisher = session.declare_publisher(
+            key,
+            encoding=topic.encoding,
+            congestion_control=congestion_control,
+            priority=priority,
+        )
+        self._newest: Once | None = None
+        self._queryable = session.declare_queryable(
+            key, direct(lambda query: ask(query, self.answer)), complete=True
+        )
+
+    @property
+    def wanted(self) -> bool:
+        """Whether someone subscribes to the key."""
+        return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
+
+    def offer(self, make: Callable[[], Sample]) -> bool:
+        """Make ``make()`` the key's newest sample and put it if it is wanted.
+
+        Returns:
+            Whether it was put. A topic that is not lazy is always put.
+        """
+        once = Once(make)
+        self._newest = once
+        if self.topic.lazy and not self.wanted:
+            return False
+        sample = once()
+        self._publisher.put(sample.payload, encoding=sample.encoding, attachment=sample.attachment)
+        return True
+
+    def answer(self, query: zenoh.Query) -> None:
+        """Reply with the newest sample; no reply if there is none yet."""
+        newest = self._newest
+        if newest is None:
+            return
+        sample = newest()
+        query.reply(
+            self.key, sample.payload, encoding=sample.encoding, attachment=sample.attachment
+        )

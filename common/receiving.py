@@ -1,0 +1,160 @@
+"""Receive one key's frames: checked on arrival, newest wins, every loss counted by reason."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import zenoh
+
+from common import images
+from common.admission import Admission
+from common.age import AgeGauge
+from common.errors import PayloadError
+from common.frame import Form, Frame
+from common.ledger import Ledger
+from common.messages import Header
+from common.session import direct
+from common.slot import Slot
+
+MAX_ATTACHMENT_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A frame whose header, size and order were found good; not decoded yet."""
+
+    header: Header
+    payload: bytes
+    raw: bool
+
+
+class FrameReceiver:
+    """The subscriber's end of a stream of frames.
+
+    Everything on Zenoh's thread is cheap (header, size, order); decoding is the taker's.
+
+    Args:
+        session: An open session.
+        key: Key expression of the stream.
+        camera: Whose frames it carries.
+        raw: The payload is raw pixels instead of JPEG or PNG.
+        max_age_s: Frames later than this over the best recently seen are dropped as stale.
+        ledger: Counts what arrives and what becomes of it.
+        complain: Called with each drop, for the log.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        *,
+        camera: str,
+        raw: bool,
+        max_age_s: float,
+        ledger: Ledger,
+        complain: Callable[[PayloadError], None],
+    ) -> None:
+        self.key = key
+        self.age = AgeGauge(int(max_age_s * 1e9))
+        self.arrived_s: float | None = None
+        self._raw = raw
+        self._ledger = ledger
+        self._complain = complain
+        self._admission = Admission(camera)
+        self._slot = Slot[Arrival](lambda _: ledger.drop("overwritten"))
+        self._subscriber = session.declare_subscriber(key, direct(self._on_sample))
+
+    def take(self, timeout_s: float, want: Form) -> Frame | None:
+        """Return the newest frame, decoded in the form wanted; None if there is none in time.
+
+        A frame handed out is pending until the caller reports it to the ledger.
+        """
+        arrival = self._slot.take(timeout_s)
+        if arrival is None:
+            return None
+        header = arrival.header
+        try:
+            if self.age.is_stale(header.stamp_ns, time.time_ns()):
+                self._ledger.drop("stale")
+                return None
+            frame = self._frame(arrival)
+            frame.form(want)
+            self._admission.accept(header, time.monotonic())
+        except PayloadError as error:
+            self._drop(error)
+            return None
+        return frame
+
+    def close(self) -> None:
+        """Stop receiving."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+    def _frame(self, arrival: Arrival) -> Frame:
+        header = arrival.header
+        if not arrival.raw:
+            return Frame(header, compressed=arrival.payload)
+        pixels = images.from_raw(
+            arrival.payload, header.encoding or "", header.width, header.height
+        )
+        return Frame(header, pixels=pixels)
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        self._ledger.arrive()
+        try:
+            arrival, challenger = self._admit(sample)
+        except PayloadError as error:
+            self._drop(error)
+            return
+        self._slot.put(arrival, challenger=challenger)
+
+    def _admit(self, sample: zenoh.Sample) -> tuple[Arrival, bool]:
+        now_ns, at_s = time.time_ns(), time.monotonic()
+        if sample.kind != zenoh.SampleKind.PUT:
+            raise PayloadError("empty", "a delete instead of a picture")
+        attachment = _attachment(sample)
+        if self._raw:
+            header = self._admission.identify(attachment, None, now_ns, at_s)
+            payload = _raw_payload(sample, header)
+        else:
+            payload = _picture(sample)
+            size = images.picture_size(payload)
+            header = self._admission.identify(attachment, size, now_ns, at_s)
+            images.encoding_named(header.encoding)
+        challenger, missed = self._admission.admit(header, at_s)
+        if missed:
+            self._ledger.note("missed", missed)
+        if header.assumed:
+            self._ledger.note("assumed_headers")
+        self.age.arrive(header.epoch, header.stamp_ns, now_ns, at_s)
+        self.arrived_s = at_s
+        stamped = header.model_copy(update={"received_ns": now_ns})
+        return Arrival(stamped, payload, self._raw), challenger
+
+    def _drop(self, error: PayloadError) -> None:
+        self._ledger.drop(error.reason)
+        self._complain(error)
+
+
+def _attachment(sample: zenoh.Sample) -> bytes | None:
+    if sample.attachment is None:
+        return None
+    if len(sample.attachment) > MAX_ATTACHMENT_BYTES:
+        raise PayloadError("bad_header", f"an attachment of {len(sample.attachment)} bytes")
+    return sample.attachment.to_bytes()
+
+
+def _picture(sample: zenoh.Sample) -> bytes:
+    """Copy the payload out, unless its length alone says that it is no picture of ours."""
+    length, limit = len(sample.payload), images.MAX_COMPRESSED_BYTES
+    if length > limit:
+        raise PayloadError("too_large", f"{length} bytes, at most {limit} are allowed")
+    return sample.payload.to_bytes()
+
+
+def _raw_payload(sample: zenoh.Sample, header: Header) -> bytes:
+    expected = images.raw_size(header.encoding, header.width, header.height)
+    if len(sample.payload) != expected:
+        raise PayloadError("wrong_size", f"{len(sample.payload)} bytes instead of {expected}")
+    return sample.payload.to_bytes()

@@ -1,0 +1,175 @@
+"""The only place that builds a Zenoh configuration and opens a session.
+
+Client mode through one router; no scouting; no shared memory (its implicit use leaks locked
+memory in the router, zenoh #2787); a lease of 2 s, so that a node which froze or lost its
+network is known to be gone; retries of 100 to 500 ms, so that flows are back within a second
+of the router's return.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from common.errors import ConfigurationError, RouterUnreachable, ToldToStop
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+LEASE_MS = 2000
+RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+POLL_S = 0.1
+OPEN_TIMEOUT_MS = 800
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """Where a node or tool finds its router.
+
+    Attributes:
+        connect: Zenoh endpoint, ``tcp/HOST:PORT``.
+        namespace: First chunk of every key expression.
+        zenoh_config: JSON5 file that the session starts from, for TLS and the like.
+        timeout_s: Give up after so long without a router; None waits for ever.
+    """
+
+    connect: str = DEFAULT_ENDPOINT
+    namespace: str = "vision"
+    zenoh_config: str | None = None
+    timeout_s: float | None = None
+
+
+def client_config(connection: Connection) -> zenoh.Config:
+    """Return the configuration of a node's session.
+
+    Raises:
+        ConfigurationError: The file cannot be read or holds what Zenoh does not know, or the
+            endpoint is malformed.
+    """
+    config = _base(connection.zenoh_config)
+    settings: dict[str, object] = {
+        "mode": "client",
+        "connect/timeout_ms": OPEN_TIMEOUT_MS,
+        "connect/retry": RETRY,
+        "transport/link/tx/lease": LEASE_MS,
+    }
+    if connection.zenoh_config is None or not _stated(config, "connect/endpoints"):
+        settings["connect/endpoints"] = [connection.connect]
+    _insert(config, settings)
+    return config
+
+
+def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
+    """Return the configuration of the embedded router.
+
+    Raises:
+        ConfigurationError: As for ``client_config``.
+    """
+    config = _base(zenoh_config)
+    settings: dict[str, object] = {
+        "mode": "router",
+        "scouting/delay": 0,
+        "adminspace/enabled": True,
+    }
+    if zenoh_config is None or not _stated(config, "listen/endpoints"):
+        settings["listen/endpoints"] = [listen]
+    _insert(config, settings)
+    return config
+
+
+def direct(callback: Callable[[Any], None]) -> Any:
+    """Return a handler that runs on Zenoh's own thread, without the queue of 256 in between.
+
+    What it calls must be quick. (The binding's types know plain callables only.)
+    """
+    return zenoh.handlers.Callback(callback, indirect=False)
+
+
+def open_session(
+    connection: Connection, stopping: Callable[[], bool] = lambda: False
+) -> zenoh.Session:
+    """Open a client session, waiting for the router as long as the connection allows.
+
+    ``zenoh.open`` ignores signals while it waits, so it runs in a thread of its own and is
+    asked again until a router is there.
+
+    Raises:
+        RouterUnreachable: No router within ``timeout_s``.
+        ToldToStop: Told to stop before there was one.
+        ConfigurationError: As for ``client_config``.
+    """
+    started = time.monotonic()
+    failed: list[str] = []
+    while True:
+        opened: list[zenoh.Session] = []
+        attempt = threading.Thread(
+            target=_try_open, args=(client_config(connection), opened, failed), daemon=True
+        )
+        attempt.start()
+        while attempt.is_alive():
+            attempt.join(POLL_S)
+            late = connection.timeout_s is not None and (
+                time.monotonic() - started > connection.timeout_s
+            )
+            if stopping() or late:
+                attempt.join(OPEN_TIMEOUT_MS / 1000 + POLL_S)
+                break
+        if opened:
+            return opened[0]
+        if stopping():
+            raise ToldToStop("told to stop before a router was there")
+        if late:
+            because = f" ({failed[-1]})" if failed else ""
+            raise RouterUnreachable(
+                f"no Zenoh router at {connection.connect} within {connection.timeout_s:g} s"
+                f"{because}; start one with `zv router`, "
+                "or name another with --connect tcp/HOST:PORT"
+            )
+
+
+def _try_open(config: zenoh.Config, opened: list[zenoh.Session], failed: list[str]) -> None:
+    try:
+        opened.append(zenoh.open(config))
+    except zenoh.ZError as error:
+        failed.append(plain(error))
+
+
+def plain(error: zenoh.ZError) -> str:
+    """Return what Zenoh said, without the places in its source code."""
+    return re.sub(r" at \S+\.rs:\d+\.?", "", str(error)).strip()
+
+
+def _base(path: str | None) -> zenoh.Config:
+    """Start from a file or from nothing, and switch off what must be off everywhere."""
+    if path is None:
+        config = zenoh.Config()
+        _insert(config, {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False})
+    else:
+        if not Path(path).is_file():
+            raise ConfigurationError(f"--zenoh-config {path}: no such file")
+        try:
+            config = zenoh.Config.from_file(path)
+        except zenoh.ZError as error:
+            raise ConfigurationError(f"--zenoh-config {path}: {plain(error)}") from None
+    _insert(config, {"transport/shared_memory/enabled": False})
+    return config
+
+
+def _stated(config: zenoh.Config, key: str) -> bool:
+    return json.loads(config.get_json(key)) not in (None, [], {})
+
+
+def _insert(config: zenoh.Config, settings: dict[str, object]) -> None:
+    for key, value in settings.items():
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as error:
+            raise ConfigurationError(
+                f"zenoh does not accept {key} = {value!r}: {plain(error)}"
+            ) from None

@@ -1,0 +1,1 @@
+"""One folder per process, and the command line that starts them."""

@@ -1,0 +1,1 @@
+"""The camera: reads a source, stamps each frame, publishes the newest."""

@@ -1,0 +1,157 @@
+"""Keeps a source open: watches the reader, opens the source again with growing delay."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Self
+
+from common.errors import SourceError
+from common.ledger import Ledger
+from common.slot import Slot
+from services.camera.choice import opener, watches_for_repeats
+from services.camera.reader import Captured, ReadingRules, SourceReader
+from services.camera.settings import CameraSettings
+
+POLL_S = 0.05
+LAST_S = 0.3
+
+
+class Capture:
+    """The newest picture of a source, whatever happens to the source.
+
+    Each opening is a new epoch. A source that stalls, freezes, is lost, or ends though it
+    should not, is opened again after ``reopen_min`` seconds, doubling up to ``reopen_max``
+    until a picture comes.
+
+    Args:
+        settings: The camera's.
+        ledger: Counts what is captured.
+    """
+
+    def __init__(self, settings: CameraSettings, ledger: Ledger) -> None:
+        self.description = ""
+        self._settings = settings
+        self._ledger = ledger
+        self._slot = Slot[Captured](lambda _: ledger.drop("overwritten"))
+        self._rules = ReadingRules(
+            rate_hz=settings.rate,
+            frozen_after_s=settings.frozen_after if watches_for_repeats(settings.source) else 0.0,
+        )
+        self._open_source = opener(settings)
+        self._reader: SourceReader | None = None
+        self._epoch = 0
+        self._delay_s = settings.reopen_min
+        self._reopen_s: float | None = None
+        self._trouble = ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the source, unless it is stuck: its thread then ends with the process."""
+        if self._reader is not None:
+            self._reader.give_up()
+            self._reader.join(LAST_S)
+
+    def open_first(self, stopping: Callable[[], bool] = lambda: False) -> None:
+        """Open the source for the first time.
+
+        Raises:
+            SourceError: It cannot be opened, or does not answer within ``stall_after``.
+        """
+        reader = self._start_reader()
+        while reader.state == "opening" and not stopping():
+            time.sleep(POLL_S / 10)
+            if self._stalled(reader):
+                reader.give_up()
+                raise SourceError(
+                    f"{self._settings.source}: not open after {self._settings.stall_after:g} s"
+                )
+        if reader.state == "failed":
+            raise SourceError(reader.reason)
+        self.description = reader.description
+
+    def pictures(
+        self,
+        poll_s: float,
+        stopping: Callable[[], bool],
+        report: Callable[[str], None],
+    ) -> Iterator[Captured]:
+        """Yield the newest picture each time; end when told to stop or at the source's end.
+
+        Args:
+            poll_s: How often to look after the source, seconds.
+            stopping: Whether to end.
+            report: Called with what is wrong when that changes; empty when nothing is.
+
+        Raises:
+            SourceError: The source ended without a single picture.
+        """
+        reader = self._reader or self._start_reader()
+        reader.start_reading()
+        while not stopping():
+            captured = self._slot.take(poll_s)
+            reader = self._reader or reader
+            if captured is not None:
+                if captured.epoch != reader.epoch:
+                    self._ledger.drop("given_up")
+                    continue
+                if self._trouble:
+                    self._trouble = ""
+                    report("")
+                self._delay_s = self._settings.reopen_min
+                yield captured
+            elif not self._look_after(reader, report):
+                return
+
+    def _look_after(self, reader: SourceReader, report: Callable[[str], None]) -> bool:
+        """Do what the reader's state asks for; return False at the source's regular end."""
+        now_s = time.monotonic()
+        if self._reopen_s is not None:
+            if now_s >= self._reopen_s:
+                self._reopen_s = None
+                self._start_reader().start_reading()
+            return True
+        if reader.state == "ended":
+            if not reader.captured:
+                raise SourceError(f"{self._settings.source}: ended without a single picture")
+            if reader.live:
+                self._lose("the source ended", report)
+            elif not self._settings.loop:
+                return self._slot.filled  # the last picture is still to be published
+            elif not self._slot.filled:
+                self._start_reader().start_reading()
+        elif reader.state in ("lost", "failed"):
+            self._lose(reader.reason, report)
+        elif self._stalled(reader):
+            reader.give_up()
+            doing = "opening" if reader.state == "opening" else "no picture"
+            self._lose(f"{doing} for {self._settings.stall_after:g} s", report)
+        return True
+
+    def _stalled(self, reader: SourceReader) -> bool:
+        return time.monotonic() - reader.last_picture_s > self._settings.stall_after
+
+    def _lose(self, reason: str, report: Callable[[str], None]) -> None:
+        self._trouble = f"{reason}; opening {self._settings.source} again in {self._delay_s:g} s"
+        report(self._trouble)
+        self._reopen_s = time.monotonic() + self._delay_s
+        self._delay_s = min(self._delay_s * 2, self._settings.reopen_max)
+
+    def _start_reader(self) -> SourceReader:
+        self._epoch = max(self._epoch + 1, time.time_ns())
+        self._reader = SourceReader(
+            self._open_source,
+            epoch=self._epoch,
+            rules=self._rules,
+            slot=self._slot,
+            ledger=self._ledger,
+        )
+        return self._reader

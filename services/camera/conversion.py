@@ -1,0 +1,85 @@
+"""From a source's picture to the frame that is published: flip, encoding, or untouched."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import simplejpeg
+
+from common import images
+from common.errors import PayloadError
+from common.frame import Frame
+from common.images import Pixels
+from common.messages import Header
+from services.camera.sources.base import Picture
+
+FLIP_CODES = {"horizontal": 1, "vertical": 0, "both": -1}
+
+
+class Converter:
+    """Makes the frames of one camera.
+
+    Args:
+        encoding: What the published pixels are.
+        flip: ``none``, ``horizontal``, ``vertical`` or ``both``.
+        quality: JPEG quality of what is encoded here.
+    """
+
+    def __init__(self, encoding: str, flip: str, quality: int) -> None:
+        self._encoding = encoding
+        self._flip = flip
+        self._quality = quality
+        self._judged_epoch: int | None = None
+        self._sound_packets = False
+
+    def frame(self, header: Header, picture: Picture) -> Frame:
+        """Return the frame to publish under a header.
+
+        A JPEG packet that needs no change is passed through untouched, if the first of the
+        epoch decodes without a flaw: receivers refuse flawed ones.
+
+        Raises:
+            PayloadError: ``corrupt``, or ``too_large``.
+        """
+        if picture.width * picture.height > images.MAX_PIXELS:
+            raise PayloadError("too_large", f"{picture.width}x{picture.height} pixels")
+        if picture.jpeg is not None and self._passes_through(picture, picture.jpeg, header.epoch):
+            return Frame(header, compressed=picture.jpeg)
+        return Frame(header, pixels=self._pixels(picture), quality=self._quality)
+
+    def _passes_through(self, picture: Picture, jpeg: bytes, epoch: int) -> bool:
+        if self._flip != "none" or self._encoding == "mono16":
+            return False
+        if self._encoding == "mono8" and picture.encoding != "mono8":
+            return False
+        if self._judged_epoch != epoch:
+            self._judged_epoch = epoch
+            try:
+                images.decode_jpeg(jpeg, "mono8")
+                self._sound_packets = True
+            except PayloadError:
+                self._sound_packets = False
+        return self._sound_packets
+
+    def _pixels(self, picture: Picture) -> Pixels:
+        pixels, encoding = picture.pixels, picture.encoding
+        if pixels is None:
+            encoding = "mono8" if self._encoding in ("mono8", "mono16") else "bgr8"
+            pixels = decode_leniently(picture.jpeg or b"", encoding)
+        if self._flip != "none":
+            pixels = np.asarray(cv2.flip(pixels, FLIP_CODES[self._flip]))
+        return images.convert(pixels, encoding, self._encoding)
+
+
+def decode_leniently(jpeg: bytes, encoding: str) -> Pixels:
+    """Return the pixels of a webcam's JPEG, forgiving what libjpeg can mend.
+
+    Raises:
+        PayloadError: ``corrupt``.
+    """
+    space = images.ENCODINGS[encoding].jpeg
+    try:
+        pixels = simplejpeg.decode_jpeg(jpeg, space, strict=False)
+    except ValueError as error:
+        raise PayloadError("corrupt", str(error)) from None
+    return np.asarray(pixels[:, :, 0] if pixels.shape[2] == 1 else pixels, np.uint8)

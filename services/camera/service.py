@@ -1,0 +1,80 @@
+"""The camera's loop."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from common.diagnostics import ERROR, OK
+from common.errors import PayloadError
+from common.messages import Header, Tracks
+from common.node import Node
+from common.session import Connection
+from services.camera.capture import Capture
+from services.camera.conversion import Converter
+from services.camera.reader import Captured
+from services.camera.settings import CameraSettings
+
+log = logging.getLogger(__name__)
+
+POLL_S = 0.05
+
+
+def run(settings: CameraSettings, connection: Connection) -> None:
+    """Publish the newest picture of the source until it ends or the camera is told to stop.
+
+    Raises:
+        SourceError: The source cannot be opened at the start.
+    """
+    node = Node(
+        "camera",
+        camera=settings.camera,
+        connection=connection,
+        publishes=["image", "raw", *(["truth"] if settings.source == "synthetic" else [])],
+        messages=[Tracks] if settings.source == "synthetic" else [],
+        counts=("captured", "published"),
+    )
+    with Capture(settings, node.ledger) as capture:
+        capture.open_first()
+        with node:
+            log.info("%s: %s", node.name, capture.description)
+            converter = Converter(settings.encoding, settings.flip, settings.quality)
+
+            def report(trouble: str) -> None:
+                if trouble:
+                    log.warning("%s: %s", node.name, trouble)
+                else:
+                    log.info("%s: %s is back", node.name, settings.source)
+                node.health.report(ERROR if trouble else OK, trouble)
+
+            for captured in capture.pictures(POLL_S, lambda: node.stopping, report):
+                publish(node, converter, captured, settings.encoding)
+
+
+def publish(node: Node, converter: Converter, captured: Captured, encoding: str) -> None:
+    """Publish one picture and its truth, and count what became of it."""
+    picture = captured.picture
+    header = Header(
+        camera=node.camera,
+        epoch=captured.epoch,
+        seq=captured.seq,
+        stamp_ns=captured.stamp_ns,
+        width=picture.width,
+        height=picture.height,
+        encoding=encoding,
+        node=node.name,
+        revision=node.revision,
+    )
+    if picture.truth is not None:
+        truth = header.model_copy(update={"encoding": None})
+        node.publish("truth", Tracks(header=truth, tracks=picture.truth))
+    try:
+        published = node.publish_frame(converter.frame(header, picture))
+    except PayloadError as error:
+        node.dropped(error)
+        return
+    if published:
+        node.ledger.finish()
+    else:
+        node.ledger.drop("no_subscriber")
+    node.health.pace.note(time.monotonic(), (time.time_ns() - captured.stamp_ns) / 1e6)

@@ -1,0 +1,92 @@
+"""The camera's options: the only list of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from common.settings import ServiceSettings, Text
+
+PixelEncodingName = Literal["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8"]
+
+
+class CameraSettings(ServiceSettings):
+    """Options of ``zv camera``."""
+
+    env_prefix: ClassVar[str] = "ZV_CAMERA_"
+
+    source: Annotated[
+        Text,
+        Field(
+            min_length=1,
+            description="synthetic; a device (0, /dev/video0); a video file; a folder of images; "
+            "a URL (rtsp://, http:// MJPEG)",
+        ),
+    ] = "synthetic"
+    width: Annotated[
+        int | None,
+        Field(ge=16, le=7680, description="pixels; of a device or the synthetic picture"),
+    ] = None
+    height: Annotated[
+        int | None,
+        Field(ge=16, le=4320, description="pixels; of a device or the synthetic picture"),
+    ] = None
+    rate: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            le=1000,
+            description="frames per second; not set: the source's own, 30 for synthetic, "
+            "10 for a folder. A live source faster than this is thinned out",
+        ),
+    ] = None
+    fourcc: Annotated[
+        str | None,
+        Field(pattern="^.{4}$", description="pixel format asked of a device, such as MJPG or YUYV"),
+    ] = None
+    loop: Annotated[
+        bool, Field(description="start a file or folder again at its end, in a new epoch")
+    ] = False
+    encoding: Annotated[PixelEncodingName, Field(description="what the published pixels are")] = (
+        "bgr8"
+    )
+    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality")] = 80
+    flip: Annotated[
+        Literal["none", "horizontal", "vertical", "both"],
+        Field(description="mirror the picture; both is a turn by 180 degrees"),
+    ] = "none"
+    stall_after: Annotated[
+        float,
+        Field(gt=0, le=3600, description="seconds without a picture until a source is reopened"),
+    ] = 5.0
+    frozen_after: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=3600,
+            description="seconds of equal pictures until a live source is reopened; 0: never",
+        ),
+    ] = 10.0
+    reopen_min: Annotated[
+        float, Field(gt=0, le=60, description="seconds before the first attempt to reopen")
+    ] = 0.5
+    reopen_max: Annotated[
+        float,
+        Field(gt=0, le=3600, description="seconds before an attempt at most; the delay doubles"),
+    ] = 10.0
+    seed: Annotated[int, Field(ge=0, lt=2**32, description="of the synthetic picture")] = 1
+    noise: Annotated[
+        float,
+        Field(ge=0, le=50, description="sensor noise of the synthetic picture, grey levels"),
+    ] = 2.0
+    objects: Annotated[
+        int, Field(ge=0, le=16, description="moving objects in the synthetic picture")
+    ] = 4
+    faults: Annotated[
+        str,
+        Field(
+            description="faults of the synthetic camera for tests, KIND@FRAME+FRAMES separated by "
+            "commas; KIND: stall, frozen, drop, lighting; such as stall@90+60"
+        ),
+    ] = ""

@@ -1,0 +1,1 @@
+"""The edge detector: an edge map of each frame."""

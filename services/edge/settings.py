@@ -1,0 +1,50 @@
+"""The edge detector's options: the only list of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from common.settings import FromText, ServiceSettings
+
+
+class EdgeSettings(ServiceSettings):
+    """Options of ``zv edge``."""
+
+    env_prefix: ClassVar[str] = "ZV_EDGE_"
+
+    sigma: Annotated[
+        float,
+        Field(ge=0, le=20, description="Gaussian smoothing, pixels; 0: none"),
+    ] = 1.4
+    low: Annotated[
+        float,
+        Field(ge=0, le=100_000, description="hysteresis: gradients below it are no edge"),
+    ] = 40.0
+    high: Annotated[
+        float,
+        Field(ge=0, le=100_000, description="hysteresis: gradients above it are edges"),
+    ] = 100.0
+    aperture: Annotated[
+        Literal[3, 5, 7], FromText, Field(description="side of the Sobel kernel, pixels")
+    ] = 3
+    l2: Annotated[
+        bool, Field(description="gradient magnitude as sqrt(gx^2 + gy^2), else |gx| + |gy|")
+    ] = True
+    format: Annotated[
+        Literal["png", "jpeg"],
+        Field(description="png is lossless; jpeg is no longer only 0 and 255"),
+    ] = "png"
+    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality, if jpeg")] = 80
+    max_age: Annotated[
+        float, Field(gt=0, le=60, description="seconds; frames later than this are dropped")
+    ] = 0.4
+
+    @model_validator(mode="after")
+    def _thresholds_in_order(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(
+                f"low = {self.low:g} is above high = {self.high:g}; allowed: low at most high"
+            )
+        return self

@@ -1,0 +1,1 @@
+"""The embedded Zenoh router, for machines without zenohd."""

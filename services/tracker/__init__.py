@@ -1,0 +1,1 @@
+"""The tracker: the largest moving object of each frame."""

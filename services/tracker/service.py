@@ -1,0 +1,61 @@
+"""The tracker's loop."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from common.frame import Frame
+from common.messages import Centroid
+from common.node import Node
+from common.session import Connection
+from services.tracker.drawing import draw
+from services.tracker.largest import LargestObject, MovingObject
+from services.tracker.settings import TrackerSettings
+
+
+def run(settings: TrackerSettings, connection: Connection) -> None:
+    """Publish the largest moving object of each frame until told to stop."""
+    with Node(
+        "tracker",
+        camera=settings.camera,
+        connection=connection,
+        publishes=["centroid", "tracked", "mask"],
+        messages=[Centroid],
+    ) as node:
+        run_of_source: tuple[int, int, int] | None = None
+        for frame in node.frames("image", want="bgr", max_age_s=settings.max_age):
+            header = frame.header
+            if run_of_source != (header.epoch, header.width, header.height):
+                # What was background before a reopen, or at another size, is none now.
+                run_of_source = (header.epoch, header.width, header.height)
+                tracker = tracker_of(settings)
+            found, mask = tracker.update(frame.bgr)
+            node.publish("centroid", centroid_of(node, frame, found))
+            node.publish_picture(
+                "tracked",
+                frame,
+                partial(draw, frame.bgr, found),
+                quality=settings.quality,
+            )
+            node.publish_picture("mask", frame, mask, encoding="mono8")
+
+
+def tracker_of(settings: TrackerSettings) -> LargestObject:
+    """Return a tracker with an empty background model."""
+    return LargestObject(
+        history=settings.history,
+        var_threshold=settings.var_threshold,
+        detect_shadows=settings.detect_shadows,
+        closing=settings.closing,
+        median=settings.median,
+        threshold=settings.threshold,
+    )
+
+
+def centroid_of(node: Node, frame: Frame, found: MovingObject | None) -> Centroid:
+    """Return the message for what was found in a frame."""
+    header = node.header(frame)
+    if found is None:
+        return Centroid(header=header, x=None, y=None, box=None, area=None)
+    x, y = found.center
+    return Centroid(header=header, x=x, y=y, box=found.box, area=found.area)
