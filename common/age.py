@@ -38,8 +38,8 @@ class AgeGauge:
         Args:
             epoch: The frame's.
             stamp_ns: The frame's capture time by its camera's clock.
-            now_ns: Wall clock here.
-            at_s: Monotonic clock here, seconds.
+            now_ns: A clock here that nobody sets: the monotonic one.
+            at_s: The same in seconds, for the window.
         """
         offset = now_ns - stamp_ns
         if epoch != self._epoch:

@@ -65,7 +65,7 @@ class Health:
             since_s = now_s - (receiver.arrived_s or self._started_s)
             if since_s > SILENT_S:
                 found.append((STALE, f"no frame on {receiver.key} for {since_s:.0f} s"))
-            offset_ns = receiver.age.offset_ns
+            offset_ns = receiver.clock_offset_ns
             # What exceeds the time a frame takes is the difference of two clocks: normal, but
             # latencies are wrong by as much, so it is said.
             if offset_ns is not None and not -CLOCK_AHEAD_NS < offset_ns < CLOCK_BEHIND_NS:

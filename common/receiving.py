@@ -66,6 +66,14 @@ class FrameReceiver:
         self._slot = Slot[Arrival](lambda _: ledger.drop("overwritten"))
         self._subscriber = session.declare_subscriber(key, direct(self._on_sample))
 
+    @property
+    def clock_offset_ns(self) -> int | None:
+        """The least wall clock - stamp of the last minute; None before the first frame."""
+        offset_ns = self.age.offset_ns
+        if offset_ns is None:
+            return None
+        return offset_ns + time.time_ns() - time.monotonic_ns()
+
     def take(self, timeout_s: float, want: Form) -> Frame | None:
         """Return the newest frame, decoded in the form wanted; None if there is none in time.
 
@@ -76,7 +84,7 @@ class FrameReceiver:
             return None
         header = arrival.header
         try:
-            if self.age.is_stale(header.stamp_ns, time.time_ns()):
+            if self.age.is_stale(header.stamp_ns, time.monotonic_ns()):
                 self._ledger.drop("stale")
                 return None
             frame = self._frame(arrival)
@@ -127,7 +135,7 @@ class FrameReceiver:
             self._ledger.note("missed", missed)
         if header.assumed:
             self._ledger.note("assumed_headers")
-        self.age.arrive(header.epoch, header.stamp_ns, now_ns, at_s)
+        self.age.arrive(header.epoch, header.stamp_ns, time.monotonic_ns(), at_s)
         self.arrived_s = at_s
         stamped = header.model_copy(update={"received_ns": now_ns})
         return Arrival(stamped, payload, self._raw), challenger

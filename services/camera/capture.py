@@ -13,6 +13,7 @@ from common.slot import Slot
 from services.camera.choice import opener, watches_for_repeats
 from services.camera.reader import Captured, ReadingRules, SourceReader
 from services.camera.settings import CameraSettings
+from services.camera.sources.base import Source
 
 POLL_S = 0.05
 LAST_S = 0.3
@@ -28,9 +29,15 @@ class Capture:
     Args:
         settings: The camera's.
         ledger: Counts what is captured.
+        open_source: Opens another source than the settings name.
     """
 
-    def __init__(self, settings: CameraSettings, ledger: Ledger) -> None:
+    def __init__(
+        self,
+        settings: CameraSettings,
+        ledger: Ledger,
+        open_source: Callable[[], Source] | None = None,
+    ) -> None:
         self.description = ""
         self._settings = settings
         self._ledger = ledger
@@ -39,7 +46,7 @@ class Capture:
             rate_hz=settings.rate,
             frozen_after_s=settings.frozen_after if watches_for_repeats(settings.source) else 0.0,
         )
-        self._open_source = opener(settings)
+        self._open_source = open_source or opener(settings)
         self._reader: SourceReader | None = None
         self._epoch = 0
         self._delay_s = settings.reopen_min

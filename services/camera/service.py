@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 
 from common.diagnostics import ERROR, OK
 from common.errors import PayloadError
@@ -14,14 +15,24 @@ from services.camera.capture import Capture
 from services.camera.conversion import Converter
 from services.camera.reader import Captured
 from services.camera.settings import CameraSettings
+from services.camera.sources.base import Source
 
 log = logging.getLogger(__name__)
 
 POLL_S = 0.05
 
 
-def run(settings: CameraSettings, connection: Connection) -> None:
+def run(
+    settings: CameraSettings,
+    connection: Connection,
+    open_source: Callable[[], Source] | None = None,
+) -> None:
     """Publish the newest picture of the source until it ends or the camera is told to stop.
+
+    Args:
+        settings: The camera's options.
+        connection: Where the router is.
+        open_source: Opens a source of one's own instead of the one that the settings name.
 
     Raises:
         SourceError: The source cannot be opened at the start.
@@ -34,7 +45,7 @@ def run(settings: CameraSettings, connection: Connection) -> None:
         messages=[Tracks] if settings.source == "synthetic" else [],
         counts=("captured", "published"),
     )
-    with Capture(settings, node.ledger) as capture:
+    with Capture(settings, node.ledger, open_source) as capture:
         capture.open_first()
         with node:
             log.info("%s: %s", node.name, capture.description)

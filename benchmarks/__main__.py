@@ -1,0 +1,49 @@
+"""``make bench``: every figure of one run as JSON, ratios to the floor of the same run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+
+import cv2
+
+from benchmarks import fleet, floor, stream
+from benchmarks.material import frames
+
+SIZES = ((768, 576), (1920, 1080))
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=15, help="of each measurement")
+    parser.add_argument("--memory-minutes", type=float, default=0, help="watch memory so long")
+    parser.add_argument("--cameras", type=int, default=8, help="in the fleet")
+    options = parser.parse_args()
+    cv2.setNumThreads(1)
+    print(f"# {platform.machine()}, Python {platform.python_version()}, OpenCV {cv2.__version__}")
+    for width, height in SIZES:
+        pictures = frames(width, height)
+        before = floor.measure(pictures, stream.RATE_HZ, options.seconds / 2)
+        found = stream.plain_stream(width, height, options.seconds, before)
+        after = floor.measure(pictures, stream.RATE_HZ, options.seconds / 2)
+        found["floor_after_ms"] = round(after.total_ms, 3)
+        show(f"{width}x{height}, camera to decoded frame", found)
+        show(
+            f"{width}x{height}, with tracker and edge",
+            stream.with_services(width, height, options.seconds),
+        )
+    show("start-up, s", stream.start_up())
+    show("fleet", fleet.cameras(options.cameras, 10.0, max(options.seconds, 30)))
+    if options.memory_minutes:
+        show("memory", fleet.cameras(1, 30.0, options.memory_minutes * 60))
+
+
+def show(name: str, figures: object) -> None:
+    """Print one block of figures."""
+    print(f"{name}: {json.dumps(figures, indent=2)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""A subscriber in a process of its own: decodes each frame and notes its age.
+
+ENDPOINT FRAMES: prints one line of JSON with the ages (ms), the seconds and CPU time they took.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+
+from common.node import Node
+from common.session import Connection
+
+WARM_UP = 30
+
+
+def main() -> None:
+    """Take so many frames and report."""
+    wanted = int(sys.argv[2])
+    ages: list[float] = []
+    with Node("bench", connection=Connection(connect=sys.argv[1])) as node:
+        for count, frame in enumerate(node.frames("image", want="bgr")):
+            now_ns = time.time_ns()
+            if count == WARM_UP:
+                cpu_s, start_s = time.process_time(), time.monotonic()
+                first = frame.header.seq
+            if count >= WARM_UP:
+                ages.append((now_ns - frame.header.stamp_ns) / 1e6)
+            if len(ages) == wanted:
+                break
+        lost = frame.header.seq - first + 1 - wanted
+        print(
+            json.dumps(
+                {
+                    "ages_ms": ages,
+                    "cpu_s": time.process_time() - cpu_s,
+                    "seconds": time.monotonic() - start_s,
+                    "lost": lost,
+                }
+            )
+        )
+
+
+if __name__ == "__main__":
+    main()

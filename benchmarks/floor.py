@@ -1,0 +1,53 @@
+"""The floor: encode and decode of the same frames in one process, one thread, no network."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.images import decode_jpeg, encode_jpeg
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """Milliseconds a frame, median; and the CPU time of it."""
+
+    encode_ms: float
+    decode_ms: float
+    cpu_ms: float
+    kilobytes: float
+
+    @property
+    def total_ms(self) -> float:
+        """What a frame costs at least between capture and decoded pixels."""
+        return self.encode_ms + self.decode_ms
+
+
+def measure(pictures: list[NDArray[np.uint8]], rate_hz: float, seconds: float) -> Floor:
+    """Encode and decode at the rate of the system, so that caches and clocks are as cold."""
+    encode, decode, sizes = [], [], []
+    cpu_s = 0.0
+    count = int(seconds * rate_hz)
+    start = time.perf_counter()
+    for index in range(count):
+        time.sleep(max(0.0, start + index / rate_hz - time.perf_counter()))
+        cpu_before = time.thread_time()
+        before = time.perf_counter()
+        jpeg = encode_jpeg(pictures[index % len(pictures)], "bgr8", 80)
+        between = time.perf_counter()
+        decode_jpeg(jpeg, "bgr8")
+        after = time.perf_counter()
+        cpu_s += time.thread_time() - cpu_before
+        encode.append((between - before) * 1e3)
+        decode.append((after - between) * 1e3)
+        sizes.append(len(jpeg) / 1e3)
+    return Floor(
+        statistics.median(encode),
+        statistics.median(decode),
+        cpu_s / count * 1e3,
+        statistics.median(sizes),
+    )

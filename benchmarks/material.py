@@ -1,0 +1,64 @@
+"""What the benchmarks feed the system: real frames, held in memory, at a steady rate."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from services.camera.sources.synthetic import SyntheticSource
+
+from services.camera.sources.base import Picture
+
+ROOT = Path(__file__).parent.parent
+FRAMES = 60
+
+
+def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
+    """Return frames of vtest.avi at a size; of the synthetic scene where the video is not there."""
+    folder = Path(os.environ.get("ZV_TEST_DATA", ROOT.parent / "shared" / "data"))
+    video = cv2.VideoCapture(str(folder / "vtest.avi"))
+    found = []
+    while len(found) < FRAMES and video.isOpened():
+        read, frame = video.read()
+        if not read:
+            break
+        found.append(np.asarray(cv2.resize(frame, (width, height)), np.uint8))
+    if not found:
+        source = SyntheticSource(width=width, height=height, rate_hz=30.0)
+        pictures = [source.read() for _ in range(FRAMES)]
+        found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
+    return found
+
+
+class MemorySource:
+    """Frames from memory, forth and back for ever, so that reading costs nothing.
+
+    Args:
+        pictures: (height, width, 3) uint8 BGR each.
+        rate_hz: How many a second.
+    """
+
+    live = False
+
+    def __init__(self, pictures: list[NDArray[np.uint8]], rate_hz: float) -> None:
+        self.rate_hz: float | None = rate_hz
+        self.description = f"{len(pictures)} frames in memory"
+        self._pictures = pictures
+        self._period_s = 1.0 / rate_hz
+        self._count = 0
+
+    def read(self) -> Picture:
+        """Return the next frame, due a period after the one before."""
+        turn = self._count % (2 * len(self._pictures) - 2)
+        index = turn if turn < len(self._pictures) else 2 * len(self._pictures) - 2 - turn
+        pixels = self._pictures[index]
+        due_s = self._count * self._period_s
+        self._count += 1
+        height, width = pixels.shape[:2]
+        return Picture("bgr8", width, height, pixels=pixels, due_s=due_s)
+
+    def close(self) -> None:
+        """Nothing to give back."""

@@ -1,0 +1,81 @@
+"""The system under test: real processes, and what they cost."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+import psutil
+import zenoh
+
+from common.session import Connection, open_session
+
+
+def free_endpoint() -> str:
+    """Return a loopback endpoint that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+class System:
+    """A router and the processes that are started in it; all end with the ``with``."""
+
+    def __init__(self) -> None:
+        self.endpoint = free_endpoint()
+        self.processes: dict[str, psutil.Popen] = {}
+        self._cpu_s: dict[str, float] = {}
+
+    def __enter__(self) -> Self:
+        self.start("router", "-m", "services", "router", "--listen", self.endpoint)
+        self.session().close()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for name, process in reversed(self.processes.items()):
+            process.terminate()
+            try:
+                process.wait(3)
+            except psutil.TimeoutExpired:
+                print(f"{name} did not end in 3 s", file=sys.stderr)
+                process.kill()
+
+    def session(self) -> zenoh.Session:
+        """Open a client session, waiting for the router."""
+        return open_session(Connection(connect=self.endpoint, timeout_s=20))
+
+    def start(self, name: str, *arguments: str) -> None:
+        """Start a Python process; it counts under this name."""
+        self.processes[name] = psutil.Popen(
+            [sys.executable, *arguments], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        )
+
+    def service(self, name: str, service: str, *flags: str) -> None:
+        """Start ``zv SERVICE`` in this system."""
+        self.start(name, "-m", "services", service, "--connect", self.endpoint, *flags)
+
+    def begin(self) -> None:
+        """Start to count CPU time."""
+        self._cpu_s = {name: self._now_s(name) for name in self.processes}
+        self._begun_s = time.monotonic()
+
+    def cpu_s(self) -> dict[str, float]:
+        """Return the CPU seconds of each process since ``begin``."""
+        return {name: self._now_s(name) - self._cpu_s[name] for name in self._cpu_s}
+
+    def memory_mb(self) -> dict[str, float]:
+        """Return the resident memory of each process."""
+        return {name: p.memory_info().rss / 1e6 for name, p in self.processes.items()}
+
+    def _now_s(self, name: str) -> float:
+        times = self.processes[name].cpu_times()
+        return float(times.user + times.system)

@@ -1,0 +1,28 @@
+#!/bin/sh
+# Builds the wheel, installs it in an empty environment outside the checkout, and runs a system
+# from it: what the editable install of the tests cannot show.
+set -eu
+python=${PYTHON:-python3}
+here=$(cd "$(dirname "$0")/.." && pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+"$python" -m build --wheel --outdir "$work/dist" "$here" >"$work/build.log" 2>&1 || {
+    cat "$work/build.log" >&2
+    exit 1
+}
+"$python" -m venv "$work/venv"
+"$work/venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+    -c "$here/constraints.txt" "$work"/dist/*.whl
+cd "$work"
+"$work/venv/bin/zv" --help >help.txt
+grep -q camera help.txt
+port=$("$work/venv/bin/python" -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')
+"$work/venv/bin/zv" up --plain --listen "tcp/127.0.0.1:$port" >out.txt 2>err.txt &
+up=$!
+status=0
+"$work/venv/bin/python" "$here/tests/first_centroid.py" "tcp/127.0.0.1:$port" || status=1
+kill -INT "$up"
+wait "$up" || status=1
+[ "$status" = 0 ] || { cat out.txt err.txt >&2; exit 1; }
+echo "wheel: built, installed, and a system run from it"
