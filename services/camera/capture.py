@@ -10,7 +10,7 @@ from typing import Self
 from common.errors import SourceError
 from common.ledger import Ledger
 from common.slot import Slot
-from services.camera.choice import opener, watches_for_repeats
+from services.camera.choice import opener, rate_to_keep, watches_for_repeats
 from services.camera.reader import Captured, ReadingRules, SourceReader
 from services.camera.settings import CameraSettings
 from services.camera.sources.base import Source
@@ -43,7 +43,7 @@ class Capture:
         self._ledger = ledger
         self._slot = Slot[Captured](lambda _: ledger.drop("overwritten"))
         self._rules = ReadingRules(
-            rate_hz=settings.rate,
+            rate_hz=rate_to_keep(settings),
             frozen_after_s=settings.frozen_after if watches_for_repeats(settings.source) else 0.0,
         )
         self._open_source = open_source or opener(settings)

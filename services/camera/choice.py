@@ -17,6 +17,11 @@ def watches_for_repeats(spec: str) -> bool:
     return kind_of(spec) in ("synthetic", "device", "url")
 
 
+def rate_to_keep(settings: CameraSettings) -> float | None:
+    """Return the rate that the reader imposes; None where the source's own times hold."""
+    return None if kind_of(settings.source) == "synthetic" else settings.rate
+
+
 def opener(settings: CameraSettings) -> Callable[[], Source]:
     """Return what opens the source that the settings name; it may be called again."""
 

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from common.settings import ServiceSettings, Text
+from services.camera.scene.faults import parse_faults
 
 PixelEncodingName = Literal["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8"]
+
+
+def _known_faults(text: str) -> str:
+    parse_faults(text)
+    return text
 
 
 class CameraSettings(ServiceSettings):
@@ -85,8 +91,10 @@ class CameraSettings(ServiceSettings):
     ] = 4
     faults: Annotated[
         str,
+        AfterValidator(_known_faults),
         Field(
-            description="faults of the synthetic camera for tests, KIND@FRAME+FRAMES separated by "
-            "commas; KIND: stall, frozen, drop, lighting; such as stall@90+60"
+            description="faults of the synthetic camera for tests, in each epoch: "
+            "KIND@FRAME+FRAMES separated by commas; KIND: stall, frozen, drop, lighting; "
+            "such as stall@90+60"
         ),
     ] = ""
