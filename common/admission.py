@@ -33,6 +33,8 @@ class Admission:
         self._seq = -1
         self._accepted_s = float("-inf")
         self._arrived_seq = -1
+        self._challenger: int | None = None
+        self._challenger_seq = -1
         self._bare_epoch: int | None = None
         self._bare_seq = 0
         self._lock = threading.Lock()
@@ -86,6 +88,9 @@ class Admission:
         with self._lock:
             self._check_order(header, at_s)
             if header.epoch != self._epoch:
+                if header.epoch != self._challenger:
+                    self._challenger, self._challenger_seq = header.epoch, -1
+                self._challenger_seq = max(self._challenger_seq, header.seq)
                 return True, 0
             missed = max(0, header.seq - self._arrived_seq - 1)
             self._arrived_seq = max(self._arrived_seq, header.seq)
@@ -100,7 +105,11 @@ class Admission:
         with self._lock:
             self._check_order(header, at_s)
             if header.epoch != self._epoch:
-                self._arrived_seq = header.seq
+                # Others of this epoch may have arrived while this one was decoded.
+                others = self._challenger_seq if header.epoch == self._challenger else -1
+                self._arrived_seq = max(others, header.seq)
+            if header.epoch != self._bare_epoch:
+                self._bare_epoch = None  # bare pictures that follow are another run
             self._epoch, self._seq, self._accepted_s = header.epoch, header.seq, at_s
 
     def _check_order(self, header: Header, at_s: float) -> None:
@@ -115,10 +124,9 @@ class Admission:
 
     def _made_up(self, size: tuple[int, int], now_ns: int, at_s: float) -> Header:
         with self._lock:
-            if self._epoch is not None and self._epoch != self._bare_epoch:
-                if self._alive(at_s):
-                    raise PayloadError("no_header", "a bare picture beside an identified stream")
-                self._bare_epoch = None
+            identified = self._epoch is not None and self._epoch != self._bare_epoch
+            if identified and self._alive(at_s):
+                raise PayloadError("no_header", "a bare picture beside an identified stream")
             if self._bare_epoch is None:
                 self._bare_epoch, self._bare_seq = now_ns, 0
             seq, self._bare_seq = self._bare_seq, self._bare_seq + 1

@@ -6,6 +6,7 @@ than a message can need.
 
 from __future__ import annotations
 
+import reprlib
 from typing import Any, ClassVar, Self
 
 import msgpack
@@ -78,4 +79,5 @@ def explain(name: str, error: ValidationError) -> str:
     """Return the first complaint of a validation as one short sentence."""
     first = error.errors(include_url=False)[0]
     place = ".".join(str(part) for part in (name, *first["loc"]))
-    return f"{place}: {first['msg']}, got {first['input']!r:.80}"
+    # reprlib: repr itself raises RecursionError on input that is nested deep enough.
+    return f"{place}: {first['msg']}, got {reprlib.repr(first['input']):.80}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections import deque
 from dataclasses import dataclass
@@ -47,8 +48,8 @@ class Pace:
             ordered = sorted(latency for _, latency in self._done)
         if not ordered:
             return Latency(p50=None, p99=None)
-        last = len(ordered) - 1
-        return Latency(p50=ordered[round(0.5 * last)], p99=ordered[round(0.99 * last)])
+        p50, p99 = (ordered[math.ceil(len(ordered) * n / 100) - 1] for n in (50, 99))
+        return Latency(p50=p50, p99=p99)
 
     def _forget(self, at_s: float) -> None:
         while self._done and at_s - self._done[0][0] > self._window_s:

@@ -86,6 +86,8 @@ class Frame:
     @property
     def bgr(self) -> NDArray[np.uint8]:
         """(height, width, 3) uint8 in BGR order, whatever the encoding; not to be written to."""
+        if self._encoding == "bgr8":
+            return np.asarray(self.pixels, np.uint8)
         with self._lock:
             if self._bgr is None:
                 self._bgr = self._eight_bits("bgr8")
@@ -94,6 +96,8 @@ class Frame:
     @property
     def gray(self) -> NDArray[np.uint8]:
         """(height, width) uint8; from a JPEG the luma plane, without decoding colour."""
+        if self._encoding == "mono8":
+            return np.asarray(self.pixels, np.uint8)
         with self._lock:
             if self._gray is None:
                 self._gray = self._eight_bits("mono8")

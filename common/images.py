@@ -25,6 +25,8 @@ MAX_COMPRESSED_BYTES: Final = 32 << 20
 JPEG_START: Final = b"\xff\xd8\xff"
 PNG_START: Final = b"\x89PNG\r\n\x1a\n"
 DEPTH_RATIO: Final = 257  # 65535 / 255
+ANIMATION_CHUNKS: Final = (b"acTL", b"fcTL", b"fdAT")
+"""Of an animated PNG, no frame of a camera; OpenCV 5.0 dies of malformed ones (SIGSEGV)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +150,13 @@ def decode_png(png: bytes) -> Pixels:
             checksum
         ):
             raise PayloadError("corrupt", f"wrong checksum in the PNG's chunk {kind!r}")
+        if kind in ANIMATION_CHUNKS:
+            raise PayloadError("corrupt", "an animated PNG")
         position = body_end + 4
-    pixels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise PayloadError("corrupt", f"the PNG cannot be decoded: {error.err}") from None
     if pixels is None:
         raise PayloadError("corrupt", "the PNG cannot be decoded")
     return pixels  # type: ignore[return-value]

@@ -28,6 +28,7 @@ class Arrival:
     header: Header
     payload: bytes
     raw: bool
+    arrived_ns: int  # by the monotonic clock
 
 
 class FrameReceiver:
@@ -84,12 +85,13 @@ class FrameReceiver:
             return None
         header = arrival.header
         try:
-            if self.age.is_stale(header.stamp_ns, time.monotonic_ns()):
+            if self.age.is_stale(header.epoch, header.stamp_ns, time.monotonic_ns()):
                 self._ledger.drop("stale")
                 return None
             frame = self._frame(arrival)
             frame.form(want)
             self._admission.accept(header, time.monotonic())
+            self.age.accept(header.epoch, header.stamp_ns, arrival.arrived_ns)
         except PayloadError as error:
             self._drop(error)
             return None
@@ -118,7 +120,8 @@ class FrameReceiver:
         self._slot.put(arrival, challenger=challenger)
 
     def _admit(self, sample: zenoh.Sample) -> tuple[Arrival, bool]:
-        now_ns, at_s = time.time_ns(), time.monotonic()
+        now_ns, arrived_ns = time.time_ns(), time.monotonic_ns()
+        at_s = arrived_ns / 1e9
         if sample.kind != zenoh.SampleKind.PUT:
             raise PayloadError("empty", "a delete instead of a picture")
         attachment = _attachment(sample)
@@ -135,10 +138,10 @@ class FrameReceiver:
             self._ledger.note("missed", missed)
         if header.assumed:
             self._ledger.note("assumed_headers")
-        self.age.arrive(header.epoch, header.stamp_ns, time.monotonic_ns(), at_s)
+        self.age.arrive(header.epoch, header.stamp_ns, arrived_ns)
         self.arrived_s = at_s
         stamped = header.model_copy(update={"received_ns": now_ns})
-        return Arrival(stamped, payload, self._raw), challenger
+        return Arrival(stamped, payload, self._raw, arrived_ns), challenger
 
     def _drop(self, error: PayloadError) -> None:
         self._ledger.drop(error.reason)

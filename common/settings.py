@@ -14,7 +14,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+)
 from pydantic.fields import FieldInfo
 from pydantic_settings import BaseSettings, EnvSettingsSource
 
@@ -25,10 +32,14 @@ CameraName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=64)]
 Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
 """A text that TOML may also spell as a number: ``source = 0``."""
 
-FromText = BeforeValidator(
-    lambda value: int(value) if isinstance(value, str) and value.isdecimal() else value
-)
-"""Lets a choice of numbers be spelled as text, as flags and the environment do."""
+
+def _from_text(value: object, info: ValidationInfo) -> object:
+    typed = bool(info.context and info.context["typed"])
+    return int(value) if isinstance(value, str) and value.isdecimal() and not typed else value
+
+
+FromText = BeforeValidator(_from_text)
+"""Lets a choice of numbers be spelled as text, as flags and the environment do; not in TOML."""
 
 
 class Settings(BaseModel):
@@ -131,7 +142,7 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 def unknown(shown: str, name: str, model: type[BaseModel]) -> str:
     """Say that a key is unknown, with the nearest that is known."""
     near = difflib.get_close_matches(name, model.model_fields, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = f"; did you mean {near[0]!r}?" if near else ";"
     return f"unknown key {shown!r}{hint} allowed: {', '.join(model.model_fields)}"
 
 
@@ -176,7 +187,7 @@ def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, stri
         if name not in model.model_fields:
             raise ConfigurationError(f"{place}: {unknown(name, name, model)}")
     try:
-        model.model_validate(values, strict=strict)
+        model.model_validate(values, strict=strict, context={"typed": strict})
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         if not first["loc"]:

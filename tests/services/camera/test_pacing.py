@@ -1,0 +1,116 @@
+"""Pacing without a clock: the test is the clock."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from services.camera.pacing import Pacer, Thinner
+
+PERIOD_S = 1 / 30
+
+
+def handed_over(
+    pacer: Pacer, work_s: list[float], oversleep_s: list[float], start_s: float = 1000.0
+) -> np.ndarray:
+    """Return when each picture is handed over by who works, waits as told, and oversleeps."""
+    now_s = start_s
+    times = []
+    for n, (work, oversleep) in enumerate(zip(work_s, oversleep_s, strict=True)):
+        now_s += work
+        wait_s = pacer.wait_s(n * PERIOD_S, now_s)
+        now_s += wait_s + (oversleep if wait_s else 0.0)
+        times.append(now_s)
+    return np.array(times)
+
+
+def test_the_first_picture_is_handed_over_at_once_whenever_it_is_due():
+    assert Pacer().wait_s(0.0, 50.0) == 0.0
+    assert Pacer().wait_s(7.5, 50.0) == 0.0
+
+
+def test_the_wait_is_what_is_left_until_the_picture_is_due():
+    pacer = Pacer()
+    pacer.wait_s(0.0, 50.0)
+    assert pacer.wait_s(0.5, 50.25) == 0.25
+    assert pacer.wait_s(1.0, 51.0) == 0.0
+
+
+def test_10_000_pictures_do_not_drift_whatever_the_jitter():
+    random = np.random.default_rng(2)
+    work = random.uniform(0.0, 0.02, 10_000).tolist()
+    work[0] = 0.0
+    oversleep = random.uniform(0.0, 0.005, 10_000).tolist()
+    times = handed_over(Pacer(), work, oversleep)
+    late = times - (1000.0 + np.arange(10_000) * PERIOD_S)
+    assert late.min() > -1e-6
+    assert late.max() < 0.005 + 1e-6  # one oversleep, never the sum of two
+
+
+def test_a_picture_late_within_the_slack_does_not_move_the_schedule():
+    work = [0.0] + [0.001] * 99
+    work[50] = PERIOD_S + 0.09
+    times = handed_over(Pacer(slack_s=0.1), work, [0.0] * 100)
+    due = 1000.0 + np.arange(100) * PERIOD_S
+    assert times[50] - due[50] > 0.08
+    assert np.allclose(times[60:], due[60:])
+
+
+@pytest.mark.parametrize("pause_s", [0.5, 5.0, 3600.0])
+def test_there_is_no_burst_after_a_pause(pause_s: float):
+    work = [0.0] + [0.001] * 99
+    work[50] = pause_s
+    times = handed_over(Pacer(slack_s=0.1), work, [0.0] * 100)
+    assert np.allclose(np.diff(times)[50:], PERIOD_S)
+
+
+def test_a_decoder_that_is_too_slow_is_never_told_to_wait():
+    times = handed_over(Pacer(), [0.05] * 300, [0.0] * 300)
+    assert np.allclose(np.diff(times), 0.05)
+
+
+def passed(rate_hz: float, times_s: np.ndarray) -> np.ndarray:
+    thinner = Thinner(rate_hz)
+    return times_s[[thinner.lets_through(time) for time in times_s.tolist()]]
+
+
+@pytest.mark.parametrize(
+    ("source_hz", "rate_hz", "expected_hz"),
+    [
+        (30, 5, 5),
+        (30, 10, 10),
+        (30, 20, 20),
+        (30, 25, 25),
+        (30, 29.97, 29.97),
+        (30, 30, 30),
+        (30, 60, 30),
+        (60, 25, 25),
+        (12.5, 10, 10),
+        (1, 0.25, 0.25),
+    ],
+)
+def test_the_rate_is_what_was_asked_or_the_sources(
+    source_hz: float, rate_hz: float, expected_hz: float
+):
+    seconds = 400
+    times = 50.0 + np.arange(int(seconds * source_hz)) / source_hz
+    assert abs(len(passed(rate_hz, times)) - expected_hz * seconds) <= 1
+
+
+def test_jitter_does_not_halve_a_source_of_just_the_rate_asked():
+    jitter = np.random.default_rng(3).uniform(-0.004, 0.004, 3000)
+    times = np.arange(3000) / 30 + jitter
+    assert len(passed(30, times)) == 3000
+
+
+def test_a_source_much_faster_than_the_rate_is_thinned_evenly():
+    gaps = np.diff(passed(10, np.arange(3000) / 300))
+    assert gaps.min() >= 0.1 - 0.025  # a quarter of a period early at most
+    assert gaps.max() <= 0.1 + 1 / 300
+
+
+def test_a_burst_after_a_pause_is_thinned_too():
+    before = np.arange(30) / 30
+    burst = 100.0 + np.arange(50) / 1000  # what a stalled link held back, in 50 ms
+    after = passed(10, np.concatenate([before, burst]))
+    assert np.count_nonzero(after >= 100.0) <= 2
