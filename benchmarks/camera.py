@@ -6,9 +6,6 @@ import sys
 
 from benchmarks.material import MemorySource, frames
 from common.session import Connection
-import services.camera.sources as _pkg
-if not hasattr(_pkg,"kind_of"):
-    _pkg.kind_of=lambda s:"video"; _pkg.open_source=None
 from services.camera.service import run
 from services.camera.settings import CameraSettings
 
