@@ -83,7 +83,8 @@ class Admission:
 
         Raises:
             PayloadError: ``out_of_order``: seen already, older than one seen, or of an older
-                epoch while the current one is alive.
+                epoch while the current one is alive. ``no_header``: a bare picture while an
+                identified stream is alive.
         """
         with self._lock:
             self._check_order(header, at_s)
@@ -100,7 +101,7 @@ class Admission:
         """Take note that a frame was decoded and is about to be seen.
 
         Raises:
-            PayloadError: ``out_of_order``, if a newer one was accepted since it was admitted.
+            PayloadError: As for ``admit``, if another was accepted since it was admitted.
         """
         with self._lock:
             self._check_order(header, at_s)
@@ -116,8 +117,17 @@ class Admission:
         if header.epoch == self._epoch:
             if header.seq <= self._seq:
                 raise PayloadError("out_of_order", f"frame {header.seq} after {self._seq}")
-        elif self._epoch is not None and header.epoch < self._epoch and self._alive(at_s):
+        elif header.assumed and header.epoch == self._bare_epoch:
+            self._check_alone(at_s)
+        elif self._epoch is None or self._epoch == self._bare_epoch:
+            return  # who identifies its frames takes over from who does not
+        elif header.epoch < self._epoch and self._alive(at_s):
             raise PayloadError("out_of_order", f"epoch {header.epoch} after {self._epoch}")
+
+    def _check_alone(self, at_s: float) -> None:
+        """Refuse a bare picture beside a stream that identifies its frames."""
+        if self._epoch not in (None, self._bare_epoch) and self._alive(at_s):
+            raise PayloadError("no_header", "a bare picture beside an identified stream")
 
     def _alive(self, at_s: float) -> bool:
         return at_s - self._accepted_s < SILENCE_S

@@ -22,14 +22,11 @@ class Pace:
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s
         self._done: deque[tuple[float, float]] = deque()
-        self._started_s: float | None = None
         self._lock = threading.Lock()
 
     def note(self, at_s: float, latency_ms: float) -> None:
         """Take note of one frame done at a monotonic time, so long after its capture."""
         with self._lock:
-            if self._started_s is None:
-                self._started_s = at_s
             self._done.append((at_s, latency_ms))
             self._forget(at_s)
 
@@ -37,7 +34,7 @@ class Pace:
         """Return frames per second over the window, or since the first if that is shorter."""
         with self._lock:
             self._forget(at_s)
-            if len(self._done) < 2 or self._started_s is None:
+            if len(self._done) < 2:
                 return 0.0
             return (len(self._done) - 1) / max(at_s - self._done[0][0], 1e-3)
 

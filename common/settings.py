@@ -170,6 +170,8 @@ def _range(kind: Mapping[str, Any]) -> str:
     low, high = kind.get("minimum"), kind.get("maximum")
     if "exclusiveMinimum" in kind:
         word += f" above {kind['exclusiveMinimum']:g}"
+    if high is None and kind["type"] == "integer" and "exclusiveMaximum" in kind:
+        high = kind["exclusiveMaximum"] - 1
     if low is not None and high is not None:
         word += f" from {low:g} to {high:g}"
     elif low is not None:

@@ -13,6 +13,7 @@ from common.slot import Slot
 from services.camera.choice import opener, rate_to_keep, watches_for_repeats
 from services.camera.reader import Captured, ReadingRules, SourceReader
 from services.camera.settings import CameraSettings
+from services.camera.sources import without_password
 from services.camera.sources.base import Source
 
 POLL_S = 0.05
@@ -40,6 +41,7 @@ class Capture:
     ) -> None:
         self.description = ""
         self._settings = settings
+        self._shown = without_password(settings.source)
         self._ledger = ledger
         self._slot = Slot[Captured](lambda _: ledger.drop("overwritten"))
         self._rules = ReadingRules(
@@ -79,7 +81,7 @@ class Capture:
             if self._stalled(reader):
                 reader.give_up()
                 raise SourceError(
-                    f"{self._settings.source}: not open after {self._settings.stall_after:g} s"
+                    f"{self._shown}: not open after {self._settings.stall_after:g} s"
                 )
         if reader.state == "failed":
             raise SourceError(reader.reason)
@@ -128,7 +130,7 @@ class Capture:
             return True
         if reader.state == "ended":
             if not reader.captured:
-                raise SourceError(f"{self._settings.source}: ended without a single picture")
+                raise SourceError(f"{self._shown}: ended without a single picture")
             if reader.live:
                 self._lose("the source ended", report)
             elif not self._settings.loop:
@@ -147,7 +149,7 @@ class Capture:
         return time.monotonic() - reader.last_picture_s > self._settings.stall_after
 
     def _lose(self, reason: str, report: Callable[[str], None]) -> None:
-        self._trouble = f"{reason}; opening {self._settings.source} again in {self._delay_s:g} s"
+        self._trouble = f"{reason}; opening {self._shown} again in {self._delay_s:g} s"
         report(self._trouble)
         self._reopen_s = time.monotonic() + self._delay_s
         self._delay_s = min(self._delay_s * 2, self._settings.reopen_max)

@@ -29,14 +29,14 @@ class Converter:
         self._encoding = encoding
         self._flip = flip
         self._quality = quality
-        self._judged_epoch: int | None = None
-        self._sound_packets = False
+        self._sound_epoch: int | None = None
 
     def frame(self, header: Header, picture: Picture) -> Frame:
         """Return the frame to publish under a header.
 
-        A JPEG packet that needs no change is passed through untouched, if the first of the
-        epoch decodes without a flaw: receivers refuse flawed ones.
+        A JPEG packet that needs no change is passed through untouched, once one of the epoch
+        has decoded without a flaw: receivers refuse flawed ones, so a source of which every
+        packet has some is decoded and encoded anew.
 
         Raises:
             PayloadError: ``corrupt``, or ``too_large``.
@@ -52,14 +52,13 @@ class Converter:
             return False
         if self._encoding == "mono8" and picture.encoding != "mono8":
             return False
-        if self._judged_epoch != epoch:
-            self._judged_epoch = epoch
+        if self._sound_epoch != epoch:
             try:
                 images.decode_jpeg(jpeg, "mono8")
-                self._sound_packets = True
             except PayloadError:
-                self._sound_packets = False
-        return self._sound_packets
+                return False
+            self._sound_epoch = epoch
+        return True
 
     def _pixels(self, picture: Picture) -> Pixels:
         pixels, encoding = picture.pixels, picture.encoding
@@ -67,7 +66,8 @@ class Converter:
             encoding = "mono8" if self._encoding in ("mono8", "mono16") else "bgr8"
             pixels = decode_leniently(picture.jpeg or b"", encoding)
         if self._flip != "none":
-            pixels = np.asarray(cv2.flip(pixels, FLIP_CODES[self._flip]))
+            flipped: Pixels = cv2.flip(pixels, FLIP_CODES[self._flip])  # type: ignore[assignment]
+            pixels = flipped
         return images.convert(pixels, encoding, self._encoding)
 
 

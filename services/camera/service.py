@@ -17,8 +17,6 @@ from services.camera.reader import Captured
 from services.camera.settings import CameraSettings
 from services.camera.sources.base import Source
 
-log = logging.getLogger(__name__)
-
 POLL_S = 0.05
 
 
@@ -48,14 +46,15 @@ def run(
     with Capture(settings, node.ledger, open_source) as capture:
         capture.open_first()
         with node:
-            log.info("%s: %s", node.name, capture.description)
+            log = logging.getLogger(node.name)
+            log.info("%s", capture.description)
             converter = Converter(settings.encoding, settings.flip, settings.quality)
 
             def report(trouble: str) -> None:
                 if trouble:
-                    log.warning("%s: %s", node.name, trouble)
+                    log.warning("%s", trouble)
                 else:
-                    log.info("%s: %s is back", node.name, settings.source)
+                    log.info("pictures are back")
                 node.health.report(ERROR if trouble else OK, trouble)
 
             for captured in capture.pictures(POLL_S, lambda: node.stopping, report):

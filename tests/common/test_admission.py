@@ -70,8 +70,8 @@ def test_challengers_that_arrived_during_the_first_decode_are_not_missed():
 
 def test_challengers_of_another_epoch_do_not_count_as_arrived():
     admission = Admission("front")
-    admission.admit(header(50, epoch=100), 0.0)
     admission.admit(header(0, epoch=200), 0.0)
+    admission.admit(header(50, epoch=100), 0.0)
     admission.accept(header(0, epoch=200), 0.0)
     assert admission.admit(header(2, epoch=200), 0.0) == (False, 1)
 

@@ -117,13 +117,14 @@ def test_a_new_epoch_whose_lateness_varies_is_a_queue_not_a_clock():
         assert arrives(gauge, 2, here - 30 * S - jitter, here)
 
 
-def test_another_challenger_starts_its_own_settling():
+def test_another_challenger_settles_by_itself_from_its_first_frame():
     gauge, now = gauge_after()
     for n in range(19):
         arrives(gauge, 2, now + n * FRAME - 30 * S, now + n * FRAME)
-    now += 19 * FRAME
-    for n in range(20):
-        assert arrives(gauge, 3, now + n * FRAME - 50 * S, now + n * FRAME)
+    begun = now + 19 * FRAME
+    for n in range(30):
+        here = begun + n * FRAME
+        assert arrives(gauge, 3, here - 50 * S, here) == (here - begun <= SETTLE_S * S)
 
 
 def test_frames_that_are_never_accepted_leave_the_measure_alone():

@@ -72,14 +72,19 @@ def test_an_item_that_comes_wakes_the_one_who_waits():
     assert taken == [5]
 
 
-def test_the_one_who_is_told_of_a_displaced_item_may_look_into_the_slot():
-    """It is called outside the lock: a callback that needs the slot does not deadlock."""
+def test_the_slot_is_free_while_someone_is_told_of_a_displaced_item():
+    """A callback that waits for another thread, which needs the slot, does not deadlock."""
     seen: list[bool] = []
-    slot = Slot[int](lambda _: seen.append(slot.filled))
+
+    def ask_on_another_thread(_item: int) -> None:
+        other = threading.Thread(target=lambda: seen.append(slot.filled), daemon=True)
+        other.start()
+        other.join(1)
+        assert seen == [True]
+
+    slot = Slot[int](ask_on_another_thread)
     slot.put(1)
-    teller = threading.Thread(target=slot.put, args=(2,), daemon=True)
-    teller.start()
-    teller.join(5)
+    slot.put(2)
     assert seen == [True]
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
@@ -12,10 +14,21 @@ from services.camera.sources.base import Source
 Kind = Literal["synthetic", "device", "video", "folder", "url"]
 
 URL_SCHEMES = ("rtsp", "rtsps", "http", "https")
+IMAGE_EXTENSIONS = ("png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "pgm", "ppm")
+SECRET_FIELD = re.compile(r"(?i)([?&][^=&]*(?:pass|pwd|token|key|secret|auth)[^=&]*=)[^&#]*")
 ALLOWED = (
     "synthetic, a device (0, /dev/video0), a video file, a folder of images, "
     "or a URL (rtsp://, http://)"
 )
+
+
+def without_password(url: str) -> str:
+    """Return a URL so that it can be shown: its user, password and secret fields masked.
+
+    Rather too much is masked than too little: everything up to the last ``@``, since people
+    paste passwords with any character in them.
+    """
+    return SECRET_FIELD.sub(r"\1***", re.sub(r"://.*@", "://***@", url))
 
 
 def kind_of(spec: str) -> Kind:
@@ -31,14 +44,30 @@ def kind_of(spec: str) -> Kind:
     scheme, separator, _ = spec.partition("://")
     if separator:
         if scheme.lower() not in URL_SCHEMES:
-            raise SourceError(f"{spec}: no such kind of URL; allowed: {', '.join(URL_SCHEMES)}")
+            shown = without_password(spec)
+            schemes = ", ".join(f"{name}://" for name in URL_SCHEMES)
+            raise SourceError(f"{shown}: no such kind of URL; allowed: {schemes}")
         return "url"
     path = Path(spec)
     if path.is_dir():
         return "folder"
+    if path.is_file():
+        return "folder" if path.suffix[1:].lower() in IMAGE_EXTENSIONS else "video"
     if path.exists():
-        return "video"
-    raise SourceError(f"{spec}: no such file or folder; a source is {ALLOWED}")
+        raise SourceError(f"{spec}: neither a regular file nor a folder; a source is {ALLOWED}")
+    raise SourceError(f"{spec}: no such file or folder{_meant(path)}; a source is {ALLOWED}")
+
+
+def _meant(path: Path) -> str:
+    """Return a question with the nearest names, in case this one is mistyped."""
+    try:
+        there = [other.name for other in path.parent.iterdir()]
+    except OSError:
+        there = []
+    near = [str(path.with_name(name)) for name in get_close_matches(path.name, there, n=3)]
+    if len(path.parts) == 1:
+        near += get_close_matches(path.name, ["synthetic"])
+    return f", did you mean {' or '.join(near)}?" if near else ""
 
 
 def open_source(

@@ -88,16 +88,18 @@ def test_a_flawed_packet_is_encoded_anew_so_that_receivers_accept_it():
     assert images.decode_jpeg(frame.compressed, "bgr8").shape == (48, 64, 3)
 
 
-def test_packets_are_judged_anew_in_each_epoch():
+def test_one_flawed_packet_at_the_start_does_not_end_passing_through():
     converter = Converter("bgr8", "none", 80)
     flawed = frame_of(converter, packet(FLAWED_JPEG), "bgr8", epoch=1)
-    same_epoch = frame_of(converter, packet(), "bgr8", epoch=1)
-    reopened = frame_of(converter, packet(), "bgr8", epoch=2)
-    assert [born_as_pixels(frame) for frame in (flawed, same_epoch, reopened)] == [
-        True,
-        True,
-        False,
-    ]
+    sound = frame_of(converter, packet(), "bgr8", epoch=1)
+    assert [born_as_pixels(frame) for frame in (flawed, sound)] == [True, False]
+
+
+def test_packets_are_judged_anew_in_each_epoch():
+    converter = Converter("bgr8", "none", 80)
+    sound = frame_of(converter, packet(), "bgr8", epoch=1)
+    flawed_after_reopening = frame_of(converter, packet(FLAWED_JPEG), "bgr8", epoch=2)
+    assert [born_as_pixels(frame) for frame in (sound, flawed_after_reopening)] == [False, True]
 
 
 FLIPS: dict[str, Any] = {

@@ -1,0 +1,81 @@
+"""A real RTSP camera for tests, run as a script by the interpreter that has GStreamer.
+
+Debian: ``gir1.2-gst-rtsp-server-1.0 python3-gi gstreamer1.0-plugins-{base,good,ugly}``. Streams
+on a free port of the loopback interface, a moving test picture of 320x240 at 30 Hz:
+
+- ``/h264`` and ``/mjpeg``;
+- ``/locked``, H.264 for user ``viewer`` with password ``secret`` only.
+
+Prints the port as its first line, then serves until it is ended. ``SIGSTOP`` makes it stall.
+"""
+
+# mypy: ignore-errors
+
+from __future__ import annotations
+
+import sys
+
+CAPS = "video/x-raw,format=I420,width=320,height=240,framerate=30/1"
+PICTURE = f"videotestsrc is-live=true pattern=ball ! {CAPS} ! timeoverlay"
+H264 = "x264enc tune=zerolatency key-int-max=15 ! rtph264pay name=pay0 config-interval=1"
+STREAMS = {
+    "/h264": f"( {PICTURE} ! {H264} )",
+    "/mjpeg": f"( {PICTURE} ! jpegenc quality=80 ! rtpjpegpay name=pay0 )",
+    "/locked": f"( {PICTURE} ! {H264} )",
+}
+USER, PASSWORD = "viewer", "secret"
+
+
+def main() -> int:
+    """Serve until ended; 69 (unavailable) when GStreamer's bindings are not installed."""
+    try:
+        import gi
+
+        gi.require_version("Gst", "1.0")
+        gi.require_version("GstRtspServer", "1.0")
+        from gi.repository import GLib, Gst, GstRtspServer
+    except (ImportError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 69
+    Gst.init(None)
+    needed = ("videotestsrc", "timeoverlay", "x264enc", "rtph264pay", "jpegenc", "rtpjpegpay")
+    missing = [name for name in needed if Gst.ElementFactory.find(name) is None]
+    if missing:
+        print(f"GStreamer elements are missing: {', '.join(missing)}", file=sys.stderr)
+        return 69
+
+    server = GstRtspServer.RTSPServer()
+    server.set_address("127.0.0.1")
+    server.set_service("0")
+    authentication = GstRtspServer.RTSPAuth()
+    token = GstRtspServer.RTSPToken()
+    token.set_string("media.factory.role", "user")
+    basic = GstRtspServer.RTSPAuth.make_basic(USER, PASSWORD)
+    authentication.add_basic(basic, token)
+    anonymous = GstRtspServer.RTSPToken()
+    anonymous.set_string("media.factory.role", "anonymous")
+    authentication.set_default_token(anonymous)
+    server.set_auth(authentication)
+
+    for path, pipeline in STREAMS.items():
+        factory = GstRtspServer.RTSPMediaFactory()
+        factory.set_launch(pipeline)
+        factory.set_shared(True)
+        roles = GstRtspServer.RTSPPermissions()
+        for role in ("user", "anonymous"):
+            # Seen but not opened is what is answered with 401; not even seen would be 404.
+            may_open = role == "user" or path != "/locked"
+            roles.add_permission_for_role(role, "media.factory.access", True)
+            roles.add_permission_for_role(role, "media.factory.construct", may_open)
+        factory.set_permissions(roles)
+        server.get_mount_points().add_factory(path, factory)
+    if server.attach(None) == 0:
+        print("the server cannot be started", file=sys.stderr)
+        return 1
+    print(server.get_bound_port(), flush=True)
+    GLib.MainLoop().run()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,113 @@
+"""Which kind of source a setting means, and what is said when it means none."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from common.errors import SourceError
+from services.camera.sources import kind_of, open_source, without_password
+from services.camera.sources.base import Source
+from tests.services.camera.videos import jpeg_of, make_video, noise
+
+
+@pytest.mark.parametrize(
+    ("spec", "kind"),
+    [
+        ("synthetic", "synthetic"),
+        ("0", "device"),
+        ("12", "device"),
+        ("/dev/video3", "device"),
+        ("rtsp://camera/stream", "url"),
+        ("RTSPS://camera/stream", "url"),
+        ("http://camera/mjpeg", "url"),
+        ("https://user:word@camera:8443/mjpeg?x=1", "url"),
+    ],
+)
+def test_the_kind_is_told_from_the_setting(spec: str, kind: str):
+    assert kind_of(spec) == kind
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("walk.avi", "video"), ("noext", "video"), ("one.PNG", "folder")]
+)
+def test_a_file_is_a_video_unless_it_is_named_as_an_image(tmp_path: Path, name: str, kind: str):
+    (tmp_path / name).write_bytes(b"x")
+    assert kind_of(str(tmp_path / name)) == kind
+    assert kind_of(str(tmp_path)) == "folder"
+
+
+def test_a_missing_file_is_explained_with_what_a_source_can_be_and_near_names(tmp_path: Path):
+    (tmp_path / "walk.avi").write_bytes(b"x")
+    with pytest.raises(SourceError) as caught:
+        kind_of(str(tmp_path / "wlak.avi"))
+    said = str(caught.value)
+    assert f"did you mean {tmp_path / 'walk.avi'}?" in said
+    for kind in ("synthetic", "/dev/video0", "video file", "folder of images", "rtsp://"):
+        assert kind in said
+
+
+def test_a_mistyped_word_is_recognized():
+    with pytest.raises(SourceError, match="did you mean synthetic"):
+        kind_of("sythetic")
+
+
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(SourceError, match="neither a regular file nor a folder"):
+        kind_of(str(tmp_path / "pipe"))
+
+
+def test_another_scheme_is_refused_naming_the_allowed_ones_and_no_password():
+    with pytest.raises(SourceError, match=r"rtsp://, rtsps://, http://, https://") as caught:
+        kind_of("ftp://user:word@camera/x")
+    assert "word" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("url", "shown"),
+    [
+        ("rtsp://camera/a", "rtsp://camera/a"),
+        ("rtsp://me:word@camera:554/a?b=c", "rtsp://***@camera:554/a?b=c"),
+        ("rtsp://me:w/or@d@camera/a", "rtsp://***@camera/a"),
+        ("http://camera/v?user=me&pwd=word&w=640", "http://camera/v?user=me&pwd=***&w=640"),
+        ("http://camera/v?Access_Token=word#x", "http://camera/v?Access_Token=***#x"),
+    ],
+)
+def test_passwords_are_masked(url: str, shown: str):
+    assert without_password(url) == shown
+
+
+def no_synthetic() -> Source:
+    raise AssertionError("nobody asked for it")
+
+
+@pytest.fixture
+def opened() -> Callable[[str], Source]:
+    return lambda spec: open_source(
+        spec,
+        width=None,
+        height=None,
+        rate_hz=None,
+        fourcc=None,
+        timeout_s=1.0,
+        synthetic=no_synthetic,
+    )
+
+
+def test_each_kind_opens_through_one_door(opened: Callable[[str], Source], tmp_path: Path):
+    (tmp_path / "one.jpg").write_bytes(jpeg_of(noise(48, 64, 3)))
+    assert opened(str(tmp_path)).description.startswith("folder")
+    assert opened(str(tmp_path / "one.jpg")).description.startswith("image one.jpg")
+    video = opened(str(make_video(tmp_path / "walk.avi")))
+    assert video.description == "video file walk.avi (64x48, MPEG4, 10 Hz)"
+    video.close()
+    with pytest.raises(SourceError, match="/dev/video99"):
+        opened("99")
+    with pytest.raises(SourceError, match="nobody listens"):
+        opened("rtsp://127.0.0.1:9/")  # the port of "discard", where nothing is
+    with pytest.raises(AssertionError, match="nobody asked"):
+        opened("synthetic")
