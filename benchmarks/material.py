@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from services.camera.sources.synthetic import SyntheticSource
 
 from services.camera.sources.base import Picture
+from services.camera.sources.synthetic import SyntheticSource
 
 ROOT = Path(__file__).parent.parent
 FRAMES = 60

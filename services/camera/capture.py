@@ -18,6 +18,8 @@ from services.camera.sources.base import Source
 
 POLL_S = 0.05
 LAST_S = 0.3
+OWN_S = 1.0
+"""What a source that ends its own opening in time gets for saying why."""
 
 
 class Capture:
@@ -80,9 +82,7 @@ class Capture:
             time.sleep(POLL_S / 10)
             if self._stalled(reader):
                 reader.give_up()
-                raise SourceError(
-                    f"{self._shown}: not open after {self._settings.stall_after:g} s"
-                )
+                raise SourceError(f"{self._shown}: not open after {self._settings.stall_after:g} s")
         if reader.state == "failed":
             raise SourceError(reader.reason)
         self.description = reader.description
@@ -146,7 +146,10 @@ class Capture:
         return True
 
     def _stalled(self, reader: SourceReader) -> bool:
-        return time.monotonic() - reader.last_picture_s > self._settings.stall_after
+        """Tell whether an opening or reading has taken too long; sources' own time-outs first."""
+        since_s = reader.blocked_since_s
+        allowed_s = self._settings.stall_after + (OWN_S if reader.state == "opening" else 0.0)
+        return since_s is not None and time.monotonic() - since_s > allowed_s
 
     def _lose(self, reason: str, report: Callable[[str], None]) -> None:
         self._trouble = f"{reason}; opening {self._shown} again in {self._delay_s:g} s"

@@ -74,7 +74,7 @@ class SourceReader:
         self.description = ""
         self.live = False
         self.captured = 0
-        self.last_picture_s = time.monotonic()
+        self.blocked_since_s: float | None = time.monotonic()
         self._open_source = open_source
         self._rules = rules
         self._slot = slot
@@ -87,7 +87,6 @@ class SourceReader:
 
     def start_reading(self) -> None:
         """Let the open source be read; until then it waits."""
-        self.last_picture_s = time.monotonic()
         self._may_read.set()
 
     def give_up(self) -> None:
@@ -112,7 +111,7 @@ class SourceReader:
             return
         self.description = self._source.description
         self.live = self._source.live
-        self.last_picture_s = time.monotonic()
+        self.blocked_since_s = None
         self.state = "reading"
         self._may_read.wait()
         outcome: tuple[State, str] = ("ended", "")
@@ -136,7 +135,9 @@ class SourceReader:
         count = 0
         due_s = 0.0
         while not self._given_up.is_set():
+            self.blocked_since_s = time.monotonic()
             picture = source.read()
+            self.blocked_since_s = None
             if picture is None:
                 # The last picture too is shown for as long as it lasts.
                 period_s = 1.0 / (rate_hz or source.rate_hz or 10.0)
@@ -150,7 +151,6 @@ class SourceReader:
             count += 1
             now_s = time.monotonic()
             if thinner is not None and not thinner.lets_through(now_s):
-                self.last_picture_s = now_s
                 continue
             self._hand_over(picture, watch, now_s)
 
@@ -159,7 +159,6 @@ class SourceReader:
         if self._given_up.is_set():
             return
         seq, self.captured = self.captured, self.captured + 1
-        self.last_picture_s = now_s
         self._ledger.arrive()
         if watch is not None and watch.repeats(picture, now_s):
             self._ledger.drop("repeated")

@@ -10,16 +10,11 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from common.errors import VisionError
+from services.catalogue import SERVICES
 
 COMMANDS = {
     "up": ("services.cli.up", "Start a whole system from one file, and watch it."),
-    "router": ("services.cli.services", "Run the Zenoh router that is built in."),
-    "camera": (
-        "services.cli.services",
-        "Publish a camera, a video, a folder or a synthetic scene.",
-    ),
-    "tracker": ("services.cli.services", "Publish the largest moving object of each frame."),
-    "edge": ("services.cli.services", "Publish the edge map of each frame."),
+    **{name: ("services.cli.services", service.line) for name, service in SERVICES.items()},
 }
 """Command, the module whose ``commands`` holds it, and its line in ``zv --help``."""
 
@@ -29,11 +24,11 @@ class LazyGroup(TyperGroup):
 
     listing = False
 
-    def list_commands(self, ctx: Any) -> list[str]:
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - typer's signature
         """Return all names."""
         return list(COMMANDS)
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002 - typer's signature
         """Return a command; for the list of commands only its name and line."""
         if cmd_name not in COMMANDS:
             return None

@@ -52,7 +52,7 @@ def test_a_missing_file_is_explained_with_what_a_source_can_be_and_near_names(tm
 
 def test_a_mistyped_word_is_recognized():
     with pytest.raises(SourceError, match="did you mean synthetic"):
-        kind_of("sythetic")
+        kind_of("synthetics")
 
 
 def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path):

@@ -1,0 +1,58 @@
+"""Be a camera with nothing of ours: bare JPEGs on ``vision/front/image/compressed``.
+
+python examples/publish_from_anything.py [tcp/127.0.0.1:7447] [--header] [FILE.jpg ...]
+
+Without files it draws a square that moves. Ctrl-C ends it.
+"""
+
+import itertools
+import json
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import cv2
+import msgpack
+import numpy as np
+import zenoh
+
+RATE_HZ = 10.0
+
+
+def drawn_pictures():
+    """Yield JPEGs of a square that moves."""
+    for count in itertools.count():
+        picture = np.full((240, 320, 3), 60, np.uint8)
+        left = 20 + 8 * (count % 30)
+        cv2.rectangle(picture, (left, 100), (left + 40, 140), (240, 240, 240), -1)
+        yield cv2.imencode(".jpg", picture)[1].tobytes()
+
+
+def header_of(jpeg, epoch, seq):
+    """Return what says which frame this is: the attachment of a picture."""
+    height, width = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR).shape[:2]
+    identity = {"camera": "front", "epoch": epoch, "seq": seq, "stamp_ns": time.time_ns()}
+    return msgpack.packb({**identity, "width": width, "height": height, "encoding": "bgr8"})
+
+
+arguments = sys.argv[1:]
+with_header = "--header" in arguments
+files = [text for text in arguments if text.endswith((".jpg", ".jpeg"))]
+endpoint = next((text for text in arguments if text.startswith("tcp/")), "tcp/127.0.0.1:7447")
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+config.insert_json5("transport/shared_memory/enabled", "false")
+jpegs = itertools.cycle(map(Path.read_bytes, map(Path, files))) if files else drawn_pictures()
+with suppress(KeyboardInterrupt), zenoh.open(config) as session:
+    publisher = session.declare_publisher(
+        "vision/front/image/compressed",
+        encoding="image/jpeg",
+        congestion_control=zenoh.CongestionControl.BLOCK_FIRST,  # whole frames or none
+    )
+    epoch = time.time_ns()  # this run of the camera
+    for seq, jpeg in enumerate(jpegs):
+        # Without a header receivers make one up on arrival and mark it as assumed.
+        publisher.put(jpeg, attachment=header_of(jpeg, epoch, seq) if with_header else None)
+        time.sleep(1 / RATE_HZ)

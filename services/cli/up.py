@@ -1,0 +1,95 @@
+"""``zv up``: start a whole system from one file, and watch it."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from common.errors import ConfigurationError
+from services.cli.options import (
+    NOT_GIVEN,
+    command,
+    common_parameters,
+    connection_from,
+    log_to_stderr,
+)
+
+DEFAULT_FILE = Path("configs/up.toml")
+
+WORDS = """Start a whole system from one file: the router and every node in a process of its own.
+
+Checks the options of all nodes first. Shows a table of them on a terminal, plain lines elsewhere.
+A node that dies is started again; Ctrl-C ends everything.
+
+Example: zv up configs/two-cameras.toml"""
+
+
+def commands() -> dict[str, Any]:
+    """Return the command."""
+    return {"up": command("up", run, parameters(), WORDS)}
+
+
+def parameters() -> list[inspect.Parameter]:
+    """Return the command's flags."""
+    own = {
+        "file": Annotated[
+            str | None,
+            typer.Argument(
+                metavar="[FILE.toml]",
+                help=f"launch file; without it {DEFAULT_FILE}, or the one that is built in",
+            ),
+        ],
+        "listen": Annotated[
+            str | None,
+            typer.Option(
+                "--listen",
+                metavar="ENDPOINT",
+                help="where the router listens, instead of what the file says",
+            ),
+        ],
+        "plain": Annotated[bool, typer.Option("--plain", help="plain lines, on a terminal too")],
+    }
+    return [
+        *(
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=False if name == "plain" else NOT_GIVEN,
+                annotation=annotation,
+            )
+            for name, annotation in own.items()
+        ),
+        *common_parameters(config=False),
+    ]
+
+
+def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **flags: Any) -> None:
+    """Check the file and run the system."""
+    from services.up.launch_file import read_launch_file, with_router
+    from services.up.service import run as run_system
+
+    log_to_stderr(debug)
+    given = flags["connect"]
+    if given and listen:
+        raise ConfigurationError("--connect uses a router that runs, --listen starts one: give one")
+    plan = read_launch_file(launch_file(file))
+    for name, value in (("namespace", plan.namespace), ("connect", plan.router.connect)):
+        flags[name] = flags[name] or value
+    plan = with_router(plan, listen=listen, connect=flags["connect"])
+    flags["connect"] = flags["connect"] or plan.router.reach
+    connection = connection_from(flags)
+    sys.exit(run_system(plan, connection, plain=plain, debug=debug))
+
+
+def launch_file(given: str | None) -> Path:
+    """Return the launch file: the given one, the checkout's, or the built-in one."""
+    if given is not None:
+        return Path(given)
+    if DEFAULT_FILE.is_file():
+        return DEFAULT_FILE
+    return Path(str(resources.files("services.up") / "configs" / "up.toml"))

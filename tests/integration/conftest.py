@@ -1,0 +1,78 @@
+"""A real router and real services for each test, each in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.integration.listening import open_client
+from tests.integration.pictures import write_video
+from tests.integration.routing import Router
+from tests.processes import Program
+
+Service = Callable[..., Program]
+
+
+@contextmanager
+def a_router(folder: Path) -> Iterator[Router]:
+    """Yield a router that runs, whatever the test did to it."""
+    router = Router(folder)
+    try:
+        router.start()
+        yield router
+    finally:
+        router.close()
+
+
+@contextmanager
+def some_services(endpoint: str, folder: Path) -> Iterator[Service]:
+    """Yield what starts services at an endpoint; end them by their process ids."""
+    programs: list[Program] = []
+
+    def start(name: str, *flags: object) -> Program:
+        arguments = ["-m", "services", name, "--connect", endpoint, *map(str, flags)]
+        programs.append(Program(arguments, folder, f"{name}{len(programs)}"))
+        return programs[-1]
+
+    try:
+        yield start
+    finally:
+        for program in programs:
+            with suppress(ProcessLookupError):
+                os.kill(program.process.pid, signal.SIGCONT)  # one that is stopped cannot end
+            program.process.terminate()
+        for program in programs:
+            program.__exit__(None, None, None)
+
+
+@pytest.fixture
+def router(tmp_path: Path) -> Iterator[Router]:
+    """The real ``zv router`` on a free port."""
+    with a_router(tmp_path) as running:
+        yield running
+
+
+@pytest.fixture
+def client(router: Router) -> Iterator[zenoh.Session]:
+    """A plain Zenoh session at the router."""
+    with open_client(router.endpoint) as session:
+        yield session
+
+
+@pytest.fixture
+def service(router: Router, tmp_path: Path) -> Iterator[Service]:
+    """``service("tracker", "--history", 50)`` starts one at the router, with its output kept."""
+    with some_services(router.endpoint, tmp_path) as start:
+        yield start
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    """A video file of 20 frames at 30 Hz."""
+    return write_video(tmp_path / "square.avi", frames=20, rate_hz=30)

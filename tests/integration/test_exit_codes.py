@@ -1,0 +1,120 @@
+"""How a service ends that cannot work: one line on standard error, nothing on standard output."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+
+import pytest
+
+from tests import processes
+from tests.integration.listening import Listener, living_nodes, wait_for_nodes
+from tests.integration.routing import Router
+from tests.integration.waiting import wait_until
+from tests.processes import Program, environment
+
+MISTAKES = {
+    "unknown flag": (["tracker", "--historie", "9"], ["--historie"]),
+    "not a number": (["tracker", "--history", "many"], ["--history", "'many'", "from 1 to 100000"]),
+    "out of range": (["edge", "--sigma", "99"], ["--sigma", "'99'", "from 0 to 20"]),
+    "not a choice": (["edge", "--aperture", "4"], ["--aperture", "'4'", "3, 5, 7"]),
+    "no name": (["tracker", "--camera", "Front!"], ["--camera", "'Front!'", "[a-z0-9_]+"]),
+    "two that do not fit": (["edge", "--low", "200", "--high", "100"], ["low", "200", "high"]),
+    "no endpoint": (["camera", "--connect", "localhost"], ["--connect", "'localhost'", "tcp"]),
+    "unknown encoding": (
+        ["camera", "--encoding", "yuyv"],
+        ["--encoding", "'yuyv'", "mono8, mono16, bgr8, rgb8, bgra8, rgba8"],
+    ),
+    "no endpoint to listen on": (["router", "--listen", "7447"], ["--listen", "'7447'", "tcp"]),
+    "no such config": (["tracker", "--config", "/no/such.toml"], ["/no/such.toml"]),
+    "unknown command": (["trakker"], ["trakker"]),
+}
+
+
+@pytest.mark.parametrize(("arguments", "named"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_wrong_use_is_2_and_says_what_is_allowed(tmp_path, arguments, named):
+    said = failure(tmp_path, *arguments, status=2)
+    missing = [text for text in named if text not in said]
+    assert not missing, said
+
+
+def failure(folder, *arguments: object, status: int, within_s: float = 20) -> str:
+    """Run ``zv`` to its end, and return what it said on standard error."""
+    with Program(["-m", "services", *map(str, arguments)], folder, "failing") as program:
+        assert program.process.wait(within_s) == status, program.complaints
+    assert program.output == ""
+    assert "Traceback" not in program.complaints
+    # rich draws a box around wrong flags and breaks lines in it
+    return re.sub(r"[\s│╭╮╰╯─]+", " ", program.complaints)
+
+
+def test_a_wrong_key_in_a_file_is_2_and_names_file_key_and_the_nearest(tmp_path):
+    file = tmp_path / "edge.toml"
+    file.write_text("sigmma = 2\n")
+    said = failure(tmp_path, "edge", "--config", file, status=2)
+    assert all(text in said for text in (str(file), "'sigmma'", "did you mean 'sigma'")), said
+
+
+def test_a_wrong_value_in_the_environment_is_2_and_names_the_variable(tmp_path, monkeypatch):
+    changed = {**environment(), "ZV_EDGE_HIGH": "steep"}
+    monkeypatch.setattr(processes, "environment", lambda: changed)
+    said = failure(tmp_path, "edge", status=2)
+    assert all(text in said for text in ("ZV_EDGE_HIGH", "'steep'", "from 0 to 100000")), said
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["/no/such/walk.avi", "tmp:text.avi", "tmp:empty folder", "/dev/video97", "gopher://x/y"],
+)
+def test_a_source_that_cannot_be_opened_is_3_and_named(router, tmp_path, source):
+    (tmp_path / "text.avi").write_text("this is no video\n" * 100)
+    (tmp_path / "empty folder").mkdir()
+    source = source.replace("tmp:", f"{tmp_path}/")
+    said = failure(tmp_path, "camera", "--connect", router.endpoint, "--source", source, status=3)
+    assert source in said
+
+
+@pytest.mark.parametrize("name", ["camera", "tracker", "edge"])
+def test_no_router_within_the_timeout_is_4_and_says_how_to_start_one(tmp_path, name):
+    endpoint = Router(tmp_path).endpoint  # nobody listens there
+    started_s = time.monotonic()
+    said = failure(tmp_path, name, "--connect", endpoint, "--timeout", 1.5, status=4)
+    took_s = time.monotonic() - started_s
+    assert endpoint in said
+    assert "1.5 s" in said
+    assert "zv router" in said
+    assert "--connect" in said
+    assert 1.5 <= took_s < 4, took_s  # 1.5 s, the attempt in work, and starting Python
+
+
+def test_a_taken_port_is_2_and_names_the_way_out(router, tmp_path):
+    said = failure(tmp_path, "router", "--listen", router.endpoint, status=2)
+    assert all(text in said for text in (router.endpoint, "taken", "--connect", "--listen")), said
+
+
+def test_a_port_taken_by_another_program_is_2_too(tmp_path):
+    with socket.create_server(("127.0.0.1", Router(tmp_path).port)) as server:
+        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        said = failure(tmp_path, "router", "--listen", endpoint, status=2)
+    assert "taken" in said
+
+
+def test_without_a_timeout_a_service_waits_on(tmp_path):
+    router = Router(tmp_path)
+    flags = ["-m", "services", "tracker", "--connect", router.endpoint]
+    with Program(flags, tmp_path, "waiting") as program:
+        end_s = time.monotonic() + 2
+        wait_until(lambda: time.monotonic() > end_s or program.process.poll() is not None)
+        assert program.process.poll() is None
+        assert program.output == ""
+
+
+def test_a_file_that_was_played_once_is_0_and_the_token_goes(client, service, video):
+    listener = Listener(client, "vision/front/image/compressed")
+    camera = service("camera", "--source", video)
+    wait_for_nodes(client, "camera_front")
+    assert camera.process.wait(20) == 0, camera.complaints
+    wait_until(lambda: not living_nodes(client), 1)
+    assert listener.messages
+    assert camera.output == ""

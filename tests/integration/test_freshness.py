@@ -1,0 +1,121 @@
+"""A slow or frozen consumer sees the newest frame, never an old one, and every loss is counted."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+
+from common.node import Node
+from common.session import Connection
+from tests.integration.listening import Listener, balance, newest, wait_for_nodes
+from tests.integration.publishing import PlainCamera
+from tests.integration.waiting import in_time, wait_until
+
+SMALL = ("--width", 320, "--height", 240)
+
+
+def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames_for_20_s(router, client, service):
+    service("camera", "--rate", 30, *SMALL)
+    wait_for_nodes(client, "camera_front")
+    health = {
+        node: Listener(client, f"@vision/diagnostics/{node}")
+        for node in ("camera_front", "slow_front")
+    }
+    seen: list[tuple[int, int]] = []
+    ages_ms: list[float] = []
+    work = threading.Event()
+    connection = Connection(connect=router.endpoint, timeout_s=5)
+    with Node("slow", connection=connection) as node:
+        for frame in in_time(node, node.frames("image", want="bgr"), 20):
+            ages_ms.append((time.time_ns() - frame.header.stamp_ns) / 1e6)
+            seen.append((frame.header.epoch, frame.header.seq))
+            work.wait(0.2)
+    print(
+        f"{len(ages_ms)} seen, p50 {sorted(ages_ms)[len(ages_ms) // 2]:.1f}, max {max(ages_ms):.1f}"
+    )
+    assert len(seen) >= 80  # 20 s / 200 ms = 100, less what starting takes
+    assert max(ages_ms) < 250, ages_ms
+    assert sorted(ages_ms)[len(ages_ms) // 2] < 60  # at 30 Hz the newest is at most 33 ms old
+    assert seen == sorted(set(seen))
+    for listener in health.values():
+        messages = listener.messages
+        assert len(messages) >= 18
+        assert [balance(message.body["counters"]) for message in messages] == [0] * len(messages)
+    last = health["slow_front"].messages[-1].body["counters"]
+    assert last["processed"] == len(seen)
+    assert last["dropped.overwritten"] >= 4 * len(seen)  # five of six frames
+    assert last["pending"] <= 1  # the one that waited when the consumer ended
+
+
+def test_a_tracker_that_was_frozen_for_3_s_goes_on_with_fresh_frames(client, service):
+    tracker = service("tracker")
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    camera = PlainCamera(client)
+    with camera.at(30):
+        centroids.wait_for(15)
+        os.kill(tracker.process.pid, signal.SIGSTOP)
+        stopped_s = time.monotonic()
+        threading.Event().wait(3.0)  # the length of the freeze is what is tested
+        os.kill(tracker.process.pid, signal.SIGCONT)
+        resumed_s = time.monotonic()
+        after = centroids.wait_for(30, after_s=resumed_s)
+        health = newest(client, "@vision/diagnostics/tracker_front")
+        wait_until(lambda: fresher(client, health.body["stamp_ns"]))
+        counters = newest(client, "@vision/diagnostics/tracker_front").body["counters"]
+    # What left the tracker before the freeze may have waited in the router.
+    sent = [message for message in after if message.header["done_ns"] / 1e9 > wall(resumed_s)]
+    print(f"after {sent[0].at_s - resumed_s:.3f} s one of age {sent[0].age_s:.3f} s", counters)
+    assert sent[0].at_s - resumed_s < 2
+    assert sent[0].age_s < 0.5
+    for message in sent:
+        assert message.header["done_ns"] - message.header["stamp_ns"] < 0.5e9
+    assert centroids.since(stopped_s + 0.5)[0].at_s >= resumed_s
+    numbers = [message.header["seq"] for message in centroids.messages]
+    assert numbers == sorted(set(numbers))
+    assert balance(counters) == 0
+    lost = counters.get("dropped.stale", 0) + counters.get("dropped.overwritten", 0)
+    # What did not come because the router gave the frozen tracker up was missed, not dropped.
+    assert lost >= 1
+    assert lost + counters.get("missed", 0) >= 60  # of the 90 frames of 3 s
+
+
+def fresher(client, stamp_ns: int) -> bool:
+    return newest(client, "@vision/diagnostics/tracker_front").body["stamp_ns"] > stamp_ns
+
+
+def wall(at_s: float) -> float:
+    """Return a monotonic time as seconds since 1970."""
+    return time.time() - time.monotonic() + at_s
+
+
+def test_no_frame_older_than_max_age_is_seen(client, service):
+    service("tracker", "--max-age", 0.2)
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    camera = PlainCamera(client)
+    with camera.at(30):
+        centroids.wait_for(15)
+    queue_s = threading.Event()
+    last_stamp_ns = time.time_ns()
+    queue_s.wait(0.6)  # for so long nothing came through: what comes then has waited in a queue
+    late: list[int] = []
+
+    def send_late() -> None:
+        late.append(camera.send(stamp_ns=last_stamp_ns + len(late) * 30_000_000))
+
+    with camera.at(30, send_late):
+        wait_until(lambda: len(late) >= 5)
+    fresh = camera.send()
+    wait_until(lambda: fresh in {message.header["seq"] for message in centroids.messages})
+    assert not set(late) & {message.header["seq"] for message in centroids.messages}
+    counters = wait_until(lambda: with_stale(client))
+    assert counters["dropped.stale"] + counters.get("dropped.overwritten", 0) == len(late)
+    assert counters["dropped.stale"] >= 1
+
+
+def with_stale(client) -> dict[str, int] | None:
+    counters = newest(client, "@vision/diagnostics/tracker_front").body["counters"]
+    return counters if "dropped.stale" in counters else None

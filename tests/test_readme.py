@@ -1,0 +1,275 @@
+"""The README is true: its commands run as written, its code is the examples', its links lead on."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from services.cli.main import COMMANDS
+from tests.processes import (
+    ROOT,
+    START_S,
+    Program,
+    client,
+    environment,
+    eventually,
+    free_endpoint,
+    newest,
+    router,
+    service,
+)
+
+TEXT = (ROOT / "README.md").read_text()
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+MISSING_SOURCES = {"0", "/dev/video2"}
+"""Devices that a test machine need not have: then the camera must say so, with exit status 3."""
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+
+
+def commands() -> list[list[str]]:
+    """Return every command of the shell blocks, as words; comments are left out."""
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+def written(program: str, *second: str) -> list[object]:
+    """Return the commands that begin so, each once, as test parameters."""
+    found = {" ".join(words): words for words in commands() if words[0] == program}
+    chosen = {text: words for text, words in found.items() if not second or words[1] in second}
+    return [pytest.param(words[1:], id=text) for text, words in chosen.items()]
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A router, the synthetic camera, a tracker and an edge detector; the endpoint."""
+    folder = tmp_path_factory.mktemp("system")
+    with ExitStack() as running:
+        program, endpoint = router(folder)
+        running.enter_context(program)
+        for name in ("camera", "tracker", "edge"):
+            running.enter_context(service(name, folder, "--connect", endpoint))
+        with client(endpoint) as session:
+            newest(session, "vision/front/centroid")
+            newest(session, "vision/front/edges/compressed")
+        yield endpoint
+
+
+def test_every_command_is_one_that_is_tested_here():
+    assert {words[0] for words in commands()} == {"make", "zv", "python"}
+    assert {words[1] for words in commands() if words[0] == "zv"} <= set(COMMANDS)
+    assert {words[1] for words in commands() if words[0] == "make"} == {"up", "test"}
+
+
+@pytest.mark.parametrize("arguments", written("make"))
+def test_a_make_command_has_its_target(arguments: list[str]):
+    done = subprocess.run(
+        ["make", "--dry-run", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env=environment(),
+        timeout=START_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    expected = "bin/zv up configs/up.toml" if arguments[0] == "up" else "bin/pytest"
+    assert expected in done.stdout
+
+
+def test_make_up_hands_its_source_to_the_camera():
+    makefile = 'include Makefile\nshown:\n\t@echo "source $$ZV_CAMERA_SOURCE"\n'
+    done = subprocess.run(
+        ["make", "-f", "-", "shown", "SOURCE=walk.avi"],
+        input=makefile,
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env=environment(),
+        timeout=START_S,
+        check=True,
+    )
+    assert done.stdout.strip() == "source walk.avi"
+
+
+@pytest.mark.parametrize("flags", written("zv", "camera", "tracker", "edge"))
+def test_a_node_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp_path: Path):
+    running, endpoint = router(tmp_path)
+    name, *options = flags
+    with (
+        running,
+        client(endpoint) as session,
+        service(name, tmp_path, *options, "--connect", endpoint) as program,
+    ):
+        if source_of(options) in MISSING_SOURCES and not Path(device_of(options)).exists():
+            assert program.process.wait(START_S) == 3
+            assert device_of(options) in program.complaints
+            return
+
+        def alive() -> bool:
+            assert program.process.poll() is None, program.complaints
+            return any(session.liveliness().get(f"@vision/node/{name}_front", timeout=2.0))
+
+        eventually(alive, START_S, lambda: program.complaints)
+        assert program.interrupt() == 0
+
+
+def source_of(options: list[str]) -> str:
+    return options[options.index("--source") + 1] if "--source" in options else ""
+
+
+def device_of(options: list[str]) -> str:
+    source = source_of(options)
+    return f"/dev/video{source}" if source.isdecimal() else source
+
+
+@pytest.mark.parametrize("flags", written("zv", "router"))
+def test_the_router_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp_path: Path):
+    endpoint = free_endpoint()  # 7447 may well be in use
+    with service(flags[0], tmp_path, *flags[1:], "--listen", endpoint) as program:
+
+        def opened() -> zenoh.Session | None:
+            assert program.process.poll() is None, program.complaints
+            try:
+                return client(endpoint)
+            except zenoh.ZError:
+                return None
+
+        eventually(opened, START_S, lambda: program.complaints).close()
+        assert program.interrupt() == 0
+
+
+@pytest.mark.parametrize(
+    ("flags", "cameras"),
+    [
+        pytest.param(["up"], ["front"], id="make up"),
+        *(
+            pytest.param(words[1:], ["left", "right"], id=" ".join(words))
+            for words in commands()
+            if words[:2] == ["zv", "up"]
+        ),
+    ],
+)
+def test_zv_up_starts_a_system_and_ends_with_ctrl_c(
+    flags: list[str], cameras: list[str], tmp_path: Path
+):
+    endpoint = free_endpoint()
+    with service(flags[0], tmp_path, *flags[1:], "--plain", "--listen", endpoint) as program:
+
+        def opened() -> zenoh.Session | None:
+            assert program.process.poll() is None, program.complaints
+            try:
+                return client(endpoint)
+            except zenoh.ZError:
+                return None
+
+        with eventually(opened, START_S, lambda: program.complaints) as session:
+            for camera in cameras:
+                newest(session, f"vision/{camera}/centroid")
+                newest(session, f"vision/{camera}/edges/compressed")
+        began = time.monotonic()
+        assert program.interrupt() == 0, program.complaints
+        assert time.monotonic() - began < 2.5
+
+
+@pytest.mark.parametrize("arguments", written("python"))
+def test_an_example_runs_as_written(system: str, tmp_path: Path, arguments: list[str]):
+    if "publish_from_anything.py" in arguments[0]:
+        pytest.skip("tests/test_examples.py runs it, where there is no other camera")
+    words = [word if word != "tcp/127.0.0.1:7447" else system for word in arguments]
+    if "save_frame.py" in arguments[0]:
+        words = [words[0], str(tmp_path / words[1]), system, *words[3:]]
+        done = subprocess.run(
+            [sys.executable, *words],
+            cwd=ROOT,
+            env=environment(),
+            timeout=START_S,
+            check=True,
+        )
+        assert done.returncode == 0
+        saved = (tmp_path / arguments[1]).read_bytes()
+        assert saved.startswith(b"\xff\xd8" if arguments[1].endswith(".jpg") else b"\x89PNG")
+        return
+    with Program([*words, system], tmp_path, "example") as program:
+        if "own_service.py" in arguments[0]:
+            with client(system) as session:
+                newest(session, "vision/front/brightness")
+        else:
+            program.lines(r"front \d+ .*", count=3)
+        assert program.interrupt() == 0
+
+
+# Text
+
+
+def test_the_code_shown_is_that_of_the_examples():
+    subscriber, service_core = blocks("python")
+    example = (ROOT / "examples" / "subscribe.py").read_text()
+    assert subscriber.strip() == example.split('"""')[2].strip()
+    assert service_core in (ROOT / "examples" / "own_service.py").read_text()
+
+
+def test_the_output_shown_is_what_the_subscriber_prints():
+    shown = blocks("text")[-1].splitlines()
+    assert shown
+    assert all(re.fullmatch(r"front \d+ (\d+|None) (\d+|None) [\d.]+ ms", line) for line in shown)
+
+
+def links(page: Path) -> list[str]:
+    prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    return [
+        target
+        for target in re.findall(r"\]\(([^)\s]+)\)", prose)
+        if not target.startswith(("http://", "https://"))
+    ]
+
+
+def anchors(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^a-z0-9_ -]", "", text.lower()).replace(" ", "-") for text in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_leads_somewhere(page: Path):
+    for target in links(page):
+        path, _, anchor = target.partition("#")
+        found = (page.parent / path).resolve() if path else page
+        assert found.exists(), target
+        if anchor:
+            assert anchor in anchors(found), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_no_place_is_left_to_be_filled_in(page: Path):
+    assert "@@" not in page.read_text()
+
+
+def test_every_document_and_example_is_linked_from_the_readme():
+    linked = {target.partition("#")[0] for target in links(ROOT / "README.md")}
+    wanted = {*ROOT.glob("docs/*.md"), *ROOT.glob("examples/*.py"), ROOT / "CHANGELOG.md"}
+    assert {str(path.relative_to(ROOT)) for path in wanted} <= linked
+
+
+def test_the_exit_statuses_are_those_of_the_code():
+    from common import errors
+
+    statuses = {
+        error.exit_status
+        for error in vars(errors).values()
+        if isinstance(error, type)
+        and issubclass(error, errors.VisionError)
+        and error not in (errors.VisionError, errors.PayloadError)
+    }
+    shown = {int(found) for found in re.findall(r"^\| (\d) \|", TEXT, re.MULTILINE)}
+    assert shown == statuses
