@@ -30,6 +30,7 @@ class Admission:
     def __init__(self, camera: str) -> None:
         self._camera = camera
         self._epoch: int | None = None
+        self._identified = False
         self._seq = -1
         self._accepted_s = float("-inf")
         self._arrived_seq = -1
@@ -111,22 +112,21 @@ class Admission:
                 self._arrived_seq = max(others, header.seq)
             if header.epoch != self._bare_epoch:
                 self._bare_epoch = None  # bare pictures that follow are another run
+            self._identified = not header.assumed
             self._epoch, self._seq, self._accepted_s = header.epoch, header.seq, at_s
 
     def _check_order(self, header: Header, at_s: float) -> None:
         if header.epoch == self._epoch:
             if header.seq <= self._seq:
                 raise PayloadError("out_of_order", f"frame {header.seq} after {self._seq}")
-        elif header.assumed and header.epoch == self._bare_epoch:
+        elif header.assumed:
             self._check_alone(at_s)
-        elif self._epoch is None or self._epoch == self._bare_epoch:
-            return  # who identifies its frames takes over from who does not
-        elif header.epoch < self._epoch and self._alive(at_s):
+        elif self._identified and header.epoch < (self._epoch or 0) and self._alive(at_s):
             raise PayloadError("out_of_order", f"epoch {header.epoch} after {self._epoch}")
 
     def _check_alone(self, at_s: float) -> None:
         """Refuse a bare picture beside a stream that identifies its frames."""
-        if self._epoch not in (None, self._bare_epoch) and self._alive(at_s):
+        if self._identified and self._alive(at_s):
             raise PayloadError("no_header", "a bare picture beside an identified stream")
 
     def _alive(self, at_s: float) -> bool:
@@ -134,9 +134,7 @@ class Admission:
 
     def _made_up(self, size: tuple[int, int], now_ns: int, at_s: float) -> Header:
         with self._lock:
-            identified = self._epoch is not None and self._epoch != self._bare_epoch
-            if identified and self._alive(at_s):
-                raise PayloadError("no_header", "a bare picture beside an identified stream")
+            self._check_alone(at_s)
             if self._bare_epoch is None:
                 self._bare_epoch, self._bare_seq = now_ns, 0
             seq, self._bare_seq = self._bare_seq, self._bare_seq + 1

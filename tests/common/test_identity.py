@@ -117,3 +117,15 @@ def test_an_identified_stream_takes_over_from_bare_pictures_which_are_then_anoth
         identify(admission, None, at_s=0.2)
     later = identify(admission, None, now_ns=NOW_NS + 10, at_s=5.0)
     assert (later.epoch, later.seq) == (NOW_NS + 10, 0)
+
+
+def test_an_identified_stream_takes_over_although_the_bare_ones_made_up_epoch_is_newer():
+    admission = Admission("front")
+    bare, waiting = identify(admission, None), identify(admission, None)
+    admission.accept(bare, 0.0)
+    camera = header(7)
+    assert camera.epoch < bare.epoch
+    assert admission.admit(camera, 0.1)[0]
+    admission.accept(camera, 0.1)
+    with pytest.raises(PayloadError, match="no_header"):  # the next, which waited in the slot
+        admission.accept(waiting, 0.2)

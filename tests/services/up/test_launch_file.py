@@ -108,5 +108,5 @@ def test_nodes_on_this_machine_reach_a_router_that_listens_everywhere(tmp_path, 
 
 def test_a_malformed_endpoint_on_the_command_line_is_refused(tmp_path):
     plan = read_launch_file(launch(tmp_path, NODE))
-    with pytest.raises(ConfigurationError, match="--connect = 'here'.*tcp/HOST:PORT"):
+    with pytest.raises(ConfigurationError, match=r"--connect = 'here'.*tcp/HOST:PORT"):
         with_router(plan, listen=None, connect="here")
