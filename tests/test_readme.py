@@ -91,7 +91,7 @@ def test_a_make_command_has_its_target(arguments: list[str]):
 def test_make_up_hands_its_source_to_the_camera():
     makefile = 'include Makefile\nshown:\n\t@echo "source $$ZV_CAMERA_SOURCE"\n'
     done = subprocess.run(
-        ["make", "-f", "-", "shown", "SOURCE=walk.avi"],
+        ["make", "--no-print-directory", "-f", "-", "shown", "SOURCE=walk.avi"],
         input=makefile,
         capture_output=True,
         text=True,
