@@ -58,13 +58,16 @@ def plain_stream(width: int, height: int, seconds: float, floor: Floor) -> dict[
     spent = sum(cpu.values())
     return {
         "floor_ms": round(floor.total_ms, 3),
+        "floor_opencv_ms": round(floor.opencv_ms, 3),
         "floor_cpu_ms": round(floor.cpu_ms, 3),
         "jpeg_kB": round(floor.kilobytes, 1),
         "latency_ms": latency,
         "over_floor_ms": round(latency["p50"] - floor.total_ms, 3),
         "latency_ratio": round(latency["p50"] / floor.total_ms, 3),
+        "latency_ratio_to_opencv": round(latency["p50"] / floor.opencv_ms, 3),
         "cpu_ms_per_frame": {name: round(value, 3) for name, value in cpu.items()},
         "cpu_ratio": round(spent / floor.cpu_ms, 3),
+        "cpu_ratio_to_opencv": round(spent / floor.opencv_ms, 3),
         "cpu_ratio_without_router": round((spent - cpu["router"]) / floor.cpu_ms, 3),
         "lost": seen["lost"],
     }
