@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 FILE ?= configs/up.toml
 ARGS ?=
 
-.PHONY: up test check tests wheel bench configs clean
+.PHONY: up test check tests coverage wheel bench configs clean
 
 ifdef SOURCE
 export ZV_CAMERA_SOURCE := $(SOURCE)
@@ -29,6 +29,10 @@ check: $(VENV)/.dev
 ## tests: pytest on both cores (ARGS=... to choose)
 tests: $(VENV)/.dev
 	$(BIN)/pytest -n 2 $(ARGS)
+
+## coverage: line coverage, the services' own processes included
+coverage: $(VENV)/.dev
+	$(BIN)/pytest -n 2 --cov --cov-report=term:skip-covered $(ARGS)
 
 ## wheel: build the wheel, install it in an empty environment, run it
 wheel: $(VENV)/.dev

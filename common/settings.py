@@ -173,11 +173,11 @@ def _range(kind: Mapping[str, Any]) -> str:
     if high is None and kind["type"] == "integer" and "exclusiveMaximum" in kind:
         high = kind["exclusiveMaximum"] - 1
     if low is not None and high is not None:
-        word += f" from {low:g} to {high:g}"
+        word += f" from {low:.12g} to {high:.12g}"
     elif low is not None:
-        word += f" of at least {low:g}"
+        word += f" of at least {low:.12g}"
     elif high is not None:
-        word += f" up to {high:g}"
+        word += f" up to {high:.12g}"
     if "pattern" in kind:
         word += f" of the form {kind['pattern']}"
     return word

@@ -9,9 +9,13 @@ import json
 import textwrap
 from pathlib import Path
 
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
 from common.settings import Settings, allowed
 from services.catalogue import SERVICES, model_of
 from services.cli.options import ConnectionSettings, flag
+from services.up.launch_file import LaunchTables, NodeTable, RouterTable
 
 ROOT = Path(__file__).parent.parent.parent
 WIDTH = 96
@@ -25,7 +29,9 @@ def toml_of(service: str) -> str:
         f"# A flag ({flag('name')}) and the environment ({model.env_prefix}NAME) go over it.",
     ]
     for name, field in model.model_fields.items():
-        words = f"{field.description}; {allowed(field, name, model)}"
+        words = f"{field.description}; {may_be(field, name, model)}"
+        if field.default is None:
+            words += "; not set by default"
         comment = textwrap.wrap(words, WIDTH, break_long_words=False, break_on_hyphens=False)
         lines += ["", *(f"# {line}" for line in comment)]
         if field.default is None:
@@ -33,6 +39,11 @@ def toml_of(service: str) -> str:
         else:
             lines.append(f"{name} = {json.dumps(field.default)}")
     return "\n".join(lines) + "\n"
+
+
+def may_be(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
+    """Say what an option may be, without its default."""
+    return allowed(field, name, model).partition("; default ")[0]
 
 
 def documentation() -> str:
@@ -44,24 +55,57 @@ def documentation() -> str:
         "(`--config FILE.toml`). A flag goes over the environment, that over the file, that over "
         "the default. An empty variable counts as not set. An unknown option is an error, "
         "exit status 2.\n",
-        table("Every command", ConnectionSettings),
-        *(table(f"`zv {service}`", model_of(service)) for service in SERVICES),
+        options("Every command", ConnectionSettings),
+        *(options(f"`zv {service}`", model_of(service)) for service in SERVICES),
+        "## The launch file of `zv up`\n",
+        "`zv up FILE.toml` checks every option of every node before it starts anything. For a "
+        "node's options the order is: environment, `settings`, `config`, default. A variable such "
+        "as `ZV_CAMERA_SOURCE` therefore holds for every camera in the file. `ZV_ROUTER_LISTEN`, "
+        "`ZV_CONNECT`, `ZV_NAMESPACE` and the flags `--listen`, `--connect`, `--namespace` go "
+        "over the file too. Files are looked for beside the launch file.\n",
+        keys_of("Top level", LaunchTables),
+        keys_of("`[router]`", RouterTable),
+        keys_of("`[[node]]`, one for each process", NodeTable),
     ]
     return "\n".join(parts)
 
 
-def table(title: str, model: type[Settings]) -> str:
+def options(title: str, model: type[Settings]) -> str:
     """Return the options of a model as a Markdown table."""
-    rows = [
-        f"## {title}\n",
-        "| flag | environment | meaning | allowed |",
-        "|---|---|---|---|",
-    ]
+    rows = []
     for name, field in model.model_fields.items():
-        words = [field.description or "", allowed(field, name, model)]
-        cells = [f"`{flag(name)}`", f"`{model.env_prefix}{name.upper()}`", *words]
-        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(rows) + "\n"
+        variable = f"`{model.env_prefix}{name.upper()}`"
+        words = [default_of(field), may_be(field, name, model), field.description or ""]
+        rows.append([f"`{flag(name)}`", variable, *words])
+    return f"## {title}\n\n" + markdown(
+        ["flag", "environment", "default", "allowed", "meaning"], rows
+    )
+
+
+def keys_of(title: str, model: type[BaseModel]) -> str:
+    """Return the keys of a table of the launch file as a Markdown table."""
+    rows = [
+        [f"`{name}`", default_of(field), field.description or ""]
+        for name, field in model.model_fields.items()
+    ]
+    return f"### {title}\n\n" + markdown(["key", "default", "meaning"], rows)
+
+
+def default_of(field: FieldInfo) -> str:
+    """Return a default as one writes it in TOML."""
+    if field.is_required():
+        return "must be given"
+    if field.default is None or isinstance(field.default, BaseModel):
+        return "not set"
+    return f"`{json.dumps(field.default)}`"
+
+
+def markdown(titles: list[str], rows: list[list[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [titles, ["---"] * len(titles), *rows]
+    return "".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines
+    )
 
 
 def files() -> dict[Path, str]:

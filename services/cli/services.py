@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import os
 import signal
 from types import FrameType
 from typing import Any
 
-from common.errors import ToldToStop
 from common.settings import load_settings
 from services.catalogue import SERVICES, model_of
 from services.cli.options import (
@@ -26,8 +26,11 @@ def commands() -> dict[str, Any]:
 
 
 def _leave(_number: int, _at: FrameType | None) -> None:
-    """End in order although the service does not listen to signals yet."""
-    raise ToldToStop("told to stop while starting")
+    """End although the service does not listen to signals yet; nothing is open that must be closed.
+
+    An exception would come out of whatever happens to run, some of which swallows or wraps it.
+    """
+    os._exit(0)
 
 
 def _command(service: str) -> Any:
@@ -36,7 +39,8 @@ def _command(service: str) -> Any:
     words = f"{model.__doc__}\n\nExample: {SERVICES[service].example}"
 
     def run(*, debug: bool, config: str | None, **flags: Any) -> None:
-        signal.signal(signal.SIGTERM, _leave)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, _leave)
         end_with_parent()
         log_to_stderr(debug)
         connection = connection_from(flags)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,13 +12,16 @@ from typing import Annotated, Any
 import typer
 
 from common.errors import ConfigurationError
+from common.session import Connection
+from common.settings import load_settings
 from services.cli.options import (
     NOT_GIVEN,
+    ConnectionSettings,
     command,
     common_parameters,
-    connection_from,
     log_to_stderr,
 )
+from services.router.settings import RouterSettings
 
 DEFAULT_FILE = Path("configs/up.toml")
 
@@ -70,20 +74,29 @@ def parameters() -> list[inspect.Parameter]:
 
 def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **flags: Any) -> None:
     """Check the file and run the system."""
-    from services.up.launch_file import read_launch_file, with_router
+    from services.up import endpoint
+    from services.up.launch_file import read_launch_file
     from services.up.service import run as run_system
 
     log_to_stderr(debug)
-    given = flags["connect"]
-    if given and listen:
+    if flags["connect"] and listen:
         raise ConfigurationError("--connect uses a router that runs, --listen starts one: give one")
     plan = read_launch_file(launch_file(file))
-    for name, value in (("namespace", plan.namespace), ("connect", plan.router.connect)):
-        flags[name] = flags[name] or value
-    plan = with_router(plan, listen=listen, connect=flags["connect"])
-    flags["connect"] = flags["connect"] or plan.router.reach
-    connection = connection_from(flags)
-    sys.exit(run_system(plan, connection, plain=plain, debug=debug))
+    given = load_settings(
+        ConnectionSettings, flags=flags, inline=plan.connection, inline_place=plan.place
+    )
+    connection = Connection(given.connect, given.namespace, given.zenoh_config, given.timeout)
+    listens = None
+    if listen or "connect" not in given.model_fields_set:
+        router = load_settings(
+            RouterSettings,
+            flags={"listen": listen},
+            inline={} if plan.listen is None else {"listen": plan.listen},
+            inline_place=f"{plan.place}: router",
+        )
+        listens = endpoint.free(router.listen)
+        connection = replace(connection, connect=endpoint.reach(listens))
+    sys.exit(run_system(plan, connection, listens, plain=plain, debug=debug))
 
 
 def launch_file(given: str | None) -> Path:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Protocol, Self
 
+from rich import box
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -17,7 +19,14 @@ from services.up.figures import Row
 
 LINE_PERIOD_S = 5.0
 TABLE_PERIOD_S = 1.0
-COLORS = {"running": "green", "warn": "yellow", "stale": "yellow", "ERROR": "red", "failed": "red"}
+STYLES = {
+    "running": "green",
+    "ERROR": "bold red",
+    "failed": "bold red",
+    "finished": "dim",
+    "stopped": "dim",
+}
+TRANSIENT_STYLE = "yellow"
 
 
 class Display(Protocol):
@@ -32,8 +41,11 @@ class Display(Protocol):
         traceback: TracebackType | None,
     ) -> None: ...
 
+    def announce(self, line: str) -> None:
+        """Show a line that was asked for, on standard output."""
+
     def say(self, line: str) -> None:
-        """Show a line; from any thread."""
+        """Show a line of what happens, on standard error; from any thread."""
 
     def show(self, rows: Callable[[], list[Row]]) -> None:
         """Show the rows if it is time; they are made only then."""
@@ -43,14 +55,13 @@ class LiveTable:
     """A table that is drawn anew each second; lines go above it.
 
     Args:
-        title: Above the table.
+        console: Where it is drawn.
     """
 
-    def __init__(self, title: str) -> None:
-        self._console = Console()
-        self._title = title
+    def __init__(self, console: Console) -> None:
+        self._console = console
         self._live = Live(
-            console=self._console, auto_refresh=False, redirect_stdout=False, transient=False
+            console=self._console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
         )
         self._next_s = 0.0
 
@@ -66,33 +77,52 @@ class LiveTable:
     ) -> None:
         self._live.stop()
 
-    def say(self, line: str) -> None:
+    def announce(self, line: str) -> None:
         """Print a line above the table."""
-        self._console.print(Text(line))
+        self._console.print(Text(line), soft_wrap=True)
+
+    def say(self, line: str) -> None:
+        """Print a line above the table, or to standard error if that leads elsewhere."""
+        if sys.stderr.isatty():
+            self.announce(line)
+        else:
+            _to_stderr(line)
 
     def show(self, rows: Callable[[], list[Row]]) -> None:
         """Draw the table, once a second."""
         now_s = time.monotonic()
         if now_s >= self._next_s:
             self._next_s = now_s + TABLE_PERIOD_S
-            self._live.update(drawn(self._title, rows()), refresh=True)
+            self._live.update(drawn(rows()), refresh=True)
 
 
-def drawn(title: str, rows: list[Row]) -> Group:
-    """Return the table, and what the nodes complain of below it."""
-    table = Table(title=title, title_justify="left", expand=False)
+def drawn(rows: list[Row]) -> Group:
+    """Return the table, what the nodes have to say, and how to end it.
+
+    The last line is short: terminals echo Ctrl-C at its end, and must not wrap there.
+    """
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("node", no_wrap=True)
     table.add_column("state", no_wrap=True)
     for name in ("rate Hz", "p50 ms", "p99 ms"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("dropped", overflow="fold")
     for name in ("CPU %", "MB"):
         table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("dropped", overflow="fold")
     for row in rows:
-        state = Text(row.state, style=COLORS.get(row.state, ""))
-        table.add_row(row.node, state, row.rate, row.p50, row.p99, row.dropped, row.cpu, row.memory)
-    complaints = [Text(f"{row.node}: {row.message}") for row in rows if row.message]
-    return Group(table, *complaints)
+        dropped = Text(" ").join(
+            Text(words, style)
+            for words, style in ((row.dropped, ""), (row.unwanted, "dim"))
+            if words
+        )
+        table.add_row(
+            row.node,
+            Text(row.state, STYLES.get(row.state, TRANSIENT_STYLE)),
+            *(row.rate, row.p50, row.p99, row.cpu, row.memory),
+            dropped,
+        )
+    messages = [Text(f"{row.node}: {row.message}") for row in rows if row.message]
+    return Group(table, *messages, Text("Ctrl-C ends it ", "dim"))
 
 
 class PlainLines:
@@ -112,21 +142,25 @@ class PlainLines:
     ) -> None:
         """Nothing to give back."""
 
+    def announce(self, line: str) -> None:
+        """Print a line to standard output."""
+        print(line, flush=True)
+
     def say(self, line: str) -> None:
         """Print a line to standard error."""
-        print(line, file=sys.stderr, flush=True)
+        _to_stderr(line)
 
     def show(self, rows: Callable[[], list[Row]]) -> None:
         """Print the lines, every five seconds."""
         now_s = time.monotonic()
         if now_s >= self._next_s:
-            self._next_s += LINE_PERIOD_S
+            self._next_s = now_s + LINE_PERIOD_S
             for row in rows():
-                print(line_of(row), flush=True)
+                self.announce(line_of(row))
 
 
 def line_of(row: Row) -> str:
-    """Return a node's figures as one line of ``name=value``."""
+    """Return a node's figures as one line of ``name value unit``."""
     words = [f"{row.node:<16} {row.state}"]
     for name, value, unit in (
         ("rate", row.rate, " Hz"),
@@ -137,7 +171,13 @@ def line_of(row: Row) -> str:
     ):
         if value:
             words.append(f"{name} {value}{unit}")
-    words.append(f"dropped {row.dropped or 'none'}")
+    if row.rate:
+        words.append(f"dropped {' '.join(filter(None, (row.dropped, row.unwanted))) or 'none'}")
     if row.message:
         words.append(f"({row.message})")
     return "  ".join(words)
+
+
+def _to_stderr(line: str) -> None:
+    with suppress(OSError):  # a log that nobody reads any more is no reason to end
+        print(line, file=sys.stderr, flush=True)

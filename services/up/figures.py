@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import psutil
 
-from common.messages import Diagnostics
+from services.up.health import Report
 from services.up.processes import Child
 
 LEVELS = ("", "warn", "ERROR", "stale")
-QUIET = "no_subscriber"
-"""Frames that nobody wanted: no loss, so it is named last."""
+SILENT_S = 3.0
+"""Health comes once a second: a node that says nothing for so long is stuck or cut off."""
+
+UNWANTED = "no_subscriber"
+"""Frames that nobody wanted are no loss, so they are shown last and apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +28,7 @@ class Row:
     p50: str = ""
     p99: str = ""
     dropped: str = ""
+    unwanted: str = ""
     cpu: str = ""
     memory: str = ""
     message: str = ""
@@ -35,44 +40,54 @@ class Meter:
     def __init__(self) -> None:
         self._processes: dict[int, psutil.Process] = {}
 
+    def begin(self, pid: int) -> None:
+        """Start to measure a process, so that its first reading has something to go by."""
+        try:
+            process = psutil.Process(pid)
+            process.cpu_percent()
+        except psutil.Error:
+            return  # it has ended already
+        self._processes[pid] = process
+
     def read(self, pid: int | None) -> tuple[str, str]:
         """Return CPU (percent of a core since the last reading) and memory (MB)."""
-        if pid is None:
+        process = None if pid is None else self._processes.get(pid)
+        if process is None:
             return "", ""
         try:
-            process = self._processes.get(pid)
-            if process is None:
-                process = self._processes[pid] = psutil.Process(pid)
-                process.cpu_percent()  # the first reading has nothing to compare with
-                return "", f"{process.memory_info().rss / 1e6:.0f}"
             return f"{process.cpu_percent():.0f}", f"{process.memory_info().rss / 1e6:.0f}"
         except psutil.Error:
-            self._processes.pop(pid, None)
+            self._processes.pop(process.pid, None)
             return "", ""
 
 
-def row_of(child: Child, health: Diagnostics | None, meter: Meter) -> Row:
+def row_of(child: Child, report: Report | None, meter: Meter) -> Row:
     """Return a node's row."""
     cpu, memory = meter.read(child.pid)
-    if health is None or not child.alive:
+    if report is None or not child.alive:
         return Row(child.name, child.state, cpu=cpu, memory=memory)
-    state = LEVELS[health.level] or child.state
+    silent_s = time.monotonic() - report.arrived_s
+    if silent_s > SILENT_S:
+        return Row(child.name, f"silent for {silent_s:.0f} s", cpu=cpu, memory=memory)
+    health = report.health
     latency = health.latency_ms
+    dropped, unwanted = drops(health.counters)
     return Row(
         child.name,
-        state,
+        LEVELS[health.level] or child.state,
         rate=f"{health.rate_hz:.1f}",
         p50="" if latency.p50 is None else f"{latency.p50:.1f}",
         p99="" if latency.p99 is None else f"{latency.p99:.1f}",
-        dropped=drops(health.counters),
+        dropped=dropped,
+        unwanted=unwanted,
         cpu=cpu,
         memory=memory,
-        message="" if health.level == 0 else health.message,
+        message="" if health.message == "ok" else health.message,
     )
 
 
-def drops(counters: dict[str, int]) -> str:
-    """Return the drops by reason, the largest first."""
+def drops(counters: dict[str, int]) -> tuple[str, str]:
+    """Return the drops by reason, the largest first; and apart what nobody wanted."""
     found = {
         name.removeprefix("dropped."): count
         for name, count in counters.items()
@@ -80,5 +95,7 @@ def drops(counters: dict[str, int]) -> str:
     }
     if counters.get("missed"):
         found["missed"] = counters["missed"]
-    ordered = sorted(found.items(), key=lambda item: (item[0] == QUIET, -item[1]))
-    return " ".join(f"{reason}={count}" for reason, count in ordered)
+    unwanted = found.pop(UNWANTED, 0)
+    ordered = sorted(found.items(), key=lambda item: -item[1])
+    named = " ".join(f"{reason}={count}" for reason, count in ordered)
+    return named, f"{UNWANTED}={unwanted}" if unwanted else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import dataclass
 from typing import Any
 
 import zenoh
@@ -10,6 +12,14 @@ from common.errors import PayloadError
 from common.keys import diagnostics_key
 from common.messages import Diagnostics
 from common.session import direct
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a node said, and the monotonic time when it came."""
+
+    health: Diagnostics
+    arrived_s: float
 
 
 class HealthBoard:
@@ -21,13 +31,13 @@ class HealthBoard:
     """
 
     def __init__(self, session: zenoh.Session, namespace: str) -> None:
-        self._newest: dict[str, Diagnostics] = {}
+        self._newest: dict[str, Report] = {}
         self._subscriber = session.declare_subscriber(
             diagnostics_key(namespace, "*"), direct(self._on_sample)
         )
 
-    def of(self, node: str) -> Diagnostics | None:
-        """Return a node's newest health; None if it has not said anything yet."""
+    def of(self, node: str) -> Report | None:
+        """Return a node's newest report; None if it has not said anything yet."""
         return self._newest.get(node)
 
     def forget(self, node: str) -> None:
@@ -39,4 +49,4 @@ class HealthBoard:
             health = Diagnostics.from_bytes(sample.payload.to_bytes())
         except PayloadError:
             return  # not one of ours: the table shows what our nodes say
-        self._newest[health.node] = health
+        self._newest[health.node] = Report(health, time.monotonic())

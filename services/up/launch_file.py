@@ -2,57 +2,80 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import difflib
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from common.errors import ConfigurationError
-from common.keys import NAME
-from common.settings import ServiceSettings, Settings, load_settings, read_toml, unknown
+from common.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
+from common.session import DEFAULT_ENDPOINT
+from common.settings import (
+    CameraName,
+    ServiceSettings,
+    Settings,
+    allowed,
+    load_settings,
+    read_toml,
+    unknown,
+)
 from services.catalogue import SERVICES, model_of
 
-NAME_PATTERN = f"^{NAME.pattern}$"
-ENDPOINT_PATTERN = r"^(tcp|tls|udp|quic|ws|unixsock-stream)/.+$"
+NODE_SERVICES = tuple(name for name in SERVICES if name != "router")
 
 
-class RouterTable(BaseModel):
+class Table(BaseModel):
+    """Base of the file's tables."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class RouterTable(Table):
     """``[router]``: where the nodes meet."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    listen: Annotated[
+        str | None,
+        Field(
+            description="Zenoh endpoint that the embedded router listens on; "
+            f"not set: {DEFAULT_ENDPOINT}"
+        ),
+    ] = None
+    connect: Annotated[
+        str | None, Field(description="use the router there instead of starting one")
+    ] = None
+    zenoh_config: Annotated[
+        str | None,
+        Field(description="the router's own JSON5 configuration file, beside the launch file"),
+    ] = None
 
-    listen: Annotated[str, Field(pattern=ENDPOINT_PATTERN)] = "tcp/127.0.0.1:7447"
-    connect: Annotated[str, Field(pattern=ENDPOINT_PATTERN)] | None = None
-    zenoh_config: str | None = None
 
-    @property
-    def reach(self) -> str:
-        """Where a node on this machine finds the router: an any-address is no destination."""
-        endpoint = self.listen.split("#")[0].split("?")[0]
-        return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
-
-
-class NodeTable(BaseModel):
+class NodeTable(Table):
     """``[[node]]``: one process."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    service: Annotated[str, Field(description=f"one of {', '.join(NODE_SERVICES)}")]
+    camera: Annotated[
+        CameraName, Field(description="camera it belongs to; its name is {service}_{camera}")
+    ] = DEFAULT_CAMERA
+    config: Annotated[
+        str | None, Field(description="TOML file of its options, beside the launch file")
+    ] = None
+    settings: Annotated[
+        dict[str, Any], Field(description="options that go over those in config")
+    ] = {}
+    restart: Annotated[bool, Field(description="start it again when it dies")] = True
 
-    service: Annotated[str, Field(pattern=NAME_PATTERN)]
-    camera: Annotated[str, Field(pattern=NAME_PATTERN)] = "front"
-    config: str | None = None
-    settings: dict[str, Any] = {}
-    restart: bool = True
 
-
-class LaunchTables(BaseModel):
+class LaunchTables(Table):
     """The whole file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-    namespace: Annotated[str, Field(pattern=NAME_PATTERN)] = "vision"
-    router: RouterTable = RouterTable()
-    node: Annotated[list[NodeTable], Field(min_length=1)]
+    namespace: Annotated[
+        str | None,
+        Field(description=f"first chunk of every key expression; not set: {DEFAULT_NAMESPACE}"),
+    ] = None
+    router: Annotated[RouterTable, Field(description="table [router]")] = RouterTable()
+    node: Annotated[list[NodeTable], Field(min_length=1, description="one or more [[node]]")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,97 +95,106 @@ class PlannedNode:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a launch file asks for."""
+    """What a launch file asks for.
 
-    namespace: str
-    router: RouterTable
+    Attributes:
+        place: The file, as errors name it.
+        connection: What it says of the connection: ``namespace``, ``connect``, or neither.
+        listen: Where its router listens; None if it does not say.
+        router_config: The router's own configuration file.
+    """
+
+    place: str
+    connection: dict[str, str]
+    listen: str | None
+    router_config: str | None
     nodes: tuple[PlannedNode, ...]
 
 
 def read_launch_file(path: Path) -> Plan:
     """Read a launch file and check the options of every node in it.
 
+    The environment goes over the file: ``ZV_CAMERA_SOURCE`` is the source of every camera in it.
+
     Raises:
         ConfigurationError: Naming the file, the key, its value and what is allowed.
     """
-    tables = _tables(path, read_toml(path))
+    values = read_toml(path)
+    try:
+        tables = LaunchTables.model_validate(values)
+    except ValidationError as error:
+        _refuse(path, error)
     nodes: list[PlannedNode] = []
     for index, table in enumerate(tables.node):
-        place = f"{path}: node[{index}]"
-        if table.service not in SERVICES or table.service == "router":
-            services = ", ".join(name for name in SERVICES if name != "router")
+        node = _planned(path, f"{path}: node[{index}]", table)
+        if node.name in (other.name for other in nodes):
             raise ConfigurationError(
-                f"{place}: service = {table.service!r} is not allowed; allowed: {services}"
+                f"{path}: node[{index}]: there is a {node.name} already; allowed: each service "
+                "once for a camera"
             )
-        name = f"{table.service}_{table.camera}"
-        if name in (node.name for node in nodes):
-            raise ConfigurationError(f"{place}: there is a {name} already; names must differ")
-        if "camera" in table.settings:
-            raise ConfigurationError(f"{place}: camera stands beside settings, not in them")
-        model = model_of(table.service)
-        assert issubclass(model, ServiceSettings)
-        settings = load_settings(
-            model,
-            flags={"camera": table.camera},
-            config=path.parent / table.config if table.config else None,
-            inline=table.settings,
-            inline_place=f"{place}: settings",
-        )
-        nodes.append(PlannedNode(name, table.service, settings, table.restart))
-    return Plan(tables.namespace, tables.router, tuple(nodes))
+        nodes.append(node)
+    stated = {"namespace": tables.namespace, "connect": tables.router.connect}
+    return Plan(
+        place=str(path),
+        connection={name: value for name, value in stated.items() if value is not None},
+        listen=tables.router.listen,
+        router_config=_beside(path, f"{path}: router.zenoh_config", tables.router.zenoh_config),
+        nodes=tuple(nodes),
+    )
 
 
-def with_router(plan: Plan, *, listen: str | None, connect: str | None) -> Plan:
-    """Return the plan with the command line's router instead of the file's.
-
-    Raises:
-        ConfigurationError: An endpoint is malformed.
-    """
-    table = plan.router.model_dump()
-    if connect:
-        table["connect"] = connect
-    if listen:
-        table |= {"listen": listen, "connect": None}
-    try:
-        return replace(plan, router=RouterTable.model_validate(table))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
+    if table.service not in NODE_SERVICES:
+        near = difflib.get_close_matches(table.service, NODE_SERVICES, 1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
         raise ConfigurationError(
-            f"command line: --{first['loc'][0]} = {first['input']!r} is not allowed; "
-            "allowed: tcp/HOST:PORT"
-        ) from None
+            f"{place}.service = {table.service!r} is not allowed; {hint}"
+            f"allowed: {', '.join(NODE_SERVICES)}"
+        )
+    if "camera" in table.settings:
+        raise ConfigurationError(
+            f"{place}.settings.camera = {table.settings['camera']!r} is not allowed; "
+            "allowed: camera = ... beside settings"
+        )
+    model = model_of(table.service)
+    assert issubclass(model, ServiceSettings)
+    settings = load_settings(
+        model,
+        flags={"camera": table.camera},
+        config=_beside(path, f"{place}.config", table.config),
+        inline=table.settings,
+        inline_place=f"{place}.settings",
+    )
+    return PlannedNode(f"{table.service}_{table.camera}", table.service, settings, table.restart)
 
 
-def _tables(path: Path, values: dict[str, Any]) -> LaunchTables:
-    try:
-        return LaunchTables.model_validate(values)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+def _beside(path: Path, place: str, name: str | None) -> str | None:
+    """Return a file that the launch file names; its place is relative to the launch file's."""
+    if name is None:
+        return None
+    found = path.parent / name
+    if not found.is_file():
+        raise ConfigurationError(f"{place} = {name!r} is not allowed: there is no file {found}")
+    return str(found)
+
+
+def _refuse(path: Path, error: ValidationError) -> NoReturn:
+    """Say what is wrong with a table."""
+    first = error.errors(include_url=False)[0]
     loc = first["loc"]
-    place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
-    place = f"{path}: {place.lstrip('.')}"
+    dotted = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
+    place = f"{path}: {dotted.lstrip('.')}"
+    tables: dict[str, type[BaseModel]] = {"router": RouterTable, "node": NodeTable}
+    model = tables.get(str(loc[0]), LaunchTables) if len(loc) > 1 else LaunchTables
+    name = str(loc[-1])
     if first["type"] == "extra_forbidden":
-        tables: dict[str, type[BaseModel]] = {"router": RouterTable, "node": NodeTable}
-        model = tables.get(str(loc[0]), LaunchTables) if len(loc) > 1 else LaunchTables
-        raise ConfigurationError(f"{place}: {unknown(str(loc[-1]), str(loc[-1]), model)}")
+        raise ConfigurationError(f"{place}: {unknown(name, name, model)}")
     if first["type"] == "missing":
-        raise ConfigurationError(f"{place}: is missing; a launch file names at least one [[node]]")
-    raise ConfigurationError(f"{place} = {first['input']!r} is not allowed: {first['msg']}")
-
-
-def flags_of(settings: Settings) -> list[str]:
-    """Return the flags that give a process these settings; defaults are left out.
-
-    Other layers, the environment among them, were merged before: flags go over all of them.
-    """
-    flags: list[str] = []
-    for name, field in type(settings).model_fields.items():
-        value = getattr(settings, name)
-        if value == field.default and name != "camera":
-            continue
-        spelled = name.replace("_", "-")
-        if isinstance(value, bool):
-            flags.append(f"--{spelled}" if value else f"--no-{spelled}")
-        else:
-            flags += [f"--{spelled}", str(value)]
-    return flags
+        words = model.model_fields[name].description
+        raise ConfigurationError(f"{place} is missing; allowed: {words}")
+    message = f"{place} = {first['input']!r} is not allowed ({first['msg']})"
+    if name in model.model_fields and model is not LaunchTables:
+        message += f"; allowed: {allowed(model.model_fields[name], name, model)}"
+    elif name in model.model_fields:
+        message += f"; allowed: {model.model_fields[name].description}"
+    raise ConfigurationError(message)

@@ -8,9 +8,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import IO
 
+from services.up.command import inherited
 from services.up.lifeline import VARIABLE
 
 FIRST_DELAY_S = 1.0
@@ -19,17 +19,25 @@ STEADY_S = 60.0
 """Who ran so long is not in a loop of crashes: the next delay is the first again."""
 
 WRONG_CONFIGURATION = 2
-ROOT = Path(__file__).parent.parent.parent
+MEANING = {
+    WRONG_CONFIGURATION: "wrong configuration",
+    3: "cannot open its source",
+    4: "no router",
+}
 
 
 class Child:
     """A node's process over all its lives.
 
+    ``state`` is ``starting``, ``running``, ``restarting in N s``, ``finished``, ``failed`` (down
+    for good) or ``stopped`` (we ended it). Only ``say`` is called from another thread.
+
     Args:
         name: The node's.
         arguments: Behind ``zv``.
-        restart: Whether it is started again when it dies. One that ends with 0 is finished,
-            and one whose configuration is wrong would only end again: both stay down.
+        restart: Whether it is started again when it dies.
+        finishes: Whether it may come to an end of its work, and says so with exit status 0, as a
+            camera whose file is over. Any other that ends was ended by someone, not by us.
         say: Called with a line to show the user.
         environment: Added to this process's own.
     """
@@ -39,7 +47,8 @@ class Child:
         name: str,
         arguments: Sequence[str],
         *,
-        restart: bool,
+        restart: bool = True,
+        finishes: bool = False,
         say: Callable[[str], None],
         environment: Mapping[str, str] | None = None,
     ) -> None:
@@ -49,10 +58,12 @@ class Child:
         self.exit_status: int | None = None
         self._arguments = list(arguments)
         self._restart = restart
+        self._finishes = finishes
         self._say = say
         self._environment = dict(environment or {})
         self._process: subprocess.Popen[str] | None = None
         self._lifeline: int | None = None
+        self._has_run = False
         self._started_s = 0.0
         self._delay_s = FIRST_DELAY_S
         self._again_s: float | None = None
@@ -63,8 +74,9 @@ class Child:
         reading, writing = os.pipe()
         try:
             self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and modules
-                [sys.executable, "-m", "services", *self._arguments],
-                env={**os.environ, **self._environment, VARIABLE: str(reading)},
+                # -P: a folder named services where the user happens to be is not ours.
+                [sys.executable, "-P", "-m", "services", *self._arguments],
+                env={**inherited(), **self._environment, VARIABLE: str(reading)},
                 pass_fds=(reading,),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -73,11 +85,14 @@ class Child:
                 errors="replace",
                 start_new_session=True,  # a terminal's Ctrl-C is for us alone
             )
+        except BaseException:
+            os.close(writing)
+            raise
         finally:
             os.close(reading)
         self._lifeline = writing
         self.pid = self._process.pid
-        self.state, self.exit_status, self._again_s = "running", None, None
+        self.state, self.exit_status, self._again_s = "starting", None, None
         self._started_s = time.monotonic()
         assert self._process.stderr is not None
         self._reader = threading.Thread(
@@ -91,39 +106,49 @@ class Child:
         return self._process is not None and self._process.poll() is None
 
     @property
-    def over(self) -> bool:
-        """Whether it has ended and will not be started again."""
-        return not self.alive and self._again_s is None and self.state != "starting"
+    def age_s(self) -> float:
+        """Seconds since its start."""
+        return time.monotonic() - self._started_s
+
+    def heard(self) -> None:
+        """Take note that it does its work."""
+        if self.alive:
+            self.state, self._has_run = "running", True
 
     def look_after(self) -> None:
         """Take note of the process's end; start it again when it is time."""
-        now_s = time.monotonic()
         if self._again_s is not None:
-            if now_s >= self._again_s:
+            left_s = self._again_s - time.monotonic()
+            if left_s <= 0:
                 self.start()
             else:
-                self.state = f"restart in {self._again_s - now_s:.0f} s"
-            return
-        if self._process is None or self.alive or self.exit_status is not None:
-            return
-        status = self._process.returncode
-        self.exit_status, self.pid = status, None
-        self._let_go()
-        if status == 0:
+                self.state = f"restarting in {left_s:.0f} s"
+        elif self.pid is not None and not self.alive:
+            assert self._process is not None
+            self.pid, self.exit_status = None, self._process.returncode
+            self._let_go()
+            self._settle(self.exit_status)
+
+    def _settle(self, status: int) -> None:
+        """Decide what comes after the process's end."""
+        how = ended_how(status)
+        if status == 0 and self._finishes:
             self.state = "finished"
             self._say(f"{self.name} has finished")
-        elif status == WRONG_CONFIGURATION or not self._restart:
+        # Who has run before with the same flags is stopped by something that may pass.
+        elif not self._restart or (status == WRONG_CONFIGURATION and not self._has_run):
             self.state = "failed"
-            self._say(f"{self.name} {ended_how(status)} and is not started again")
+            self._say(f"{self.name} {how}, not starting again")
         else:
-            if now_s - self._started_s > STEADY_S:
+            if self.age_s > STEADY_S:
                 self._delay_s = FIRST_DELAY_S
-            self._again_s = now_s + self._delay_s
-            self._say(f"{self.name} {ended_how(status)}, starting it again in {self._delay_s:g} s")
+            self._again_s = time.monotonic() + self._delay_s
+            self.state = f"restarting in {self._delay_s:.0f} s"
+            self._say(f"{self.name} {how}, starting again in {self._delay_s:g} s")
             self._delay_s = min(2 * self._delay_s, LAST_DELAY_S)
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Ask it to end, and do not start it again."""
         self._again_s = None
         if self.alive and self._process is not None:
             self._process.terminate()
@@ -140,7 +165,9 @@ class Child:
             if self._reader is not None:
                 self._reader.join(0.2)
         self._let_go()
-        self.state = "stopped"
+        self.pid = None
+        if self.state not in ("finished", "failed"):
+            self.state = "stopped"
 
     def _let_go(self) -> None:
         if self._lifeline is not None:
@@ -150,10 +177,13 @@ class Child:
     def _pass_on(self, lines: IO[str]) -> None:
         with lines:
             for line in lines:
-                text = line.rstrip()
-                self._say(text if self.name in text else f"{self.name}: {text}")
+                text = line.rstrip().removeprefix("zv: ")
+                self._say(text if f"{self.name}: " in text else f"{self.name}: {text}")
 
 
 def ended_how(status: int) -> str:
     """Say how a process ended, from its status."""
-    return f"died (signal {-status})" if status < 0 else f"ended with status {status}"
+    if status < 0:
+        return f"died (signal {-status})"
+    meaning = f" ({MEANING[status]})" if status in MEANING else ""
+    return f"ended with status {status}{meaning}"

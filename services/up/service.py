@@ -1,24 +1,34 @@
-"""``zv up``: check everything, start everything, watch it, end it."""
+"""``zv up``: start everything, watch it, end it. What is started was checked before."""
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import sys
+import threading
 import time
 from types import FrameType
 
 import zenoh
+from rich.console import Console
 
 from common.errors import ToldToStop
-from common.session import Connection, open_session
+from common.session import Connection, client_config, open_session, router_config
+from services.up.command import command_of
 from services.up.display import Display, LiveTable, PlainLines
 from services.up.figures import Meter, Row, row_of
+from services.up.greeting import how_to_subscribe
 from services.up.health import HealthBoard
-from services.up.launch_file import Plan, PlannedNode, flags_of
+from services.up.launch_file import Plan, PlannedNode
 from services.up.processes import WRONG_CONFIGURATION, Child
 
 POLL_S = 0.05
-END_S = 1.5
+NODES_END_S = 1.3
+ALL_END_S = 1.5
+SETTLED_S = 1.0
+"""A router that cannot listen has ended by then."""
+
 ROUTER = "router"
 
 
@@ -28,12 +38,19 @@ class System:
     Args:
         plan: What the file asks for, found good.
         connection: Where the nodes find their router.
+        listen: Where the embedded router listens; None uses the one that is there.
         display: Where figures and lines go.
         debug: Let the nodes log more.
     """
 
     def __init__(
-        self, plan: Plan, connection: Connection, display: Display, *, debug: bool = False
+        self,
+        plan: Plan,
+        connection: Connection,
+        listen: str | None,
+        display: Display,
+        *,
+        debug: bool = False,
     ) -> None:
         self._plan = plan
         self._connection = connection
@@ -41,9 +58,9 @@ class System:
         self._meter = Meter()
         self._stopping = False
         self._debug = ["--debug"] if debug else []
-        self._router = None if plan.router.connect else self._router_child()
-        self._nodes = [self._child(node) for node in plan.nodes]
-        self._lives: dict[str, int | None] = {}
+        self._router = None if listen is None else self._router_child(listen)
+        self._nodes = [self._node_child(node) for node in plan.nodes]
+        self._lives: dict[str, int] = {}
 
     def stop(self) -> None:
         """End everything; safe in a signal handler."""
@@ -55,46 +72,52 @@ class System:
         Returns:
             The exit status: 0, or that of a router whose configuration is wrong.
         """
+        session = None
         try:
-            if self._router is not None:
-                self._router.start()
-            for node in self._nodes:
-                node.start()
+            # All at once: they wait for the router themselves, and loading takes the longest.
+            for child in self._children():
+                child.start()
             session = self._open()
-            if session is None:
-                return 0 if self._stopping else WRONG_CONFIGURATION
-            try:
-                self._watch(HealthBoard(session, self._connection.namespace))
-            finally:
-                session.close()  # type: ignore[no-untyped-call]
+            if session is not None:
+                self._watch(session, HealthBoard(session, self._connection.namespace))
         finally:
-            self._end()
-        return 0
+            self._end(session)
+        return WRONG_CONFIGURATION if self._router_failed() else 0
 
     def _open(self) -> zenoh.Session | None:
         """Wait for the router; None if it cannot start or we are told to stop."""
         try:
-            return open_session(self._connection, lambda: self._stopping or self._router_failed())
+            return open_session(self._connection, self._to_end)
         except ToldToStop:
             return None
 
-    def _router_failed(self) -> bool:
-        if self._router is None:
-            return False
-        self._router.look_after()
-        return self._router.state == "failed"
-
-    def _watch(self, board: HealthBoard) -> None:
-        for line in self._how_to_subscribe():
-            self._display.say(line)
-        while not self._stopping:
+    def _watch(self, session: zenoh.Session, board: HealthBoard) -> None:
+        for line in how_to_subscribe(self._plan, self._connection, own=self._router is not None):
+            self._display.announce(line)
+        while not self._to_end():
             for child in self._children():
                 child.look_after()
-                if self._lives.get(child.name) != child.pid:
+                if child.pid is not None and self._lives.get(child.name) != child.pid:
                     self._lives[child.name] = child.pid
                     board.forget(child.name)
+                    self._meter.begin(child.pid)
+                if board.of(child.name) is not None:
+                    child.heard()
+            router = self._router
+            settled = router is not None and router.age_s > SETTLED_S
+            if router and settled and list(session.info.routers_zid()):
+                router.heard()
             self._display.show(lambda: self._rows(board))
             time.sleep(POLL_S)
+
+    def _to_end(self) -> bool:
+        """Tell whether it is time to end: told to, or there will be no router."""
+        if self._router is not None:
+            self._router.look_after()
+        return self._stopping or self._router_failed()
+
+    def _router_failed(self) -> bool:
+        return self._router is not None and self._router.state == "failed"
 
     def _rows(self, board: HealthBoard) -> list[Row]:
         return [row_of(child, board.of(child.name), self._meter) for child in self._children()]
@@ -102,56 +125,75 @@ class System:
     def _children(self) -> list[Child]:
         return [*([self._router] if self._router else []), *self._nodes]
 
-    def _end(self) -> None:
+    def _end(self, session: zenoh.Session | None) -> None:
         """End the nodes, then the router that they say goodbye through."""
-        deadline_s = time.monotonic() + END_S
-        for group in (self._nodes, [self._router] if self._router else []):
+        began_s = time.monotonic()
+        closing = threading.Thread(target=_close, args=(session,), daemon=True)
+        closing.start()  # a router that hangs must not hold us up
+        for group, allowed_s in ((self._nodes, NODES_END_S), (self._children(), ALL_END_S)):
             for child in group:
                 child.terminate()
             for child in group:
-                child.finish(deadline_s)
+                child.finish(began_s + allowed_s)
+        closing.join(max(0.0, began_s + ALL_END_S - time.monotonic()))
 
-    def _child(self, node: PlannedNode) -> Child:
-        arguments = [
-            node.service,
-            *flags_of(node.settings),
-            "--connect",
-            self._connection.connect,
-            "--namespace",
-            self._connection.namespace,
-            *self._debug,
-        ]
+    def _node_child(self, node: PlannedNode) -> Child:
+        flags, secret = command_of(node)
+        flags += ["--connect", self._connection.connect]
+        flags += ["--namespace", self._connection.namespace, *self._debug]
         if self._connection.zenoh_config:
-            arguments += ["--zenoh-config", self._connection.zenoh_config]
-        return Child(node.name, arguments, restart=node.restart, say=self._display.say)
+            flags += ["--zenoh-config", self._connection.zenoh_config]
+        return Child(
+            node.name,
+            flags,
+            restart=node.restart,
+            finishes=node.service == "camera",
+            say=self._display.say,
+            environment=secret,
+        )
 
-    def _router_child(self) -> Child:
-        arguments = [ROUTER, "--listen", self._plan.router.listen, *self._debug]
-        if self._plan.router.zenoh_config:
-            arguments += ["--zenoh-config", self._plan.router.zenoh_config]
-        return Child(ROUTER, arguments, restart=True, say=self._display.say)
-
-    def _how_to_subscribe(self) -> list[str]:
-        cameras = sorted({node.name.split("_", 1)[1] for node in self._plan.nodes})
-        where = f"{self._connection.namespace}/{cameras[0]}"
-        return [
-            f"router at {self._connection.connect}; cameras: {', '.join(cameras)}",
-            f"subscribe to {where}/image/compressed (JPEG), {where}/centroid (msgpack), "
-            f"{where}/edges/compressed (PNG), or to {where}/** for all",
-            f"for example: python examples/subscribe.py {self._connection.connect}",
-        ]
+    def _router_child(self, listen: str) -> Child:
+        flags = [ROUTER, "--listen", listen, *self._debug]
+        if self._plan.router_config:
+            flags += ["--zenoh-config", self._plan.router_config]
+        return Child(ROUTER, flags, say=self._display.say)
 
 
-def run(plan: Plan, connection: Connection, *, plain: bool, debug: bool = False) -> int:
-    """Run a system until SIGINT or SIGTERM; return the exit status."""
-    on_terminal = sys.stdout.isatty() and not plain
-    display: Display = LiveTable("zenoh-vision, Ctrl-C ends it") if on_terminal else PlainLines()
-    system = System(plan, connection, display, debug=debug)
+def _close(session: zenoh.Session | None) -> None:
+    if session is not None:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def run(
+    plan: Plan, connection: Connection, listen: str | None, *, plain: bool, debug: bool = False
+) -> int:
+    """Run a system until SIGINT, SIGTERM or SIGHUP; return the exit status.
+
+    Raises:
+        ConfigurationError: Of Zenoh's own configuration files; nothing was started then.
+        RouterUnreachable: No router within the time allowed; all was ended again.
+    """
+    client_config(connection)
+    if listen is not None:
+        router_config(listen, plan.router_config)
+    console = Console(highlight=False)
+    # A terminal that cannot move its cursor gets lines too.
+    on_terminal = console.is_terminal and not console.is_dumb_terminal and not plain
+    display: Display = LiveTable(console) if on_terminal else PlainLines()
+    system = System(plan, connection, listen, display, debug=debug)
 
     def on_signal(_number: int, _at: FrameType | None) -> None:
         system.stop()
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, on_signal)
-    with display:
-        return system.run()
+    try:
+        with display:
+            return system.run()
+    except OSError as error:
+        # The reader of our output is gone (`zv up | head`, a closed terminal): all has ended.
+        # What is left in the buffer must not fail once more at exit.
+        if not isinstance(error, BrokenPipeError) and error.errno != errno.EIO:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0

@@ -1,8 +1,11 @@
 """`zv up` as a user types it: real processes, real signals, nothing left behind."""
 
 import os
+import re
 import signal
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -11,9 +14,11 @@ import pytest
 import zenoh
 
 from common.session import Connection, open_session
-from tests.integration.listening import Listener, open_client
+from tests import processes
+from tests.integration.listening import Listener, living_nodes, open_client
+from tests.integration.terminal import Terminal
 from tests.integration.waiting import wait_until
-from tests.processes import Program, free_endpoint
+from tests.processes import ROOT, Program, environment, free_endpoint
 
 NODES = {"router", "camera_front", "tracker_front", "edge_front"}
 
@@ -35,7 +40,7 @@ def running(processes: list[psutil.Process]) -> list[psutil.Process]:
 
 
 def service_of(process: psutil.Process) -> str:
-    return process.cmdline()[3]
+    return process.cmdline()[4]
 
 
 def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_path):
@@ -54,8 +59,9 @@ def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_
         assert program.process.wait(5) == 0
         assert time.monotonic() - begun_s < 2.0
         assert not running(started)
-    assert f"router at {endpoint}" in program.complaints
-    assert "vision/front/centroid" in program.complaints
+    assert f"router: {endpoint}" in program.output
+    assert "vision/front/centroid" in program.output
+    assert f"python examples/subscribe.py {endpoint}" in program.output
     assert "Traceback" not in program.complaints
 
 
@@ -78,7 +84,7 @@ def test_a_killed_tracker_is_started_again_and_that_is_said(tmp_path):
             os.kill(tracker.pid, signal.SIGKILL)
             wait_until(lambda: "tracker_front died (signal 9)" in program.complaints)
             centroids.wait_for(5, 15, time.monotonic())
-        assert "starting it again in 1 s" in program.complaints
+        assert "starting again in 1 s" in program.complaints
 
 
 def test_a_killed_router_is_started_again_and_all_flows_come_back(tmp_path):
@@ -94,17 +100,36 @@ def test_a_killed_router_is_started_again_and_all_flows_come_back(tmp_path):
         assert others < {p.pid for p in children(program)}
 
 
-def test_a_taken_port_is_explained_with_the_way_out_and_nothing_is_left(tmp_path):
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+@pytest.mark.parametrize("by", ["a router", "another program"])
+def test_a_taken_port_is_explained_at_once_and_nothing_is_started(tmp_path, router, by):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        other = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        endpoint = router.endpoint if by == "a router" else other
         with up(tmp_path, "--listen", endpoint) as program:
-            started = wait_until(lambda: children(program), 10)
+            begun_s = time.monotonic()
             assert program.process.wait(15) == 2
-            assert not running(started)
+            assert time.monotonic() - begun_s < 3
     assert "the port is taken" in program.complaints
-    assert "--connect" in program.complaints
+    assert f"--connect {endpoint}" in program.complaints
+    assert len(program.complaints.splitlines()) == 1
+    assert program.output == ""
+    with open_client(router.endpoint) as client:
+        assert not living_nodes(client)
+
+
+def test_a_router_that_cannot_listen_after_all_ends_everything_with_2(tmp_path):
+    # The port is tried beforehand, which does not work for every transport.
+    launch = tmp_path / "sock.toml"
+    launch.write_text(
+        f'[router]\nlisten = "unixsock-stream/{tmp_path}/no/such/folder"\n'
+        '[[node]]\nservice = "tracker"\n'
+    )
+    with up(tmp_path, str(launch)) as program:
+        started = wait_until(lambda: children(program), 10)
+        assert program.process.wait(15) == 2
+        assert not running(started)
+    assert "router ended with status 2" in program.complaints
+    assert "is not possible" in program.complaints
 
 
 def test_connect_uses_the_router_that_is_there(tmp_path, router):
@@ -112,8 +137,102 @@ def test_connect_uses_the_router_that_is_there(tmp_path, router):
         with open_client(router.endpoint) as client:
             Listener(client, "vision/front/centroid").wait_for(5, 20)
         assert sorted(map(service_of, children(program))) == ["camera", "edge", "tracker"]
+        assert "the one that is there" in program.output
         program.process.send_signal(signal.SIGTERM)
         assert program.process.wait(5) == 0
+
+
+def test_the_environment_names_router_and_namespace_as_the_flags_do(tmp_path, router, monkeypatch):
+    changed = {**environment(), "ZV_CONNECT": router.endpoint, "ZV_NAMESPACE": "mine"}
+    monkeypatch.setattr(processes, "environment", lambda: changed)
+    with up(tmp_path) as program, open_client(router.endpoint) as client:
+        Listener(client, "mine/front/centroid").wait_for(5, 20)
+        assert sorted(map(service_of, children(program))) == ["camera", "edge", "tracker"]
+
+
+def test_a_launch_file_names_router_and_namespace(tmp_path, router):
+    launch = tmp_path / "there.toml"
+    launch.write_text(
+        f'namespace = "mine"\n[router]\nconnect = "{router.endpoint}"\n'
+        '[[node]]\nservice = "camera"\n[[node]]\nservice = "tracker"\n'
+    )
+    with up(tmp_path, str(launch)) as program, open_client(router.endpoint) as client:
+        Listener(client, "mine/front/centroid").wait_for(5, 20)
+        assert sorted(map(service_of, children(program))) == ["camera", "tracker"]
+
+
+def test_nodes_that_hang_are_killed_and_all_ends_within_2_s(tmp_path):
+    endpoint = free_endpoint()
+    with up(tmp_path, "--listen", endpoint) as program:
+        with open_when_ready(endpoint) as client:
+            Listener(client, "vision/front/centroid").wait_for(5, 20)
+        started = children(program)
+        hanging = [p for p in started if service_of(p) in ("tracker", "router")]
+        for process in hanging:
+            process.suspend()
+        begun_s = time.monotonic()
+        program.process.send_signal(signal.SIGINT)
+        assert program.process.wait(5) == 0
+        assert time.monotonic() - begun_s < 2.0
+        assert not running(started)
+    assert "tracker_front did not end in time: killed" in program.complaints
+
+
+def test_a_node_that_is_stuck_is_shown_as_silent(tmp_path):
+    endpoint = free_endpoint()
+    with up(tmp_path, "--listen", endpoint) as program:
+        program.lines(r"tracker_front +running +rate.*")
+        (tracker,) = (p for p in children(program) if service_of(p) == "tracker")
+        tracker.suspend()
+        program.lines(r"tracker_front +silent for \d+ s .*")
+
+
+def test_it_ends_with_all_its_processes_when_nobody_reads_its_lines(tmp_path):
+    command = [sys.executable, "-m", "services", "up", "--plain", "--listen", free_endpoint()]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, env=environment()
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith(b"router: ")
+    started = psutil.Process(process.pid).children()
+    process.stdout.close()
+    _, complaints = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert b"Traceback" not in complaints
+    assert b"Exception" not in complaints
+    assert not running(started)
+
+
+def test_on_a_terminal_a_table_is_drawn_and_lines_go_above_it():
+    endpoint = free_endpoint()
+    terminal = Terminal(["up", "--listen", endpoint], columns=80)
+    shown = terminal.until(lambda text: re.search(r"tracker_front +running +\d", text))
+    assert "Ctrl-C ends it" in shown
+    (tracker,) = (p for p in psutil.Process(terminal.pid).children() if service_of(p) == "tracker")
+    tracker.kill()
+    terminal.until(lambda text: "tracker_front died (signal 9), starting again in 1 s" in text)
+    terminal.until(lambda text: re.search(r"tracker_front +restarting in", text))
+    # Only what the new process says is shown of it.
+    again = r"tracker_front +restarting in(?s:.*)tracker_front +starting(?s:.*)tracker_front +run"
+    terminal.until(lambda text: re.search(again, text))
+    terminal.press_ctrl_c()
+    assert terminal.end() == 0
+    assert "\x1b[32m" in terminal.raw  # green: it runs
+    assert "Traceback" not in terminal.text
+
+
+@pytest.mark.parametrize(
+    ("variables", "sign"),
+    [({"TERM": "dumb"}, r"camera_front +running +rate \d"), ({"NO_COLOR": "1"}, "Ctrl-C ends it")],
+    ids=["no cursor", "no colours"],
+)
+def test_a_terminal_that_can_do_less_is_asked_for_less(variables, sign):
+    terminal = Terminal(["up", "--listen", free_endpoint()], variables=variables)
+    terminal.until(lambda text: re.search(sign, text))
+    terminal.press_ctrl_c()
+    assert terminal.end() == 0
+    assert "\x1b[32m" not in terminal.raw
+    assert variables.get("TERM") != "dumb" or "\x1b[" not in terminal.raw
 
 
 def test_a_file_that_was_played_is_not_played_again(tmp_path, router):
@@ -147,6 +266,7 @@ def test_a_file_that_was_played_is_not_played_again(tmp_path, router):
 def test_wrong_use_ends_with_2_before_anything_is_started(tmp_path, arguments, said):
     with up(tmp_path, *arguments) as program:
         assert program.process.wait(15) == 2
+        assert program.output == ""
     assert said in program.complaints
     assert "Traceback" not in program.complaints
 

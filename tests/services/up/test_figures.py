@@ -1,8 +1,15 @@
 """What `zv up` shows of a node."""
 
+import os
+import time
+
+import psutil
+import pytest
+
 from common.messages import Diagnostics, Latency
 from services.up.display import line_of
 from services.up.figures import Meter, drops, row_of
+from services.up.health import Report
 from services.up.processes import Child, ended_how
 
 
@@ -22,6 +29,10 @@ def health(**fields: object) -> Diagnostics:
     )
 
 
+def report(silent_s: float = 0.0, **fields: object) -> Report:
+    return Report(health(**fields), time.monotonic() - silent_s)
+
+
 def test_drops_stand_largest_first_and_what_nobody_wanted_last():
     counters = {
         "received": 9,
@@ -31,30 +42,55 @@ def test_drops_stand_largest_first_and_what_nobody_wanted_last():
         "dropped.no_subscriber": 90,
         "missed": 3,
     }
-    assert drops(counters) == "corrupt=5 missed=3 stale=2 no_subscriber=90"
+    assert drops(counters) == ("corrupt=5 missed=3 stale=2", "no_subscriber=90")
 
 
 def test_a_node_that_does_not_run_shows_no_figures_of_its_earlier_life():
-    child = Child("tracker_front", [], restart=True, say=lambda _: None)
-    row = row_of(child, health(), Meter())
+    child = Child("tracker_front", [], say=lambda _: None)
+    row = row_of(child, report(), Meter())
     assert (row.state, row.rate, row.dropped) == ("starting", "", "")
 
 
 def test_a_line_has_the_units_and_says_when_nothing_was_dropped(monkeypatch):
-    child = Child("tracker_front", [], restart=True, say=lambda _: None)
+    child = Child("tracker_front", [], say=lambda _: None)
     child.state = "running"
     monkeypatch.setattr(Child, "alive", True)
-    row = row_of(child, health(counters={"received": 0}), Meter())
+    row = row_of(child, report(counters={"received": 0}), Meter())
     assert line_of(row) == "tracker_front    running  rate 30.0 Hz  p50 7.0 ms  dropped none"
 
 
 def test_a_node_that_complains_shows_its_level_and_words(monkeypatch):
-    child = Child("tracker_front", [], restart=True, say=lambda _: None)
+    child = Child("tracker_front", [], say=lambda _: None)
     monkeypatch.setattr(Child, "alive", True)
-    row = row_of(child, health(level=3, message="no frame for 4 s"), Meter())
+    row = row_of(child, report(level=3, message="no frame for 4 s"), Meter())
     assert (row.state, row.message) == ("stale", "no frame for 4 s")
+
+
+def test_a_node_that_says_nothing_shows_that_and_no_figures_of_the_past(monkeypatch):
+    child = Child("tracker_front", [], say=lambda _: None)
+    monkeypatch.setattr(Child, "alive", True)
+    row = row_of(child, report(silent_s=4.2), Meter())
+    assert (row.state, row.rate, row.dropped) == ("silent for 4 s", "", "")
+
+
+def test_what_nobody_wanted_stands_last_in_a_line_too(monkeypatch):
+    child = Child("camera_front", [], say=lambda _: None)
+    monkeypatch.setattr(Child, "alive", True)
+    counters = {"captured": 9, "dropped.no_subscriber": 7, "dropped.overwritten": 2}
+    line = line_of(row_of(child, report(counters=counters), Meter()))
+    assert line.endswith("dropped overwritten=2 no_subscriber=7")
+
+
+def test_memory_and_cpu_are_those_of_the_process():
+    meter = Meter()
+    meter.begin(os.getpid())
+    cpu, memory = meter.read(os.getpid())
+    assert float(cpu) >= 0
+    assert float(memory) == pytest.approx(psutil.Process().memory_info().rss / 1e6, abs=20)
+    assert meter.read(None) == ("", "")
 
 
 def test_a_signal_and_a_status_are_told_apart():
     assert ended_how(-9) == "died (signal 9)"
-    assert ended_how(3) == "ended with status 3"
+    assert ended_how(3) == "ended with status 3 (cannot open its source)"
+    assert ended_how(1) == "ended with status 1"

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from common.errors import ConfigurationError
-from services.up.launch_file import flags_of, read_launch_file, with_router
+from services.cli.services import commands
+from services.up.command import command_of
+from services.up.launch_file import read_launch_file
 
 ROOT = Path(__file__).parent.parent.parent.parent
 NODE = '[[node]]\nservice = "camera"\n'
@@ -27,8 +29,8 @@ def complaint(path: Path) -> str:
 def test_the_default_file_names_a_camera_a_tracker_and_an_edge_detector():
     plan = read_launch_file(ROOT / "configs" / "up.toml")
     assert [node.name for node in plan.nodes] == ["camera_front", "tracker_front", "edge_front"]
-    assert plan.namespace == "vision"
-    assert plan.router.listen == "tcp/127.0.0.1:7447"
+    assert plan.connection == {"namespace": "vision"}
+    assert plan.listen == "tcp/127.0.0.1:7447"
 
 
 def test_two_cameras_differ_in_name_and_scene():
@@ -38,7 +40,7 @@ def test_two_cameras_differ_in_name_and_scene():
         for service in ("camera", "tracker", "edge")
         for camera in ("left", "right")
     )
-    assert [flags_of(node.settings) for node in plan.nodes[:2]] == [
+    assert [command_of(node)[0][1:] for node in plan.nodes[:2]] == [
         ["--camera", "left"],
         ["--camera", "right", "--seed", "2"],
     ]
@@ -51,17 +53,23 @@ def test_two_cameras_differ_in_name_and_scene():
         ("node = 3\n", ["node", "3"]),
         ("nodes = []\n" + NODE, ["'nodes'", "did you mean 'node'"]),
         ('[router]\nlisen = "x"\n' + NODE, ["router.lisen", "did you mean 'listen'"]),
-        ('[router]\nlisten = "7447"\n' + NODE, ["router.listen", "'7447'", "tcp"]),
-        ('namespace = "a/b"\n' + NODE, ["namespace", "'a/b'"]),
-        ('[[node]]\nservice = "camra"\n', ["node[0]", "'camra'", "camera, tracker, edge"]),
+        ("[router]\nlisten = 7447\n" + NODE, ["router.listen = 7447", "a text"]),
+        ('[router]\nzenoh_config = "x.json5"\n' + NODE, ["router.zenoh_config", "'x.json5'"]),
+        ("namespace = 1\n" + NODE, ["namespace = 1", "key expression"]),
+        ('[node]\nservice = "camera"\n', ["node = ", "one or more [[node]]"]),
+        ("node = []\n", ["node = []", "one or more [[node]]"]),
+        ('[[node]]\ncamera = "x"\n', ["node[0].service is missing", "camera, tracker, edge"]),
+        (NODE + 'camera = "Front!"\n', ["node[0].camera = 'Front!'", "[a-z0-9_]+"]),
+        (NODE + "config = 3\n", ["node[0].config = 3", "a text"]),
+        ('[[node]]\nservice = "camra"\n', ["node[0].service = 'camra'", "mean 'camera'?"]),
         ('[[node]]\nservice = "router"\n', ["node[0]", "'router'"]),
         (NODE + "restart = 1\n", ["node[0].restart", "1"]),
         (NODE + NODE, ["node[1]", "camera_front"]),
         (NODE + "settings = { qualty = 3 }\n", ["settings", "'qualty'", "did you mean 'quality'"]),
         (NODE + "settings = { quality = 300 }\n", ["quality = 300", "1 to 100"]),
         (NODE + 'settings = { quality = "3" }\n', ["quality = '3'"]),
-        (NODE + 'settings = { camera = "x" }\n', ["camera stands beside settings"]),
-        (NODE + 'config = "none.toml"\n', ["none.toml", "No such file"]),
+        (NODE + 'settings = { camera = "x" }\n', ["settings.camera = 'x'", "beside settings"]),
+        (NODE + 'config = "none.toml"\n', ["node[0].config = 'none.toml'", "there is no file"]),
         ("[[node]\n", ["not TOML", "line 1"]),
     ],
 )
@@ -76,7 +84,7 @@ def test_a_config_file_stands_beside_the_launch_file_and_settings_go_over_it(tmp
     (tmp_path / "mine.toml").write_text("quality = 30\nrate = 5.0\n")
     path = launch(tmp_path, NODE + 'config = "mine.toml"\nsettings = { quality = 40 }\n')
     (node,) = read_launch_file(path).nodes
-    assert flags_of(node.settings) == ["--camera", "front", "--rate", "5.0", "--quality", "40"]
+    assert command_of(node)[0][1:] == ["--camera", "front", "--rate", "5.0", "--quality", "40"]
 
 
 def test_a_wrong_value_in_a_config_file_is_blamed_on_that_file(tmp_path):
@@ -90,23 +98,36 @@ def test_the_environment_goes_over_the_files(tmp_path, monkeypatch):
     monkeypatch.setenv("ZV_CAMERA_SOURCE", "0")
     path = launch(tmp_path, NODE + 'settings = { source = "synthetic", loop = true }\n')
     (node,) = read_launch_file(path).nodes
-    assert flags_of(node.settings) == ["--camera", "front", "--source", "0", "--loop"]
+    assert command_of(node)[0][1:] == ["--camera", "front", "--source", "0", "--loop"]
+
+
+def test_a_secret_in_a_url_goes_by_environment_where_other_users_cannot_read_it(tmp_path):
+    url = "rtsp://me:secret@10.0.0.9/1"
+    (node,) = read_launch_file(
+        launch(tmp_path, NODE + f'settings = {{ source = "{url}" }}\n')
+    ).nodes
+    assert command_of(node) == (["camera", "--camera", "front"], {"ZV_CAMERA_SOURCE": url})
+
+
+@pytest.mark.parametrize("source", ["rtsp://10.0.0.9/1", "user@host.avi", "http://[broken"])
+def test_what_holds_no_secret_can_be_seen_and_repeated(tmp_path, source):
+    text = NODE + f'settings = {{ source = "{source}" }}\n'
+    (node,) = read_launch_file(launch(tmp_path, text)).nodes
+    assert command_of(node) == (["camera", "--camera", "front", "--source", source], {})
 
 
 @pytest.mark.parametrize(
-    ("listen", "reach"),
+    "settings",
     [
-        ("tcp/127.0.0.1:7447", "tcp/127.0.0.1:7447"),
-        ("tcp/0.0.0.0:7447#so_sndbuf=65536", "tcp/127.0.0.1:7447"),
-        ("tcp/[::]:7000", "tcp/[::1]:7000"),
+        '{ source = "-1.avi", quality = 7, loop = true, rate = 0.5, fourcc = "MJPG" }',
+        "{ seed = 4294967295, frozen_after = 0.0, flip = 'both', faults = 'stall@9+6' }",
     ],
 )
-def test_nodes_on_this_machine_reach_a_router_that_listens_everywhere(tmp_path, listen, reach):
-    plan = with_router(read_launch_file(launch(tmp_path, NODE)), listen=listen, connect=None)
-    assert plan.router.reach == reach
-
-
-def test_a_malformed_endpoint_on_the_command_line_is_refused(tmp_path):
-    plan = read_launch_file(launch(tmp_path, NODE))
-    with pytest.raises(ConfigurationError, match=r"--connect = 'here'.*tcp/HOST:PORT"):
-        with_router(plan, listen=None, connect="here")
+def test_the_command_line_of_a_node_means_the_same_settings(tmp_path, monkeypatch, settings):
+    (node,) = read_launch_file(launch(tmp_path, NODE + f"settings = {settings}\n")).nodes
+    understood = []
+    monkeypatch.setattr("services.camera.service.run", lambda found, _: understood.append(found))
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    arguments, _ = command_of(node)
+    commands()["camera"].main(arguments[1:], standalone_mode=False)
+    assert understood == [node.settings]
