@@ -36,7 +36,12 @@ class Pace:
             self._forget(at_s)
             if len(self._done) < 2:
                 return 0.0
-            return (len(self._done) - 1) / max(at_s - self._done[0][0], 1e-3)
+            periods = len(self._done) - 1
+            span_s = self._done[-1][0] - self._done[0][0]
+            # The time since the last one counts only once the next is overdue: else the rate
+            # of a steady stream would come out too low.
+            overdue_s = max(0.0, at_s - self._done[-1][0] - span_s / periods)
+            return periods / max(span_s + overdue_s, 1e-3)
 
     def latency(self, at_s: float) -> Latency:
         """Return the percentiles of the window (nearest rank), nil when it is empty."""

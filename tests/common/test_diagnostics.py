@@ -66,6 +66,11 @@ def test_the_rate_over_a_full_window_is_right_too():
     assert pace_of(*[1.0] * 200, step_s=0.1).rate_hz(19.9) == pytest.approx(10.0, abs=0.21)
 
 
+def test_the_rate_of_a_steady_stream_is_the_same_whenever_it_is_asked_for():
+    # Half a period after the 31st frame nothing is overdue: 30 intervals in 3 s.
+    assert pace_of(*[1.0] * 31, step_s=0.1).rate_hz(3.05) == pytest.approx(10.0)
+
+
 def test_the_rate_falls_when_frames_stop_coming():
     pace = pace_of(*[1.0] * 31, step_s=0.1)
     # At 6 s the window begins at 1 s: 21 frames are left, 20 intervals in 5 s.
