@@ -12,18 +12,17 @@ The iterator ends at SIGINT or SIGTERM, and so does the ``with``.
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Self
 
 import zenoh
 
-from common import images, keys
+from common import keys
 from common.codec import Message
 from common.errors import ConfigurationError, PayloadError
 from common.frame import Form, Frame
@@ -32,10 +31,11 @@ from common.images import Pixels
 from common.keys import Topic
 from common.ledger import Ledger
 from common.messages import Diagnostics, Header, NodeDescription, Stamped
-from common.publishing import Sample, StreamPublisher
+from common.publishing import Sample, StreamPublisher, picture_sample
 from common.receiving import FrameReceiver
 from common.serving import QueryServer, answer_schemas
 from common.session import Connection, open_session
+from common.signals import StopSignals
 
 POLL_S = 0.1
 CLOSE_S = 1.0
@@ -80,17 +80,17 @@ class Node:
         self._publishers: dict[str, StreamPublisher] = {}
         self._stopping = False
         self._started_ns = time.time_ns()
-        self._previous_handlers: dict[int, object] = {}
+        self._signals = StopSignals(self.stop)
 
     # Life
 
     def __enter__(self) -> Self:
         """Open the session, waiting for the router; declare what the node offers."""
-        self._catch_signals()
+        self._signals.catch()
         try:
             self._session = open_session(self.connection, lambda: self._stopping)
         except BaseException:
-            self._release_signals()
+            self._signals.release()
             raise
         self._server = QueryServer(self._publish_diagnostics)
         namespace = self.connection.namespace
@@ -127,7 +127,7 @@ class Node:
         closing = threading.Thread(target=self._session.close, daemon=True)
         closing.start()
         closing.join(CLOSE_S)
-        self._release_signals()
+        self._signals.release()
 
     @property
     def stopping(self) -> bool:
@@ -215,6 +215,7 @@ class Node:
         encoding: str = "bgr8",
         quality: int = 80,
         jpeg: bool | None = None,
+        bilevel: bool = False,
     ) -> None:
         """Publish a picture made from a frame, if someone subscribes; keep it for queries.
 
@@ -223,23 +224,23 @@ class Node:
             frame: What it was made from.
             picture: Its pixels, or what makes them: called at most once, maybe later and on
                 another thread.
-            encoding: ``bgr8``, or ``mono8`` for a picture of only 0 and 255.
+            encoding: What the pixels are: ``bgr8`` or ``mono8``.
             quality: JPEG quality.
             jpeg: True or False overrides the row.
+            bilevel: All pixels are 0 or 255: a PNG then has one bit each.
         """
         publisher = self._publisher(topic)
         header = self.header(frame, encoding)
         as_jpeg = publisher.topic.encoding == keys.JPEG if jpeg is None else jpeg
 
-        def sample() -> Sample:
-            pixels = picture() if callable(picture) else picture
-            if as_jpeg:
-                payload = images.encode_jpeg(pixels, encoding, quality)
-            else:
-                payload = images.encode_png(pixels, bilevel=encoding == "mono8")
-            return Sample(payload, keys.JPEG if as_jpeg else keys.PNG, header.to_bytes())
-
-        publisher.offer(sample)
+        publisher.offer(
+            lambda: picture_sample(
+                picture() if callable(picture) else picture,
+                header,
+                jpeg_quality=quality if as_jpeg else None,
+                bilevel=bilevel,
+            )
+        )
 
     def publish_frame(self, frame: Frame) -> bool:
         """Publish a camera's own frame, compressed and raw, each only if someone subscribes.
@@ -282,23 +283,6 @@ class Node:
             description.to_bytes(),
             encoding=keys.msgpack_of(NodeDescription.schema_name),
         )
-
-    # Signals
-
-    def _catch_signals(self) -> None:
-        if threading.current_thread() is not threading.main_thread():
-            return
-
-        def on_signal(_number: int, _at: FrameType | None) -> None:
-            self.stop()
-
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._previous_handlers[number] = signal.signal(number, on_signal)
-
-    def _release_signals(self) -> None:
-        for number, handler in self._previous_handlers.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
-        self._previous_handlers.clear()
 
 
 def installed_version() -> str:

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 import zenoh
 
-from common.keys import Topic
+from common import images
+from common.images import Pixels
+from common.keys import JPEG, PNG, Topic
+from common.messages import Header
 from common.session import direct
 
 
@@ -19,6 +22,24 @@ class Sample:
     payload: bytes
     encoding: str
     attachment: bytes | None
+
+
+def picture_sample(
+    pixels: Pixels, header: Header, *, jpeg_quality: int | None, bilevel: bool
+) -> Sample:
+    """Return a picture as it goes on the wire.
+
+    Args:
+        pixels: As ``header.encoding`` says, 8 bits.
+        header: Its identity.
+        jpeg_quality: As JPEG of this quality; None for PNG.
+        bilevel: All pixels are 0 or 255: a PNG then has one bit each.
+    """
+    attachment = header.to_bytes()
+    if jpeg_quality is None:
+        return Sample(images.encode_png(pixels, bilevel=bilevel), PNG, attachment)
+    jpeg = images.encode_jpeg(pixels, header.encoding or "bgr8", jpeg_quality)
+    return Sample(jpeg, JPEG, attachment)
 
 
 class Once:

@@ -21,6 +21,7 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
                 frame,
                 edges_of(frame, settings),
                 encoding="mono8",
+                bilevel=True,
                 jpeg=settings.format == "jpeg",
                 quality=settings.quality,
             )

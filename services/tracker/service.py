@@ -37,7 +37,7 @@ def run(settings: TrackerSettings, connection: Connection) -> None:
                 partial(draw, frame.bgr, found),
                 quality=settings.quality,
             )
-            node.publish_picture("mask", frame, mask, encoding="mono8")
+            node.publish_picture("mask", frame, mask, encoding="mono8", bilevel=True)
 
 
 def tracker_of(settings: TrackerSettings) -> LargestObject:
