@@ -56,6 +56,7 @@ class Health:
             counters=self._ledger.snapshot(),
             rate_hz=self.pace.rate_hz(now_s),
             latency_ms=self.pace.latency(now_s),
+            latency_histogram_ms=self.pace.histogram(),
         )
 
     def _judge(self, now_s: float) -> tuple[int, str]:
