@@ -68,7 +68,7 @@ class PlainCamera:
     def put(self, payload: bytes, attachment: bytes | None) -> None:
         """Publish anything."""
         self._session.put(
-            IMAGE_KEY,
+            IMAGE_KEY.replace("front", self._camera),
             payload,
             encoding="image/jpeg",
             attachment=attachment,
