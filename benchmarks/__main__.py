@@ -8,7 +8,7 @@ import platform
 
 import cv2
 
-from benchmarks import fleet, floor, stream
+from benchmarks import fleet, floor, parameters, stream
 from benchmarks.material import frames
 
 SIZES = ((768, 576), (1920, 1080))
@@ -35,6 +35,7 @@ def main() -> None:
             stream.with_services(width, height, options.seconds),
         )
     show("start-up, s", stream.start_up())
+    show("parameter set to first frame with it", parameters.set_to_frame(options.seconds))
     show("fleet", fleet.cameras(options.cameras, 10.0, max(options.seconds, 30)))
     if options.memory_minutes:
         show("memory", fleet.cameras(1, 30.0, options.memory_minutes * 60))
