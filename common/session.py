@@ -25,6 +25,7 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 2000
 RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 POLL_S = 0.1
+CLOSE_S = 1.0
 OPEN_TIMEOUT_MS = 800
 MIN_TIMEOUT_MS = 20
 
@@ -129,6 +130,13 @@ def open_session(
                 f"{because}; start one with `zv router`, "
                 "or name another with --connect tcp/HOST:PORT"
             )
+
+
+def close_session(session: zenoh.Session) -> None:
+    """Close a session in bounded time, whatever the router does."""
+    closing = threading.Thread(target=session.close, daemon=True)
+    closing.start()
+    closing.join(CLOSE_S)
 
 
 def _try_open(config: zenoh.Config, opened: list[zenoh.Session], failed: list[str]) -> None:

@@ -48,7 +48,7 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     env_prefix: ClassVar[str]
-    """What its environment variables start with."""
+    """What its environment variables start with; empty if the environment sets none of them."""
 
     env_shared: ClassVar[bool] = False
     """Whether other variables may start with that too; else they are taken for mistakes."""
@@ -101,7 +101,10 @@ def load_settings(
         return model.model_validate(merged)
     except ValidationError as error:  # a rule about several options at once
         places = " and ".join(place for place, values, _ in layers if values)
-        message = error.errors()[0]["msg"].removeprefix("Value error, ")
+        first = error.errors()[0]
+        message = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "missing":
+            raise ConfigurationError(f"{first['loc'][0]} must be given") from None
         raise ConfigurationError(f"{places}: {message}") from None
 
 
@@ -127,6 +130,8 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
         ConfigurationError: A variable with the model's prefix names no option.
     """
     prefix = model.env_prefix
+    if not prefix:
+        return {}
     for variable, value in os.environ.items():
         name = variable.removeprefix(prefix).lower()
         mistaken = variable.startswith(prefix) and name not in model.model_fields
@@ -160,12 +165,18 @@ def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
             continue
         elif "type" in kind:
             words.append(_range(kind))
-    default = "" if field.is_required() else f"; default {field.default!r}"
+    unset = field.is_required() or field.default in (None, ())
+    default = "" if unset else f"; default {field.default!r}"
     return " or ".join(words) + default
 
 
 def _range(kind: Mapping[str, Any]) -> str:
-    names = {"integer": "a whole number", "number": "a number", "string": "a text"}
+    names = {
+        "integer": "a whole number",
+        "number": "a number",
+        "string": "a text",
+        "array": "a list",
+    }
     word = names.get(kind["type"], "true or false" if kind["type"] == "boolean" else kind["type"])
     low, high = kind.get("minimum"), kind.get("maximum")
     if "exclusiveMinimum" in kind:
@@ -178,6 +189,8 @@ def _range(kind: Mapping[str, Any]) -> str:
         word += f" of at least {low:.12g}"
     elif high is not None:
         word += f" up to {high:.12g}"
+    if high is None and "exclusiveMaximum" in kind:
+        word += f"{' and' if low is not None else ''} below {kind['exclusiveMaximum']:g}"
     if "pattern" in kind:
         word += f" of the form {kind['pattern']}"
     return word
@@ -191,12 +204,13 @@ def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, stri
     try:
         model.model_validate(values, strict=strict, context={"typed": strict})
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        if not first["loc"]:
+        wrong = [e for e in error.errors(include_url=False) if e["type"] != "missing"]
+        if not wrong or not wrong[0]["loc"]:
             return  # a rule about several options: judged when they are merged
+        first = wrong[0]
         name = str(first["loc"][0])
         shown = f"{model.env_prefix}{name.upper()}" if place == "environment" else name
-        shown = f"--{name.replace('_', '-')}" if place == "command line" else shown
+        shown = f"--{name.rstrip('_').replace('_', '-')}" if place == "command line" else shown
         message = first["msg"].removeprefix("Value error, ")
         raise ConfigurationError(
             f"{place}: {shown} = {values[name]!r} is not allowed ({message}); "

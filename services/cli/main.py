@@ -7,45 +7,30 @@ import sys
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
 
 from common.errors import VisionError
 from services.catalogue import SERVICES
+from services.cli.lazy import lazy
+from services.tools.catalogue import GROUPS, TOOLS
 
 COMMANDS = {
     "up": ("services.cli.up", "Start a whole system from one file, and watch it."),
     **{name: ("services.cli.services", service.line) for name, service in SERVICES.items()},
+    **{name: ("services.cli.tools", line) for name, line in GROUPS.items()},
+    **{words: ("services.cli.tools", TOOLS[words].line) for words in TOOLS if " " not in words},
 }
-"""Command, the module whose ``commands`` holds it, and its line in ``zv --help``."""
+"""Command, the module whose ``load`` makes it, and its line in ``zv --help``."""
 
 
-class LazyGroup(TyperGroup):
-    """Loads the module of a command when that command is called, not before."""
-
-    listing = False
-
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - typer's signature
-        """Return all names."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002 - typer's signature
-        """Return a command; for the list of commands only its name and line."""
-        if cmd_name not in COMMANDS:
-            return None
-        module, line = COMMANDS[cmd_name]
-        if self.listing:
-            return TyperCommand(cmd_name, help=line)
-        return importlib.import_module(module).commands()[cmd_name]
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help without loading any command."""
-        self.listing = True
-        super().format_help(ctx, formatter)
+def load(name: str) -> Any:
+    """Return a command."""
+    module, _ = COMMANDS[name]
+    return importlib.import_module(module).load(name)
 
 
 app = typer.Typer(
     name="zv",
-    cls=LazyGroup,
+    cls=lazy({name: line for name, (_, line) in COMMANDS.items()}, load),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

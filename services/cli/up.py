@@ -33,9 +33,9 @@ A node that dies is started again; Ctrl-C ends everything.
 Example: zv up configs/two-cameras.toml"""
 
 
-def commands() -> dict[str, Any]:
+def load(name: str) -> Any:
     """Return the command."""
-    return {"up": command("up", run, parameters(), WORDS)}
+    return command(name, run, parameters(), WORDS)
 
 
 def parameters() -> list[inspect.Parameter]:
