@@ -11,8 +11,9 @@ import difflib
 import os
 import tomllib
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, cast
 
 from pydantic import (
     BaseModel,
@@ -23,10 +24,12 @@ from pydantic import (
     ValidationInfo,
 )
 from pydantic.fields import FieldInfo
-from pydantic_settings import BaseSettings, EnvSettingsSource
 
 from common.errors import ConfigurationError
 from common.keys import DEFAULT_CAMERA, NAME
+
+if TYPE_CHECKING:
+    from pydantic_settings import BaseSettings
 
 CameraName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=64)]
 Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
@@ -137,6 +140,8 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
         mistaken = variable.startswith(prefix) and name not in model.model_fields
         if mistaken and value and not model.env_shared:
             raise ConfigurationError(f"environment: {unknown(variable, name, model)}")
+    from pydantic_settings import EnvSettingsSource  # takes as long as all else of a --help
+
     # It asks a model for its fields and their names only, which any model has.
     source = EnvSettingsSource(
         cast("type[BaseSettings]", model), env_prefix=prefix, env_ignore_empty=True
@@ -153,7 +158,7 @@ def unknown(shown: str, name: str, model: type[BaseModel]) -> str:
 
 def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
     """Say in words what an option may be, from its schema."""
-    schema = model.model_json_schema()["properties"][name]
+    schema = _properties(model)[name]
     kinds = [schema, *schema.get("anyOf", [])]
     words = []
     for kind in kinds:
@@ -168,6 +173,13 @@ def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
     unset = field.is_required() or field.default in (None, ())
     default = "" if unset else f"; default {field.default!r}"
     return " or ".join(words) + default
+
+
+@cache
+def _properties(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the schemas of a model's fields: made for all at once, and asked for one by one."""
+    properties: dict[str, Any] = model.model_json_schema()["properties"]
+    return properties
 
 
 def _range(kind: Mapping[str, Any]) -> str:
