@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from common.settings import Settings, allowed
 from services.catalogue import SERVICES, model_of
 from services.cli.options import ConnectionSettings, flag
-from services.up.launch_file import LaunchTables, NodeTable, RouterTable
+from services.launch_file import LaunchTables, NodeTable, RouterTable
 
 ROOT = Path(__file__).parent.parent.parent
 WIDTH = 96

@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from services.up.figures import Row
+from services.figures.row import Row
 
 LINE_PERIOD_S = 5.0
 TABLE_PERIOD_S = 1.0
@@ -27,6 +27,15 @@ STYLES = {
     "stopped": "dim",
 }
 TRANSIENT_STYLE = "yellow"
+
+NUMBERS = {"rate": "Hz", "p50": "ms", "p99": "ms", "lost": "%", "cpu": "%", "memory": "MB"}
+"""Fields of a row that are numbers, and their units."""
+
+TITLES = {"cpu": "CPU %", "memory": "MB"}
+"""Columns that are called otherwise than field and unit."""
+
+WHEN_KNOWN = ("lost", "host")
+"""Columns that are there only when a row has something to say in them."""
 
 
 class Display(Protocol):
@@ -101,13 +110,16 @@ def drawn(rows: list[Row]) -> Group:
 
     The last line is short: terminals echo Ctrl-C at its end, and must not wrap there.
     """
+    shown = {name for name in WHEN_KNOWN if any(getattr(row, name) for row in rows)}
+    numbers = [name for name in NUMBERS if name not in WHEN_KNOWN or name in shown]
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("node", no_wrap=True)
-    table.add_column("state", no_wrap=True)
-    for name in ("rate Hz", "p50 ms", "p99 ms"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for name in ("CPU %", "MB"):
-        table.add_column(name, justify="right", no_wrap=True)
+    for name in ("node", "state"):
+        table.add_column(name, no_wrap=True)
+    for name in numbers:
+        title = TITLES.get(name, f"{name} {NUMBERS[name]}")
+        table.add_column(title, justify="right", no_wrap=True)
+    if "host" in shown:
+        table.add_column("host", no_wrap=True)
     table.add_column("dropped", overflow="fold")
     for row in rows:
         dropped = Text(" ").join(
@@ -116,9 +128,10 @@ def drawn(rows: list[Row]) -> Group:
             if words
         )
         table.add_row(
-            row.node,
+            Text(row.node),
             Text(row.state, STYLES.get(row.state, TRANSIENT_STYLE)),
-            *(row.rate, row.p50, row.p99, row.cpu, row.memory),
+            *(getattr(row, name) for name in numbers),
+            *([Text(row.host)] if "host" in shown else []),
             dropped,
         )
     messages = [Text(f"{row.node}: {row.message}") for row in rows if row.message]
@@ -162,17 +175,13 @@ class PlainLines:
 def line_of(row: Row) -> str:
     """Return a node's figures as one line of ``name value unit``."""
     words = [f"{row.node:<16} {row.state}"]
-    for name, value, unit in (
-        ("rate", row.rate, " Hz"),
-        ("p50", row.p50, " ms"),
-        ("p99", row.p99, " ms"),
-        ("cpu", row.cpu, " %"),
-        ("memory", row.memory, " MB"),
-    ):
-        if value:
-            words.append(f"{name} {value}{unit}")
+    for name, unit in NUMBERS.items():
+        if value := getattr(row, name):
+            words.append(f"{name} {value} {unit}")
     if row.rate:
         words.append(f"dropped {' '.join(filter(None, (row.dropped, row.unwanted))) or 'none'}")
+    if row.host:
+        words.append(f"on {row.host}")
     if row.message:
         words.append(f"({row.message})")
     return "  ".join(words)
