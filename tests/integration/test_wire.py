@@ -263,9 +263,12 @@ def test_a_node_describes_itself(system, node, publishes, subscribes):
     body = description.body
     assert set(body) == {
         *("node", "service", "cameras", "version", "host", "pid", "started_ns"),
-        *("publishes", "subscribes"),
+        *("publishes", "subscribes", "stamp_ns"),
+        *(["rate_hz"] if node == "camera_front" else []),
     }
     assert body["node"] == node
+    assert abs(body["stamp_ns"] - description.at_ns) < 1e9
+    assert body.get("rate_hz", 20) == 20  # the camera's
     assert body["service"] == node.split("_")[0]
     assert body["cameras"] == ["front"]
     assert body["pid"] == system.programs[node].process.pid
