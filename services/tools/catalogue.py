@@ -27,8 +27,26 @@ class Tool:
     json: bool = True
 
 
-GROUPS: Final[dict[str, str]] = {}
+GROUPS: Final[dict[str, str]] = {
+    "node": "See which nodes run and what each does.",
+}
 """Commands that have commands of their own, with their line in ``zv --help``."""
 
-TOOLS: Final[dict[str, Tool]] = {}
+TOOLS: Final[dict[str, Tool]] = {
+    "node list": Tool(
+        "services.tools.node.options:ListOptions",
+        "services.tools.node.listing:run",
+        "List the nodes that run.",
+        "zv node list  |  zv node list --watch",
+        "By their liveliness tokens: one that was killed is gone at once, one that froze or lost "
+        "its network after 2 s. Two nodes of one name are two lines.",
+    ),
+    "node info": Tool(
+        "services.tools.node.options:InfoOptions",
+        "services.tools.node.info:run",
+        "Say all that a node says of itself.",
+        "zv node info tracker_front  |  zv node info 'camera_*' --json",
+        "What it publishes and subscribes, its parameters, version, host, process, uptime, health.",
+    ),
+}
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""
