@@ -33,9 +33,9 @@ def row(
     health: Diagnostics,
     *,
     state: str = "running",
-    cpu: str = "",
-    memory: str = "",
-    lost: str = "",
+    cpu: float | None = None,
+    memory_mb: float | None = None,
+    lost: float | None = None,
     host: str = "",
 ) -> Row:
     """Return the row of a node that reports.
@@ -45,8 +45,8 @@ def row(
         health: Its newest report.
         state: What stands there when it has nothing to complain of.
         cpu: Percent of a core.
-        memory: Megabytes.
-        lost: Percent of its frames.
+        memory_mb: Megabytes.
+        lost: Share of its frames, 0 to 1.
         host: Where it runs.
     """
     latency = health.latency_ms
@@ -54,17 +54,22 @@ def row(
     return Row(
         node,
         LEVELS[health.level] or state,
-        rate=f"{health.rate_hz:.1f}",
-        p50="" if latency.p50 is None else f"{latency.p50:.1f}",
-        p99="" if latency.p99 is None else f"{latency.p99:.1f}",
-        lost=lost,
+        rate=number(health.rate_hz, 1),
+        p50=number(latency.p50, 1),
+        p99=number(latency.p99, 1),
+        lost=number(lost and 100 * lost, 1),
         dropped=dropped,
         unwanted=unwanted,
-        cpu=cpu,
-        memory=memory,
+        cpu=number(cpu),
+        memory=number(memory_mb),
         host=host,
         message="" if health.message == "ok" else health.message,
     )
+
+
+def number(value: float | None, places: int = 0) -> str:
+    """Return a number as text, nothing for none."""
+    return "" if value is None else f"{value:.{places}f}"
 
 
 def drops(counters: dict[str, int]) -> tuple[str, str]:

@@ -48,5 +48,13 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv node info tracker_front  |  zv node info 'camera_*' --json",
         "What it publishes and subscribes, its parameters, version, host, process, uptime, health.",
     ),
+    "top": Tool(
+        "services.tools.top.options:TopOptions",
+        "services.tools.top.command:run",
+        "Watch all nodes: rates, latencies, losses, those that hurt first.",
+        "zv top  |  zv top --once  |  zv top --once --json",
+        "Sorted by level, then by the share of frames lost in the last 5 s, then by latency. CPU "
+        "and memory are shown of the nodes on this machine.",
+    ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""
