@@ -56,5 +56,13 @@ TOOLS: Final[dict[str, Tool]] = {
         "Sorted by level, then by the share of frames lost in the last 5 s, then by latency. CPU "
         "and memory are shown of the nodes on this machine.",
     ),
+    "doctor": Tool(
+        "services.tools.doctor.options:DoctorOptions",
+        "services.tools.doctor.command:run",
+        "Find what is wrong, and say what to do about it.",
+        "zv doctor  |  zv doctor --namespace lab --for 10s  |  zv doctor my-camera.toml",
+        "A line for each thing that was checked: OK, WARN or FAIL. Exit status 1 if one is FAIL, 4 "
+        "if that is only the router. docs/doctor.md says what each check means.",
+    ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""

@@ -23,6 +23,8 @@ class PlainCamera:
         session: Of a client.
         epoch: Its run; now, if not given.
         pictures: JPEGs that are shown in turn.
+        camera: Its name.
+        key: Where it publishes.
     """
 
     def __init__(
@@ -32,6 +34,7 @@ class PlainCamera:
         epoch: int | None = None,
         pictures: tuple[bytes, ...] = PICTURES,
         camera: str = "front",
+        key: str = IMAGE_KEY,
     ) -> None:
         self.epoch = time.time_ns() if epoch is None else epoch
         self.seq = 0
@@ -39,6 +42,7 @@ class PlainCamera:
         self._session = session
         self._pictures = pictures
         self._camera = camera
+        self._key = key
 
     def header(self, picture: bytes | None = None, **changes: Any) -> dict[str, Any]:
         """Return the header that the next picture gets."""
@@ -68,7 +72,7 @@ class PlainCamera:
     def put(self, payload: bytes, attachment: bytes | None) -> None:
         """Publish anything."""
         self._session.put(
-            IMAGE_KEY,
+            self._key,
             payload,
             encoding="image/jpeg",
             attachment=attachment,
