@@ -46,13 +46,23 @@ class Heartbeat:
             return
         self._due_s = now_s + PERIOD_S / 2
         try:
-            self._replace(self._path, words)
+            if words != self._written or not self._touched(self._path):
+                self._replace(self._path, words)
         except OSError as error:
             if not self._failed:
                 log.warning("%s %s: %s", VARIABLE, self._path, error.strerror or error)
             self._failed = True
             return
         self._written, self._failed = words, False
+
+    @staticmethod
+    def _touched(path: Path) -> bool:
+        """Set the time of the file alone, which a full disk allows; False if it is gone."""
+        try:
+            os.utime(path)
+        except FileNotFoundError:
+            return False
+        return True
 
     @staticmethod
     def _replace(path: Path, words: str) -> None:

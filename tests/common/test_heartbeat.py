@@ -27,6 +27,22 @@ def test_an_unchanged_state_is_not_written_again_at_once(tmp_path: Path):
     assert file.stat().st_mtime == 1
 
 
+def test_a_full_disk_does_not_age_the_file(tmp_path: Path, monkeypatch):
+    file = tmp_path / "health"
+    heartbeat = Heartbeat(str(file))
+    heartbeat.beat()
+    os.utime(file, (1, 1))
+
+    def full(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr("common.heartbeat.PERIOD_S", 0.0)
+    heartbeat._due_s = 0.0
+    heartbeat.beat()
+    assert file.stat().st_mtime > 1
+
+
 def test_without_the_variable_nothing_is_written(tmp_path: Path, monkeypatch):
     monkeypatch.delenv("ZV_HEALTH_FILE", raising=False)
     monkeypatch.chdir(tmp_path)

@@ -25,6 +25,7 @@ class PlainCamera:
         pictures: JPEGs that are shown in turn.
         camera: Its name.
         key: Where it publishes.
+        congestion_control: What happens when the way is full: by default nothing is lost.
     """
 
     def __init__(
@@ -35,6 +36,7 @@ class PlainCamera:
         pictures: tuple[bytes, ...] = PICTURES,
         camera: str = "front",
         key: str = IMAGE_KEY,
+        congestion_control: zenoh.CongestionControl = zenoh.CongestionControl.BLOCK,
     ) -> None:
         self.epoch = time.time_ns() if epoch is None else epoch
         self.seq = 0
@@ -43,6 +45,7 @@ class PlainCamera:
         self._pictures = pictures
         self._camera = camera
         self._key = key
+        self._congestion_control = congestion_control
 
     def header(self, picture: bytes | None = None, **changes: Any) -> dict[str, Any]:
         """Return the header that the next picture gets."""
@@ -76,7 +79,7 @@ class PlainCamera:
             payload,
             encoding="image/jpeg",
             attachment=attachment,
-            congestion_control=zenoh.CongestionControl.BLOCK,
+            congestion_control=self._congestion_control,
         )
 
     def at(self, rate_hz: float, send: Callable[[], object] | None = None) -> Paced:
