@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -132,6 +133,21 @@ def source_of(options: list[str]) -> str:
 def device_of(options: list[str]) -> str:
     source = source_of(options)
     return f"/dev/video{source}" if source.isdecimal() else source
+
+
+@pytest.mark.parametrize("flags", written("zv", "metrics"))
+def test_metrics_are_served_as_written_until_ctrl_c(flags: list[str], system: str, tmp_path: Path):
+    # 9464 may well be in use.
+    options = [*flags[1:], "--connect", system, "--listen", "127.0.0.1:0"]
+    with service(flags[0], tmp_path, *options) as program:
+        url = program.lines(r"http://127\.0\.0\.1:\d+/metrics")[0][0]
+
+        def served() -> bool:
+            with urllib.request.urlopen(url, timeout=5) as answer:
+                return b'zenoh_vision_node_up{node="camera_front"} 1.0' in answer.read()
+
+        eventually(served, START_S, lambda: program.complaints)
+        assert program.interrupt() == 0
 
 
 @pytest.mark.parametrize("flags", written("zv", "router"))

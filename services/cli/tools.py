@@ -19,6 +19,7 @@ from common.settings import load_settings
 from common.signals import SIGNALS
 from services.cli.lazy import group
 from services.cli.options import (
+    ConnectionSettings,
     ToolConnectionSettings,
     command,
     common_parameters,
@@ -61,7 +62,7 @@ def _command(words: str) -> Any:
     def call(*, debug: bool, json: bool = False, **flags: Any) -> None:
         leave_on_signals()
         log_to_stderr(debug, logging.WARNING)
-        connection = connection_from(flags, ToolConnectionSettings)
+        connection = connection_from(flags, _connection_model(tool))
         given = {name: None if value == [] else value for name, value in flags.items()}
         options = load_settings(model, flags=given)
         run_tool(_named(tool.run), options, connection, Output(as_json=json), debug=debug)
@@ -109,7 +110,11 @@ def _parameters(tool: Tool, model: type[ToolOptions]) -> list[inspect.Parameter]
                 ],
             )
         )
-    return [*found, *common_parameters(ToolConnectionSettings, config=False)]
+    return [*found, *common_parameters(_connection_model(tool), config=False)]
+
+
+def _connection_model(tool: Tool) -> type[ConnectionSettings]:
+    return ConnectionSettings if tool.waits else ToolConnectionSettings
 
 
 def _named(place: str) -> Any:

@@ -17,6 +17,7 @@ class Tool:
         example: Command lines that show its use.
         details: More of its help, behind the line.
         json: Whether it has ``--json``.
+        waits: Whether it waits for a router for ever, as a service does, unless told.
     """
 
     options: str
@@ -25,10 +26,21 @@ class Tool:
     example: str
     details: str = ""
     json: bool = True
+    waits: bool = False
 
 
 GROUPS: Final[dict[str, str]] = {}
 """Commands that have commands of their own, with their line in ``zv --help``."""
 
-TOOLS: Final[dict[str, Tool]] = {}
+TOOLS: Final[dict[str, Tool]] = {
+    "metrics": Tool(
+        "services.tools.metrics.options:MetricsOptions",
+        "services.tools.metrics.command:run",
+        "Serve the health of all nodes to Prometheus.",
+        "zv metrics --listen 127.0.0.1:9464",
+        details="Prints the address that Prometheus scrapes and serves it until Ctrl-C, whether "
+        "or not there is a router. docs/metrics.md says what is served.",
+        waits=True,
+    ),
+}
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""
