@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -15,6 +17,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from services.cli.failures import FAULT_STATUS
 from services.cli.main import COMMANDS
 from tests.processes import (
     ROOT,
@@ -68,7 +71,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def test_every_command_is_one_that_is_tested_here():
-    assert {words[0] for words in commands()} == {"make", "zv", "python"}
+    assert {words[0] for words in commands()} == {"make", "zv", "python", "source"}
     assert {words[1] for words in commands() if words[0] == "zv"} <= set(COMMANDS)
     assert {words[1] for words in commands() if words[0] == "make"} == {"up", "test"}
 
@@ -226,6 +229,27 @@ def test_an_example_runs_as_written(system: str, tmp_path: Path, arguments: list
         assert program.interrupt() == 0
 
 
+@pytest.mark.parametrize("words", [w for w in commands() if w[0] == "source"], ids=" ".join)
+def test_completion_is_there_after_the_line_as_written(words: list[str], tmp_path: Path):
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    command = tmp_path / "zv"
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m services "$@"\n')
+    command.chmod(0o755)
+    typed = "COMP_WORDS=(zv came); COMP_CWORD=1; _zv_completion zv; echo ${COMPREPLY[@]}"
+    done = subprocess.run(
+        [bash, "--norc", "-c", f"{' '.join(words)}\n{typed}"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={**environment(), "PATH": f"{tmp_path}:{os.environ['PATH']}"},
+        timeout=START_S,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("camera\n", "")
+
+
 # Text
 
 
@@ -287,5 +311,5 @@ def test_the_exit_statuses_are_those_of_the_code():
         and issubclass(error, errors.VisionError)
         and error not in (errors.VisionError, errors.PayloadError)
     }
-    shown = {int(found) for found in re.findall(r"^\| (\d) \|", TEXT, re.MULTILINE)}
-    assert shown == statuses
+    shown = {int(found) for found in re.findall(r"^\| (\d+) \|", TEXT, re.MULTILINE)}
+    assert shown == statuses | {FAULT_STATUS}

@@ -17,6 +17,7 @@ class Tool:
         example: Command lines that show its use.
         details: More of its help, behind the line.
         json: Whether it has ``--json``.
+        section: The heading that it stands under in ``zv --help``.
         waits: Whether it waits for a router for ever, as a service does, unless told.
     """
 
@@ -26,6 +27,7 @@ class Tool:
     example: str
     details: str = ""
     json: bool = True
+    section: str = "Tools"
     waits: bool = False
 
 
