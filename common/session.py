@@ -2,7 +2,7 @@
 
 Client mode through one router; no scouting; no shared memory (its implicit use leaks locked
 memory in the router, zenoh #2787); a lease of 2 s, so that a node which froze or lost its
-network is known to be gone; retries of 100 to 500 ms, so that flows are back within a second
+network is known to be gone; retries of 50 to 200 ms, so that flows are back within a second
 of the router's return.
 """
 
@@ -23,7 +23,7 @@ from common.errors import ConfigurationError, RouterUnreachable, ToldToStop
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 2000
-RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
 POLL_S = 0.1
 CLOSE_S = 1.0
 OPEN_TIMEOUT_MS = 800
