@@ -24,6 +24,7 @@ from services.tools.session import ToolSession
 log = logging.getLogger("metrics")
 
 TICK_S = 1.0
+STUCK_S = 5.0
 ASK_AGAIN_S = 10.0
 """A node that does not say who it is, perhaps because it is none of ours, is asked again."""
 
@@ -36,7 +37,7 @@ def run(options: MetricsOptions, connection: Connection, output: Output) -> None
         RouterUnreachable: No router within the connection's time, if it has one.
     """
     exporter = Exporter(options.gone)
-    with MetricsServer(options.listen, exporter.collector) as server:
+    with MetricsServer(options.listen, exporter.collector, exporter.trouble) as server:
         if output.as_json:
             output.record({"url": server.url})
         else:
@@ -63,6 +64,7 @@ class Exporter:
         self._session: ToolSession | None = None
         self._complaints = Complaints(log)
         self._had_router = True
+        self._turned_s: float | None = None
         self._asked_s: dict[str, float] = {}
 
     def listen(self, session: ToolSession) -> None:
@@ -76,13 +78,18 @@ class Exporter:
         )
         self._session = session
 
+    def trouble(self) -> str:
+        """Return why what is served may be old; to wait for a router is no reason."""
+        since_s = 0.0 if self._turned_s is None else time.monotonic() - self._turned_s
+        return f"the loop has been stuck for {since_s:.0f} s" if since_s > STUCK_S else ""
+
     def leave(self) -> None:
         """Ask the session nothing any more: it is about to close."""
         self._session = None
 
     def tick(self, session: ToolSession) -> None:
         """Once a second: ask new nodes who they are, sum up what was rejected."""
-        now_s = time.monotonic()
+        now_s = self._turned_s = time.monotonic()
         self._complaints.settle(now_s)
         connected = session.connected
         if connected != self._had_router:

@@ -6,22 +6,25 @@ import errno
 import logging
 import socket
 import threading
+from collections.abc import Callable
 from socketserver import TCPServer
 from types import TracebackType
 from typing import Any, Self
-from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
+from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 from prometheus_client import CollectorRegistry, ProcessCollector, make_wsgi_app
 from prometheus_client.exposition import ThreadingWSGIServer
 from prometheus_client.registry import Collector
 
 from common.errors import ConfigurationError
+from common.heartbeat import Heartbeat
 
 log = logging.getLogger("metrics")
 
 MAX_REQUESTS = 16
 """At once. A scraper needs one; the rest is turned away before it costs a thread."""
 
+POLL_S = 0.1
 IDLE_S = 10.0
 """After so long a client that says nothing is left."""
 
@@ -36,7 +39,13 @@ class _Handler(WSGIRequestHandler):
 class _Server(ThreadingWSGIServer):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._free = threading.BoundedSemaphore(MAX_REQUESTS)
+        self.heartbeat = Heartbeat()
+        self.trouble: Callable[[], str] = str
         super().__init__(*args, **kwargs)
+
+    def service_actions(self) -> None:
+        """Between two requests, at least every ``POLL_S``: say for a health check how it does."""
+        self.heartbeat.beat(self.trouble())
 
     def server_bind(self) -> None:
         """Bind without asking the DNS for our own name, as the base does: that may take long."""
@@ -68,6 +77,7 @@ class MetricsServer:
     Args:
         listen: ``HOST:PORT``; port 0 for a free one.
         collector: What is served.
+        trouble: Tells why what is served is not true; empty when it is.
 
     Attributes:
         url: Where it is served.
@@ -76,11 +86,12 @@ class MetricsServer:
         ConfigurationError: The address cannot be listened on; says why and the way out.
     """
 
-    def __init__(self, listen: str, collector: Collector) -> None:
+    def __init__(self, listen: str, collector: Collector, trouble: Callable[[], str] = str) -> None:
         registry = CollectorRegistry()
         registry.register(collector)
         ProcessCollector(registry=registry)
         self._server = _bound(listen, make_wsgi_app(registry))
+        self._server.trouble = trouble
         host = self._server.server_name
         shown = f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self._server.server_port}/metrics"
@@ -88,7 +99,7 @@ class MetricsServer:
             target=self._server.serve_forever,
             name="http",
             daemon=True,
-            kwargs={"poll_interval": 0.1},
+            kwargs={"poll_interval": POLL_S},
         )
 
     def __enter__(self) -> Self:
@@ -106,7 +117,7 @@ class MetricsServer:
         self._server.server_close()
 
 
-def _bound(listen: str, application: Any) -> WSGIServer:
+def _bound(listen: str, application: Any) -> _Server:
     host, _, port = listen.rpartition(":")
     host = host.strip("[]")
     try:

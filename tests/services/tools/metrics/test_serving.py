@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from prometheus_client.openmetrics.parser import (
@@ -161,3 +162,13 @@ def test_what_is_no_address_is_refused_with_an_example(listen: str):
 
 def test_only_this_machine_is_served_unless_told_otherwise():
     assert MetricsOptions().listen == "127.0.0.1:9464"
+
+
+def test_a_health_check_is_told_how_it_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    file = tmp_path / "health"
+    monkeypatch.setenv("ZV_HEALTH_FILE", str(file))
+    trouble = [""]
+    with MetricsServer("127.0.0.1:0", NodeCollector(Board(1.0), lambda: False), lambda: trouble[0]):
+        wait_until(lambda: file.exists() and file.read_text() == "ok\n")
+        trouble[0] = "the loop has been stuck for 6 s"
+        wait_until(lambda: file.read_text() == "trouble: the loop has been stuck for 6 s\n")
