@@ -101,13 +101,15 @@ class MadeUp:
 
     session: zenoh.Session
     name: str
+    namespace: str = "vision"
 
     def __post_init__(self) -> None:
-        self.token = self.session.liveliness().declare_token(f"@vision/node/{self.name}")
+        key = f"@{self.namespace}/node/{self.name}"
+        self.token = self.session.liveliness().declare_token(key)
 
     def say(self, payload: bytes | None = None, **changes: object) -> None:
         whole = msgpack.packb({**HEALTH, "node": self.name, **changes})
-        self.session.put(f"@vision/diagnostics/{self.name}", payload or whole)
+        self.session.put(f"@{self.namespace}/diagnostics/{self.name}", payload or whole)
 
 
 def test_what_real_nodes_count_is_served_and_balances(system: System):
@@ -177,6 +179,19 @@ def test_a_node_of_anyone_is_served_and_is_down_when_it_leaves(system: System):
         assert found["zenoh_vision_frames_dropped_total", "brightness_front", "dark"] == 1
         assert found["zenoh_vision_other_total", "lamps", "brightness_front"] == 2
     system.exporter.until(lambda f: f.get(("zenoh_vision_node_up", "brightness_front")) == 0)
+
+
+def test_nodes_that_were_there_before_are_up_and_those_of_other_namespaces_are_not_served(
+    system: System, tmp_path: Path
+):
+    with open_client(system.router.endpoint) as session:
+        silent = MadeUp(session, "silent", namespace="yard")
+        arguments = ["-m", "services", "metrics", "--listen", "127.0.0.1:0", "--namespace", "yard"]
+        with Program([*arguments, "--connect", system.router.endpoint], tmp_path, "yard") as yard:
+            found = Exporter(yard).until(lambda f: ("zenoh_vision_node_up", silent.name) in f)
+    assert {key: value for key, value in found.items() if "node" in key[0]} == {
+        ("zenoh_vision_node_up", "silent"): 1
+    }
 
 
 def test_what_is_no_health_is_counted_and_logged_once_and_nothing_else(system: System):

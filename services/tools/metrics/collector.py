@@ -106,6 +106,5 @@ def _seconds(bound_ms: float | None) -> str:
     """Return the bound of a bucket as text; None is infinity."""
     if bound_ms is None:
         return "+Inf"
-    # Rounded, so that 70 ms is 0.07 and not 0.07000000000000001: the text is a series' identity.
-    text: str = floatToGoString(round(bound_ms / 1000, 9))  # type: ignore[no-untyped-call]
+    text: str = floatToGoString(bound_ms / 1000)  # type: ignore[no-untyped-call]
     return text
