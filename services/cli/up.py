@@ -44,7 +44,7 @@ def parameters() -> list[inspect.Parameter]:
         "file": Annotated[
             str | None,
             typer.Argument(
-                metavar="[FILE.toml]",
+                metavar="FILE.toml",
                 help=f"launch file; without it {DEFAULT_FILE}, or the one that is built in",
             ),
         ],

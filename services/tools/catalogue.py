@@ -17,6 +17,8 @@ class Tool:
         example: Command lines that show its use.
         details: More of its help, behind the line.
         json: Whether it has ``--json``.
+        section: The heading that it stands under in ``zv --help``.
+        waits: Whether it waits for a router for ever, as a service does, unless told.
     """
 
     options: str
@@ -25,6 +27,8 @@ class Tool:
     example: str
     details: str = ""
     json: bool = True
+    section: str = "Tools"
+    waits: bool = False
 
 
 GROUPS: Final[dict[str, str]] = {
@@ -63,6 +67,15 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv doctor  |  zv doctor --namespace lab --for 10s  |  zv doctor my-camera.toml",
         "A line for each thing that was checked: OK, WARN or FAIL. Exit status 1 if one is FAIL, 4 "
         "if that is only the router. docs/doctor.md says what each check means.",
+    ),
+    "metrics": Tool(
+        "services.tools.metrics.options:MetricsOptions",
+        "services.tools.metrics.command:run",
+        "Serve the health of all nodes to Prometheus.",
+        "zv metrics --listen 127.0.0.1:9464",
+        details="Prints the address that Prometheus scrapes and serves it until Ctrl-C, whether "
+        "or not there is a router. docs/metrics.md says what is served.",
+        waits=True,
     ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""

@@ -99,11 +99,17 @@ def test_an_expectation_that_is_not_met_is_1_and_one_line():
     )
 
 
-def test_a_surprise_is_one_line_and_a_traceback_only_with_debug():
+def test_a_surprise_is_70_and_one_line_and_a_traceback_only_with_debug():
     done = zv("count", "up", "surprise")
-    assert done.returncode == 1
-    assert done.stderr == ("zv: unexpected RuntimeError: never seen before (--debug shows where)\n")
-    assert "Traceback" in zv("count", "up", "surprise", "--debug").stderr
+    line = (
+        "zv: unexpected RuntimeError: never seen before; "
+        "this is a fault in zv, --debug shows where\n"
+    )
+    assert (done.returncode, done.stderr) == (70, line)
+    debugged = zv("count", "up", "surprise", "--debug")
+    assert debugged.returncode == 70
+    assert "Traceback" in debugged.stderr
+    assert debugged.stderr.endswith(line)
 
 
 def test_no_router_is_4_after_the_timeout():
