@@ -107,6 +107,11 @@ def parameter_key(namespace: str, node: str, name: str) -> str:
     return f"@{namespace}/param/{node}/{name}"
 
 
+def parameters_key(namespace: str, node: str) -> str:
+    """Return the key of all parameters of a node; ``node`` may be ``*``."""
+    return f"@{namespace}/param/{node}"
+
+
 def schema_key(namespace: str, name: str) -> str:
     """Return the key of a message's JSON Schema; ``name`` may be ``*``."""
     return f"@{namespace}/schema/{name}"

@@ -214,6 +214,25 @@ class Parameter(Message):
     revision: Count = 0
 
 
+class ParameterList(Message):
+    """All parameters of one node at one revision."""
+
+    schema_name: ClassVar[str] = "vision.ParameterList.v1"
+
+    node: str
+    revision: Count
+    parameters: tuple[Parameter, ...]
+
+
+class Refusal(Message):
+    """The error reply to a change of parameters that was refused; nothing has changed."""
+
+    schema_name: ClassVar[str] = "vision.Refusal.v1"
+
+    error: Annotated[str, Field(description="what was wrong, naming parameter and value")]
+    allowed: Annotated[str, Field(description="what would have been right")]
+
+
 class NodeDescription(Message):
     """Who a node is and which keys it publishes and subscribes (``Node`` in the contract)."""
 

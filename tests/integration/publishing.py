@@ -35,7 +35,7 @@ class PlainCamera:
         epoch: int | None = None,
         pictures: tuple[bytes, ...] = PICTURES,
         camera: str = "front",
-        key: str = IMAGE_KEY,
+        key: str | None = None,
         congestion_control: zenoh.CongestionControl = zenoh.CongestionControl.BLOCK,
     ) -> None:
         self.epoch = time.time_ns() if epoch is None else epoch
@@ -44,7 +44,7 @@ class PlainCamera:
         self._session = session
         self._pictures = pictures
         self._camera = camera
-        self._key = key
+        self._key = key or IMAGE_KEY.replace("front", camera)
         self._congestion_control = congestion_control
 
     def header(self, picture: bytes | None = None, **changes: Any) -> dict[str, Any]:

@@ -205,7 +205,7 @@ def test_a_camera_under_its_rate_is_found_with_both_rates_and_the_parameter(shar
     assert text.endswith(" Hz of the 20 Hz it should have")
     rate_hz = float(text.removeprefix("camera_front: ").partition(" ")[0])
     assert 7 < rate_hz <= 11
-    assert remedy.endswith(f"zv param set camera_front rate {rate_hz:.3g}")
+    assert remedy.endswith(f"zv param set camera_front rate={rate_hz:.3g}")
 
 
 def test_the_expected_rate_may_come_from_the_parameter(shared, stand):
@@ -217,7 +217,7 @@ def test_the_expected_rate_may_come_from_the_parameter(shared, stand):
     )
     ((level, text, remedy),) = Diagnosis(shared.endpoint, "by_parameter", for_s=2.2).of("cameras")
     assert (level, text) == ("WARN", "camera_front: 12.0 Hz of the 30 Hz it should have")
-    assert "zv param set camera_front rate 12" in remedy
+    assert "zv param set camera_front rate=12" in remedy
 
 
 def test_a_system_without_a_camera_is_told_so(shared, stand):
@@ -255,8 +255,8 @@ def test_frames_that_a_real_tracker_drops_are_named_by_reason(shared, start):
 @pytest.mark.parametrize(
     ("reason", "command"),
     {
-        "stale": "zv param set tracker_front max_age 0.8",
-        "missed": "zv param set camera_front quality 60",
+        "stale": "zv param set tracker_front max_age=0.8",
+        "missed": "zv param set camera_front quality=60",
     }.items(),
     ids=["stale", "missed"],
 )
@@ -337,7 +337,7 @@ def test_a_real_node_slower_than_its_stream_is_found_with_the_parameter(shared, 
     used, came = (float(text.split()[at]) for at in (2, 4))
     assert used < 12
     assert came > 2 * used
-    asked_hz = float(remedy.rpartition("zv param set camera_front rate ")[2])
+    asked_hz = float(remedy.rpartition("zv param set camera_front rate=")[2])
     assert asked_hz == pytest.approx(30 * used / came, rel=0.02)
     assert not [text for _, text, _ in seen.of("drops") if "overwritten" in text]  # said once
 

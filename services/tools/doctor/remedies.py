@@ -103,4 +103,4 @@ def setting(survey: Survey, node: str, parameter: str, factor: float = 0.0) -> s
         if known is not None and known.maximum is not None:
             wanted = min(wanted, known.maximum)
         value = f"{max(1, round(wanted))}" if isinstance(now, int) else f"{wanted:.3g}"
-    return f"zv param set {node} {parameter} {value}"
+    return f"zv param set {node} {parameter}={value}"
