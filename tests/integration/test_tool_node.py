@@ -76,6 +76,7 @@ def test_info_says_what_a_node_publishes_and_how_it_does(shared, twins):
     assert f"pid {twins[2].process.pid}" in text
     assert "publishes vision/front/centroid vision/front/tracked/compressed" in text
     assert "subscribes vision/front/image/compressed" in text
+    assert "closing = 20 pixels (0 to 255)" in text  # a parameter
     both = zv(shared.endpoint, "node", "info", "camera_*", "--json").stdout.splitlines()
     assert {json.loads(line)["pid"] for line in both} == {
         program.process.pid for program in twins[:2]
