@@ -24,6 +24,11 @@ from common.errors import ConfigurationError, RouterUnreachable, ToldToStop
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 2000
 RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
+WAIT_BEFORE_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+WAIT_BEFORE_CLOSE_US = 1_000_000
+"""How long the router waits for a client that reads nothing. With Zenoh's 5 s it outlives the
+lease, and closing that client's link then holds up everybody's frames until the wait is over."""
+
 POLL_S = 0.1
 CLOSE_S = 1.0
 OPEN_TIMEOUT_MS = 800
@@ -77,6 +82,7 @@ def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
         "mode": "router",
         "scouting/delay": 0,
         "adminspace/enabled": True,
+        WAIT_BEFORE_CLOSE: WAIT_BEFORE_CLOSE_US,
     }
     if zenoh_config is None or not _stated(config, "listen/endpoints"):
         settings["listen/endpoints"] = [listen]
