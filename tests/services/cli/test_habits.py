@@ -120,7 +120,7 @@ for words in {list(ENTRIES)!r}:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["camer"], "zv: no such command 'camer'. Did you mean 'camera'?; see zv --help"),
+        (["trakker"], "zv: no such command 'trakker'. Did you mean 'tracker'?; see zv --help"),
         (["xyz"], "zv: no such command 'xyz'; see zv --help"),
         (["camera", "--bogus"], "zv: no such option: --bogus; see zv camera --help"),
         (
@@ -220,7 +220,7 @@ def test_an_error_of_ours_has_its_own_status(
 
 
 def test_there_is_no_colour_in_a_pipe():
-    for done in (zv("--help"), zv("camera", "--help"), zv("camer")):
+    for done in (zv("--help"), zv("camera", "--help"), zv("camra")):
         assert "\x1b" not in done.stdout + done.stderr
 
 
