@@ -89,5 +89,15 @@ TOOLS: Final[dict[str, Tool]] = {
         "made anew for each message: epoch, number and stamp cannot be given.",
         json=False,
     ),
+    "snapshot": Tool(
+        "services.tools.snapshot.options:SnapshotOptions",
+        "services.tools.snapshot.saving:run",
+        "Save the newest picture of a key.",
+        "zv snapshot vision/front/image/compressed -o frame.jpg  |  "
+        "zv snapshot vision/front/image/compressed --draw -o drawn.png",
+        "It is saved as it came, if the file's name allows. Raw pictures go to JPEG or PNG, those "
+        "of 16 bits to PNG only. Its age and identity go to standard error. --draw waits for a "
+        "picture and the result of the same frame, joined by epoch and seq.",
+    ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""
