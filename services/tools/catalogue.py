@@ -99,5 +99,13 @@ TOOLS: Final[dict[str, Tool]] = {
         "of 16 bits to PNG only. Its age and identity go to standard error. --draw waits for a "
         "picture and the result of the same frame, joined by epoch and seq.",
     ),
+    "schema": Tool(
+        "services.tools.schema.options:SchemaOptions",
+        "services.tools.schema.printing:run",
+        "Print the JSON Schema of a message, or list the messages.",
+        "zv schema  |  zv schema Centroid",
+        "Made from the message's class, without a network; a running node answers the same on "
+        "@{ns}/schema/{name}.",
+    ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""
