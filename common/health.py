@@ -12,6 +12,9 @@ from common.messages import Diagnostics
 from common.receiving import FrameReceiver
 
 SILENT_S = 2.0
+STUCK_S = 5.0
+"""A loop that has not come round for so long is stuck: in a frame, or in a device."""
+
 CLOCK_AHEAD_NS = 50_000_000
 CLOCK_BEHIND_NS = 1_000_000_000
 SEVERITY = {OK: 0, WARN: 1, STALE: 2, ERROR: 3}
@@ -32,11 +35,30 @@ class Health:
         self._ledger = ledger
         self._complaints = Complaints(logging.getLogger(node))
         self._report = (OK, "")
+        self._turned_s: float | None = None
         self._started_s = time.monotonic()
 
     def report(self, level: int, message: str) -> None:
         """Set what the service itself knows, until its next report."""
         self._report = (level, message)
+
+    def turn(self) -> None:
+        """Take note that the service's loop has come round."""
+        self._turned_s = time.monotonic()
+
+    def trouble(self) -> str:
+        """Return why no work is done or can be: a stuck loop, a lost source; else nothing.
+
+        Less than what diagnostics call an error or stale: a node to which nothing is sent does
+        all the work there is.
+        """
+        level, message = self._report
+        return "; ".join(filter(None, (self._stuck(), message if level == ERROR else "")))
+
+    def _stuck(self) -> str:
+        turned_s = self._turned_s
+        since_s = 0.0 if turned_s is None else time.monotonic() - turned_s
+        return f"the loop has been stuck for {since_s:.0f} s" if since_s > STUCK_S else ""
 
     def complain(self, error: PayloadError) -> None:
         """Log a drop, once per burst."""
@@ -61,6 +83,8 @@ class Health:
     def _judge(self, now_s: float) -> tuple[int, str]:
         """Return the worst level, and all that there is to say."""
         found = [self._report]
+        if stuck := self._stuck():
+            found.append((ERROR, stuck))
         for receiver in self.receivers:
             since_s = now_s - (receiver.arrived_s or self._started_s)
             if since_s > SILENT_S:

@@ -26,6 +26,7 @@ from common.codec import Message
 from common.errors import ConfigurationError, PayloadError
 from common.frame import Form, Frame
 from common.health import Health
+from common.heartbeat import Heartbeat
 from common.images import Pixels
 from common.keys import Topic
 from common.ledger import Ledger
@@ -78,6 +79,7 @@ class Node:
         self._publishers: dict[str, StreamPublisher] = {}
         self._stopping = False
         self._started_ns = time.time_ns()
+        self._heartbeat = Heartbeat()
         self._signals = StopSignals(self.stop)
 
     # Life
@@ -86,11 +88,11 @@ class Node:
         """Open the session, waiting for the router; declare what the node offers."""
         self._signals.catch()
         try:
-            self._session = open_session(self.connection, lambda: self._stopping)
+            self._session = open_session(self.connection, self._waiting_is_over)
         except BaseException:
             self._signals.release()
             raise
-        self._server = QueryServer(self._publish_diagnostics)
+        self._server = QueryServer(self._say_how_it_does)
         namespace = self.connection.namespace
         for topic in self._topics:
             self._publishers[topic.name] = StreamPublisher(
@@ -134,6 +136,11 @@ class Node:
         """End the iterators; safe in a signal handler and from any thread."""
         self._stopping = True
 
+    def _waiting_is_over(self) -> bool:
+        """Tell whether to give up on the router; to wait for it is to be well."""
+        self._heartbeat.beat()
+        return self._stopping
+
     # Frames in
 
     def frames(
@@ -162,6 +169,7 @@ class Node:
         self.health.receivers.append(receiver)
         try:
             while not self._stopping:
+                self.health.turn()
                 frame = receiver.take(POLL_S, want)
                 if frame is None:
                     continue
@@ -256,7 +264,8 @@ class Node:
 
     # Health and description
 
-    def _publish_diagnostics(self) -> None:
+    def _say_how_it_does(self) -> None:
+        self._heartbeat.beat(self.health.trouble())
         diagnostics = self.health.diagnostics()
         self._diagnostics.offer(
             lambda: Sample(diagnostics.to_bytes(), self._diagnostics.topic.encoding, None)

@@ -57,7 +57,11 @@ def run(
                     log.info("pictures are back")
                 node.health.report(ERROR if trouble else OK, trouble)
 
-            for captured in capture.pictures(POLL_S, lambda: node.stopping, report):
+            def stopping() -> bool:
+                node.health.turn()
+                return node.stopping
+
+            for captured in capture.pictures(POLL_S, stopping, report):
                 publish(node, converter, captured, settings.encoding)
 
 

@@ -11,6 +11,7 @@ from types import FrameType
 import zenoh
 
 from common.errors import ConfigurationError
+from common.heartbeat import Heartbeat
 from common.session import plain, router_config
 from services.router.settings import RouterSettings
 
@@ -39,7 +40,9 @@ def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
         raise ConfigurationError(cannot_listen(listen, plain(error))) from None
     with session:
         log.info("router listens on %s", listen)
+        heartbeat = Heartbeat()
         while not stopping:
+            heartbeat.beat()
             time.sleep(POLL_S)
 
 

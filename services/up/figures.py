@@ -7,13 +7,10 @@ from dataclasses import dataclass
 
 import psutil
 
-from services.up.health import Report
+from services.up.health import SILENT_S, Report
 from services.up.processes import Child
 
 LEVELS = ("", "warn", "ERROR", "stale")
-SILENT_S = 3.0
-"""Health comes once a second: a node that says nothing for so long is stuck or cut off."""
-
 UNWANTED = "no_subscriber"
 """Frames that nobody wanted are no loss, so they are shown last and apart."""
 

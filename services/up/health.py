@@ -8,10 +8,15 @@ from typing import Any
 
 import zenoh
 
+from common.diagnostics import ERROR
 from common.errors import PayloadError
 from common.keys import diagnostics_key
 from common.messages import Diagnostics
 from common.session import direct
+from services.up.processes import Child
+
+SILENT_S = 3.0
+"""Health comes once a second: a node that says nothing for so long is stuck or cut off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,3 +55,18 @@ class HealthBoard:
         except PayloadError:
             return  # not one of ours: the table shows what our nodes say
         self._newest[health.node] = Report(health, time.monotonic())
+
+
+def trouble_of(child: Child, report: Report | None) -> str:
+    """Return why a node does no work; nothing while it does, starts, or has finished."""
+    if child.state in ("starting", "finished"):
+        return ""
+    if not child.alive:
+        return f"{child.name} {child.state}"
+    if report is None:
+        return ""  # the router says nothing of itself
+    silent_s = time.monotonic() - report.arrived_s
+    if silent_s > SILENT_S:
+        return f"{child.name} silent for {silent_s:.0f} s"
+    health = report.health
+    return f"{child.name}: {health.message}" if health.level == ERROR else ""

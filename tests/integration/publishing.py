@@ -23,6 +23,8 @@ class PlainCamera:
         session: Of a client.
         epoch: Its run; now, if not given.
         pictures: JPEGs that are shown in turn.
+        camera: Its name.
+        congestion_control: What happens when the way is full: by default nothing is lost.
     """
 
     def __init__(
@@ -32,6 +34,7 @@ class PlainCamera:
         epoch: int | None = None,
         pictures: tuple[bytes, ...] = PICTURES,
         camera: str = "front",
+        congestion_control: zenoh.CongestionControl = zenoh.CongestionControl.BLOCK,
     ) -> None:
         self.epoch = time.time_ns() if epoch is None else epoch
         self.seq = 0
@@ -39,6 +42,7 @@ class PlainCamera:
         self._session = session
         self._pictures = pictures
         self._camera = camera
+        self._congestion_control = congestion_control
 
     def header(self, picture: bytes | None = None, **changes: Any) -> dict[str, Any]:
         """Return the header that the next picture gets."""
@@ -72,7 +76,7 @@ class PlainCamera:
             payload,
             encoding="image/jpeg",
             attachment=attachment,
-            congestion_control=zenoh.CongestionControl.BLOCK,
+            congestion_control=self._congestion_control,
         )
 
     def at(self, rate_hz: float, send: Callable[[], object] | None = None) -> Paced:
