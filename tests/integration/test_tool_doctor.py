@@ -374,6 +374,14 @@ def test_what_a_node_complains_of_otherwise_is_passed_on(shared, stand):
     assert ("FAIL", "own_front: the disk is full", "see its log") in seen.of("health")
 
 
+def test_what_a_node_says_does_not_steer_the_terminal(shared, stand):
+    stand("own_front", namespace="evil", health={"level": 2, "message": "\x1b[2Jall is well"})
+    done = zv(shared.endpoint, "doctor", GOOD_FILE, "--namespace", "evil", "--for", "1.2s")
+    assert done.returncode == 1
+    assert "\\x1b[2Jall is well" in done.stdout
+    assert "\x1b" not in done.stdout
+
+
 def test_a_node_that_shows_its_token_and_does_not_answer_fails(shared, stand):
     stand("camera_front", namespace="frozen", answers=False)
     seen = Diagnosis(shared.endpoint, "frozen")
