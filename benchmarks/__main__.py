@@ -57,6 +57,7 @@ def measure_tools(seconds: float) -> None:
     name = f"tools, {tools.STREAMS} streams of {width}x{height}"
     show(name, tools.cpu_beside_bare(width, height, stream.RATE_HZ, seconds))
     show("zv topic echo of one camera's centroids", tools.cpu_of_echo(seconds))
+    show("watching four nodes", tools.cpu_of_watching(seconds))
     show("zv snapshot, start to file, s", tools.snapshot())
 
 
