@@ -247,3 +247,13 @@ class NodeDescription(Message):
     started_ns: Nanoseconds
     publishes: tuple[str, ...]
     subscribes: tuple[str, ...]
+    stamp_ns: Annotated[
+        Nanoseconds | None, Field(description="when it was answered, by the node's clock")
+    ] = None
+    rate_hz: Annotated[
+        float | None, Field(gt=0, description="frames per second that should arrive, if known")
+    ] = None
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire; fields that do not apply are left out."""
+        return self.model_dump(exclude_none=True)

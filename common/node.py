@@ -309,6 +309,8 @@ class Node:
             started_ns=self._started_ns,
             publishes=tuple(publisher.key for publisher in self._publishers.values()),
             subscribes=tuple(receiver.key for receiver in self.health.receivers),
+            stamp_ns=time.time_ns(),
+            rate_hz=self.health.bounds.expected_hz,
         )
         query.reply(
             keys.node_key(self.connection.namespace, self.name),

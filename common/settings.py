@@ -182,6 +182,13 @@ def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
     return " or ".join(words) + default
 
 
+def choices(name: str, model: type[BaseModel]) -> list[str]:
+    """Return what an option may be where that is a list, as one types it; else nothing."""
+    schema = properties(model)[name]
+    kinds = [schema, *schema.get("anyOf", [])]
+    return [str(value) for kind in kinds for value in kind.get("enum", [])]
+
+
 @cache
 def properties(model: type[BaseModel]) -> dict[str, Any]:
     """Return the schemas of a model's fields: made for all at once, and asked for one by one."""

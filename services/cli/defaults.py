@@ -1,4 +1,4 @@
-"""Writes configs/*.toml and docs/configuration.md from the options' models.
+"""Writes configs/*.toml, docs/configuration.md and docs/cli.md from the options and commands.
 
 ``python -m services.cli.defaults``, or ``make configs``. A test holds the files to it.
 """
@@ -16,7 +16,8 @@ from common.parameters import live_fields, mark_of
 from common.settings import Settings, allowed
 from services.catalogue import SERVICES, model_of
 from services.cli.options import ConnectionSettings, flag
-from services.up.launch_file import LaunchTables, NodeTable, RouterTable
+from services.cli.reference import reference
+from services.launch_file import LaunchTables, NodeTable, RouterTable
 
 ROOT = Path(__file__).parent.parent.parent
 WIDTH = 96
@@ -62,6 +63,7 @@ def documentation() -> str:
         "An option that is live can change while the node runs, see "
         "[parameters.md](parameters.md).\n",
         options("Every command", ConnectionSettings),
+        "A [tool](tools.md) waits 5 s for a router unless `--timeout` says otherwise.\n",
         *(options(f"`zv {service}`", model_of(service)) for service in SERVICES),
         "## The launch file of `zv up`\n",
         "`zv up FILE.toml` checks every option of every node before it starts anything. For a "
@@ -127,6 +129,7 @@ def files() -> dict[Path, str]:
     """Return every generated file and its text."""
     found = {ROOT / "configs" / f"{service}.toml": toml_of(service) for service in SERVICES}
     found[ROOT / "docs" / "configuration.md"] = documentation()
+    found[ROOT / "docs" / "cli.md"] = reference()
     return found
 
 

@@ -13,13 +13,17 @@ class LazyGroup(TyperGroup):
     """A group that knows its commands' names and lines, and how to load one."""
 
     lines: Mapping[str, str]
+    sections: Mapping[str, str]
     load: Callable[[str], Any]
     listing = False
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         # Only their names and lines: for the list, and to find what a mistyped one was to be.
-        self.commands = {name: TyperCommand(name, help=line) for name, line in self.lines.items()}
+        self.commands = {
+            name: TyperCommand(name, help=line, rich_help_panel=self.sections.get(name))
+            for name, line in self.lines.items()
+        }
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - typer's signature
         """Return all names."""
@@ -38,15 +42,26 @@ class LazyGroup(TyperGroup):
         self.listing = True
         super().format_help(ctx, formatter)
 
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return what may follow, without loading any command."""
+        self.listing = True
+        return super().shell_complete(ctx, incomplete)
 
-def lazy(lines: Mapping[str, str], load: Callable[[str], Any]) -> type[LazyGroup]:
+
+def lazy(
+    lines: Mapping[str, str],
+    load: Callable[[str], Any],
+    sections: Mapping[str, str] | None = None,
+) -> type[LazyGroup]:
     """Return the class of a group.
 
     Args:
         lines: Names of its commands, and what ``--help`` says of each.
         load: Called with a name, returns the command.
+        sections: Under which heading ``--help`` shows each.
     """
-    return type("Group", (LazyGroup,), {"lines": lines, "load": staticmethod(load)})
+    members = {"lines": lines, "load": staticmethod(load), "sections": sections or {}}
+    return type("Group", (LazyGroup,), members)
 
 
 def group(

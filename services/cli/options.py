@@ -16,8 +16,9 @@ from rich.markup import escape
 
 from common.keys import DEFAULT_NAMESPACE, NAME
 from common.session import DEFAULT_ENDPOINT, Connection
-from common.settings import Settings, allowed, load_settings
+from common.settings import Settings, allowed, choices, load_settings
 from common.signals import SIGNALS
+from services.cli.logs import LogLine
 from services.tools.options import Argument, Letter
 
 NOT_GIVEN: Any = None
@@ -95,7 +96,11 @@ def _parameter(model: type[Settings], name: str, field: FieldInfo, panel: str) -
     kind: Any = list[str] if get_origin(field.annotation) is tuple else str
     marks = {type(mark): mark for mark in field.metadata}
     if Argument in marks:
-        given = typer.Argument(metavar=marks[Argument].metavar, **looks)
+        given = typer.Argument(
+            metavar=marks[Argument].metavar,
+            autocompletion=_completion(choices(name, model)),
+            **looks,
+        )
         if field.is_required():
             default = inspect.Parameter.empty
     elif field.annotation is bool:
@@ -104,7 +109,13 @@ def _parameter(model: type[Settings], name: str, field: FieldInfo, panel: str) -
     else:
         letter = [f"-{marks[Letter].letter}"] if Letter in marks else []
         metavar = name.rstrip("_").upper()
-        given = typer.Option(flag(name), *letter, metavar=metavar, **looks)
+        given = typer.Option(
+            flag(name),
+            *letter,
+            metavar=metavar,
+            autocompletion=_completion(choices(name, model)),
+            **looks,
+        )
         if field.is_required():
             default = inspect.Parameter.empty
     if default is NOT_GIVEN:
@@ -112,6 +123,15 @@ def _parameter(model: type[Settings], name: str, field: FieldInfo, panel: str) -
     return inspect.Parameter(
         name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, given]
     )
+
+
+def _completion(values: list[str]) -> Callable[..., list[str]] | None:
+    """Return what a shell is told of an option's values, if they are a list."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [value for value in values if value.startswith(incomplete)]
+
+    return complete if values else None
 
 
 def _switch(model: type[Settings], name: str, field: FieldInfo) -> str:
@@ -179,8 +199,6 @@ def leave_on_signals() -> None:
 
 def log_to_stderr(debug: bool, level: int = logging.INFO) -> None:
     """Send the log to standard error, one line an entry."""
-    logging.basicConfig(
-        level=logging.DEBUG if debug else level,
-        format="%(asctime)s %(levelname)-7s %(name)s: %(message)s",
-        datefmt="%H:%M:%S",
-    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(LogLine(debug=debug))
+    logging.basicConfig(level=logging.DEBUG if debug else level, handlers=[handler])

@@ -22,7 +22,7 @@ def load(service: str) -> Any:
     """Return the command of a service."""
     model = model_of(service)
     parameters = [*parameters_of(model, "Options"), *common_parameters()]
-    words = f"{model.__doc__}\n\nExample: {SERVICES[service].example}"
+    words = f"{SERVICES[service].line}\n\nExample: {SERVICES[service].example}"
 
     def run(*, debug: bool, config: str | None, **flags: Any) -> None:
         leave_on_signals()

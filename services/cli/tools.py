@@ -13,12 +13,12 @@ from typing import Annotated, Any
 
 import typer
 
-from common.errors import VisionError
 from common.session import Connection
 from common.settings import load_settings
 from common.signals import SIGNALS
 from services.cli.lazy import group
 from services.cli.options import (
+    ConnectionSettings,
     ToolConnectionSettings,
     command,
     common_parameters,
@@ -61,35 +61,21 @@ def _command(words: str) -> Any:
     def call(*, debug: bool, json: bool = False, **flags: Any) -> None:
         leave_on_signals()
         log_to_stderr(debug, logging.WARNING)
-        connection = connection_from(flags, ToolConnectionSettings)
+        connection = connection_from(flags, _connection_model(tool))
         given = {name: None if value == [] else value for name, value in flags.items()}
         options = load_settings(model, flags=given)
-        run_tool(_named(tool.run), options, connection, Output(as_json=json), debug=debug)
+        run_tool(_named(tool.run), options, connection, Output(as_json=json))
 
     return command(words.rpartition(" ")[2], call, _parameters(tool, model), text)
 
 
-def run_tool(
-    run: Run, options: ToolOptions, connection: Connection, output: Output, *, debug: bool
-) -> None:
-    """Run a tool; an end of its reader is no error, and an error is one line.
-
-    Raises:
-        VisionError: What the tool raised on purpose; anything else only with ``debug``.
-    """
+def run_tool(run: Run, options: ToolOptions, connection: Connection, output: Output) -> None:
+    """Run a tool; an end of its reader is no error."""
     try:
         run(options, connection, output)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of `zv ... | head` has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except VisionError:
-        raise
-    except Exception as error:
-        if debug:
-            raise
-        raise VisionError(
-            f"unexpected {type(error).__name__}: {error} (--debug shows where)"
-        ) from None
     finally:
         for number in SIGNALS:  # one that comes now must not change the status
             signal.signal(number, signal.SIG_IGN)
@@ -109,7 +95,11 @@ def _parameters(tool: Tool, model: type[ToolOptions]) -> list[inspect.Parameter]
                 ],
             )
         )
-    return [*found, *common_parameters(ToolConnectionSettings, config=False)]
+    return [*found, *common_parameters(_connection_model(tool), config=False)]
+
+
+def _connection_model(tool: Tool) -> type[ConnectionSettings]:
+    return ConnectionSettings if tool.waits else ToolConnectionSettings
 
 
 def _named(place: str) -> Any:
