@@ -33,6 +33,36 @@ class Pacer:
         return max(0.0, -late)
 
 
+class Schedule:
+    """When each picture of a source is due, at a rate that may change at any time."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._rate_hz: float | None = None
+        self._last = (0.0, 0.0)
+        self._origin = (0, 0.0, 0.0)
+
+    def due_s(self, own_s: float, rate_hz: float | None) -> float:
+        """Return when the next picture is due, seconds after the first; asked any number of times.
+
+        Args:
+            own_s: When it is by the source's own time.
+            rate_hz: So many pictures a second, whatever the source's time is; None: by that.
+        """
+        if rate_hz != self._rate_hz:
+            self._rate_hz = rate_hz
+            self._origin = (max(0, self._count - 1), *self._last)
+        number, origin_own_s, origin_s = self._origin
+        if rate_hz is None:
+            return origin_s + own_s - origin_own_s
+        return origin_s + (self._count - number) / rate_hz
+
+    def shown(self, own_s: float, due_s: float) -> None:
+        """Take note that the next picture was shown when it was due: now another is the next."""
+        self._count += 1
+        self._last = (own_s, due_s)
+
+
 class Thinner:
     """Lets through at most so many pictures a second of a source that paces itself.
 
@@ -41,6 +71,7 @@ class Thinner:
     """
 
     def __init__(self, rate_hz: float) -> None:
+        self.rate_hz = rate_hz
         self._period_s = 1.0 / rate_hz
         self._next_s: float | None = None
 
