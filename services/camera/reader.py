@@ -159,7 +159,12 @@ class SourceReader:
         """Return the newest settings, and remember that what is read from now on knows them.
 
         Those for which the source must be opened again are for the reader after this one.
+
+        Raises:
+            SourceLost: The source was given up: one that still asks need not be left behind.
         """
+        if self._timing.stopped:
+            raise SourceLost("given up")
         newest = self._settings.newest
         if same_source(self._kind, self.opened_with, newest.settings):
             self._asked = newest

@@ -205,6 +205,29 @@ def test_a_source_that_is_too_fast_is_thinned_out_at_the_rate_of_now():
         assert len(rig.sources) == 1
 
 
+def test_stalls_leave_no_reader_behind_that_could_have_ended():
+    settings = CameraSettings(
+        width=32,
+        height=32,
+        rate=100,
+        faults="stall@3+1000000",
+        stall_after=0.1,
+        reopen_min=0.01,
+        reopen_max=0.01,
+    )
+    epochs: set[int] = set()
+    with Capture(LiveSettings(settings), Ledger("captured", "published")) as capture:
+        capture.open_first()
+        for captured in capture.pictures(0.01, lambda: len(epochs) == 5, lambda _trouble: None):
+            epochs.add(captured.epoch)
+        wait_until(lambda: len(readers_of(epochs)) <= 1)
+
+
+def readers_of(epochs: set[int]) -> list[threading.Thread]:
+    names = {f"source {epoch}" for epoch in epochs}
+    return [thread for thread in threading.enumerate() if thread.name in names]
+
+
 @pytest.fixture
 def clip(tmp_path, monkeypatch):
     """A file that exists: what kind of source it is depends on that."""
