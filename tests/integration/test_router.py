@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import psutil
@@ -70,6 +72,21 @@ def test_a_port_that_was_found_for_0_is_said(tmp_path, listen):
         port = int(re.search(r":(\d+)", said)[1])
         assert said == listen.replace(":0", f":{port}")
         assert port_answers(port)
+
+
+@pytest.mark.skipif(shutil.which("ss") is None, reason="no ss; Debian package iproute2")
+def test_a_small_send_buffer_is_taken_by_the_connections(tmp_path):
+    with a_router(tmp_path, f"{HERE}:0#so_sndbuf=32768", None) as router:
+        port = re.search(r":(\d+)", listens(router))[1]
+        with open_client(f"{HERE}:{port}"):
+            shown = subprocess.run(
+                ["ss", "-tnmH", "state", "established", f"sport = :{port}"],
+                capture_output=True,
+                text=True,
+                check=True,
+            ).stdout
+    # The kernel doubles what is asked for, to have room for its own records (man 7 socket).
+    assert re.findall(r"\btb(\d+)", shown) == ["65536"], shown
 
 
 def test_a_taken_port_in_the_file_is_said_of_the_file(tmp_path):
