@@ -18,6 +18,7 @@ class RouterSettings(Settings):
         str,
         Field(
             pattern=r"^(tcp|tls|udp|quic|ws|unixsock-stream)/.+$",
-            description="Zenoh endpoint to listen on; tcp/0.0.0.0:7447 serves other machines",
+            description="Zenoh endpoint to listen on; tcp/0.0.0.0:7447 serves other machines, "
+            "with #so_sndbuf=32768 after it those behind slow links too",
         ),
     ] = "tcp/127.0.0.1:7447"
