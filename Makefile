@@ -50,7 +50,7 @@ wheel: $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python -m benchmarks $(ARGS)
 
-## configs: write configs/*.toml and docs/configuration.md anew from the options' models
+## configs: write configs/*.toml, docs/configuration.md and docs/cli.md anew from options and commands
 configs: $(VENV)/.dev
 	$(BIN)/python -m services.cli.defaults
 

@@ -8,7 +8,7 @@ import platform
 
 import cv2
 
-from benchmarks import fleet, floor, stream
+from benchmarks import exporter, fleet, floor, stream
 from benchmarks.material import frames
 
 SIZES = ((768, 576), (1920, 1080))
@@ -36,6 +36,9 @@ def main() -> None:
         )
     show("start-up, s", stream.start_up())
     show("fleet", fleet.cameras(options.cameras, 10.0, max(options.seconds, 30)))
+    show("help, s", exporter.help_times())
+    for number in (4, 40):
+        show(f"zv metrics, {number} nodes", exporter.cost(number, options.seconds))
     if options.memory_minutes:
         show("memory", fleet.cameras(1, 30.0, options.memory_minutes * 60))
 

@@ -2,6 +2,7 @@
 
 ```
 VisionError             base; carries the exit status of the command line
+├── ExpectationNotMet   1  a tool looked and found other than was expected
 ├── ConfigurationError  2  wrong use, wrong setting: names place, value and what is allowed
 ├── SourceError         3  a source or a file cannot be opened
 │   └── SourceLost         an open source stalled, froze or vanished; it is opened again
@@ -16,6 +17,12 @@ from __future__ import annotations
 
 class VisionError(Exception):
     """Base of all errors that end in one clear line for the user."""
+
+    exit_status = 1
+
+
+class ExpectationNotMet(VisionError):
+    """A tool did its work and found other than was expected, or nothing at all."""
 
     exit_status = 1
 

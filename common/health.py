@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 
+from common.bounds import RateBounds
 from common.diagnostics import ERROR, OK, STALE, WARN, Complaints, Pace
 from common.errors import PayloadError
 from common.ledger import Ledger
@@ -30,6 +31,7 @@ class Health:
 
     def __init__(self, node: str, ledger: Ledger) -> None:
         self.pace = Pace()
+        self.bounds = RateBounds(ledger.arrived)
         self.receivers: list[FrameReceiver] = []
         self._node = node
         self._ledger = ledger
@@ -68,23 +70,29 @@ class Health:
         """Return the health at this moment; the counters in it balance."""
         now_s = time.monotonic()
         self._complaints.settle(now_s)
-        level, message = self._judge(now_s)
+        counters = self._ledger.snapshot()
+        level, message = self._judge(now_s, counters)
         return Diagnostics(
             node=self._node,
             stamp_ns=time.time_ns(),
             level=level,
             message=message,
             uptime_s=now_s - self._started_s,
-            counters=self._ledger.snapshot(),
+            counters=counters,
             rate_hz=self.pace.rate_hz(now_s),
             latency_ms=self.pace.latency(now_s),
+            latency_histogram_ms=self.pace.histogram(),
         )
 
-    def _judge(self, now_s: float) -> tuple[int, str]:
+    def _judge(self, now_s: float, counters: dict[str, int]) -> tuple[int, str]:
         """Return the worst level, and all that there is to say."""
         found = [self._report]
         if stuck := self._stuck():
             found.append((ERROR, stuck))
+        if self._report[0] == OK:
+            found += [(WARN, words) for words in self.bounds.judge(now_s, counters)]
+        else:  # a rate that is low because of that needs no words of its own
+            self.bounds.restart()
         for receiver in self.receivers:
             since_s = now_s - (receiver.arrived_s or self._started_s)
             if since_s > SILENT_S:

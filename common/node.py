@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
@@ -35,11 +34,10 @@ from common.messages import Diagnostics, Header, NodeDescription, Stamped
 from common.publishing import Sample, StreamPublisher, picture_sample
 from common.receiving import FrameReceiver
 from common.serving import QueryServer, answer_schemas
-from common.session import Connection, open_session
+from common.session import Connection, close_session, open_session
 from common.signals import StopSignals
 
 POLL_S = 0.1
-CLOSE_S = 1.0
 
 
 class Node:
@@ -126,9 +124,7 @@ class Node:
         """Say goodbye and close the session, in bounded time whatever the router does."""
         self._stopping = True
         self._server.close()
-        closing = threading.Thread(target=self._session.close, daemon=True)
-        closing.start()
-        closing.join(CLOSE_S)
+        close_session(self._session)
         self._signals.release()
 
     @property

@@ -30,6 +30,7 @@ WAIT_BEFORE_CLOSE_US = 1_000_000
 lease, and closing that client's link then holds up everybody's frames until the wait is over."""
 
 POLL_S = 0.1
+CLOSE_S = 1.0
 OPEN_TIMEOUT_MS = 800
 MIN_TIMEOUT_MS = 20
 
@@ -135,6 +136,13 @@ def open_session(
                 f"{because}; start one with `zv router`, "
                 "or name another with --connect tcp/HOST:PORT"
             )
+
+
+def close_session(session: zenoh.Session) -> None:
+    """Close a session in bounded time, whatever the router does."""
+    closing = threading.Thread(target=session.close, daemon=True)
+    closing.start()
+    closing.join(CLOSE_S)
 
 
 def _try_open(config: zenoh.Config, opened: list[zenoh.Session], failed: list[str]) -> None:

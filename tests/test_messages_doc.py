@@ -107,6 +107,7 @@ SECTIONS = {
     messages.CameraInfo: "### CameraInfo",
     messages.Diagnostics: "### Diagnostics",
     messages.Latency: "### Diagnostics",
+    messages.Histogram: "### Diagnostics",
     messages.NodeDescription: "### Node",
     messages.Parameter: "### Parameter",
 }

@@ -22,6 +22,12 @@ def rate_to_keep(settings: CameraSettings) -> float | None:
     return None if kind_of(settings.source) == "synthetic" else settings.rate
 
 
+def rate_to_reach(settings: CameraSettings) -> float | None:
+    """Return the rate that the camera should have; None where the source's own will do."""
+    own = {"synthetic": SYNTHETIC_RATE_HZ, "folder": FOLDER_RATE_HZ}
+    return settings.rate or own.get(kind_of(settings.source))
+
+
 def opener(settings: CameraSettings) -> Callable[[], Source]:
     """Return what opens the source that the settings name; it may be called again."""
 

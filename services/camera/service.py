@@ -12,6 +12,7 @@ from common.messages import Header, Tracks
 from common.node import Node
 from common.session import Connection
 from services.camera.capture import Capture
+from services.camera.choice import rate_to_reach
 from services.camera.conversion import Converter
 from services.camera.reader import Captured
 from services.camera.settings import CameraSettings
@@ -43,6 +44,7 @@ def run(
         messages=[Tracks] if settings.source == "synthetic" else [],
         counts=("captured", "published"),
     )
+    node.health.bounds.expect(settings.rate if open_source else rate_to_reach(settings))
     with Capture(settings, node.ledger, open_source) as capture:
         capture.open_first()
         with node:

@@ -1,4 +1,4 @@
-"""Writes configs/*.toml and docs/configuration.md from the options' models.
+"""Writes configs/*.toml, docs/configuration.md and docs/cli.md from the options and commands.
 
 ``python -m services.cli.defaults``, or ``make configs``. A test holds the files to it.
 """
@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 from common.settings import Settings, allowed
 from services.catalogue import SERVICES, model_of
 from services.cli.options import ConnectionSettings, flag
+from services.cli.reference import reference
 from services.up.launch_file import LaunchTables, NodeTable, RouterTable
 
 ROOT = Path(__file__).parent.parent.parent
@@ -112,6 +113,7 @@ def files() -> dict[Path, str]:
     """Return every generated file and its text."""
     found = {ROOT / "configs" / f"{service}.toml": toml_of(service) for service in SERVICES}
     found[ROOT / "docs" / "configuration.md"] = documentation()
+    found[ROOT / "docs" / "cli.md"] = reference()
     return found
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from common.errors import ConfigurationError
-from services.cli.services import commands
+from services.cli.services import load
 from services.up.command import command_of
 from services.up.launch_file import read_launch_file
 
@@ -129,5 +129,5 @@ def test_the_command_line_of_a_node_means_the_same_settings(tmp_path, monkeypatc
     monkeypatch.setattr("services.camera.service.run", lambda found, _: understood.append(found))
     monkeypatch.setattr("signal.signal", lambda *_: None)
     arguments, _ = command_of(node)
-    commands()["camera"].main(arguments[1:], standalone_mode=False)
+    load("camera").main(arguments[1:], standalone_mode=False)
     assert understood == [node.settings]
