@@ -27,7 +27,9 @@ def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
             break
         found.append(np.asarray(cv2.resize(frame, (width, height)), np.uint8))
     if not found:
-        source = SyntheticSource(width=width, height=height, rate_hz=30.0)
+        source = SyntheticSource(
+            width=width, height=height, rate_hz=30.0, seed=0, noise=2.0, objects=4, faults=()
+        )
         pictures = [source.read() for _ in range(FRAMES)]
         found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
     return found

@@ -31,7 +31,9 @@ class Tool:
     waits: bool = False
 
 
-GROUPS: Final[dict[str, str]] = {}
+GROUPS: Final[dict[str, str]] = {
+    "topic": "See, measure and send what flows on key expressions.",
+}
 """Commands that have commands of their own, with their line in ``zv --help``."""
 
 TOOLS: Final[dict[str, Tool]] = {
@@ -43,6 +45,80 @@ TOOLS: Final[dict[str, Tool]] = {
         details="Prints the address that Prometheus scrapes and serves it until Ctrl-C, whether "
         "or not there is a router. docs/metrics.md says what is served.",
         waits=True,
+    ),
+    "topic list": Tool(
+        "services.tools.topic.options:ListOptions",
+        "services.tools.topic.listing:run",
+        "List keys: type, encoding, publishers, subscribers, rate.",
+        "zv topic list  |  zv topic list 'vision/*/centroid' --watch",
+        "Watches for a second what flows, and does not make flow what is made on demand only; "
+        "--all does. Subscribers are counted without this command.",
+    ),
+    "topic info": Tool(
+        "services.tools.topic.options:InfoOptions",
+        "services.tools.topic.info:run",
+        "Say all that is known of a key: who sends and gets it, its newest message.",
+        "zv topic info vision/front/image/compressed",
+    ),
+    "topic echo": Tool(
+        "services.tools.topic.options:EchoOptions",
+        "services.tools.topic.echo:run",
+        "Print messages as they come; of a picture its header, size and format.",
+        "zv topic echo vision/front/centroid --once  |  "
+        "zv topic echo vision/front/centroid --field x --csv > x.csv",
+        "A field of a field has a dotted name: header.seq, box.2, tracks.id. Where nothing comes "
+        "for a second, the newest message there is is shown.",
+    ),
+    "topic hz": Tool(
+        "services.tools.topic.options:HzOptions",
+        "services.tools.topic.measuring:run_hz",
+        "Show message rates, or check them.",
+        "zv topic hz vision/front/centroid  |  zv topic hz --expect 30 --tolerance 10% --for 5s",
+        "min, max, std, p50 and p99 are of the times between messages, over the window. lost "
+        "counts the frames of the camera that never came here, since the start.",
+    ),
+    "topic bw": Tool(
+        "services.tools.topic.options:BwOptions",
+        "services.tools.topic.measuring:run_bw",
+        "Show bandwidths, or check them.",
+        "zv topic bw 'vision/*/image/compressed'  |  zv topic bw --expect 1.5MB/s --for 5s",
+        "min, max, std, p50 and p99 are of the payloads' sizes, over the window.",
+    ),
+    "topic delay": Tool(
+        "services.tools.topic.options:DelayOptions",
+        "services.tools.topic.measuring:run_delay",
+        "Show delays from capture to arrival, or check them.",
+        "zv topic delay vision/front/centroid  |  zv topic delay --at-most 50ms --for 5s",
+        "By the stamp in the header and this machine's clock: on two machines the difference of "
+        "their clocks is in it. Samples without a header have no delay.",
+    ),
+    "topic pub": Tool(
+        "services.tools.topic.options:PubOptions",
+        "services.tools.topic.pub:run",
+        "Send a message or an image file, once or at a rate.",
+        "zv topic pub vision/front/image/compressed photo.jpg --rate 10  |  "
+        """zv topic pub vision/front/centroid '{"x": 1, "y": 2, "box": null, "area": null}'""",
+        "The key says which type a message has, and it is checked against that. Its header is "
+        "made anew for each message: epoch, number and stamp cannot be given.",
+        json=False,
+    ),
+    "snapshot": Tool(
+        "services.tools.snapshot.options:SnapshotOptions",
+        "services.tools.snapshot.saving:run",
+        "Save the newest picture of a key.",
+        "zv snapshot vision/front/image/compressed -o frame.jpg  |  "
+        "zv snapshot vision/front/image/compressed --draw -o drawn.png",
+        "It is saved as it came, if the file's name allows. Raw pictures go to JPEG or PNG, those "
+        "of 16 bits to PNG only. Its age and identity go to standard error. --draw waits for a "
+        "picture and the result of the same frame, joined by epoch and seq.",
+    ),
+    "schema": Tool(
+        "services.tools.schema.options:SchemaOptions",
+        "services.tools.schema.printing:run",
+        "Print the JSON Schema of a message, or list the messages.",
+        "zv schema  |  zv schema Centroid",
+        "Made from the message's class, without a network; a running node answers the same on "
+        "@{ns}/schema/{name}.",
     ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""

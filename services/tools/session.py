@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -15,6 +15,7 @@ from common.session import Connection, close_session, direct, open_session, plai
 from common.signals import StopSignals
 
 POLL_S = 0.05
+CONDITION_POLL_S = 0.02
 ANSWER_S = 1.0
 """How long a node may take to answer a query."""
 
@@ -69,18 +70,18 @@ class ToolSession:
         """End the waits; safe in a signal handler and from any thread."""
         self._stopping = True
 
-    def wait(self, seconds: float, until: Callable[[], object] = lambda: False) -> bool:
+    def wait(self, seconds: float, until: Callable[[], object] | None = None) -> bool:
         """Wait so long, or until a condition holds, or until told to stop.
 
         Returns:
             Whether to go on: False when told to stop.
         """
         end_s = time.monotonic() + seconds
-        while not self._stopping and not until():
+        while not self._stopping and not (until and until()):
             left_s = end_s - time.monotonic()
             if left_s <= 0:
                 break
-            time.sleep(min(POLL_S, left_s))
+            time.sleep(min(POLL_S if until is None else CONDITION_POLL_S, left_s))
         return not self._stopping
 
     def subscribe(
@@ -88,7 +89,7 @@ class ToolSession:
     ) -> zenoh.Subscriber[None]:
         """Subscribe; the callback runs on Zenoh's thread and must be quick.
 
-        The subscription ends with the session, or when what this returns is let go.
+        The subscription ends with the session, or when what this returns is undeclared.
         """
         return self.zenoh.declare_subscriber(key, direct(on_sample))
 
@@ -103,13 +104,35 @@ class ToolSession:
             timeout_s: Until then, whoever has not answered is left out.
             options: Of ``zenoh.Session.get``.
         """
+        return self._answers([self._begin(key, timeout_s, payload=payload, **options)])[0]
+
+    def ask_all(
+        self, keys: Sequence[str], *, timeout_s: float = ANSWER_S
+    ) -> list[list[zenoh.Reply]]:
+        """Return the replies to several queries that are asked at once, in their order."""
+        return self._answers([self._begin(key, timeout_s) for key in keys])
+
+    def _begin(
+        self, key: str, timeout_s: float, **options: Any
+    ) -> tuple[list[zenoh.Reply], threading.Event]:
+        # By default Zenoh asks the nearest of several who answer on one key, and no other.
+        every = {
+            "target": zenoh.QueryTarget.ALL,
+            "consolidation": zenoh.ConsolidationMode.NONE,
+        }
         replies: list[zenoh.Reply] = []
         done = threading.Event()
         handler: Any = zenoh.handlers.Callback(replies.append, done.set, indirect=False)
-        self.zenoh.get(key, handler, payload=payload, timeout=timeout_s, **options)
-        while not self._stopping and not done.wait(POLL_S):
-            pass
-        return [reply for reply in list(replies) if not _is_timeout(reply)]
+        self.zenoh.get(key, handler, timeout=timeout_s, **(every | options))
+        return replies, done
+
+    def _answers(
+        self, asked: Sequence[tuple[list[zenoh.Reply], threading.Event]]
+    ) -> list[list[zenoh.Reply]]:
+        for _, done in asked:
+            while not self._stopping and not done.wait(POLL_S):
+                pass
+        return [[reply for reply in list(found) if not _is_timeout(reply)] for found, _ in asked]
 
 
 def _is_timeout(reply: zenoh.Reply) -> bool:

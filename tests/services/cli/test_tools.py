@@ -12,9 +12,14 @@ from pathlib import Path
 
 import pytest
 
+from common.session import Connection
+from common.signals import SIGNALS
 from services.cli.main import COMMANDS
+from services.cli.tools import run_tool
 from services.tools import catalogue
 from services.tools.nearest import nothing_matches
+from services.tools.options import ToolOptions
+from services.tools.output import Output
 from tests.processes import ROOT, START_S, Program, environment, eventually, router
 
 TOOL = str(Path(__file__).with_name("count_tool.py"))
@@ -126,6 +131,16 @@ def test_a_signal_ends_a_tool_with_0(endpoint, tmp_path, number):
         assert program.process.wait(2) == 0
         assert program.complaints == "zv: counting\n"
         assert program.output.splitlines()[-1].endswith(" sheep")
+
+
+def test_a_signal_at_the_very_end_does_not_change_the_status():
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        run_tool(lambda *_: None, ToolOptions(), Connection(), Output(), debug=False)
+        assert [signal.getsignal(number) for number in SIGNALS] == [signal.SIG_IGN] * 2
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_a_reader_that_leaves_ends_a_tool_with_0_and_without_a_word(endpoint):
