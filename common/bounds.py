@@ -84,6 +84,11 @@ class RateBounds:
         """Set the rate that should arrive, None if none is known; from any thread."""
         self._wanted_hz = rate_hz
 
+    @property
+    def expected_hz(self) -> float | None:
+        """The rate that should arrive, None if none is known."""
+        return self._wanted_hz
+
     def restart(self) -> None:
         """Forget what was: it says nothing about what comes."""
         self._readings.clear()

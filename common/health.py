@@ -68,13 +68,14 @@ class Health:
 
     def diagnostics(self) -> Diagnostics:
         """Return the health at this moment; the counters in it balance."""
-        now_s = time.monotonic()
+        # Read together: who knows both knows this node's start.
+        now_s, stamp_ns = time.monotonic(), time.time_ns()
         self._complaints.settle(now_s)
         counters = self._ledger.snapshot()
         level, message = self._judge(now_s, counters)
         return Diagnostics(
             node=self._node,
-            stamp_ns=time.time_ns(),
+            stamp_ns=stamp_ns,
             level=level,
             message=message,
             uptime_s=now_s - self._started_s,

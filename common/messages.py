@@ -214,6 +214,25 @@ class Parameter(Message):
     revision: Count = 0
 
 
+class ParameterList(Message):
+    """All parameters of one node at one revision."""
+
+    schema_name: ClassVar[str] = "vision.ParameterList.v1"
+
+    node: str
+    revision: Count
+    parameters: tuple[Parameter, ...]
+
+
+class Refusal(Message):
+    """The error reply to a change of parameters that was refused; nothing has changed."""
+
+    schema_name: ClassVar[str] = "vision.Refusal.v1"
+
+    error: Annotated[str, Field(description="what was wrong, naming parameter and value")]
+    allowed: Annotated[str, Field(description="what would have been right")]
+
+
 class NodeDescription(Message):
     """Who a node is and which keys it publishes and subscribes (``Node`` in the contract)."""
 
@@ -228,3 +247,13 @@ class NodeDescription(Message):
     started_ns: Nanoseconds
     publishes: tuple[str, ...]
     subscribes: tuple[str, ...]
+    stamp_ns: Annotated[
+        Nanoseconds | None, Field(description="when it was answered, by the node's clock")
+    ] = None
+    rate_hz: Annotated[
+        float | None, Field(gt=0, description="frames per second that should arrive, if known")
+    ] = None
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire; fields that do not apply are left out."""
+        return self.model_dump(exclude_none=True)

@@ -17,11 +17,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import zenoh
 
-from common import keys
+from common import keys, parameter_server
 from common.codec import Message
 from common.errors import ConfigurationError, PayloadError
 from common.frame import Form, Frame
@@ -30,7 +30,9 @@ from common.heartbeat import Heartbeat
 from common.images import Pixels
 from common.keys import Topic
 from common.ledger import Ledger
+from common.live import LiveSettings
 from common.messages import Diagnostics, Header, NodeDescription, Stamped
+from common.parameter_server import ParameterServer
 from common.publishing import Sample, StreamPublisher, picture_sample
 from common.receiving import FrameReceiver
 from common.serving import QueryServer, answer_schemas
@@ -50,7 +52,9 @@ class Node:
         publishes: Topics it publishes, rows of the table or their names.
         messages: Message classes it sends, for schema queries.
         counts: Names of what comes in and what was dealt with, in its counters.
-        revision: Of its parameters; stands in the headers it makes.
+        parameters: Its live settings. They answer and are published under its name, the
+            newest revision is in force from one frame of ``frames`` to the next, and its number
+            stands in the headers that the node makes.
     """
 
     def __init__(
@@ -62,7 +66,7 @@ class Node:
         publishes: Sequence[Topic | str] = (),
         messages: Sequence[type[Message]] = (),
         counts: tuple[str, str] = ("received", "processed"),
-        revision: int = 0,
+        parameters: LiveSettings[Any] | None = None,
     ) -> None:
         self.connection = connection or Connection()
         for name in (service, camera, self.connection.namespace):
@@ -71,11 +75,13 @@ class Node:
         self.service = service
         self.camera = camera
         self.name = f"{service}_{camera}"
-        self.revision = revision
+        self.parameters = parameters
         self.ledger = Ledger(*counts)
         self.health = Health(self.name, self.ledger)
         self._topics = [keys.TOPICS[t] if isinstance(t, str) else t for t in publishes]
         self._messages: set[type[Message]] = {Diagnostics, NodeDescription, *messages}
+        if parameters is not None:
+            self._messages.update(parameter_server.MESSAGES)
         self._publishers: dict[str, StreamPublisher] = {}
         self._stopping = False
         self._started_ns = time.time_ns()
@@ -111,6 +117,10 @@ class Node:
             keys.schema_key(namespace, "*"),
             answer_schemas(namespace, self._messages),
         )
+        if self.parameters is not None:
+            answers = ParameterServer(self.parameters, namespace, self.name)
+            answers.publish_to(self._session)
+            self._server.declare(self._session, answers.key, answers.answer)
         self._token = self._session.liveliness().declare_token(own_key)
         self._server.start()
         return self
@@ -126,6 +136,11 @@ class Node:
         self._server.close()
         close_session(self._session)
         self._signals.release()
+
+    @property
+    def revision(self) -> int:
+        """Number of the revision of its parameters that is in force; 0 without parameters."""
+        return 0 if self.parameters is None else self.parameters.in_force.number
 
     @property
     def stopping(self) -> bool:
@@ -144,7 +159,11 @@ class Node:
     # Frames in
 
     def frames(
-        self, topic: Topic | str = "image", *, want: Form = "bgr", max_age_s: float = 0.4
+        self,
+        topic: Topic | str = "image",
+        *,
+        want: Form = "bgr",
+        max_age_s: float | Callable[[], float] = 0.4,
     ) -> Iterator[Frame]:
         """Yield the camera's newest frames, each decodable, none twice, none stale.
 
@@ -154,15 +173,23 @@ class Node:
         Args:
             topic: ``image`` or ``raw``, or another topic that carries pictures.
             want: The form that is decoded beforehand, so that its errors are counted here.
-            max_age_s: Older ones, over the best recently seen, are dropped as ``stale``.
+            max_age_s: Older ones, over the best recently seen, are dropped as ``stale``; or
+                what says how old they may be now.
         """
         row = keys.TOPICS[topic] if isinstance(topic, str) else topic
+
+        def begin() -> float:
+            """Let the newest parameters be in force for the frame that is being taken."""
+            if self.parameters is not None:
+                self.parameters.take()
+            return max_age_s() if callable(max_age_s) else max_age_s
+
         receiver = FrameReceiver(
             self._session,
             row.key(self.connection.namespace, self.camera),
             camera=self.camera,
             raw=row.encoding == keys.RAW_IMAGE,
-            max_age_s=max_age_s,
+            max_age_s=begin,
             ledger=self.ledger,
             complain=self.health.complain,
         )
@@ -282,6 +309,8 @@ class Node:
             started_ns=self._started_ns,
             publishes=tuple(publisher.key for publisher in self._publishers.values()),
             subscribes=tuple(receiver.key for receiver in self.health.receivers),
+            stamp_ns=time.time_ns(),
+            rate_hz=self.health.bounds.expected_hz,
         )
         query.reply(
             keys.node_key(self.connection.namespace, self.name),

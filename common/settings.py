@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, cast
@@ -37,6 +37,8 @@ Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is
 
 
 def _from_text(value: object, info: ValidationInfo) -> object:
+    if isinstance(value, (bool, float)):  # which a choice would take for a number it equals
+        raise ValueError("Input should be a whole number")
     typed = bool(info.context and info.context["typed"])
     return int(value) if isinstance(value, str) and value.isdecimal() and not typed else value
 
@@ -151,14 +153,19 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 
 def unknown(shown: str, name: str, model: type[BaseModel]) -> str:
     """Say that a key is unknown, with the nearest that is known."""
-    near = difflib.get_close_matches(name, model.model_fields, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ";"
-    return f"unknown key {shown!r}{hint} allowed: {', '.join(model.model_fields)}"
+    hint = meant(name, model.model_fields)
+    return f"unknown key {shown!r}{hint or ';'} allowed: {', '.join(model.model_fields)}"
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Return a question with the nearest name that is known; nothing if none is near."""
+    near = difflib.get_close_matches(name, known, 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
     """Say in words what an option may be, from its schema."""
-    schema = _properties(model)[name]
+    schema = properties(model)[name]
     kinds = [schema, *schema.get("anyOf", [])]
     words = []
     for kind in kinds:
@@ -177,13 +184,13 @@ def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
 
 def choices(name: str, model: type[BaseModel]) -> list[str]:
     """Return what an option may be where that is a list, as one types it; else nothing."""
-    schema = _properties(model)[name]
+    schema = properties(model)[name]
     kinds = [schema, *schema.get("anyOf", [])]
     return [str(value) for kind in kinds for value in kind.get("enum", [])]
 
 
 @cache
-def _properties(model: type[BaseModel]) -> dict[str, Any]:
+def properties(model: type[BaseModel]) -> dict[str, Any]:
     """Return the schemas of a model's fields: made for all at once, and asked for one by one."""
     properties: dict[str, Any] = model.model_json_schema()["properties"]
     return properties
@@ -212,6 +219,8 @@ def _range(kind: Mapping[str, Any]) -> str:
         word += f"{' and' if low is not None else ''} below {kind['exclusiveMaximum']:g}"
     if "pattern" in kind:
         word += f" of the form {kind['pattern']}"
+    if "maxLength" in kind:
+        word += f" of at most {kind['maxLength']} characters"
     return word
 
 

@@ -206,6 +206,21 @@ def test_zv_up_starts_a_system_and_ends_with_ctrl_c(
         assert time.monotonic() - began < 2.5
 
 
+@pytest.mark.parametrize("arguments", written("zv", "node", "top", "doctor"))
+def test_a_tool_that_looks_at_nodes_runs_as_written(system: str, arguments: list[str]):
+    done = subprocess.run(
+        [sys.executable, "-m", "services", *arguments, "--connect", system],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env=environment(),
+        timeout=START_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "tracker_front" in done.stdout
+
+
 @pytest.mark.parametrize("arguments", written("python"))
 def test_an_example_runs_as_written(system: str, tmp_path: Path, arguments: list[str]):
     if "publish_from_anything.py" in arguments[0]:

@@ -74,8 +74,8 @@ def parameters() -> list[inspect.Parameter]:
 
 def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **flags: Any) -> None:
     """Check the file and run the system."""
+    from services.launch_file import read_launch_file
     from services.up import endpoint
-    from services.up.launch_file import read_launch_file
     from services.up.service import run as run_system
 
     log_to_stderr(debug)

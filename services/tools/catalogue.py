@@ -33,10 +33,43 @@ class Tool:
 
 GROUPS: Final[dict[str, str]] = {
     "topic": "See, measure and send what flows on key expressions.",
+    "node": "See which nodes run and what each does.",
+    "param": "Read, set, save and load the parameters of nodes that run.",
 }
 """Commands that have commands of their own, with their line in ``zv --help``."""
 
 TOOLS: Final[dict[str, Tool]] = {
+    "node list": Tool(
+        "services.tools.node.options:ListOptions",
+        "services.tools.node.listing:run",
+        "List the nodes that run.",
+        "zv node list  |  zv node list --watch",
+        "By their liveliness tokens: one that was killed is gone at once, one that froze or lost "
+        "its network after 2 s. Two nodes of one name are two lines.",
+    ),
+    "node info": Tool(
+        "services.tools.node.options:InfoOptions",
+        "services.tools.node.info:run",
+        "Say all that a node says of itself.",
+        "zv node info tracker_front  |  zv node info 'camera_*' --json",
+        "What it publishes and subscribes, its parameters, version, host, process, uptime, health.",
+    ),
+    "top": Tool(
+        "services.tools.top.options:TopOptions",
+        "services.tools.top.command:run",
+        "Watch all nodes: rates, latencies, losses, those that hurt first.",
+        "zv top  |  zv top --once  |  zv top --once --json",
+        "Sorted by level, then by the share of frames lost in the last 5 s, then by latency. CPU "
+        "and memory are shown of the nodes on this machine.",
+    ),
+    "doctor": Tool(
+        "services.tools.doctor.options:DoctorOptions",
+        "services.tools.doctor.command:run",
+        "Find what is wrong, and say what to do about it.",
+        "zv doctor  |  zv doctor --namespace lab --for 10s  |  zv doctor my-camera.toml",
+        "A line for each thing that was checked: OK, WARN or FAIL. Exit status 1 if one is FAIL, 4 "
+        "if that is only the router. docs/doctor.md says what each check means.",
+    ),
     "metrics": Tool(
         "services.tools.metrics.options:MetricsOptions",
         "services.tools.metrics.command:run",
@@ -119,6 +152,44 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv schema  |  zv schema Centroid",
         "Made from the message's class, without a network; a running node answers the same on "
         "@{ns}/schema/{name}.",
+    ),
+    "param list": Tool(
+        "services.tools.param.options:ListOptions",
+        "services.tools.param.commands:list_",
+        "Show the parameters of a node, or of all nodes.",
+        "zv param list tracker_front",
+    ),
+    "param get": Tool(
+        "services.tools.param.options:NamedOptions",
+        "services.tools.param.commands:get",
+        "Print the value of a parameter.",
+        "zv param get camera_front quality",
+        "One is printed alone, several with their names.",
+    ),
+    "param set": Tool(
+        "services.tools.param.options:SetOptions",
+        "services.tools.param.commands:set_",
+        "Set parameters, all or none.",
+        "zv param set edge_front low=30 high=90",
+        "In force with the next frame. It is lost when the node ends, unless saved by dump.",
+    ),
+    "param describe": Tool(
+        "services.tools.param.options:NamedOptions",
+        "services.tools.param.commands:describe",
+        "Say what a parameter is for, its range, unit and default.",
+        "zv param describe tracker_front closing",
+    ),
+    "param dump": Tool(
+        "services.tools.param.options:DumpOptions",
+        "services.tools.param.commands:dump",
+        "Write the parameters of a node as the TOML that --config reads.",
+        "zv param dump tracker_front -o tracker.toml",
+    ),
+    "param load": Tool(
+        "services.tools.param.options:LoadOptions",
+        "services.tools.param.commands:load",
+        "Send the values of a TOML file to a node, all or none.",
+        "zv param load tracker_front tracker.toml",
     ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""

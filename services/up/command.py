@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from common import heartbeat
-from services.up.launch_file import PlannedNode
+from services.launch_file import PlannedNode
 
 RESOLVED = ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT", heartbeat.VARIABLE)
 """Variables that ``zv up`` has read for all its children, who get them as flags if at all.

@@ -16,12 +16,15 @@ from rich.console import Console
 from common.errors import ToldToStop
 from common.heartbeat import Heartbeat
 from common.session import Connection, client_config, open_session, router_config
+from services.figures.board import HealthBoard
+from services.figures.display import Display, LiveTable, PlainLines
+from services.figures.meter import Meter
+from services.figures.row import Row
+from services.launch_file import Plan, PlannedNode
 from services.up.command import command_of
-from services.up.display import Display, LiveTable, PlainLines
-from services.up.figures import Meter, Row, row_of
+from services.up.figures import row_of
 from services.up.greeting import how_to_subscribe
-from services.up.health import HealthBoard, trouble_of
-from services.up.launch_file import Plan, PlannedNode
+from services.up.health import trouble_of
 from services.up.processes import WRONG_CONFIGURATION, Child
 
 POLL_S = 0.05

@@ -12,7 +12,8 @@ import zenoh
 
 from common.node import Node
 from common.session import Connection
-from services.up.health import Report, trouble_of
+from services.figures.board import Report
+from services.up.health import trouble_of
 from services.up.processes import Child
 from tests.integration.conftest import some_services
 from tests.integration.listening import Listener, wait_for_nodes

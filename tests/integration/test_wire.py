@@ -269,9 +269,12 @@ def test_a_node_describes_itself(system, node, publishes, subscribes):
     body = description.body
     assert set(body) == {
         *("node", "service", "cameras", "version", "host", "pid", "started_ns"),
-        *("publishes", "subscribes"),
+        *("publishes", "subscribes", "stamp_ns"),
+        *(["rate_hz"] if node == "camera_front" else []),
     }
     assert body["node"] == node
+    assert abs(body["stamp_ns"] - description.at_ns) < 1e9
+    assert body.get("rate_hz", 20) == 20  # the camera's
     assert body["service"] == node.split("_")[0]
     assert body["cameras"] == ["front"]
     assert body["pid"] == system.programs[node].process.pid
@@ -304,6 +307,8 @@ def test_every_node_shows_a_token_that_no_wildcard_of_data_matches(system):
         ("Tracks", "vision/front/truth"),
         ("Diagnostics", "@vision/diagnostics/tracker_front"),
         ("vision.Node.v1", "@vision/node/edge_front"),
+        ("Parameter", "@vision/param/camera_front/rate"),
+        ("ParameterList", "@vision/param/edge_front"),
     ],
 )
 def test_a_message_satisfies_the_schema_that_its_senders_answer(system, name, key):
@@ -323,11 +328,17 @@ def test_a_header_satisfies_its_schema(system):
     validate(newest(system.client, "vision/front/centroid").header, schema)
 
 
+SCHEMAS = (
+    *("Header", "Centroid", "Tracks", "Diagnostics", "Node"),
+    *("Parameter", "ParameterList", "Refusal"),
+)
+
+
 def test_a_query_for_all_schemas_answers_every_message_under_both_names(system):
     found = {reply.key for reply in ask(system.client, "@vision/schema/*")}
     assert found == {
         f"@vision/schema/{prefix}{name}{suffix}"
-        for name in ("Header", "Centroid", "Tracks", "Diagnostics", "Node")
+        for name in SCHEMAS
         for prefix, suffix in (("", ""), ("vision.", ".v1"))
     }
 

@@ -129,4 +129,4 @@ def test_each_kind_opens_through_one_door(opened: Callable[[str], Source], tmp_p
 def test_the_rate_that_a_camera_is_judged_by(
     source: str, rate: float | None, expected: float | None
 ):
-    assert rate_to_reach(CameraSettings(source=source, rate=rate)) == expected
+    assert rate_to_reach(kind_of(source), CameraSettings(source=source, rate=rate)) == expected

@@ -6,8 +6,8 @@ import pytest
 
 from common.errors import ConfigurationError
 from services.cli.services import load
+from services.launch_file import read_launch_file
 from services.up.command import command_of
-from services.up.launch_file import read_launch_file
 
 ROOT = Path(__file__).parent.parent.parent.parent
 NODE = '[[node]]\nservice = "camera"\n'
