@@ -98,6 +98,16 @@ class Health:
             since_s = now_s - (receiver.arrived_s or self._started_s)
             if since_s > SILENT_S:
                 found.append((STALE, f"no frame on {receiver.key} for {since_s:.0f} s"))
+            elif (late_s := now_s - (receiver.late_since_s or now_s)) > SILENT_S:
+                # A queue that drains is late for less. What stays late is a way that got longer
+                # than max_age, or stamps that fall behind within the minute that is remembered.
+                found.append(
+                    (
+                        WARN,
+                        f"every frame on {receiver.key} for {late_s:.0f} s came too late: "
+                        "the way is congested, or a clock is being turned back",
+                    )
+                )
             offset_ns = receiver.clock_offset_ns
             # What exceeds the time a frame takes is the difference of two clocks: normal, but
             # latencies are wrong by as much, so it is said.

@@ -62,6 +62,7 @@ class FrameReceiver:
         self.age = AgeGauge(int(max_age_s() * 1e9))
         self.arrived_s: float | None = None
         self._max_age_s = max_age_s
+        self.late_since_s: float | None = None  # monotonic; no frame was accepted since
         self._raw = raw
         self._ledger = ledger
         self._complain = complain
@@ -90,11 +91,14 @@ class FrameReceiver:
         try:
             if self.age.is_stale(header.epoch, header.stamp_ns, time.monotonic_ns()):
                 self._ledger.drop("stale")
+                if self.late_since_s is None:
+                    self.late_since_s = time.monotonic()
                 return None
             frame = self._frame(arrival)
             frame.form(want)
             self._admission.accept(header, time.monotonic())
             self.age.accept(header.epoch, header.stamp_ns, arrival.arrived_ns)
+            self.late_since_s = None
         except PayloadError as error:
             self._drop(error)
             return None

@@ -12,7 +12,7 @@ import json
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,35 +59,46 @@ def client_config(connection: Connection) -> zenoh.Config:
         ConfigurationError: The file cannot be read or holds what Zenoh does not know, or the
             endpoint is malformed.
     """
-    config = _base(connection.zenoh_config)
-    settings: dict[str, object] = {
-        "mode": "client",
+    config = _base(connection.zenoh_config, "client")
+    unless_stated = {
+        "connect/endpoints": [connection.connect],
         "connect/retry": RETRY,
         "transport/link/tx/lease": LEASE_MS,
     }
-    if connection.zenoh_config is None or not _stated(config, "connect/endpoints"):
-        settings["connect/endpoints"] = [connection.connect]
-    _insert(config, settings)
+    _insert(config, _not_stated(config, unless_stated, "client"))
     return config
 
 
 def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
     """Return the configuration of the embedded router.
 
+    Args:
+        listen: Zenoh endpoint, unless the file states where to listen.
+        zenoh_config: JSON5 file to start from.
+
     Raises:
         ConfigurationError: As for ``client_config``.
     """
-    config = _base(zenoh_config)
-    settings: dict[str, object] = {
-        "mode": "router",
+    config = _base(zenoh_config, "router")
+    _insert(config, {"adminspace/enabled": True})
+    unless_stated = {
+        "listen/endpoints": [listen],
+        "connect/retry": RETRY,
         "scouting/delay": 0,
-        "adminspace/enabled": True,
         WAIT_BEFORE_CLOSE: WAIT_BEFORE_CLOSE_US,
     }
-    if zenoh_config is None or not _stated(config, "listen/endpoints"):
-        settings["listen/endpoints"] = [listen]
-    _insert(config, settings)
+    _insert(config, _not_stated(config, unless_stated, "router"))
     return config
+
+
+def listened_on(config: zenoh.Config) -> list[str]:
+    """Return the endpoints that a router with this configuration listens on."""
+    return _value(config, "listen/endpoints", "router") or []
+
+
+def connected_to(config: zenoh.Config) -> list[str]:
+    """Return the endpoints at which a node with this configuration looks for its router."""
+    return _value(config, "connect/endpoints", "client") or []
 
 
 def direct(callback: Callable[[Any], None]) -> Any:
@@ -130,9 +141,10 @@ def open_session(
         if stopping():
             raise ToldToStop("told to stop before a router was there")
         if time.monotonic() >= give_up_s - MIN_TIMEOUT_MS / 1000:
+            where = " or ".join(connected_to(config))
             because = f" ({failed[-1]})" if failed else ""
             raise RouterUnreachable(
-                f"no Zenoh router at {connection.connect} within {connection.timeout_s:g} s"
+                f"no Zenoh router at {where} within {connection.timeout_s:g} s"
                 f"{because}; start one with `zv router`, "
                 "or name another with --connect tcp/HOST:PORT"
             )
@@ -157,11 +169,10 @@ def plain(error: zenoh.ZError) -> str:
     return re.sub(r" at \S+\.rs:\d+\.?", "", str(error)).strip()
 
 
-def _base(path: str | None) -> zenoh.Config:
-    """Start from a file or from nothing, and switch off what must be off everywhere."""
+def _base(path: str | None, mode: str) -> zenoh.Config:
+    """Start from a file or from nothing; nothing is searched for unless the file says so."""
     if path is None:
         config = zenoh.Config()
-        _insert(config, {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False})
     else:
         if not Path(path).is_file():
             raise ConfigurationError(f"--zenoh-config {path}: no such file")
@@ -169,15 +180,36 @@ def _base(path: str | None) -> zenoh.Config:
             config = zenoh.Config.from_file(path)
         except zenoh.ZError as error:
             raise ConfigurationError(f"--zenoh-config {path}: {plain(error)}") from None
-    _insert(config, {"transport/shared_memory/enabled": False})
+    _insert(config, {"mode": mode, "transport/shared_memory/enabled": False})
+    scouting = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
+    _insert(config, _not_stated(config, scouting, mode))
     return config
 
 
-def _stated(config: zenoh.Config, key: str) -> bool:
-    return json.loads(config.get_json(key)) not in (None, [], {})
+def _not_stated(
+    config: zenoh.Config, settings: Mapping[str, object], mode: str
+) -> dict[str, object]:
+    """Return those settings of which the file that the configuration came from says nothing.
+
+    Zenoh fills in its defaults on reading: what equals them was not stated.
+    """
+    untouched = zenoh.Config()
+    return {
+        key: value
+        for key, value in settings.items()
+        if config.get_json(key) == untouched.get_json(key) or _value(config, key, mode) is None
+    }
 
 
-def _insert(config: zenoh.Config, settings: dict[str, object]) -> None:
+def _value(config: zenoh.Config, key: str, mode: str) -> Any:
+    """Return a setting, of those that can differ by mode the one of this mode."""
+    value = json.loads(config.get_json(key))
+    if isinstance(value, dict) and value and value.keys() <= {"router", "peer", "client"}:
+        return value.get(mode)
+    return value
+
+
+def _insert(config: zenoh.Config, settings: Mapping[str, object]) -> None:
     for key, value in settings.items():
         try:
             config.insert_json5(key, json.dumps(value))

@@ -40,7 +40,11 @@ class ConnectionSettings(Settings):
         str, Field(pattern=f"^{NAME.pattern}$", description="first chunk of every key expression")
     ] = DEFAULT_NAMESPACE
     zenoh_config: Annotated[
-        str | None, Field(description="Zenoh's own JSON5 configuration file, for TLS and the like")
+        str | None,
+        Field(
+            description="Zenoh's own JSON5 configuration file, for TLS and the like; endpoints "
+            "that it states go over --connect and --listen"
+        ),
     ] = None
     timeout: Annotated[
         float | None,

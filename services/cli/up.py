@@ -74,6 +74,7 @@ def parameters() -> list[inspect.Parameter]:
 
 def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **flags: Any) -> None:
     """Check the file and run the system."""
+    from common.session import listened_on, router_config
     from services.launch_file import read_launch_file
     from services.up import endpoint
     from services.up.service import run as run_system
@@ -94,7 +95,11 @@ def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **fla
             inline={} if plan.listen is None else {"listen": plan.listen},
             inline_place=f"{plan.place}: router",
         )
-        listens = endpoint.free(router.listen)
+        stated = listened_on(router_config(router.listen, plan.router_config))
+        if plan.router_config is None or stated == [router.listen]:
+            listens = endpoint.free(router.listen)
+        else:
+            listens = endpoint.stated(plan.router_config, stated)
         connection = replace(connection, connect=endpoint.reach(listens))
     sys.exit(run_system(plan, connection, listens, plain=plain, debug=debug))
 

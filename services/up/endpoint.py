@@ -44,6 +44,25 @@ def free(listen: str) -> str:
     return f"{found['scheme']}/{host}:{port}{found['rest'] or ''}"
 
 
+def stated(path: str, endpoints: list[str]) -> str:
+    """Return the first of the endpoints that the router's own file states.
+
+    Args:
+        path: That file, which says where to listen instead of the flag.
+        endpoints: What it states.
+
+    Raises:
+        ConfigurationError: The nodes cannot be told where it is, or it cannot be listened on.
+    """
+    if not endpoints or free(endpoints[0]) != endpoints[0]:
+        raise ConfigurationError(
+            f"{path}: listen/endpoints = {endpoints} is not allowed here, the nodes would not "
+            "find the router; allowed: tcp/ADDRESS:PORT, or no listen/endpoints at all: then "
+            "listen of the launch file or --listen says it"
+        )
+    return endpoints[0]
+
+
 def reach(listen: str) -> str:
     """Return where a node on this machine finds a router that listens there."""
     found = TCP.fullmatch(listen)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import stat
 from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
@@ -49,13 +51,30 @@ def kind_of(spec: str) -> Kind:
             raise SourceError(f"{shown}: no such kind of URL; allowed: {schemes}")
         return "url"
     path = Path(spec)
-    if path.is_dir():
+    mode = _mode(spec)
+    if mode is None:
+        raise SourceError(f"{spec}: no such file or folder{_meant(path)}; a source is {ALLOWED}")
+    if stat.S_ISDIR(mode):
         return "folder"
-    if path.is_file():
+    if stat.S_ISREG(mode):
         return "folder" if path.suffix[1:].lower() in IMAGE_EXTENSIONS else "video"
-    if path.exists():
-        raise SourceError(f"{spec}: neither a regular file nor a folder; a source is {ALLOWED}")
-    raise SourceError(f"{spec}: no such file or folder{_meant(path)}; a source is {ALLOWED}")
+    raise SourceError(f"{spec}: neither a regular file nor a folder; a source is {ALLOWED}")
+
+
+def _mode(spec: str) -> int | None:
+    """Return the file mode of what a path names, None if nothing is there.
+
+    Raises:
+        SourceError: That cannot be told.
+    """
+    try:
+        return os.stat(spec).st_mode
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: holds a null byte
+        return None
+    except PermissionError:
+        raise SourceError(f"{spec}: permission denied on the way to it") from None
+    except OSError as error:
+        raise SourceError(f"{spec}: {error.strerror}; a source is {ALLOWED}") from None
 
 
 def _meant(path: Path) -> str:

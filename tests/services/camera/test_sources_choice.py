@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,41 @@ def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(SourceError, match="neither a regular file nor a folder"):
         kind_of(str(tmp_path / "pipe"))
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    """Take root's right to look everywhere away for a moment; others do not have it."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+def test_a_file_behind_a_closed_folder_is_explained(tmp_path: Path):
+    closed = tmp_path / "closed"
+    closed.mkdir()
+    (closed / "walk.avi").write_bytes(b"x")
+    closed.chmod(0)
+    with as_nobody(), pytest.raises(SourceError) as caught:
+        kind_of(str(closed / "walk.avi"))
+    closed.chmod(0o700)
+    assert str(caught.value) == f"{closed / 'walk.avi'}: permission denied on the way to it"
+    assert caught.value.exit_status == 3
+
+
+@pytest.mark.parametrize(
+    ("spec", "said"),
+    [("x" * 300, "File name too long"), ("wa\0lk.avi", "no such file or folder")],
+    ids=["too long", "null byte"],
+)
+def test_a_name_that_no_file_can_have_is_explained(spec: str, said: str):
+    with pytest.raises(SourceError, match=said):
+        kind_of(spec)
 
 
 def test_another_scheme_is_refused_naming_the_allowed_ones_and_no_password():
