@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 FILE ?= configs/up.toml
 ARGS ?=
 
-.PHONY: up test check tests coverage wheel bench configs clean
+.PHONY: up test check tests test-compose soak coverage wheel bench configs clean
 
 ifdef SOURCE
 export ZV_CAMERA_SOURCE := $(SOURCE)
@@ -30,6 +30,14 @@ check: $(VENV)/.dev
 tests: $(VENV)/.dev
 	$(BIN)/pytest -n 2 $(ARGS)
 
+## test-compose: start the containers and break them (needs Docker; about 15 minutes)
+test-compose: $(VENV)/.dev
+	$(BIN)/pytest -m compose tests/compose $(ARGS)
+
+## soak: 20 minutes of all containers with a random fault every 10 s, and a report
+soak: $(VENV)/.dev
+	$(BIN)/python -m tests.compose.soak $(ARGS)
+
 ## coverage: line coverage, the services' own processes included
 coverage: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --cov --cov-report=term:skip-covered $(ARGS)
@@ -42,7 +50,7 @@ wheel: $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python -m benchmarks $(ARGS)
 
-## configs: write configs/*.toml and docs/configuration.md anew from the options' models
+## configs: write configs/*.toml, docs/configuration.md and docs/cli.md anew from options and commands
 configs: $(VENV)/.dev
 	$(BIN)/python -m services.cli.defaults
 

@@ -8,7 +8,7 @@ import platform
 
 import cv2
 
-from benchmarks import fleet, floor, stream
+from benchmarks import exporter, fleet, floor, stream, tools
 from benchmarks.material import frames
 
 SIZES = ((768, 576), (1920, 1080))
@@ -20,9 +20,17 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=15, help="of each measurement")
     parser.add_argument("--memory-minutes", type=float, default=0, help="watch memory so long")
     parser.add_argument("--cameras", type=int, default=8, help="in the fleet")
+    parser.add_argument("--only-tools", action="store_true", help="measure the tools, no more")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     print(f"# {platform.machine()}, Python {platform.python_version()}, OpenCV {cv2.__version__}")
+    if not options.only_tools:
+        measure_services(options)
+    measure_tools(options.seconds)
+
+
+def measure_services(options: argparse.Namespace) -> None:
+    """Measure streams, start-up, fleet and memory."""
     for width, height in SIZES:
         pictures = frames(width, height)
         before = floor.measure(pictures, stream.RATE_HZ, options.seconds / 2)
@@ -36,8 +44,20 @@ def main() -> None:
         )
     show("start-up, s", stream.start_up())
     show("fleet", fleet.cameras(options.cameras, 10.0, max(options.seconds, 30)))
+    show("help, s", exporter.help_times())
+    for number in (4, 40):
+        show(f"zv metrics, {number} nodes", exporter.cost(number, options.seconds))
     if options.memory_minutes:
         show("memory", fleet.cameras(1, 30.0, options.memory_minutes * 60))
+
+
+def measure_tools(seconds: float) -> None:
+    """Measure what the tools cost beside the least that a program can do."""
+    width, height = SIZES[1]
+    name = f"tools, {tools.STREAMS} streams of {width}x{height}"
+    show(name, tools.cpu_beside_bare(width, height, stream.RATE_HZ, seconds))
+    show("zv topic echo of one camera's centroids", tools.cpu_of_echo(seconds))
+    show("zv snapshot, start to file, s", tools.snapshot())
 
 
 def show(name: str, figures: object) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.camera.sources.base import Picture
-from services.camera.sources.synthetic import SyntheticSource
+from services.camera.sources.synthetic import Conditions, SyntheticSource
 
 ROOT = Path(__file__).parent.parent
 FRAMES = 60
@@ -27,7 +27,7 @@ def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
             break
         found.append(np.asarray(cv2.resize(frame, (width, height)), np.uint8))
     if not found:
-        source = SyntheticSource(width=width, height=height, rate_hz=30.0)
+        source = SyntheticSource(width=width, height=height, seed=1, conditions=Conditions)
         pictures = [source.read() for _ in range(FRAMES)]
         found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
     return found

@@ -72,7 +72,9 @@ def unpack(payload: bytes) -> object:
     try:
         return msgpack.unpackb(payload, use_list=False, strict_map_key=True)
     except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:
-        raise PayloadError("bad_message", f"not msgpack: {error or type(error).__name__}") from None
+        raise PayloadError(
+            "bad_message", f"not msgpack: {str(error) or type(error).__name__}"
+        ) from None
 
 
 def explain(name: str, error: ValidationError) -> str:

@@ -2,7 +2,9 @@
 
 ```
 VisionError             base; carries the exit status of the command line
+├── ExpectationNotMet   1  a tool looked and found other than was expected
 ├── ConfigurationError  2  wrong use, wrong setting: names place, value and what is allowed
+│   └── ParameterRefused   a change of live parameters that a node refused
 ├── SourceError         3  a source or a file cannot be opened
 │   └── SourceLost         an open source stalled, froze or vanished; it is opened again
 ├── RouterUnreachable   4  no router answered within the time allowed
@@ -20,10 +22,30 @@ class VisionError(Exception):
     exit_status = 1
 
 
+class ExpectationNotMet(VisionError):
+    """A tool did its work and found other than was expected, or nothing at all."""
+
+    exit_status = 1
+
+
 class ConfigurationError(VisionError):
     """Wrong use or wrong configuration."""
 
     exit_status = 2
+
+
+class ParameterRefused(ConfigurationError):
+    """A change of live parameters that was refused as a whole.
+
+    Attributes:
+        error: What was wrong, naming parameter and value.
+        allowed: What would have been right.
+    """
+
+    def __init__(self, error: str, allowed: str) -> None:
+        super().__init__(f"{error}{'' if error.endswith('?') else ';'} allowed: {allowed}")
+        self.error = error
+        self.allowed = allowed
 
 
 class SourceError(VisionError):

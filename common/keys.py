@@ -102,6 +102,16 @@ def diagnostics_key(namespace: str, node: str) -> str:
     return f"@{namespace}/diagnostics/{node}"
 
 
+def parameter_key(namespace: str, node: str, name: str) -> str:
+    """Return the key of a node's parameter; ``node`` and ``name`` may be ``*``."""
+    return f"@{namespace}/param/{node}/{name}"
+
+
+def parameters_key(namespace: str, node: str) -> str:
+    """Return the key of all parameters of a node; ``node`` may be ``*``."""
+    return f"@{namespace}/param/{node}"
+
+
 def schema_key(namespace: str, name: str) -> str:
     """Return the key of a message's JSON Schema; ``name`` may be ``*``."""
     return f"@{namespace}/schema/{name}"

@@ -12,10 +12,15 @@ class Ledger:
     Args:
         arrived: Counter name of what comes in: ``captured`` at a camera, else ``received``.
         done: Counter name of what was dealt with: ``published`` or ``processed``.
+
+    Attributes:
+        arrived: As given.
+        done: As given.
     """
 
     def __init__(self, arrived: str = "received", done: str = "processed") -> None:
-        self._names = (arrived, done)
+        self.arrived = arrived
+        self.done = done
         self._arrived = 0
         self._done = 0
         self._dropped: Counter[str] = Counter()
@@ -45,10 +50,9 @@ class Ledger:
     def snapshot(self) -> dict[str, int]:
         """Return all counters at one moment; they balance."""
         with self._lock:
-            arrived, done = self._names
             return {
-                arrived: self._arrived,
-                done: self._done,
+                self.arrived: self._arrived,
+                self.done: self._done,
                 **{f"dropped.{reason}": count for reason, count in sorted(self._dropped.items())},
                 "pending": self._arrived - self._done - self._dropped.total(),
                 **self._notes,

@@ -6,14 +6,16 @@ Coordinates are full-resolution pixels, origin top left.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from common.codec import Message, explain, unpack
 from common.errors import PayloadError
 
 NAME_PATTERN = r"^[a-z0-9_]+$"
+MAX_BOUNDS = 100
 
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
 Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
@@ -147,6 +149,28 @@ class Latency(Message):
     p99: float | None
 
 
+class Histogram(Message):
+    """How often a latency was at most so long, since the node's start.
+
+    Cumulative, as Prometheus has it: each count includes those before it, and the last one,
+    which has no bound, is the number of all frames.
+    """
+
+    bounds: Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_BOUNDS)]
+    counts: Annotated[tuple[Count, ...], Field(min_length=2, max_length=MAX_BOUNDS + 1)]
+    sum: Annotated[float, Field(ge=0)]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if len(self.counts) != len(self.bounds) + 1:
+            raise ValueError("counts must be one more than bounds")
+        if any(low >= high for low, high in pairwise(self.bounds)):
+            raise ValueError("bounds must rise")
+        if any(low > high for low, high in pairwise(self.counts)):
+            raise ValueError("counts must not fall: each includes those before it")
+        return self
+
+
 class Diagnostics(Message):
     """Health of one node, once a second; the counters are totals since its start."""
 
@@ -160,6 +184,16 @@ class Diagnostics(Message):
     counters: dict[str, Count]
     rate_hz: Annotated[float, Field(ge=0)]
     latency_ms: Latency
+    latency_histogram_ms: Annotated[
+        Histogram | None, Field(description="latencies since the start, cumulative")
+    ] = None
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire; a histogram that there is none of is left out."""
+        fields = self.model_dump()
+        if self.latency_histogram_ms is None:
+            del fields["latency_histogram_ms"]
+        return fields
 
 
 class Parameter(Message):
@@ -180,6 +214,25 @@ class Parameter(Message):
     revision: Count = 0
 
 
+class ParameterList(Message):
+    """All parameters of one node at one revision."""
+
+    schema_name: ClassVar[str] = "vision.ParameterList.v1"
+
+    node: str
+    revision: Count
+    parameters: tuple[Parameter, ...]
+
+
+class Refusal(Message):
+    """The error reply to a change of parameters that was refused; nothing has changed."""
+
+    schema_name: ClassVar[str] = "vision.Refusal.v1"
+
+    error: Annotated[str, Field(description="what was wrong, naming parameter and value")]
+    allowed: Annotated[str, Field(description="what would have been right")]
+
+
 class NodeDescription(Message):
     """Who a node is and which keys it publishes and subscribes (``Node`` in the contract)."""
 
@@ -194,3 +247,13 @@ class NodeDescription(Message):
     started_ns: Nanoseconds
     publishes: tuple[str, ...]
     subscribes: tuple[str, ...]
+    stamp_ns: Annotated[
+        Nanoseconds | None, Field(description="when it was answered, by the node's clock")
+    ] = None
+    rate_hz: Annotated[
+        float | None, Field(gt=0, description="frames per second that should arrive, if known")
+    ] = None
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire; fields that do not apply are left out."""
+        return self.model_dump(exclude_none=True)

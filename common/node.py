@@ -13,32 +13,33 @@ from __future__ import annotations
 
 import os
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import zenoh
 
-from common import keys
+from common import keys, parameter_server
 from common.codec import Message
 from common.errors import ConfigurationError, PayloadError
 from common.frame import Form, Frame
 from common.health import Health
+from common.heartbeat import Heartbeat
 from common.images import Pixels
 from common.keys import Topic
 from common.ledger import Ledger
+from common.live import LiveSettings
 from common.messages import Diagnostics, Header, NodeDescription, Stamped
+from common.parameter_server import ParameterServer
 from common.publishing import Sample, StreamPublisher, picture_sample
 from common.receiving import FrameReceiver
 from common.serving import QueryServer, answer_schemas
-from common.session import Connection, open_session
+from common.session import Connection, close_session, open_session
 from common.signals import StopSignals
 
 POLL_S = 0.1
-CLOSE_S = 1.0
 
 
 class Node:
@@ -51,7 +52,9 @@ class Node:
         publishes: Topics it publishes, rows of the table or their names.
         messages: Message classes it sends, for schema queries.
         counts: Names of what comes in and what was dealt with, in its counters.
-        revision: Of its parameters; stands in the headers it makes.
+        parameters: Its live settings. They answer and are published under its name, the
+            newest revision is in force from one frame of ``frames`` to the next, and its number
+            stands in the headers that the node makes.
     """
 
     def __init__(
@@ -63,7 +66,7 @@ class Node:
         publishes: Sequence[Topic | str] = (),
         messages: Sequence[type[Message]] = (),
         counts: tuple[str, str] = ("received", "processed"),
-        revision: int = 0,
+        parameters: LiveSettings[Any] | None = None,
     ) -> None:
         self.connection = connection or Connection()
         for name in (service, camera, self.connection.namespace):
@@ -72,14 +75,17 @@ class Node:
         self.service = service
         self.camera = camera
         self.name = f"{service}_{camera}"
-        self.revision = revision
+        self.parameters = parameters
         self.ledger = Ledger(*counts)
         self.health = Health(self.name, self.ledger)
         self._topics = [keys.TOPICS[t] if isinstance(t, str) else t for t in publishes]
         self._messages: set[type[Message]] = {Diagnostics, NodeDescription, *messages}
+        if parameters is not None:
+            self._messages.update(parameter_server.MESSAGES)
         self._publishers: dict[str, StreamPublisher] = {}
         self._stopping = False
         self._started_ns = time.time_ns()
+        self._heartbeat = Heartbeat()
         self._signals = StopSignals(self.stop)
 
     # Life
@@ -88,11 +94,11 @@ class Node:
         """Open the session, waiting for the router; declare what the node offers."""
         self._signals.catch()
         try:
-            self._session = open_session(self.connection, lambda: self._stopping)
+            self._session = open_session(self.connection, self._waiting_is_over)
         except BaseException:
             self._signals.release()
             raise
-        self._server = QueryServer(self._publish_diagnostics)
+        self._server = QueryServer(self._say_how_it_does)
         namespace = self.connection.namespace
         for topic in self._topics:
             self._publishers[topic.name] = StreamPublisher(
@@ -111,6 +117,10 @@ class Node:
             keys.schema_key(namespace, "*"),
             answer_schemas(namespace, self._messages),
         )
+        if self.parameters is not None:
+            answers = ParameterServer(self.parameters, namespace, self.name)
+            answers.publish_to(self._session)
+            self._server.declare(self._session, answers.key, answers.answer)
         self._token = self._session.liveliness().declare_token(own_key)
         self._server.start()
         return self
@@ -124,10 +134,13 @@ class Node:
         """Say goodbye and close the session, in bounded time whatever the router does."""
         self._stopping = True
         self._server.close()
-        closing = threading.Thread(target=self._session.close, daemon=True)
-        closing.start()
-        closing.join(CLOSE_S)
+        close_session(self._session)
         self._signals.release()
+
+    @property
+    def revision(self) -> int:
+        """Number of the revision of its parameters that is in force; 0 without parameters."""
+        return 0 if self.parameters is None else self.parameters.in_force.number
 
     @property
     def stopping(self) -> bool:
@@ -138,10 +151,19 @@ class Node:
         """End the iterators; safe in a signal handler and from any thread."""
         self._stopping = True
 
+    def _waiting_is_over(self) -> bool:
+        """Tell whether to give up on the router; to wait for it is to be well."""
+        self._heartbeat.beat()
+        return self._stopping
+
     # Frames in
 
     def frames(
-        self, topic: Topic | str = "image", *, want: Form = "bgr", max_age_s: float = 0.4
+        self,
+        topic: Topic | str = "image",
+        *,
+        want: Form = "bgr",
+        max_age_s: float | Callable[[], float] = 0.4,
     ) -> Iterator[Frame]:
         """Yield the camera's newest frames, each decodable, none twice, none stale.
 
@@ -151,21 +173,30 @@ class Node:
         Args:
             topic: ``image`` or ``raw``, or another topic that carries pictures.
             want: The form that is decoded beforehand, so that its errors are counted here.
-            max_age_s: Older ones, over the best recently seen, are dropped as ``stale``.
+            max_age_s: Older ones, over the best recently seen, are dropped as ``stale``; or
+                what says how old they may be now.
         """
         row = keys.TOPICS[topic] if isinstance(topic, str) else topic
+
+        def begin() -> float:
+            """Let the newest parameters be in force for the frame that is being taken."""
+            if self.parameters is not None:
+                self.parameters.take()
+            return max_age_s() if callable(max_age_s) else max_age_s
+
         receiver = FrameReceiver(
             self._session,
             row.key(self.connection.namespace, self.camera),
             camera=self.camera,
             raw=row.encoding == keys.RAW_IMAGE,
-            max_age_s=max_age_s,
+            max_age_s=begin,
             ledger=self.ledger,
             complain=self.health.complain,
         )
         self.health.receivers.append(receiver)
         try:
             while not self._stopping:
+                self.health.turn()
                 frame = receiver.take(POLL_S, want)
                 if frame is None:
                     continue
@@ -260,7 +291,8 @@ class Node:
 
     # Health and description
 
-    def _publish_diagnostics(self) -> None:
+    def _say_how_it_does(self) -> None:
+        self._heartbeat.beat(self.health.trouble())
         diagnostics = self.health.diagnostics()
         self._diagnostics.offer(
             lambda: Sample(diagnostics.to_bytes(), self._diagnostics.topic.encoding, None)
@@ -277,6 +309,8 @@ class Node:
             started_ns=self._started_ns,
             publishes=tuple(publisher.key for publisher in self._publishers.values()),
             subscribes=tuple(receiver.key for receiver in self.health.receivers),
+            stamp_ns=time.time_ns(),
+            rate_hz=self.health.bounds.expected_hz,
         )
         query.reply(
             keys.node_key(self.connection.namespace, self.name),

@@ -41,7 +41,8 @@ class FrameReceiver:
         key: Key expression of the stream.
         camera: Whose frames it carries.
         raw: The payload is raw pixels instead of JPEG or PNG.
-        max_age_s: Frames later than this over the best recently seen are dropped as stale.
+        max_age_s: Frames later than this over the best recently seen are dropped as stale;
+            asked for each frame as it is taken.
         ledger: Counts what arrives and what becomes of it.
         complain: Called with each drop, for the log.
     """
@@ -53,13 +54,14 @@ class FrameReceiver:
         *,
         camera: str,
         raw: bool,
-        max_age_s: float,
+        max_age_s: Callable[[], float],
         ledger: Ledger,
         complain: Callable[[PayloadError], None],
     ) -> None:
         self.key = key
-        self.age = AgeGauge(int(max_age_s * 1e9))
+        self.age = AgeGauge(int(max_age_s() * 1e9))
         self.arrived_s: float | None = None
+        self._max_age_s = max_age_s
         self.late_since_s: float | None = None  # monotonic; no frame was accepted since
         self._raw = raw
         self._ledger = ledger
@@ -84,6 +86,7 @@ class FrameReceiver:
         arrival = self._slot.take(timeout_s)
         if arrival is None:
             return None
+        self.age.max_age_ns = int(self._max_age_s() * 1e9)
         header = arrival.header
         try:
             if self.age.is_stale(header.epoch, header.stamp_ns, time.monotonic_ns()):

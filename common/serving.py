@@ -66,11 +66,13 @@ class QueryServer:
     def _serve(self) -> None:
         due = time.monotonic() + HEALTH_PERIOD_S
         while True:
+            # Asked before the queue is: however many queries wait, the tick must not.
+            if time.monotonic() >= due:
+                self._guarded(self._tick)
+                due = max(due + HEALTH_PERIOD_S, time.monotonic())
             try:
                 item = self._waiting.get(timeout=max(0.0, due - time.monotonic()))
             except queue.Empty:
-                self._guarded(self._tick)
-                due = max(due + HEALTH_PERIOD_S, time.monotonic())
                 continue
             if item is None:
                 self._guarded(self._tick)

@@ -10,9 +10,10 @@ from __future__ import annotations
 import difflib
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, cast
 
 from pydantic import (
     BaseModel,
@@ -23,10 +24,12 @@ from pydantic import (
     ValidationInfo,
 )
 from pydantic.fields import FieldInfo
-from pydantic_settings import BaseSettings, EnvSettingsSource
 
 from common.errors import ConfigurationError
 from common.keys import DEFAULT_CAMERA, NAME
+
+if TYPE_CHECKING:
+    from pydantic_settings import BaseSettings
 
 CameraName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=64)]
 Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
@@ -34,6 +37,8 @@ Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is
 
 
 def _from_text(value: object, info: ValidationInfo) -> object:
+    if isinstance(value, (bool, float)):  # which a choice would take for a number it equals
+        raise ValueError("Input should be a whole number")
     typed = bool(info.context and info.context["typed"])
     return int(value) if isinstance(value, str) and value.isdecimal() and not typed else value
 
@@ -48,7 +53,7 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     env_prefix: ClassVar[str]
-    """What its environment variables start with."""
+    """What its environment variables start with; empty if the environment sets none of them."""
 
     env_shared: ClassVar[bool] = False
     """Whether other variables may start with that too; else they are taken for mistakes."""
@@ -101,7 +106,10 @@ def load_settings(
         return model.model_validate(merged)
     except ValidationError as error:  # a rule about several options at once
         places = " and ".join(place for place, values, _ in layers if values)
-        message = error.errors()[0]["msg"].removeprefix("Value error, ")
+        first = error.errors()[0]
+        message = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "missing":
+            raise ConfigurationError(f"{first['loc'][0]} must be given") from None
         raise ConfigurationError(f"{places}: {message}") from None
 
 
@@ -127,11 +135,15 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
         ConfigurationError: A variable with the model's prefix names no option.
     """
     prefix = model.env_prefix
+    if not prefix:
+        return {}
     for variable, value in os.environ.items():
         name = variable.removeprefix(prefix).lower()
         mistaken = variable.startswith(prefix) and name not in model.model_fields
         if mistaken and value and not model.env_shared:
             raise ConfigurationError(f"environment: {unknown(variable, name, model)}")
+    from pydantic_settings import EnvSettingsSource  # takes as long as all else of a --help
+
     # It asks a model for its fields and their names only, which any model has.
     source = EnvSettingsSource(
         cast("type[BaseSettings]", model), env_prefix=prefix, env_ignore_empty=True
@@ -141,14 +153,19 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 
 def unknown(shown: str, name: str, model: type[BaseModel]) -> str:
     """Say that a key is unknown, with the nearest that is known."""
-    near = difflib.get_close_matches(name, model.model_fields, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ";"
-    return f"unknown key {shown!r}{hint} allowed: {', '.join(model.model_fields)}"
+    hint = meant(name, model.model_fields)
+    return f"unknown key {shown!r}{hint or ';'} allowed: {', '.join(model.model_fields)}"
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Return a question with the nearest name that is known; nothing if none is near."""
+    near = difflib.get_close_matches(name, known, 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
     """Say in words what an option may be, from its schema."""
-    schema = model.model_json_schema()["properties"][name]
+    schema = properties(model)[name]
     kinds = [schema, *schema.get("anyOf", [])]
     words = []
     for kind in kinds:
@@ -160,12 +177,32 @@ def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
             continue
         elif "type" in kind:
             words.append(_range(kind))
-    default = "" if field.is_required() else f"; default {field.default!r}"
+    unset = field.is_required() or field.default in (None, ())
+    default = "" if unset else f"; default {field.default!r}"
     return " or ".join(words) + default
 
 
+def choices(name: str, model: type[BaseModel]) -> list[str]:
+    """Return what an option may be where that is a list, as one types it; else nothing."""
+    schema = properties(model)[name]
+    kinds = [schema, *schema.get("anyOf", [])]
+    return [str(value) for kind in kinds for value in kind.get("enum", [])]
+
+
+@cache
+def properties(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the schemas of a model's fields: made for all at once, and asked for one by one."""
+    properties: dict[str, Any] = model.model_json_schema()["properties"]
+    return properties
+
+
 def _range(kind: Mapping[str, Any]) -> str:
-    names = {"integer": "a whole number", "number": "a number", "string": "a text"}
+    names = {
+        "integer": "a whole number",
+        "number": "a number",
+        "string": "a text",
+        "array": "a list",
+    }
     word = names.get(kind["type"], "true or false" if kind["type"] == "boolean" else kind["type"])
     low, high = kind.get("minimum"), kind.get("maximum")
     if "exclusiveMinimum" in kind:
@@ -178,8 +215,12 @@ def _range(kind: Mapping[str, Any]) -> str:
         word += f" of at least {low:.12g}"
     elif high is not None:
         word += f" up to {high:.12g}"
+    if high is None and "exclusiveMaximum" in kind:
+        word += f"{' and' if low is not None else ''} below {kind['exclusiveMaximum']:g}"
     if "pattern" in kind:
         word += f" of the form {kind['pattern']}"
+    if "maxLength" in kind:
+        word += f" of at most {kind['maxLength']} characters"
     return word
 
 
@@ -191,12 +232,13 @@ def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, stri
     try:
         model.model_validate(values, strict=strict, context={"typed": strict})
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        if not first["loc"]:
+        wrong = [e for e in error.errors(include_url=False) if e["type"] != "missing"]
+        if not wrong or not wrong[0]["loc"]:
             return  # a rule about several options: judged when they are merged
+        first = wrong[0]
         name = str(first["loc"][0])
         shown = f"{model.env_prefix}{name.upper()}" if place == "environment" else name
-        shown = f"--{name.replace('_', '-')}" if place == "command line" else shown
+        shown = f"--{name.rstrip('_').replace('_', '-')}" if place == "command line" else shown
         message = first["msg"].removeprefix("Value error, ")
         raise ConfigurationError(
             f"{place}: {shown} = {values[name]!r} is not allowed ({message}); "

@@ -72,6 +72,10 @@ def test_every_topic_is_in_the_document_with_its_encoding_and_nothing_else_is():
         keys.node_key("{ns}", "{node}"): keys.msgpack_of(messages.NodeDescription.schema_name),
         keys.diagnostics_key("{ns}", "{node}"): keys.msgpack_of(messages.Diagnostics.schema_name),
         keys.schema_key("{ns}", "{name}"): keys.JSON,
+        keys.parameter_key("{ns}", "{node}", "{name}"): keys.msgpack_of(
+            messages.Parameter.schema_name
+        ),
+        keys.parameters_key("{ns}", "{node}"): keys.msgpack_of(messages.ParameterList.schema_name),
     }
     assert set(documented) == set(known)
     for key, encoding in known.items():
@@ -107,8 +111,11 @@ SECTIONS = {
     messages.CameraInfo: "### CameraInfo",
     messages.Diagnostics: "### Diagnostics",
     messages.Latency: "### Diagnostics",
+    messages.Histogram: "### Diagnostics",
     messages.NodeDescription: "### Node",
     messages.Parameter: "### Parameter",
+    messages.ParameterList: "### ParameterList",
+    messages.Refusal: "### Refusal",
 }
 
 
@@ -127,6 +134,7 @@ def test_every_field_of_a_message_is_in_its_section(message: type[Message]):
         (messages.Centroid, "### Centroid"),
         (messages.Track, "### Tracks"),
         (messages.Diagnostics, "### Diagnostics"),
+        (messages.Parameter, "### Parameter"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,6 +17,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from services.cli.failures import FAULT_STATUS
 from services.cli.main import COMMANDS
 from tests.processes import (
     ROOT,
@@ -67,7 +71,11 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def test_every_command_is_one_that_is_tested_here():
-    assert {words[0] for words in commands()} == {"make", "zv", "python"}
+    # Those of containers are in tests/compose/test_readme_containers.py.
+    containers = {words[0] for words in commands()} - {"make", "zv", "python", "source"}
+    assert {word.partition("=")[0] for word in containers} == {
+        "docker", "cp", "curl", "ZV_VIDEO", "ZV_CONNECT",
+    }  # fmt: skip
     assert {words[1] for words in commands() if words[0] == "zv"} <= set(COMMANDS)
     assert {words[1] for words in commands() if words[0] == "make"} == {"up", "test"}
 
@@ -134,6 +142,21 @@ def device_of(options: list[str]) -> str:
     return f"/dev/video{source}" if source.isdecimal() else source
 
 
+@pytest.mark.parametrize("flags", written("zv", "metrics"))
+def test_metrics_are_served_as_written_until_ctrl_c(flags: list[str], system: str, tmp_path: Path):
+    # 9464 may well be in use.
+    options = [*flags[1:], "--connect", system, "--listen", "127.0.0.1:0"]
+    with service(flags[0], tmp_path, *options) as program:
+        url = program.lines(r"http://127\.0\.0\.1:\d+/metrics")[0][0]
+
+        def served() -> bool:
+            with urllib.request.urlopen(url, timeout=5) as answer:
+                return b'zenoh_vision_node_up{node="camera_front"} 1.0' in answer.read()
+
+        eventually(served, START_S, lambda: program.complaints)
+        assert program.interrupt() == 0
+
+
 @pytest.mark.parametrize("flags", written("zv", "router"))
 def test_the_router_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp_path: Path):
     endpoint = free_endpoint()  # 7447 may well be in use
@@ -183,6 +206,21 @@ def test_zv_up_starts_a_system_and_ends_with_ctrl_c(
         assert time.monotonic() - began < 2.5
 
 
+@pytest.mark.parametrize("arguments", written("zv", "node", "top", "doctor"))
+def test_a_tool_that_looks_at_nodes_runs_as_written(system: str, arguments: list[str]):
+    done = subprocess.run(
+        [sys.executable, "-m", "services", *arguments, "--connect", system],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env=environment(),
+        timeout=START_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "tracker_front" in done.stdout
+
+
 @pytest.mark.parametrize("arguments", written("python"))
 def test_an_example_runs_as_written(system: str, tmp_path: Path, arguments: list[str]):
     if "publish_from_anything.py" in arguments[0]:
@@ -208,6 +246,27 @@ def test_an_example_runs_as_written(system: str, tmp_path: Path, arguments: list
         else:
             program.lines(r"front \d+ .*", count=3)
         assert program.interrupt() == 0
+
+
+@pytest.mark.parametrize("words", [w for w in commands() if w[0] == "source"], ids=" ".join)
+def test_completion_is_there_after_the_line_as_written(words: list[str], tmp_path: Path):
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    command = tmp_path / "zv"
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m services "$@"\n')
+    command.chmod(0o755)
+    typed = "COMP_WORDS=(zv came); COMP_CWORD=1; _zv_completion zv; echo ${COMPREPLY[@]}"
+    done = subprocess.run(
+        [bash, "--norc", "-c", f"{' '.join(words)}\n{typed}"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={**environment(), "PATH": f"{tmp_path}:{os.environ['PATH']}"},
+        timeout=START_S,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("camera\n", "")
 
 
 # Text
@@ -271,5 +330,5 @@ def test_the_exit_statuses_are_those_of_the_code():
         and issubclass(error, errors.VisionError)
         and error not in (errors.VisionError, errors.PayloadError)
     }
-    shown = {int(found) for found in re.findall(r"^\| (\d) \|", TEXT, re.MULTILINE)}
-    assert shown == statuses
+    shown = {int(found) for found in re.findall(r"^\| (\d+) \|", TEXT, re.MULTILINE)}
+    assert shown == statuses | {FAULT_STATUS}

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from common.frame import Frame
 from common.messages import Header
+from services.camera.choice import open_by
 from services.camera.conversion import Converter
 from services.camera.settings import CameraSettings
-from services.camera.sources.synthetic import SyntheticSource
 from services.edge.service import edges_of
 from services.edge.settings import EdgeSettings
 from services.tracker.drawing import draw
@@ -36,15 +36,7 @@ INK = (40, 40, 40)
 def main() -> None:
     """Render the pictures and write the file."""
     settings = CameraSettings()
-    source = SyntheticSource(
-        width=640,
-        height=480,
-        rate_hz=30.0,
-        seed=settings.seed,
-        noise=settings.noise,
-        objects=settings.objects,
-        faults=(),
-    )
+    source = open_by(settings, lambda: settings)
     converter = Converter(settings.encoding, settings.flip, settings.quality)
     tracker = tracker_of(TrackerSettings())
     for seq in range(SHOWN_FRAME + 1):

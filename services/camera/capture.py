@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
@@ -9,15 +10,20 @@ from typing import Self
 
 from common.errors import SourceError
 from common.ledger import Ledger
+from common.live import Change, LiveSettings
 from common.slot import Slot
-from services.camera.choice import opener, rate_to_keep, watches_for_repeats
-from services.camera.reader import Captured, ReadingRules, SourceReader
+from services.camera.choice import Opener, must_reopen, open_by
+from services.camera.reader import Captured, SourceReader
 from services.camera.settings import CameraSettings
-from services.camera.sources import without_password
-from services.camera.sources.base import Source
+from services.camera.sources import kind_of, without_password
+
+log = logging.getLogger(__name__)
 
 POLL_S = 0.05
 LAST_S = 0.3
+LEAVE_S = 2.0
+"""How long a source that is to be opened again gets for being closed."""
+
 OWN_S = 1.0
 """What a source that ends its own opening in time gets for saying why."""
 
@@ -27,35 +33,42 @@ class Capture:
 
     Each opening is a new epoch. A source that stalls, freezes, is lost, or ends though it
     should not, is opened again after ``reopen_min`` seconds, doubling up to ``reopen_max``
-    until a picture comes.
+    until a picture comes. So is one that cannot follow a change of the settings, at once.
 
     Args:
-        settings: The camera's.
+        live: The camera's settings.
         ledger: Counts what is captured.
         open_source: Opens another source than the settings name.
+
+    Raises:
+        SourceError: There is no such source.
     """
 
     def __init__(
         self,
-        settings: CameraSettings,
+        live: LiveSettings[CameraSettings],
         ledger: Ledger,
-        open_source: Callable[[], Source] | None = None,
+        open_source: Opener | None = None,
     ) -> None:
         self.description = ""
-        self._settings = settings
-        self._shown = without_password(settings.source)
+        self._live = live
+        self._shown = without_password(self._settings.source)
+        self.kind = kind_of(self._settings.source)
         self._ledger = ledger
         self._slot = Slot[Captured](lambda _: ledger.drop("overwritten"))
-        self._rules = ReadingRules(
-            rate_hz=rate_to_keep(settings),
-            frozen_after_s=settings.frozen_after if watches_for_repeats(settings.source) else 0.0,
-        )
-        self._open_source = open_source or opener(settings)
+        self._open_source = open_source or open_by
         self._reader: SourceReader | None = None
+        self._leaving: SourceReader | None = None
+        self._leave_s = 0.0
         self._epoch = 0
-        self._delay_s = settings.reopen_min
+        self._delay_s = self._settings.reopen_min
         self._reopen_s: float | None = None
         self._trouble = ""
+        live.watch(self._on_change)
+
+    @property
+    def _settings(self) -> CameraSettings:
+        return self._live.newest.settings
 
     def __enter__(self) -> Self:
         return self
@@ -107,6 +120,7 @@ class Capture:
         reader.start_reading()
         while not stopping():
             captured = self._slot.take(poll_s)
+            self._follow(self._reader or reader)
             reader = self._reader or reader
             if captured is not None:
                 if captured.epoch != reader.epoch:
@@ -124,7 +138,7 @@ class Capture:
         """Do what the reader's state asks for; return False at the source's regular end."""
         now_s = time.monotonic()
         if self._reopen_s is not None:
-            if now_s >= self._reopen_s:
+            if now_s >= self._reopen_s and self._has_left(now_s):
                 self._reopen_s = None
                 self._start_reader().start_reading()
             return True
@@ -145,6 +159,30 @@ class Capture:
             self._lose(f"{doing} for {self._settings.stall_after:g} s", report)
         return True
 
+    def _on_change(self, _change: Change[CameraSettings]) -> None:
+        """Let a reader that waits for the next picture's time see the change; on any thread."""
+        if self._reader is not None:
+            self._reader.look_again()
+
+    def _follow(self, reader: SourceReader) -> None:
+        """Leave a source that cannot follow the settings; it is opened again at once."""
+        if self._leaving is reader:
+            return
+        if not must_reopen(self.kind, reader.opened_with, self._settings, reader.source_hz):
+            return
+        log.info("opening %s again for the new settings", self._shown)
+        reader.give_up()
+        self._leaving, self._leave_s = reader, time.monotonic() + LEAVE_S
+        self._reopen_s = time.monotonic()
+        self._delay_s = self._settings.reopen_min
+
+    def _has_left(self, now_s: float) -> bool:
+        """Tell whether the source that was left is closed: two cannot have one device."""
+        if self._leaving is not None and not self._leaving.gone and now_s < self._leave_s:
+            return False
+        self._leaving = None
+        return True
+
     def _stalled(self, reader: SourceReader) -> bool:
         """Tell whether an opening or reading has taken too long; sources' own time-outs first."""
         since_s = reader.blocked_since_s
@@ -161,8 +199,9 @@ class Capture:
         self._epoch = max(self._epoch + 1, time.time_ns())
         self._reader = SourceReader(
             self._open_source,
+            live=self._live,
+            kind=self.kind,
             epoch=self._epoch,
-            rules=self._rules,
             slot=self._slot,
             ledger=self._ledger,
         )

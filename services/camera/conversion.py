@@ -10,7 +10,7 @@ from common import images
 from common.errors import PayloadError
 from common.frame import Frame
 from common.images import Pixels
-from common.messages import Header
+from common.messages import Header, Track
 from services.camera.sources.base import Picture
 
 FLIP_CODES = {"horizontal": 1, "vertical": 0, "both": -1}
@@ -69,6 +69,35 @@ class Converter:
             flipped: Pixels = cv2.flip(pixels, FLIP_CODES[self._flip])  # type: ignore[assignment]
             pixels = flipped
         return images.convert(pixels, encoding, self._encoding)
+
+
+def mirrored(tracks: tuple[Track, ...], flip: str, width: int, height: int) -> tuple[Track, ...]:
+    """Return where everything is in the picture that ``Converter`` makes with the same flip.
+
+    Args:
+        tracks: Where it is in the source's picture.
+        flip: As for ``Converter``.
+        width: Of the picture, pixels.
+        height: Of the picture, pixels.
+    """
+    sideways, upside_down = flip in ("horizontal", "both"), flip in ("vertical", "both")
+    if not (sideways or upside_down):
+        return tracks
+    found = []
+    for track in tracks:
+        left, top, wide, high = track.box
+        left = width - left - wide if sideways else left
+        top = height - top - high if upside_down else top
+        # The centre is counted from the box's left and top, so it is not simply mirrored.
+        changes = {
+            "box": (left, top, wide, high),
+            "x": float(left + int(wide / 2)),
+            "y": float(top + int(high / 2)),
+            "vx": -track.vx if sideways else track.vx,
+            "vy": -track.vy if upside_down else track.vy,
+        }
+        found.append(track.model_copy(update=changes))
+    return tuple(found)
 
 
 def decode_leniently(jpeg: bytes, encoding: str) -> Pixels:

@@ -18,6 +18,15 @@ class Pacer:
         self._slack_s = slack_s
         self._base_s: float | None = None
 
+    def shift(self, due_s: float, at_s: float) -> None:
+        """Hand over a picture at another time than when it is due, and those after it so too.
+
+        Args:
+            due_s: When it was due, seconds after the source's first picture.
+            at_s: When it is handed over, by the monotonic clock.
+        """
+        self._base_s = at_s - due_s
+
     def wait_s(self, due_s: float, now_s: float) -> float:
         """Return how long to wait before a picture is handed over.
 
@@ -33,6 +42,35 @@ class Pacer:
         return max(0.0, -late)
 
 
+class Schedule:
+    """When each picture of a source is due, at a rate that may change from one to the next."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._rate_hz: float | None = None
+        self._last = (0.0, 0.0)
+        self._origin = (0, 0.0, 0.0)
+
+    def due_s(self, own_s: float, rate_hz: float | None) -> float:
+        """Return when the next picture is due, seconds after the first.
+
+        Args:
+            own_s: When it is by the source's own time.
+            rate_hz: So many pictures a second, whatever the source's time is; None: by that.
+        """
+        if rate_hz != self._rate_hz:
+            self._rate_hz = rate_hz
+            self._origin = (max(0, self._count - 1), *self._last)
+        number, origin_own_s, origin_s = self._origin
+        if rate_hz is None:
+            due_s = origin_s + own_s - origin_own_s
+        else:
+            due_s = origin_s + (self._count - number) / rate_hz
+        self._count += 1
+        self._last = (own_s, due_s)
+        return due_s
+
+
 class Thinner:
     """Lets through at most so many pictures a second of a source that paces itself.
 
@@ -41,6 +79,7 @@ class Thinner:
     """
 
     def __init__(self, rate_hz: float) -> None:
+        self.rate_hz = rate_hz
         self._period_s = 1.0 / rate_hz
         self._next_s: float | None = None
 

@@ -5,44 +5,47 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 from common.errors import SourceError, SourceLost
 from common.ledger import Ledger
+from common.live import LiveSettings, Revision
 from common.slot import Slot
-from services.camera.pacing import Pacer, Thinner
+from services.camera.choice import (
+    Opener,
+    own_rate,
+    rate_to_keep,
+    same_picture,
+    same_source,
+    watches_for_repeats,
+)
+from services.camera.pacing import Pacer, Schedule, Thinner
 from services.camera.repeats import RepeatWatch
+from services.camera.settings import CameraSettings
+from services.camera.sources import Kind
 from services.camera.sources.base import Picture, Source
 
 log = logging.getLogger(__name__)
 
 State = Literal["opening", "reading", "ended", "lost", "failed"]
 
+LONGEST_WAIT_S = 60.0
+
 
 @dataclass(frozen=True, slots=True)
 class Captured:
-    """A picture with its identity: born here, nothing changes it afterwards."""
+    """A picture with its identity: born here, nothing changes it afterwards.
+
+    Attributes:
+        revision: The settings that it is made with, from reading to publishing.
+    """
 
     picture: Picture
     epoch: int
     seq: int
     stamp_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class ReadingRules:
-    """How a source is read.
-
-    Attributes:
-        rate_hz: Wanted rate; None for the source's own.
-        frozen_after_s: When a repeating source counts as frozen; 0 for never, and then equal
-            pictures are all passed on.
-    """
-
-    rate_hz: float | None = None
-    frozen_after_s: float = 0.0
+    revision: Revision[CameraSettings]
 
 
 class SourceReader:
@@ -53,22 +56,25 @@ class SourceReader:
 
     Args:
         open_source: Opens the source; may raise ``SourceError``.
+        live: How to open and read it. A change is in force with the next picture.
+        kind: Of the source.
         epoch: Start of this run, ns since 1970.
-        rules: How to read.
         slot: Where captured pictures go.
         ledger: Counts them.
     """
 
     def __init__(
         self,
-        open_source: Callable[[], Source],
+        open_source: Opener,
         *,
+        live: LiveSettings[CameraSettings],
+        kind: Kind,
         epoch: int,
-        rules: ReadingRules,
         slot: Slot[Captured],
         ledger: Ledger,
     ) -> None:
         self.epoch = epoch
+        self.opened_with = live.newest.settings
         self.state: State = "opening"
         self.reason = ""
         self.description = ""
@@ -76,23 +82,45 @@ class SourceReader:
         self.captured = 0
         self.blocked_since_s: float | None = time.monotonic()
         self._open_source = open_source
-        self._rules = rules
+        self._settings = live
+        self._asked = live.newest
+        self._kind = kind
         self._slot = slot
         self._ledger = ledger
         self._may_read = threading.Event()
         self._given_up = threading.Event()
+        self._disturbed = threading.Event()
         self._source: Source | None = None
+        self._pacer = Pacer()
+        self._schedule = Schedule()
+        self._thinner: Thinner | None = None
+        self._watch: RepeatWatch | None = None
         self._thread = threading.Thread(target=self._run, name=f"source {epoch}", daemon=True)
         self._thread.start()
+
+    @property
+    def source_hz(self) -> float | None:
+        """The open source's own rate; None if it has none, or is not open."""
+        return None if self._source is None else self._source.rate_hz
+
+    @property
+    def gone(self) -> bool:
+        """Whether the thread has ended, and with it the source is closed."""
+        return not self._thread.is_alive()
 
     def start_reading(self) -> None:
         """Let the open source be read; until then it waits."""
         self._may_read.set()
 
+    def look_again(self) -> None:
+        """Take note that the settings have changed: a wait may now be too long."""
+        self._disturbed.set()
+
     def give_up(self) -> None:
         """Leave the thread behind; it closes the source as soon as it can."""
         self._given_up.set()
         self._may_read.set()
+        self._disturbed.set()
 
     def join(self, timeout_s: float) -> None:
         """Wait for the thread to end, so that the source is closed."""
@@ -100,7 +128,7 @@ class SourceReader:
 
     def _run(self) -> None:
         try:
-            self._source = self._open_source()
+            self._source = self._open_source(self.opened_with, self._ask)
         except SourceError as error:
             self.reason = str(error)
             self.state = "failed"
@@ -127,42 +155,96 @@ class SourceReader:
             self.reason = outcome[1]
             self.state = outcome[0]
 
+    def _ask(self) -> CameraSettings:
+        """Return the newest settings, and remember that what is read from now on knows them.
+
+        Those for which the source must be opened again are for the reader after this one.
+        """
+        newest = self._settings.newest
+        if same_source(self._kind, self.opened_with, newest.settings):
+            self._asked = newest
+        return self._asked.settings
+
     def _read(self, source: Source) -> None:
-        pacer = Pacer()
-        rate_hz = self._rules.rate_hz
-        thinner = Thinner(rate_hz) if source.live and rate_hz else None
-        watch = RepeatWatch(self._rules.frozen_after_s) if self._rules.frozen_after_s else None
-        count = 0
         due_s = 0.0
         while not self._given_up.is_set():
             self.blocked_since_s = time.monotonic()
+            settings = self._ask()
             picture = source.read()
             self.blocked_since_s = None
             if picture is None:
                 # The last picture too is shown for as long as it lasts.
-                period_s = 1.0 / (rate_hz or source.rate_hz or 10.0)
-                if count and not source.live:
-                    self._given_up.wait(pacer.wait_s(due_s + period_s, time.monotonic()))
+                if self.captured and not source.live:
+                    self._wait(due_s + self._period_s(source), source)
                 return
             if not source.live and picture.due_s is not None:
-                due_s = count / rate_hz if rate_hz else picture.due_s
-                if self._given_up.wait(pacer.wait_s(due_s, time.monotonic())):
+                due_s = self._schedule.due_s(picture.due_s, rate_to_keep(self._kind, settings))
+                if not self._wait(due_s, source):
                     return
-            count += 1
-            now_s = time.monotonic()
-            if thinner is not None and not thinner.lets_through(now_s):
+            if source.live and not self._lets_through():
                 continue
-            self._hand_over(picture, watch, now_s)
+            self._hand_over(picture)
 
-    def _hand_over(self, picture: Picture, watch: RepeatWatch | None, now_s: float) -> None:
+    def _wait(self, due_s: float, source: Source) -> bool:
+        """Wait until a picture is due, at another rate so much longer or shorter.
+
+        Returns:
+            False if the source was given up meanwhile.
+        """
+        now_s = time.monotonic()
+        until_s = now_s + self._pacer.wait_s(due_s, now_s)
+        period_s = self._period_s(source)
+        while now_s < until_s:
+            self._disturbed.wait(min(until_s - now_s, LONGEST_WAIT_S))
+            self._disturbed.clear()
+            if self._given_up.is_set():
+                return False
+            now_s = time.monotonic()
+            before_s, period_s = period_s, self._period_s(source)
+            if period_s != before_s:
+                until_s = now_s + max(0.0, until_s - now_s) * period_s / before_s
+                self._pacer.shift(due_s, until_s)
+        return not self._given_up.is_set()
+
+    def _period_s(self, source: Source) -> float:
+        rate_hz = self._settings.newest.settings.rate or own_rate(self._kind) or source.rate_hz
+        return 1.0 / (rate_hz or 10.0)
+
+    def _lets_through(self) -> bool:
+        """Decide on a picture of a source that paces itself."""
+        rate_hz = self._settings.newest.settings.rate
+        if rate_hz is None:
+            self._thinner = None
+            return True
+        if self._thinner is None or self._thinner.rate_hz != rate_hz:
+            self._thinner = Thinner(rate_hz)
+        return self._thinner.lets_through(time.monotonic())
+
+    def _hand_over(self, picture: Picture) -> None:
         stamp_ns = picture.stamp_ns or time.time_ns()
         if self._given_up.is_set():
             return
+        newest, now_s = self._settings.newest, time.monotonic()
+        # A picture that was read before a change, and would be another after it, is of before.
+        same = same_picture(self._kind, self._asked.settings, newest.settings)
+        revision = newest if same else self._asked
         seq, self.captured = self.captured, self.captured + 1
         self._ledger.arrive()
+        watch = self._repeat_watch(newest.settings)
         if watch is not None and watch.repeats(picture, now_s):
             self._ledger.drop("repeated")
             if watch.frozen(now_s):
                 raise SourceLost("the picture is frozen")
             return
-        self._slot.put(Captured(picture, self.epoch, seq, stamp_ns))
+        self._slot.put(Captured(picture, self.epoch, seq, stamp_ns, revision))
+
+    def _repeat_watch(self, settings: CameraSettings) -> RepeatWatch | None:
+        """Return what looks out for repeats; None if all pictures are passed on."""
+        after_s = settings.frozen_after if watches_for_repeats(self._kind) else 0.0
+        if not after_s:
+            self._watch = None
+        elif self._watch is None:
+            self._watch = RepeatWatch(after_s)
+        else:
+            self._watch.frozen_after_s = after_s
+        return self._watch

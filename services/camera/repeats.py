@@ -18,7 +18,7 @@ class RepeatWatch:
     """
 
     def __init__(self, frozen_after_s: float) -> None:
-        self._frozen_after_s = frozen_after_s
+        self.frozen_after_s = frozen_after_s
         self._last: Picture | None = None
         self._changed_s = 0.0
 
@@ -32,7 +32,7 @@ class RepeatWatch:
 
     def frozen(self, now_s: float) -> bool:
         """Tell whether the source has repeated itself for too long."""
-        return self._last is not None and now_s - self._changed_s >= self._frozen_after_s
+        return self._last is not None and now_s - self._changed_s >= self.frozen_after_s
 
 
 def _equal(one: Picture, other: Picture) -> bool:

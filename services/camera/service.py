@@ -8,11 +8,13 @@ from collections.abc import Callable
 
 from common.diagnostics import ERROR, OK
 from common.errors import PayloadError
+from common.live import LiveSettings
 from common.messages import Header, Tracks
 from common.node import Node
 from common.session import Connection
 from services.camera.capture import Capture
-from services.camera.conversion import Converter
+from services.camera.choice import rate_to_reach
+from services.camera.conversion import Converter, mirrored
 from services.camera.reader import Captured
 from services.camera.settings import CameraSettings
 from services.camera.sources.base import Source
@@ -35,6 +37,7 @@ def run(
     Raises:
         SourceError: The source cannot be opened at the start.
     """
+    live = LiveSettings(settings)
     node = Node(
         "camera",
         camera=settings.camera,
@@ -42,13 +45,23 @@ def run(
         publishes=["image", "raw", *(["truth"] if settings.source == "synthetic" else [])],
         messages=[Tracks] if settings.source == "synthetic" else [],
         counts=("captured", "published"),
+        parameters=live,
     )
-    with Capture(settings, node.ledger, open_source) as capture:
+    own = None if open_source is None else lambda _settings, _newest: open_source()
+    with Capture(live, node.ledger, own) as capture:
+
+        def expect(newest: CameraSettings) -> None:
+            known = rate_to_reach(capture.kind, newest)
+            node.health.bounds.expect(newest.rate if open_source else known)
+
+        expect(settings)
+        live.watch(lambda change: expect(change.after.settings))
         capture.open_first()
         with node:
             log = logging.getLogger(node.name)
             log.info("%s", capture.description)
-            converter = Converter(settings.encoding, settings.flip, settings.quality)
+            converter = Converter(*look(settings))
+            made_for = settings
 
             def report(trouble: str) -> None:
                 if trouble:
@@ -57,13 +70,25 @@ def run(
                     log.info("pictures are back")
                 node.health.report(ERROR if trouble else OK, trouble)
 
-            for captured in capture.pictures(POLL_S, lambda: node.stopping, report):
-                publish(node, converter, captured, settings.encoding)
+            def stopping() -> bool:
+                node.health.turn()
+                return node.stopping
+
+            for captured in capture.pictures(POLL_S, stopping, report):
+                now = captured.revision.settings
+                if look(now) != look(made_for):
+                    converter, made_for = Converter(*look(now)), now
+                publish(node, converter, captured)
 
 
-def publish(node: Node, converter: Converter, captured: Captured, encoding: str) -> None:
+def look(settings: CameraSettings) -> tuple[str, str, int]:
+    """Return what a converter is made of."""
+    return settings.encoding, settings.flip, settings.quality
+
+
+def publish(node: Node, converter: Converter, captured: Captured) -> None:
     """Publish one picture and its truth, and count what became of it."""
-    picture = captured.picture
+    picture, settings = captured.picture, captured.revision.settings
     header = Header(
         camera=node.camera,
         epoch=captured.epoch,
@@ -71,13 +96,14 @@ def publish(node: Node, converter: Converter, captured: Captured, encoding: str)
         stamp_ns=captured.stamp_ns,
         width=picture.width,
         height=picture.height,
-        encoding=encoding,
+        encoding=settings.encoding,
         node=node.name,
-        revision=node.revision,
+        revision=captured.revision.number,
     )
     if picture.truth is not None:
         truth = header.model_copy(update={"encoding": None})
-        node.publish("truth", Tracks(header=truth, tracks=picture.truth))
+        tracks = mirrored(picture.truth, settings.flip, picture.width, picture.height)
+        node.publish("truth", Tracks(header=truth, tracks=tracks))
     try:
         published = node.publish_frame(converter.frame(header, picture))
     except PayloadError as error:

@@ -6,8 +6,11 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
+from common.parameters import Live
 from common.settings import ServiceSettings, Text
 from services.camera.scene.faults import parse_faults
+
+REOPENS = Live("pixels", effect="a change opens a device or the synthetic scene again")
 
 PixelEncodingName = Literal["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8"]
 
@@ -33,38 +36,47 @@ class CameraSettings(ServiceSettings):
     width: Annotated[
         int | None,
         Field(ge=16, le=7680, description="pixels; of a device or the synthetic picture"),
+        REOPENS,
     ] = None
     height: Annotated[
         int | None,
         Field(ge=16, le=4320, description="pixels; of a device or the synthetic picture"),
+        REOPENS,
     ] = None
     rate: Annotated[
         float | None,
         Field(
-            gt=0,
+            ge=0.0001,
             le=1000,
             description="frames per second; not set: the source's own, 30 for synthetic, "
             "10 for a folder. A live source faster than this is thinned out",
         ),
+        Live("Hz", effect="a device is opened again if it must be faster than it is"),
     ] = None
     fourcc: Annotated[
         str | None,
-        Field(pattern="^.{4}$", description="pixel format asked of a device, such as MJPG or YUYV"),
+        Field(
+            pattern="^[ -~]{4}$",
+            description="pixel format asked of a device, such as MJPG or YUYV",
+        ),
+        Live(effect="a change opens a device again"),
     ] = None
     loop: Annotated[
-        bool, Field(description="start a file or folder again at its end, in a new epoch")
+        bool, Field(description="start a file or folder again at its end, in a new epoch"), Live()
     ] = False
-    encoding: Annotated[PixelEncodingName, Field(description="what the published pixels are")] = (
-        "bgr8"
-    )
-    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality")] = 80
+    encoding: Annotated[
+        PixelEncodingName, Field(description="what the published pixels are"), Live()
+    ] = "bgr8"
+    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality"), Live()] = 80
     flip: Annotated[
         Literal["none", "horizontal", "vertical", "both"],
         Field(description="mirror the picture; both is a turn by 180 degrees"),
+        Live(),
     ] = "none"
     stall_after: Annotated[
         float,
-        Field(gt=0, le=3600, description="seconds without a picture until a source is reopened"),
+        Field(ge=0.1, le=3600, description="seconds without a picture until a source is reopened"),
+        Live("s"),
     ] = 5.0
     frozen_after: Annotated[
         float,
@@ -73,28 +85,41 @@ class CameraSettings(ServiceSettings):
             le=3600,
             description="seconds of equal pictures until a live source is reopened; 0: never",
         ),
+        Live("s"),
     ] = 10.0
     reopen_min: Annotated[
-        float, Field(gt=0, le=60, description="seconds before the first attempt to reopen")
+        float,
+        Field(ge=0.01, le=60, description="seconds before the first attempt to reopen"),
+        Live("s"),
     ] = 0.5
     reopen_max: Annotated[
         float,
-        Field(gt=0, le=3600, description="seconds before an attempt at most; the delay doubles"),
+        Field(ge=0.01, le=3600, description="seconds before an attempt at most; the delay doubles"),
+        Live("s"),
     ] = 10.0
-    seed: Annotated[int, Field(ge=0, lt=2**32, description="of the synthetic picture")] = 1
+    seed: Annotated[
+        int,
+        Field(ge=0, lt=2**32, description="of the synthetic picture"),
+        Live(effect="a change opens the synthetic scene again"),
+    ] = 1
     noise: Annotated[
         float,
         Field(ge=0, le=50, description="sensor noise of the synthetic picture, grey levels"),
+        Live("grey levels"),
     ] = 2.0
     objects: Annotated[
-        int, Field(ge=0, le=16, description="moving objects in the synthetic picture")
+        int,
+        Field(ge=0, le=16, description="moving objects in the synthetic picture"),
+        Live(),
     ] = 4
     faults: Annotated[
         str,
         AfterValidator(_known_faults),
         Field(
+            max_length=1000,
             description="faults of the synthetic camera for tests, in each epoch: "
             "KIND@FRAME+FRAMES separated by commas; KIND: stall, frozen, drop, lighting; "
-            "such as stall@90+60"
+            "FRAME may be now; such as stall@90+60",
         ),
+        Live(),
     ] = ""

@@ -1,4 +1,4 @@
-"""Writes configs/*.toml and docs/configuration.md from the options' models.
+"""Writes configs/*.toml, docs/configuration.md and docs/cli.md from the options and commands.
 
 ``python -m services.cli.defaults``, or ``make configs``. A test holds the files to it.
 """
@@ -12,10 +12,12 @@ from pathlib import Path
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from common.parameters import live_fields, mark_of
 from common.settings import Settings, allowed
 from services.catalogue import SERVICES, model_of
 from services.cli.options import ConnectionSettings, flag
-from services.up.launch_file import LaunchTables, NodeTable, RouterTable
+from services.cli.reference import reference
+from services.launch_file import LaunchTables, NodeTable, RouterTable
 
 ROOT = Path(__file__).parent.parent.parent
 WIDTH = 96
@@ -28,10 +30,13 @@ def toml_of(service: str) -> str:
         f"# Options of `zv {service}`, each with its default. Made by `make configs`.",
         f"# A flag ({flag('name')}) and the environment ({model.env_prefix}NAME) go over it.",
     ]
+    if live_fields(model):
+        lines.append("# What is live can change while the node runs: `zv param --help`.")
     for name, field in model.model_fields.items():
         words = f"{field.description}; {may_be(field, name, model)}"
         if field.default is None:
             words += "; not set by default"
+        words += "; live" if mark_of(field) else ""
         comment = textwrap.wrap(words, WIDTH, break_long_words=False, break_on_hyphens=False)
         lines += ["", *(f"# {line}" for line in comment)]
         if field.default is None:
@@ -55,6 +60,8 @@ def documentation() -> str:
         "(`--config FILE.toml`). A flag goes over the environment, that over the file, that over "
         "the default. An empty variable counts as not set. An unknown option is an error, "
         "exit status 2.\n",
+        "An option that is live can change while the node runs, see "
+        "[parameters.md](parameters.md).\n",
         options("Every command", ConnectionSettings),
         *(options(f"`zv {service}`", model_of(service)) for service in SERVICES),
         "## The launch file of `zv up`\n",
@@ -75,11 +82,20 @@ def options(title: str, model: type[Settings]) -> str:
     rows = []
     for name, field in model.model_fields.items():
         variable = f"`{model.env_prefix}{name.upper()}`"
-        words = [default_of(field), may_be(field, name, model), field.description or ""]
-        rows.append([f"`{flag(name)}`", variable, *words])
-    return f"## {title}\n\n" + markdown(
-        ["flag", "environment", "default", "allowed", "meaning"], rows
-    )
+        words = [default_of(field), may_be(field, name, model)]
+        words += live_words(field) if live_fields(model) else []
+        rows.append([f"`{flag(name)}`", variable, *words, field.description or ""])
+    titles = ["flag", "environment", "default", "allowed"]
+    titles += ["unit", "live"] if live_fields(model) else []
+    return f"## {title}\n\n" + markdown([*titles, "meaning"], rows)
+
+
+def live_words(field: FieldInfo) -> list[str]:
+    """Return an option's unit, and whether it is live and what a change does besides."""
+    mark = mark_of(field)
+    if mark is None:
+        return ["", "no"]
+    return [mark.unit or "", f"yes; {mark.effect}" if mark.effect else "yes"]
 
 
 def keys_of(title: str, model: type[BaseModel]) -> str:
@@ -112,6 +128,7 @@ def files() -> dict[Path, str]:
     """Return every generated file and its text."""
     found = {ROOT / "configs" / f"{service}.toml": toml_of(service) for service in SERVICES}
     found[ROOT / "docs" / "configuration.md"] = documentation()
+    found[ROOT / "docs" / "cli.md"] = reference()
     return found
 
 

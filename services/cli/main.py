@@ -3,54 +3,74 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
 
-from common.errors import VisionError
 from services.catalogue import SERVICES
+from services.cli.failures import tell, watch_threads
+from services.cli.lazy import lazy
+from services.cli.shells import VARIABLE, answer_shells
+from services.tools.catalogue import GROUPS, TOOLS
 
 COMMANDS = {
     "up": ("services.cli.up", "Start a whole system from one file, and watch it."),
     **{name: ("services.cli.services", service.line) for name, service in SERVICES.items()},
+    **{name: ("services.cli.tools", line) for name, line in GROUPS.items()},
+    **{words: ("services.cli.tools", TOOLS[words].line) for words in TOOLS if " " not in words},
+    "completion": ("services.cli.completion", "Print the completion script of a shell."),
 }
-"""Command, the module whose ``commands`` holds it, and its line in ``zv --help``."""
+"""Command, the module whose ``load`` makes it, and its line in ``zv --help``."""
+
+INTERRUPTED = 130
+MOST_TOOLS = 5
+"""Of which ``zv`` alone shows an example."""
 
 
-class LazyGroup(TyperGroup):
-    """Loads the module of a command when that command is called, not before."""
+def load(name: str) -> Any:
+    """Return a command."""
+    module, _ = COMMANDS[name]
+    return importlib.import_module(module).load(name)
 
-    listing = False
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - typer's signature
-        """Return all names."""
-        return list(COMMANDS)
+def section(name: str) -> str:
+    """Return the heading of a command in ``zv --help``."""
+    if name == "up" or name in SERVICES:
+        return "Services"
+    tools = [tool for words, tool in TOOLS.items() if words.split()[0] == name]
+    return tools[0].section if tools else "Setting up"
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002 - typer's signature
-        """Return a command; for the list of commands only its name and line."""
-        if cmd_name not in COMMANDS:
-            return None
-        module, line = COMMANDS[cmd_name]
-        if self.listing:
-            return TyperCommand(cmd_name, help=line)
-        return importlib.import_module(module).commands()[cmd_name]
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help without loading any command."""
-        self.listing = True
-        super().format_help(ctx, formatter)
+def example(name: str) -> str:
+    """Return a command line that shows a command's use, the shortest one if there is no other."""
+    if name in SERVICES:
+        return SERVICES[name].example
+    tools = [tool for words, tool in TOOLS.items() if words.split()[0] == name]
+    return tools[0].example.splitlines()[0] if tools else f"zv {name}"
+
+
+def examples() -> str:
+    """Return what stands below the commands: how one begins, and the first of the tools."""
+    tools = [name for name in COMMANDS if section(name) == "Tools"]
+    lines = [example(name) for name in ("up", "camera", *tools[:MOST_TOOLS])]
+    lines.append("zv COMMAND --help")
+    return "Examples:\n" + "\n".join(f"  {line}" for line in lines)
 
 
 app = typer.Typer(
     name="zv",
-    cls=LazyGroup,
+    cls=lazy(
+        {name: line for name, (_, line) in COMMANDS.items()},
+        load,
+        {name: section(name) for name in COMMANDS},
+    ),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     help="Cameras and vision on the network without ROS.",
-    epilog="Example: zv up  |  zv camera --source 0 --rate 10  |  zv COMMAND --help",
+    epilog=examples(),
 )
 
 
@@ -59,13 +79,22 @@ def _root() -> None:
     """Cameras and vision on the network without ROS."""
 
 
+def run() -> int:
+    """Run the command that was typed and return its exit status."""
+    status = app(prog_name="zv", standalone_mode=False)
+    return status if isinstance(status, int) and status != INTERRUPTED else 0
+
+
 def main() -> None:
-    """Run ``zv``; every error of ours is one line and its exit status."""
+    """Run ``zv``; every error is one line and its exit status."""
+    debug = "--debug" in sys.argv[1:]
+    watch_threads(debug=debug)
+    if VARIABLE in os.environ:
+        answer_shells()
     try:
-        app()
-    except VisionError as error:
-        if error.exit_status:
-            print(f"zv: {error}", file=sys.stderr)
-        sys.exit(error.exit_status)
+        status = run()
     except KeyboardInterrupt:
-        sys.exit(0)
+        status = 0
+    except Exception as error:
+        status = tell(error, debug=debug)
+    sys.exit(status)

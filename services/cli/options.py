@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import inspect
 import logging
+import os
+import signal
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, get_origin
 
 import typer
 from pydantic import Field
@@ -14,7 +16,9 @@ from rich.markup import escape
 
 from common.keys import DEFAULT_NAMESPACE, NAME
 from common.session import DEFAULT_ENDPOINT, Connection
-from common.settings import Settings, allowed, load_settings
+from common.settings import Settings, allowed, choices, load_settings
+from common.signals import SIGNALS
+from services.tools.options import Argument, Letter
 
 NOT_GIVEN: Any = None
 
@@ -48,10 +52,20 @@ class ConnectionSettings(Settings):
     ] = None
 
 
-def connection_from(flags: dict[str, Any]) -> Connection:
+class ToolConnectionSettings(ConnectionSettings):
+    """The same for tools, which do not wait for ever."""
+
+    timeout: Annotated[
+        float | None, Field(gt=0, le=86400, description="seconds to wait for a router")
+    ] = 5.0
+
+
+def connection_from(
+    flags: dict[str, Any], model: type[ConnectionSettings] = ConnectionSettings
+) -> Connection:
     """Take the connection's flags out of a command's, and return what they say."""
-    own = {name: flags.pop(name, None) for name in ConnectionSettings.model_fields}
-    settings = load_settings(ConnectionSettings, flags=own)
+    own = {name: flags.pop(name, None) for name in model.model_fields}
+    settings = load_settings(model, flags=own)
     return Connection(
         connect=settings.connect,
         namespace=settings.namespace,
@@ -61,8 +75,8 @@ def connection_from(flags: dict[str, Any]) -> Connection:
 
 
 def flag(name: str) -> str:
-    """Return an option's spelling on the command line."""
-    return f"--{name.replace('_', '-')}"
+    """Return an option's spelling on the command line; ``for_`` is ``--for``."""
+    return f"--{name.rstrip('_').replace('_', '-')}"
 
 
 def parameters_of(model: type[Settings], panel: str) -> list[inspect.Parameter]:
@@ -74,28 +88,61 @@ def parameters_of(model: type[Settings], panel: str) -> list[inspect.Parameter]:
 
 
 def _parameter(model: type[Settings], name: str, field: FieldInfo, panel: str) -> inspect.Parameter:
-    words = f"{field.description} ({allowed(field, name, model)})"
-    words = escape(words) + f" \\[env: {model.env_prefix}{name.upper()}]"
-    if field.annotation is bool:
-        spelling = f"{flag(name)}/--no-{name.replace('_', '-')}"
-        annotation: Any = Annotated[
-            bool | None,
-            typer.Option(spelling, help=words, rich_help_panel=panel, show_default=False),
-        ]
+    words = field.description or ""
+    if field.annotation is not bool or model.env_prefix:
+        words += f" ({allowed(field, name, model)})"
+    words = escape(words)
+    if model.env_prefix:
+        words += f" \\[env: {model.env_prefix}{name.upper()}]"
+    looks: dict[str, Any] = {"help": words, "rich_help_panel": panel, "show_default": False}
+    default = NOT_GIVEN
+    kind: Any = list[str] if get_origin(field.annotation) is tuple else str
+    marks = {type(mark): mark for mark in field.metadata}
+    if Argument in marks:
+        given = typer.Argument(
+            metavar=marks[Argument].metavar,
+            autocompletion=_completion(choices(name, model)),
+            **looks,
+        )
+        if field.is_required():
+            default = inspect.Parameter.empty
+    elif field.annotation is bool:
+        kind = bool
+        given = typer.Option(_switch(model, name, field), **looks)
     else:
-        annotation = Annotated[
-            str | None,
-            typer.Option(
-                flag(name),
-                help=words,
-                metavar=name.upper(),
-                rich_help_panel=panel,
-                show_default=False,
-            ),
-        ]
+        letter = [f"-{marks[Letter].letter}"] if Letter in marks else []
+        metavar = name.rstrip("_").upper()
+        given = typer.Option(
+            flag(name),
+            *letter,
+            metavar=metavar,
+            autocompletion=_completion(choices(name, model)),
+            **looks,
+        )
+        if field.is_required():
+            default = inspect.Parameter.empty
+    if default is NOT_GIVEN:
+        kind = kind | None
     return inspect.Parameter(
-        name, inspect.Parameter.KEYWORD_ONLY, default=NOT_GIVEN, annotation=annotation
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, given]
     )
+
+
+def _completion(values: list[str]) -> Callable[..., list[str]] | None:
+    """Return what a shell is told of an option's values, if they are a list."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [value for value in values if value.startswith(incomplete)]
+
+    return complete if values else None
+
+
+def _switch(model: type[Settings], name: str, field: FieldInfo) -> str:
+    """Return the flags of a yes-or-no option: both, if the environment may say the other."""
+    yes, no = flag(name), f"--no-{flag(name)[2:]}"
+    if model.env_prefix:
+        return f"{yes}/{no}"
+    return f" /{no}" if field.default else yes
 
 
 def command(
@@ -114,9 +161,11 @@ def command(
     return typer.main.get_command(single)
 
 
-def common_parameters(*, config: bool = True) -> list[inspect.Parameter]:
+def common_parameters(
+    model: type[ConnectionSettings] = ConnectionSettings, *, config: bool = True
+) -> list[inspect.Parameter]:
     """Return the flags that every command has."""
-    found = parameters_of(ConnectionSettings, "Connection")
+    found = parameters_of(model, "Connection")
     if config:
         found.append(
             inspect.Parameter(
@@ -142,10 +191,19 @@ def debug_parameter() -> inspect.Parameter:
     )
 
 
-def log_to_stderr(debug: bool) -> None:
+def leave_on_signals() -> None:
+    """End at a signal while nothing is open that must be closed: until a node catches them.
+
+    An exception would come out of whatever happens to run, some of which swallows or wraps it.
+    """
+    for number in SIGNALS:
+        signal.signal(number, lambda _number, _at: os._exit(0))
+
+
+def log_to_stderr(debug: bool, level: int = logging.INFO) -> None:
     """Send the log to standard error, one line an entry."""
     logging.basicConfig(
-        level=logging.DEBUG if debug else logging.INFO,
+        level=logging.DEBUG if debug else level,
         format="%(asctime)s %(levelname)-7s %(name)s: %(message)s",
         datefmt="%H:%M:%S",
     )

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
-import signal
-from types import FrameType
 from typing import Any
 
 from common.settings import load_settings
@@ -14,33 +11,21 @@ from services.cli.options import (
     command,
     common_parameters,
     connection_from,
+    leave_on_signals,
     log_to_stderr,
     parameters_of,
 )
 from services.up.lifeline import end_with_parent
 
 
-def commands() -> dict[str, Any]:
-    """Return the commands of all services."""
-    return {service: _command(service) for service in SERVICES}
-
-
-def _leave(_number: int, _at: FrameType | None) -> None:
-    """End although the service does not listen to signals yet; nothing is open that must be closed.
-
-    An exception would come out of whatever happens to run, some of which swallows or wraps it.
-    """
-    os._exit(0)
-
-
-def _command(service: str) -> Any:
+def load(service: str) -> Any:
+    """Return the command of a service."""
     model = model_of(service)
     parameters = [*parameters_of(model, "Options"), *common_parameters()]
-    words = f"{model.__doc__}\n\nExample: {SERVICES[service].example}"
+    words = f"{SERVICES[service].line}\n\nExample: {SERVICES[service].example}"
 
     def run(*, debug: bool, config: str | None, **flags: Any) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, _leave)
+        leave_on_signals()
         end_with_parent()
         log_to_stderr(debug)
         connection = connection_from(flags)

@@ -33,9 +33,9 @@ A node that dies is started again; Ctrl-C ends everything.
 Example: zv up configs/two-cameras.toml"""
 
 
-def commands() -> dict[str, Any]:
+def load(name: str) -> Any:
     """Return the command."""
-    return {"up": command("up", run, parameters(), WORDS)}
+    return command(name, run, parameters(), WORDS)
 
 
 def parameters() -> list[inspect.Parameter]:
@@ -44,7 +44,7 @@ def parameters() -> list[inspect.Parameter]:
         "file": Annotated[
             str | None,
             typer.Argument(
-                metavar="[FILE.toml]",
+                metavar="FILE.toml",
                 help=f"launch file; without it {DEFAULT_FILE}, or the one that is built in",
             ),
         ],
@@ -75,8 +75,8 @@ def parameters() -> list[inspect.Parameter]:
 def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **flags: Any) -> None:
     """Check the file and run the system."""
     from common.session import listened_on, router_config
+    from services.launch_file import read_launch_file
     from services.up import endpoint
-    from services.up.launch_file import read_launch_file
     from services.up.service import run as run_system
 
     log_to_stderr(debug)

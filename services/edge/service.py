@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.frame import Frame
+from common.live import LiveSettings
 from common.node import Node
 from common.session import Connection
 from services.edge.canny import detect_edges
@@ -14,8 +15,16 @@ from services.edge.settings import EdgeSettings
 
 def run(settings: EdgeSettings, connection: Connection) -> None:
     """Publish the edge map of each frame until told to stop."""
-    with Node("edge", camera=settings.camera, connection=connection, publishes=["edges"]) as node:
-        for frame in node.frames("image", want="gray", max_age_s=settings.max_age):
+    live = LiveSettings(settings)
+    with Node(
+        "edge",
+        camera=settings.camera,
+        connection=connection,
+        publishes=["edges"],
+        parameters=live,
+    ) as node:
+        for frame in node.frames("image", want="gray", max_age_s=lambda: live.settings.max_age):
+            settings = live.settings
             node.publish_picture(
                 "edges",
                 frame,

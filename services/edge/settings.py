@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from common.parameters import Live
 from common.settings import FromText, ServiceSettings
 
 
@@ -17,28 +18,39 @@ class EdgeSettings(ServiceSettings):
     sigma: Annotated[
         float,
         Field(ge=0, le=20, description="Gaussian smoothing, pixels; 0: none"),
+        Live("pixels"),
     ] = 1.4
     low: Annotated[
         float,
         Field(ge=0, le=100_000, description="hysteresis: gradients below it are no edge"),
+        Live(),
     ] = 40.0
     high: Annotated[
         float,
         Field(ge=0, le=100_000, description="hysteresis: gradients above it are edges"),
+        Live(),
     ] = 100.0
     aperture: Annotated[
-        Literal[3, 5, 7], FromText, Field(description="side of the Sobel kernel, pixels")
+        Literal[3, 5, 7],
+        FromText,
+        Field(description="side of the Sobel kernel, pixels"),
+        Live("pixels"),
     ] = 3
     l2: Annotated[
-        bool, Field(description="gradient magnitude as sqrt(gx^2 + gy^2), else |gx| + |gy|")
+        bool,
+        Field(description="gradient magnitude as sqrt(gx^2 + gy^2), else |gx| + |gy|"),
+        Live(),
     ] = True
     format: Annotated[
         Literal["png", "jpeg"],
         Field(description="png is lossless; jpeg is no longer only 0 and 255"),
+        Live(),
     ] = "png"
-    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality, if jpeg")] = 80
+    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality, if jpeg"), Live()] = 80
     max_age: Annotated[
-        float, Field(gt=0, le=60, description="seconds; frames later than this are dropped")
+        float,
+        Field(ge=0.001, le=60, description="seconds; frames later than this are dropped"),
+        Live("s"),
     ] = 0.4
 
     @model_validator(mode="after")

@@ -13,6 +13,7 @@ from types import FrameType
 import zenoh
 
 from common.errors import ConfigurationError
+from common.heartbeat import Heartbeat
 from common.session import listened_on, plain, router_config
 from services.router.settings import RouterSettings
 
@@ -52,7 +53,9 @@ def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
         if any(PORT_0.search(endpoint) for endpoint in endpoints):
             endpoints = with_ports(endpoints, addresses_of(session))
         log.info("router listens on %s", ", ".join(endpoints) or "nothing")
+        heartbeat = Heartbeat()
         while not stopping:
+            heartbeat.beat()
             time.sleep(POLL_S)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypedDict
 
 import cv2
 import numpy as np
@@ -26,6 +27,17 @@ class MovingObject:
         """The box's centre as the tutorial computes it, which it calls the centroid."""
         x, y, width, height = self.box
         return x + int(width / 2), y + int(height / 2)
+
+
+class Numbers(TypedDict):
+    """The numbers of the chain, as ``LargestObject`` explains them."""
+
+    history: int
+    var_threshold: float
+    detect_shadows: bool
+    closing: int
+    median: int
+    threshold: int
 
 
 class LargestObject:
@@ -53,9 +65,30 @@ class LargestObject:
         median: int = 5,
         threshold: int = 127,
     ) -> None:
-        self._background = cv2.createBackgroundSubtractorMOG2(
-            history=history, varThreshold=var_threshold, detectShadows=detect_shadows
+        self._background = cv2.createBackgroundSubtractorMOG2()
+        self.adjust(
+            history=history,
+            var_threshold=var_threshold,
+            detect_shadows=detect_shadows,
+            closing=closing,
+            median=median,
+            threshold=threshold,
         )
+
+    def adjust(
+        self,
+        *,
+        history: int,
+        var_threshold: float,
+        detect_shadows: bool,
+        closing: int,
+        median: int,
+        threshold: int,
+    ) -> None:
+        """Go on with other numbers; what was learned of the background stays."""
+        self._background.setHistory(history)
+        self._background.setVarThreshold(var_threshold)
+        self._background.setDetectShadows(detect_shadows)
         self._kernel = np.ones((closing, closing), np.uint8) if closing else None
         self._median = median
         self._threshold = threshold

@@ -5,30 +5,37 @@ from __future__ import annotations
 from functools import partial
 
 from common.frame import Frame
+from common.live import LiveSettings
 from common.messages import Centroid
 from common.node import Node
 from common.session import Connection
 from services.tracker.drawing import draw
-from services.tracker.largest import LargestObject, MovingObject
+from services.tracker.largest import LargestObject, MovingObject, Numbers
 from services.tracker.settings import TrackerSettings
 
 
 def run(settings: TrackerSettings, connection: Connection) -> None:
     """Publish the largest moving object of each frame until told to stop."""
+    live = LiveSettings(settings)
     with Node(
         "tracker",
         camera=settings.camera,
         connection=connection,
         publishes=["centroid", "tracked", "mask"],
         messages=[Centroid],
+        parameters=live,
     ) as node:
-        run_of_source: tuple[int, int, int] | None = None
-        for frame in node.frames("image", want="bgr", max_age_s=settings.max_age):
-            header = frame.header
-            if run_of_source != (header.epoch, header.width, header.height):
-                # What was background before a reopen, or at another size, is none now.
-                run_of_source = (header.epoch, header.width, header.height)
+        begun_with: tuple[object, ...] = ()
+        for frame in node.frames("image", want="bgr", max_age_s=lambda: live.settings.max_age):
+            header, settings = frame.header, live.settings
+            # What was background before a reopen, at another size, or to another chain, is none
+            # now. All other settings leave what was learned as it is.
+            begins = (header.epoch, header.width, header.height, settings.pipeline)
+            if begun_with != begins:
+                begun_with = begins
                 tracker = tracker_of(settings)
+            else:
+                tracker.adjust(**numbers_of(settings))
             found, mask = tracker.update(frame.bgr)
             node.publish("centroid", centroid_of(node, frame, found))
             node.publish_picture(
@@ -42,7 +49,12 @@ def run(settings: TrackerSettings, connection: Connection) -> None:
 
 def tracker_of(settings: TrackerSettings) -> LargestObject:
     """Return a tracker with an empty background model."""
-    return LargestObject(
+    return LargestObject(**numbers_of(settings))
+
+
+def numbers_of(settings: TrackerSettings) -> Numbers:
+    """Return the numbers of the chain."""
+    return Numbers(
         history=settings.history,
         var_threshold=settings.var_threshold,
         detect_shadows=settings.detect_shadows,

@@ -6,10 +6,14 @@ import os
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from services.up.launch_file import PlannedNode
+from common import heartbeat
+from services.launch_file import PlannedNode
 
-RESOLVED = ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT")
-"""Variables that ``zv up`` has read for all its children, who get them as flags if at all."""
+RESOLVED = ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT", heartbeat.VARIABLE)
+"""Variables that ``zv up`` has read for all its children, who get them as flags if at all.
+
+The heartbeat's file is its own: it speaks for all of them.
+"""
 
 ROOT = Path(__file__).parent.parent.parent
 

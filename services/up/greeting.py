@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from common import keys
 from common.session import Connection
-from services.up.launch_file import Plan
+from services.launch_file import Plan
 
 SHOWN = {"camera": keys.IMAGE, "tracker": keys.CENTROID, "edge": keys.EDGES}
 """What each service is there for; it may publish more."""

@@ -14,13 +14,17 @@ import zenoh
 from rich.console import Console
 
 from common.errors import ToldToStop
+from common.heartbeat import Heartbeat
 from common.session import Connection, client_config, open_session, router_config
+from services.figures.board import HealthBoard
+from services.figures.display import Display, LiveTable, PlainLines
+from services.figures.meter import Meter
+from services.figures.row import Row
+from services.launch_file import Plan, PlannedNode
 from services.up.command import command_of
-from services.up.display import Display, LiveTable, PlainLines
-from services.up.figures import Meter, Row, row_of
+from services.up.figures import row_of
 from services.up.greeting import how_to_subscribe
-from services.up.health import HealthBoard
-from services.up.launch_file import Plan, PlannedNode
+from services.up.health import trouble_of
 from services.up.processes import WRONG_CONFIGURATION, Child
 
 POLL_S = 0.05
@@ -61,6 +65,7 @@ class System:
         self._router = None if listen is None else self._router_child(listen)
         self._nodes = [self._node_child(node) for node in plan.nodes]
         self._lives: dict[str, int] = {}
+        self._heartbeat = Heartbeat()
 
     def stop(self) -> None:
         """End everything; safe in a signal handler."""
@@ -107,6 +112,8 @@ class System:
             settled = router is not None and router.age_s > SETTLED_S
             if router and settled and list(session.info.routers_zid()):
                 router.heard()
+            troubles = (trouble_of(child, board.of(child.name)) for child in self._children())
+            self._heartbeat.beat("; ".join(filter(None, troubles)))
             self._display.show(lambda: self._rows(board))
             time.sleep(POLL_S)
 

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from common.diagnostics import QUIET_S, Complaints, Pace
+from common.diagnostics import BOUNDS_MS, QUIET_S, Complaints, Pace
 from common.errors import PayloadError
 from common.messages import Latency
 
@@ -76,6 +76,44 @@ def test_the_rate_falls_when_frames_stop_coming():
     # At 6 s the window begins at 1 s: 21 frames are left, 20 intervals in 5 s.
     assert pace.rate_hz(6.0) == pytest.approx(4.0, abs=0.21)
     assert pace.rate_hz(9.0) == 0.0
+
+
+def histogram_of(*latencies: float) -> dict[float, int]:
+    """Return how many frames were counted up to each bound; infinity for all."""
+    found = pace_of(*latencies).histogram()
+    return dict(zip((*found.bounds, float("inf")), found.counts, strict=True))
+
+
+def test_a_histogram_counts_each_frame_up_to_every_bound_that_is_not_less():
+    # 2.0 is at most 2, 2.5 is at most 3, 6000 is over every bound.
+    counted = histogram_of(2.0, 2.5, 6000.0)
+    assert {bound: counted[bound] for bound in (1.0, 2.0, 3.0, 5000.0, float("inf"))} == {
+        1.0: 0,
+        2.0: 1,
+        3.0: 2,
+        5000.0: 2,
+        float("inf"): 3,
+    }
+    assert pace_of(2.0, 2.5, 6000.0).histogram().sum == 6004.5
+
+
+def test_a_histogram_before_the_first_frame_is_all_zeros():
+    assert set(histogram_of().values()) == {0}
+    assert Pace().histogram().sum == 0.0
+
+
+def test_a_histogram_keeps_what_has_left_the_window():
+    pace = Pace(window_s=5.0)
+    for at_s in (0.0, 100.0):
+        pace.note(at_s, 4.0)
+    assert pace.latency(200.0) == Latency(p50=None, p99=None)
+    assert pace.histogram().counts[-1] == 2
+
+
+def test_a_latency_below_zero_never_makes_the_sum_fall():
+    assert histogram_of(4.0, -20.0)[BOUNDS_MS[0]] == 1
+    assert pace_of(4.0, -20.0).histogram().sum == 4.0
+    assert pace_of(4.0, -20.0).latency(0.0).p50 == -20.0  # what is shown still says so
 
 
 def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:

@@ -13,6 +13,8 @@ from common.messages import (
     Header,
     NodeDescription,
     Parameter,
+    ParameterList,
+    Refusal,
     TrackEvent,
     Tracks,
 )
@@ -26,6 +28,8 @@ MESSAGES = (
     CameraInfo,
     Diagnostics,
     Parameter,
+    ParameterList,
+    Refusal,
     NodeDescription,
 )
 HEADER = Header(camera="front", epoch=1, seq=2, stamp_ns=3, width=64, height=48, encoding="bgr8")

@@ -167,3 +167,8 @@ def test_a_length_that_promises_gigabytes_costs_nothing(kind: int, length: int):
 def test_messages_cannot_be_changed():
     with pytest.raises(ValueError, match="frozen"):
         HEADER.seq = 3
+
+
+def test_bytes_that_are_no_msgpack_are_called_so_even_if_msgpack_has_no_words_for_it():
+    with pytest.raises(PayloadError, match="not msgpack: FormatError"):
+        unpack(b"\xc1")  # the one byte that the specification leaves unused

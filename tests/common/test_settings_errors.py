@@ -24,7 +24,7 @@ def refusal(model: type[Settings], **sources: Any) -> str:
 @pytest.mark.parametrize(
     ("model", "text", "words"),
     [
-        (CameraSettings, 'rate = "10"', ["rate = '10'", "a number above 0 up to 1000"]),
+        (CameraSettings, 'rate = "10"', ["rate = '10'", "a number from 0.0001 to 1000"]),
         (CameraSettings, "quality = 80.0", ["quality = 80.0", "a whole number from 1 to 100"]),
         (CameraSettings, 'quality = "80"', ["quality = '80'", "default 80"]),
         (CameraSettings, "quality = true", ["quality = True"]),
@@ -37,7 +37,7 @@ def refusal(model: type[Settings], **sources: Any) -> str:
         (CameraSettings, "rate = []", ["rate = []"]),
         (CameraSettings, "quality = 0", ["quality = 0", "from 1 to 100"]),
         (CameraSettings, "quality = 101", ["quality = 101", "from 1 to 100"]),
-        (CameraSettings, "rate = 0", ["rate = 0", "above 0"]),
+        (CameraSettings, "rate = 0", ["rate = 0", "from 0.0001"]),
         (CameraSettings, "width = 8", ["width = 8", "from 16 to 7680"]),
         (CameraSettings, 'encoding = "yuv"', ["encoding = 'yuv'", "mono8, mono16, bgr8, rgb8"]),
         (CameraSettings, 'camera = "Front"', ["camera = 'Front'", "[a-z0-9_]+"]),

@@ -24,6 +24,8 @@ MESSAGES: dict[str, type[Message]] = {
         "CameraInfo",
         "Diagnostics",
         "Parameter",
+        "ParameterList",
+        "Refusal",
         "NodeDescription",
     )
 }

@@ -23,6 +23,9 @@ class PlainCamera:
         session: Of a client.
         epoch: Its run; now, if not given.
         pictures: JPEGs that are shown in turn.
+        camera: Its name.
+        key: Where it publishes.
+        congestion_control: What happens when the way is full: by default nothing is lost.
     """
 
     def __init__(
@@ -32,6 +35,8 @@ class PlainCamera:
         epoch: int | None = None,
         pictures: tuple[bytes, ...] = PICTURES,
         camera: str = "front",
+        key: str | None = None,
+        congestion_control: zenoh.CongestionControl = zenoh.CongestionControl.BLOCK,
     ) -> None:
         self.epoch = time.time_ns() if epoch is None else epoch
         self.seq = 0
@@ -39,6 +44,8 @@ class PlainCamera:
         self._session = session
         self._pictures = pictures
         self._camera = camera
+        self._key = key or IMAGE_KEY.replace("front", camera)
+        self._congestion_control = congestion_control
 
     def header(self, picture: bytes | None = None, **changes: Any) -> dict[str, Any]:
         """Return the header that the next picture gets."""
@@ -68,11 +75,11 @@ class PlainCamera:
     def put(self, payload: bytes, attachment: bytes | None) -> None:
         """Publish anything."""
         self._session.put(
-            IMAGE_KEY,
+            self._key,
             payload,
             encoding="image/jpeg",
             attachment=attachment,
-            congestion_control=zenoh.CongestionControl.BLOCK,
+            congestion_control=self._congestion_control,
         )
 
     def at(self, rate_hz: float, send: Callable[[], object] | None = None) -> Paced:

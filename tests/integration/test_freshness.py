@@ -6,12 +6,18 @@ import os
 import signal
 import threading
 import time
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import zenoh
 
 from common.node import Node
 from common.session import Connection
-from tests.integration.listening import Listener, balance, newest, wait_for_nodes
+from tests.integration.listening import Listener, balance, newest, open_client, wait_for_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.waiting import in_time, wait_until
+from tests.processes import Program
 
 SMALL = ("--width", 320, "--height", 240)
 
@@ -89,6 +95,35 @@ def fresher(client, stamp_ns: int) -> bool:
 def wall(at_s: float) -> float:
     """Return a monotonic time as seconds since 1970."""
     return time.time() - time.monotonic() + at_s
+
+
+def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
+    # Frames of 0.7 MB fill the buffers on the way to it long before its lease of 2 s is over.
+    noise = np.random.default_rng(1).integers(0, 256, (720, 1280, 3), np.uint8)
+    picture = cv2.imencode(".jpg", noise, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
+    assert len(picture) > 600_000
+    camera = PlainCamera(
+        client, pictures=(picture,), congestion_control=zenoh.CongestionControl.BLOCK_FIRST
+    )
+    with (
+        open_client(router.endpoint) as other,
+        Program(["examples/own_service.py", router.endpoint], tmp_path, "own") as program,
+    ):
+        wait_for_nodes(client, "brightness_front")
+        frames = Listener(other, "vision/front/image/compressed")
+        with camera.at(20):
+            Listener(client, "vision/front/brightness").wait_for(5)
+            os.kill(program.process.pid, signal.SIGSTOP)
+            frozen_s = time.monotonic()
+            try:
+                threading.Event().wait(6.0)  # the lease, and Zenoh's own wait of 5 s
+            finally:
+                os.kill(program.process.pid, signal.SIGCONT)
+        times = [message.at_s for message in frames.since(frozen_s)]
+    longest_s = max(b - a for a, b in pairwise(times))
+    print(f"{len(times)} frames in 6 s, longest silence {longest_s:.2f} s")
+    assert longest_s < 1.5
+    assert len(times) > 80  # of 120
 
 
 def test_no_frame_older_than_max_age_is_seen(client, service):

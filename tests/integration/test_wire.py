@@ -232,12 +232,18 @@ def check_health(node: str, message: Message) -> None:
     assert message.encoding == "application/msgpack;vision.Diagnostics.v1"
     assert set(body) == {
         *("node", "stamp_ns", "level", "message", "uptime_s", "counters", "rate_hz"),
-        "latency_ms",
+        *("latency_ms", "latency_histogram_ms"),
     }
     assert body["node"] == node
-    assert body["level"] == 0, body["message"]
+    # A machine that is too busy for 20 Hz is warned of, rightly.
+    assert body["level"] == 0 or " Hz " in body["message"], body["message"]
     assert abs(body["stamp_ns"] - message.at_ns) < 1e9
     assert set(body["latency_ms"]) == {"p50", "p99"}
+    histogram = body["latency_histogram_ms"]
+    assert set(histogram) == {"bounds", "counts", "sum"}
+    assert len(histogram["counts"]) == len(histogram["bounds"]) + 1
+    arrived = body["counters"]["captured" if node == "camera_front" else "received"]
+    assert 0 < histogram["counts"][-1] <= arrived + 1  # the two are read one after the other
     assert balance(body["counters"]) == 0
 
 
@@ -263,9 +269,12 @@ def test_a_node_describes_itself(system, node, publishes, subscribes):
     body = description.body
     assert set(body) == {
         *("node", "service", "cameras", "version", "host", "pid", "started_ns"),
-        *("publishes", "subscribes"),
+        *("publishes", "subscribes", "stamp_ns"),
+        *(["rate_hz"] if node == "camera_front" else []),
     }
     assert body["node"] == node
+    assert abs(body["stamp_ns"] - description.at_ns) < 1e9
+    assert body.get("rate_hz", 20) == 20  # the camera's
     assert body["service"] == node.split("_")[0]
     assert body["cameras"] == ["front"]
     assert body["pid"] == system.programs[node].process.pid
@@ -298,6 +307,8 @@ def test_every_node_shows_a_token_that_no_wildcard_of_data_matches(system):
         ("Tracks", "vision/front/truth"),
         ("Diagnostics", "@vision/diagnostics/tracker_front"),
         ("vision.Node.v1", "@vision/node/edge_front"),
+        ("Parameter", "@vision/param/camera_front/rate"),
+        ("ParameterList", "@vision/param/edge_front"),
     ],
 )
 def test_a_message_satisfies_the_schema_that_its_senders_answer(system, name, key):
@@ -317,11 +328,17 @@ def test_a_header_satisfies_its_schema(system):
     validate(newest(system.client, "vision/front/centroid").header, schema)
 
 
+SCHEMAS = (
+    *("Header", "Centroid", "Tracks", "Diagnostics", "Node"),
+    *("Parameter", "ParameterList", "Refusal"),
+)
+
+
 def test_a_query_for_all_schemas_answers_every_message_under_both_names(system):
     found = {reply.key for reply in ask(system.client, "@vision/schema/*")}
     assert found == {
         f"@vision/schema/{prefix}{name}{suffix}"
-        for name in ("Header", "Centroid", "Tracks", "Diagnostics", "Node")
+        for name in SCHEMAS
         for prefix, suffix in (("", ""), ("vision.", ".v1"))
     }
 

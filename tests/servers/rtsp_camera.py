@@ -1,7 +1,8 @@
 """A real RTSP camera for tests, run as a script by the interpreter that has GStreamer.
 
 Debian: ``gir1.2-gst-rtsp-server-1.0 python3-gi gstreamer1.0-plugins-{base,good,ugly}``. Streams
-on a free port of the loopback interface, a moving test picture of 320x240 at 30 Hz:
+on a free port of the loopback interface, or of the address given as first argument, a moving test
+picture of 320x240 at 30 Hz:
 
 - ``/h264`` and ``/mjpeg``;
 - ``/locked``, H.264 for user ``viewer`` with password ``secret`` only.
@@ -45,7 +46,7 @@ def main() -> int:
         return 69
 
     server = GstRtspServer.RTSPServer()
-    server.set_address("127.0.0.1")
+    server.set_address(sys.argv[1] if len(sys.argv) > 1 else "127.0.0.1")
     server.set_service("0")
     authentication = GstRtspServer.RTSPAuth()
     token = GstRtspServer.RTSPToken()

@@ -10,9 +10,9 @@ from typing import Literal, get_args
 FaultKind = Literal["stall", "frozen", "drop", "lighting"]
 
 KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
-FORM = f"KIND@FRAME+FRAMES such as stall@90+60, KIND one of {' '.join(KINDS)}"
+FORM = f"KIND@FRAME+FRAMES such as stall@90+60 or stall@now+60, KIND one of {' '.join(KINDS)}"
 
-_PATTERN = re.compile(r"([^@+]*)@([0-9]{1,18})\+([0-9]{1,18})")
+_PATTERN = re.compile(r"([^@+]*)@([0-9]{1,18}|now)\+([0-9]{1,18})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,8 @@ class Fault:
         kind: ``stall``: reading blocks for so many frame times. ``frozen``: the picture of
             frame ``at`` comes again and again. ``drop``: the frames are skipped at once.
             ``lighting``: the light in the room is brighter.
-        at: First frame that has it, from 0.
+        at: First frame that has it, from 0; None for the frame that is next when the fault is
+            set, which in an epoch that begins later is its first.
         frames: How many have it, at least 1.
 
     Raises:
@@ -31,26 +32,30 @@ class Fault:
     """
 
     kind: FaultKind
-    at: int
+    at: int | None
     frames: int
 
     def __post_init__(self) -> None:
         """Refuse numbers that no fault has."""
-        if self.at < 0 or self.frames < 1:
+        if (self.at is not None and self.at < 0) or self.frames < 1:
             raise ValueError(f"{self}: the frame must be 0 or more, the number of frames 1 or more")
 
     def __str__(self) -> str:
         """Return the text that ``parse_faults`` reads."""
-        return f"{self.kind}@{self.at}+{self.frames}"
+        return f"{self.kind}@{'now' if self.at is None else self.at}+{self.frames}"
+
+    def from_frame(self, k: int) -> Fault:
+        """Return it as it is when it is set before frame k."""
+        return Fault(self.kind, k, self.frames) if self.at is None else self
 
     @property
     def end(self) -> int:
         """The first frame after it."""
-        return self.at + self.frames
+        return (self.at or 0) + self.frames
 
     def covers(self, k: int) -> bool:
         """Tell whether frame k has it."""
-        return self.at <= k < self.end
+        return (self.at or 0) <= k < self.end
 
 
 def parse_faults(text: str) -> tuple[Fault, ...]:
@@ -82,4 +87,4 @@ def _parse_fault(text: str) -> Fault:
         raise ValueError(f"fault {text!r}: no kind {match[1]!r}; expected {FORM}")
     if not int(match[3]):
         raise ValueError(f"fault {text!r}: 0 frames is no fault; expected {FORM}, FRAMES above 0")
-    return Fault(kind, int(match[2]), int(match[3]))
+    return Fault(kind, None if match[2] == "now" else int(match[2]), int(match[3]))

@@ -77,18 +77,21 @@ class Scene:
         """Return the empty room without noise, (height, width, 3) uint8 BGR, a new array."""
         return self._room.copy()
 
-    def frame(self, k: int, gain: float = 1.0) -> tuple[Pixels, tuple[Track, ...]]:
+    def frame(
+        self, k: int, gain: float = 1.0, time_s: float | None = None
+    ) -> tuple[Pixels, tuple[Track, ...]]:
         """Return frame k and the truth about it.
 
         Args:
             k: Number of the frame, from 0.
             gain: Of the light in the room; above 1 bright places saturate.
+            time_s: When in the scene's time it is; None for k / rate.
 
         Returns:
             (height, width, 3) uint8 BGR, a new array; and each object of which at least one pixel
             can be seen, in the order of the ids: the box and the area of its visible pixels.
         """
-        placed = self._placed(k)
+        placed = self._placed(k, time_s)
         bgr = self._painted(placed)
         if gain != 1.0:
             cv2.convertScaleAbs(bgr, dst=bgr, alpha=gain)
@@ -116,9 +119,9 @@ class Scene:
         """
         return self._painted(self._placed(k), without)
 
-    def _placed(self, k: int) -> list[_Placed]:
+    def _placed(self, k: int, time_s: float | None = None) -> list[_Placed]:
         """Return the objects that are on their way through frame k, farthest first."""
-        time_s = k / self._rate_hz
+        time_s = k / self._rate_hz if time_s is None else time_s
         placed = []
         for actor in self._actors:
             motion = actor.itinerary.at(time_s)

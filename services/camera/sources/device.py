@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from common import video_devices
 from common.errors import SourceError, SourceLost
-from services.camera.sources import device_nodes
 from services.camera.sources.base import Picture
 from services.camera.sources.closing import Closing
 from services.camera.sources.mjpeg import START_OF_IMAGE, DamagedJpeg, whole_jpeg
@@ -58,7 +58,7 @@ def open_capture(device: str | int) -> VideoCapture:
         return cv2.VideoCapture(device)
     path = f"/dev/video{device}" if isinstance(device, int) else device
     if not os.access(path, os.R_OK | os.W_OK):
-        raise SourceError(f"{path}: {device_nodes.why_not(path)}")
+        raise SourceError(f"{path}: {video_devices.why_not(path)}")
     return cv2.VideoCapture(device, cv2.CAP_V4L2)
 
 
@@ -200,7 +200,7 @@ def _opened(
     opened = capture(device)
     if not opened.isOpened():
         opened.release()
-        raise SourceError(f"{name}: {device_nodes.why_not(name)}")
+        raise SourceError(f"{name}: {video_devices.why_not(name)}")
     return opened
 
 

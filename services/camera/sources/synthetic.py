@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,24 @@ from services.camera.scene.scene import Scene
 from services.camera.sources.base import Picture
 
 LIGHTING_GAIN = 1.35  # as if another lamp went on
+STALL_POLL_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What may change from one picture to the next.
+
+    Attributes:
+        rate_hz: Frames per second.
+        noise: Sensor noise, grey levels.
+        objects: How many things move.
+        faults: What goes wrong; where several overlap, each has its effect.
+    """
+
+    rate_hz: float = 30.0
+    noise: float = 2.0
+    objects: int = 4
+    faults: tuple[Fault, ...] = ()
 
 
 class SyntheticSource:
@@ -21,16 +40,14 @@ class SyntheticSource:
 
     Frame k is due at k / rate. A stall blocks ``read`` for its duration as a device would, and
     then goes on with the frame that is due by then; a drop goes on there at once. A frozen
-    picture comes with the truth of the moment it shows.
+    picture comes with the truth of the moment it shows. At another rate the scene goes on from
+    where it is, at its own speed.
 
     Args:
         width: Pixels.
         height: Pixels.
-        rate_hz: Frames per second.
         seed: Of the scene.
-        noise: Sensor noise, grey levels.
-        objects: How many things move.
-        faults: What goes wrong; where several overlap, each has its effect.
+        conditions: Asked before each picture, and again and again during a stall.
         max_frames: Frames of the scene until the regular end, skipped ones included; None: no end.
         stop: Ends a stall when set; ``close`` sets it.
 
@@ -43,35 +60,39 @@ class SyntheticSource:
         *,
         width: int,
         height: int,
-        rate_hz: float,
         seed: int,
-        noise: float,
-        objects: int,
-        faults: Sequence[Fault],
+        conditions: Callable[[], Conditions],
         max_frames: int | None = None,
         stop: threading.Event | None = None,
     ) -> None:
-        self.description = f"synthetic scene ({width}x{height}, {rate_hz:g} Hz, seed {seed})"
-        self.live = False
-        self.rate_hz: float | None = rate_hz
         self._size = (width, height)
-        self._period_s = 1.0 / rate_hz
-        self._scene = Scene(width, height, rate_hz, seed, noise, objects)
-        self._faults = tuple(faults)
+        self._seed = seed
+        self._ask = conditions
+        self._conditions = conditions()
+        self._faults = tuple(fault.from_frame(0) for fault in self._conditions.faults)
+        self._scene = self._made_scene()
+        self.live = False
+        self.rate_hz: float | None = self._conditions.rate_hz
+        self.description = (
+            f"synthetic scene ({width}x{height}, {self._conditions.rate_hz:g} Hz, seed {seed})"
+        )
         self._max_frames = max_frames
         self._stop = threading.Event() if stop is None else stop
         self._k = 0
+        self._origin = (0, 0.0)  # a frame at the rate of now, and its time
         self._frozen: tuple[Fault, NDArray[np.uint8], tuple[Track, ...]] | None = None
 
     def read(self) -> Picture | None:
         """Return the next picture; None after ``max_frames`` or once closed."""
         while not self._ended():
+            self._look_around()
             gap = fault_at(self._faults, self._k, ("stall", "drop"))
             if gap is None:
                 return self._next()
             if gap.kind == "stall":
-                self._stop.wait((gap.end - self._k) * self._period_s)
-            self._k = gap.end
+                self._stall(gap)
+            else:
+                self._k = gap.end
         return None
 
     def close(self) -> None:
@@ -81,6 +102,40 @@ class SyntheticSource:
     def _ended(self) -> bool:
         return self._stop.is_set() or (self._max_frames is not None and self._k >= self._max_frames)
 
+    def _stall(self, stall: Fault) -> None:
+        """Block for one frame of a stall, or until it is none of the faults any more."""
+        left = 1.0
+        while left > 0 and stall in self._faults and not self._stop.is_set():
+            rate_hz = self._conditions.rate_hz
+            step_s = min(left / rate_hz, STALL_POLL_S)
+            self._stop.wait(step_s)
+            left -= step_s * rate_hz
+            self._look_around()
+        if left <= 0:
+            self._k += 1
+
+    def _look_around(self) -> None:
+        """Take over conditions that have changed."""
+        before, now = self._conditions, self._ask()
+        if now.faults != before.faults:
+            self._faults = tuple(fault.from_frame(self._k) for fault in now.faults)
+        if now.rate_hz != before.rate_hz:
+            shown = max(0, self._k - 1)
+            self._origin = (shown, self._time_s(shown))
+            self.rate_hz = now.rate_hz
+        self._conditions = now
+        if (now.noise, now.objects) != (before.noise, before.objects):
+            self._scene = self._made_scene()
+
+    def _made_scene(self) -> Scene:
+        now = self._conditions
+        return Scene(*self._size, now.rate_hz, self._seed, now.noise, now.objects)
+
+    def _time_s(self, k: int) -> float:
+        """Return when in the scene's time frame k is, at the rate of now."""
+        frame, time_s = self._origin
+        return time_s + (k - frame) / self._conditions.rate_hz
+
     def _next(self) -> Picture:
         k, self._k = self._k, self._k + 1
         pixels, truth = self._view(k)
@@ -89,7 +144,7 @@ class SyntheticSource:
             width=self._size[0],
             height=self._size[1],
             pixels=pixels,
-            due_s=k * self._period_s,
+            due_s=self._time_s(k),
             truth=truth,
         )
 
@@ -106,4 +161,4 @@ class SyntheticSource:
 
     def _light(self, k: int) -> tuple[NDArray[np.uint8], tuple[Track, ...]]:
         brighter = fault_at(self._faults, k, ("lighting",)) is not None
-        return self._scene.frame(k, LIGHTING_GAIN if brighter else 1.0)
+        return self._scene.frame(k, LIGHTING_GAIN if brighter else 1.0, self._time_s(k))

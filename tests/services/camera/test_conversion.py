@@ -11,8 +11,8 @@ import pytest
 from common import images
 from common.errors import PayloadError
 from common.frame import Frame
-from common.messages import Header
-from services.camera.conversion import Converter
+from common.messages import Header, Track
+from services.camera.conversion import Converter, mirrored
 from services.camera.sources.base import Picture
 from tests.common.scenes import SCENE
 
@@ -181,3 +181,34 @@ def test_a_picture_over_8k_is_refused(picture: Picture):
     with pytest.raises(PayloadError) as caught:
         converted(picture)
     assert caught.value.reason == "too_large"
+
+
+@pytest.mark.parametrize("flip", ["none", "horizontal", "vertical", "both"])
+@pytest.mark.parametrize("box", [(3, 5, 10, 7), (0, 0, 64, 48), (63, 47, 1, 1), (20, 8, 11, 12)])
+def test_the_truth_is_where_the_thing_is_in_the_flipped_picture(
+    flip: str, box: tuple[int, int, int, int]
+):
+    left, top, width, height = box
+    painted = np.zeros((48, 64), np.uint8)
+    painted[top : top + height, left : left + width] = 255
+    track = Track(id=1, state="confirmed", x=0.0, y=0.0, box=box, area=70.0, vx=3.0, vy=-2.0)
+    (found,) = mirrored((found_in(painted, track),), flip, 64, 48)
+    shown = converted(Picture("mono8", 64, 48, pixels=painted), "mono8", flip).pixels
+    expected = found_in(shown, track)
+    assert found.box == expected.box
+    assert (found.x, found.y) == (expected.x, expected.y)
+    signs = {"none": (1, 1), "horizontal": (-1, 1), "vertical": (1, -1), "both": (-1, -1)}[flip]
+    assert (found.vx, found.vy) == (3.0 * signs[0], -2.0 * signs[1])
+    assert (found.id, found.area) == (1, 70.0)
+
+
+def found_in(picture: Any, track: Track) -> Track:
+    """Return the track with the place of what is white, by OpenCV."""
+    left, top, width, height = cv2.boundingRect(np.asarray(picture))
+    center = {"x": float(left + int(width / 2)), "y": float(top + int(height / 2))}
+    return track.model_copy(update={"box": (left, top, width, height), **center})
+
+
+def test_without_a_flip_the_truth_stays_as_it_is():
+    track = Track(id=1, state="confirmed", x=1.5, y=2.5, box=(1, 2, 3, 4), area=5.0)
+    assert mirrored((track,), "none", 64, 48) == (track,)

@@ -48,6 +48,8 @@ def test_a_fault_prints_as_the_text_it_is_read_from() -> None:
         "stall@90+60s",
         "stall@٣+60",
         "stall@" + "9" * 5000 + "+1",
+        "stall@now",
+        "stall@Now+1",
     ],
 )
 def test_wrong_text_is_refused_with_what_was_wrong_and_the_form(text: str) -> None:
@@ -60,6 +62,13 @@ def test_wrong_text_is_refused_with_what_was_wrong_and_the_form(text: str) -> No
 def test_a_comma_too_many_is_refused() -> None:
     with pytest.raises(ValueError, match="fault '': expected"):
         parse_faults("stall@90+60,")
+
+
+def test_a_fault_from_now_on_begins_with_the_frame_it_is_set_before() -> None:
+    (fault,) = parse_faults("drop@now+3")
+    assert (str(fault), fault.at) == ("drop@now+3", None)
+    assert fault.from_frame(7) == Fault("drop", 7, 3)
+    assert Fault("drop", 2, 3).from_frame(7) == Fault("drop", 2, 3)
 
 
 @pytest.mark.parametrize(("at", "frames"), [(-1, 5), (0, 0), (3, -2)])

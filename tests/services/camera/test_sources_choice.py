@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from common.errors import SourceError
+from services.camera.choice import rate_to_reach
+from services.camera.settings import CameraSettings
 from services.camera.sources import kind_of, open_source, without_password
 from services.camera.sources.base import Source
 from tests.services.camera.videos import jpeg_of, make_video, noise
@@ -147,3 +149,20 @@ def test_each_kind_opens_through_one_door(opened: Callable[[str], Source], tmp_p
         opened("rtsp://127.0.0.1:9/")  # the port of "discard", where nothing is
     with pytest.raises(AssertionError, match="nobody asked"):
         opened("synthetic")
+
+
+@pytest.mark.parametrize(
+    ("source", "rate", "expected"),
+    [
+        pytest.param("synthetic", None, 30.0, id="synthetic: its default"),
+        pytest.param("synthetic", 12.0, 12.0, id="synthetic: as set"),
+        pytest.param("0", None, None, id="a device: its own"),
+        pytest.param("0", 15.0, 15.0, id="a device: as set"),
+        pytest.param("rtsp://camera/1", None, None, id="a URL: its own"),
+        pytest.param(".", None, 10.0, id="a folder: its default"),
+    ],
+)
+def test_the_rate_that_a_camera_is_judged_by(
+    source: str, rate: float | None, expected: float | None
+):
+    assert rate_to_reach(kind_of(source), CameraSettings(source=source, rate=rate)) == expected

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import pytest
 
+from common import video_devices
 from common.errors import SourceError, SourceLost
-from services.camera.sources import device_nodes
 from services.camera.sources.device import MAX_DAMAGED, DeviceSource
 from tests.servers.http_camera import without_huffman_tables
 from tests.services.camera.videos import decoded, jpeg_of, noise
@@ -271,14 +271,14 @@ def machine(tmp_path: Path) -> Path:
 
 
 def test_a_missing_device_is_explained_with_those_that_exist(machine: Path):
-    assert device_nodes.why_not("/dev/video7", machine) == (
+    assert video_devices.why_not("/dev/video7", machine) == (
         "there is no such device; there are: /dev/video0 (Integrated Camera), "
         "/dev/video2 (HD Webcam), /dev/video10"
     )
 
 
 def test_a_machine_without_devices_is_told_what_needs_none(tmp_path: Path):
-    said = device_nodes.why_not("/dev/video0", tmp_path)
+    said = video_devices.why_not("/dev/video0", tmp_path)
     assert "no video device" in said
     assert "--source synthetic" in said
 
@@ -288,14 +288,14 @@ def test_missing_permission_is_said_with_the_way_out(
 ):
     # Root may read everything, so taking the permission away would not do.
     monkeypatch.setattr(os, "access", lambda *_: False)
-    said = device_nodes.why_not("/dev/video0", machine)
+    said = video_devices.why_not("/dev/video0", machine)
     assert "permission is missing" in said
     assert "group video" in said
     assert "sudo usermod -aG video $USER" in said
 
 
 def test_a_device_that_is_there_is_busy_or_does_not_capture(machine: Path):
-    said = device_nodes.why_not("/dev/video0", machine)
+    said = video_devices.why_not("/dev/video0", machine)
     assert "busy" in said
     assert "also: /dev/video2 (HD Webcam), /dev/video10" in said
 

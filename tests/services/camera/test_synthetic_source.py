@@ -11,7 +11,7 @@ import pytest
 from services.camera.scene.faults import parse_faults
 from services.camera.scene.scene import Scene
 from services.camera.sources.base import Picture, Source
-from services.camera.sources.synthetic import SyntheticSource
+from services.camera.sources.synthetic import Conditions, SyntheticSource
 
 
 class RecordedWaits(threading.Event):
@@ -19,24 +19,29 @@ class RecordedWaits(threading.Event):
 
     def __init__(self) -> None:
         super().__init__()
-        self.waits_s: list[float | None] = []
+        self.waits_s: list[float] = []
 
     def wait(self, timeout: float | None = None) -> bool:
-        self.waits_s.append(timeout)
+        self.waits_s.append(timeout or 0.0)
         return self.is_set()
 
 
-def source(faults: str = "", **changes: Any) -> SyntheticSource:
-    settings: dict[str, Any] = {
-        "width": 96,
-        "height": 72,
-        "rate_hz": 10.0,
-        "seed": 5,
-        "noise": 2.0,
-        "objects": 4,
-        "max_frames": 12,
-    }
-    return SyntheticSource(**{**settings, **changes}, faults=parse_faults(faults))
+def conditions(faults: str = "", rate_hz: float = 10.0, noise: float = 2.0) -> Conditions:
+    return Conditions(rate_hz, noise, objects=4, faults=parse_faults(faults))
+
+
+def source(
+    faults: str = "",
+    *,
+    rate_hz: float = 10.0,
+    noise: float = 2.0,
+    max_frames: int | None = 12,
+    stop: threading.Event | None = None,
+) -> SyntheticSource:
+    found = conditions(faults, rate_hz, noise)
+    return SyntheticSource(
+        width=96, height=72, seed=5, conditions=lambda: found, max_frames=max_frames, stop=stop
+    )
 
 
 def all_of(opened: SyntheticSource) -> list[Picture]:
@@ -105,13 +110,13 @@ def test_a_stall_blocks_for_its_frame_times_and_goes_on_with_the_frame_due_then(
     stop = RecordedWaits()
     pictures = all_of(source("stall@3+4", stop=stop))
     assert frame_numbers(pictures) == [0, 1, 2, 7, 8, 9, 10, 11]
-    assert stop.waits_s == pytest.approx([0.4])  # 4 frames at 10 Hz
+    assert sum(stop.waits_s) == pytest.approx(0.4)  # 4 frames at 10 Hz
 
 
 def test_a_stall_that_begins_inside_a_drop_blocks_for_what_is_left_of_it() -> None:
     stop = RecordedWaits()
     assert frame_numbers(all_of(source("drop@2+3,stall@4+4", stop=stop)))[2] == 8
-    assert stop.waits_s == pytest.approx([0.3])  # frames 5, 6 and 7
+    assert sum(stop.waits_s) == pytest.approx(0.3)  # frames 5, 6 and 7
 
 
 def test_closing_ends_a_stall_at_once() -> None:
@@ -156,3 +161,86 @@ def test_a_lighting_step_makes_its_frames_brighter_by_a_third_and_no_others() ->
         # 1.35 in the light; a little less where bright places saturate.
         assert ratio == pytest.approx(1.35 if k in (4, 5, 6) else 1.0, abs=0.03)
         assert one.truth == other.truth
+
+
+class Changing:
+    """Conditions that a test changes between two pictures."""
+
+    def __init__(self, **changes: Any) -> None:
+        self.now = conditions(**changes)
+
+    def __call__(self) -> Conditions:
+        return self.now
+
+    def opened(self, stop: threading.Event | None = None) -> SyntheticSource:
+        return SyntheticSource(width=96, height=72, seed=5, conditions=self, stop=stop)
+
+
+def taken(opened: SyntheticSource, count: int) -> list[Picture]:
+    pictures = [opened.read() for _ in range(count)]
+    assert None not in pictures
+    return [picture for picture in pictures if picture is not None]
+
+
+def test_at_another_rate_the_scene_goes_on_at_its_own_speed() -> None:
+    changing = Changing(rate_hz=10.0)
+    opened = changing.opened()
+    before = taken(opened, 4)
+    changing.now = conditions(rate_hz=2.0)
+    after = taken(opened, 3)
+    due_s = [picture.due_s for picture in before + after]
+    assert due_s == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.8, 1.3, 1.8])
+    assert opened.rate_hz == 2.0
+    # Frame 13 of the scene at 10 Hz is at 1.3 s too.
+    assert after[1].truth == Scene(96, 72, rate_hz=10.0, seed=5, objects=4).truth(13)
+
+
+def test_the_first_picture_may_have_another_rate_than_the_source_was_opened_with() -> None:
+    changing = Changing(rate_hz=10.0)
+    opened = changing.opened()
+    changing.now = conditions(rate_hz=2.0)
+    assert [picture.due_s for picture in taken(opened, 3)] == [0.0, 0.5, 1.0]
+
+
+def test_noise_and_objects_change_in_the_scene_that_is_shown() -> None:
+    changing = Changing(noise=2.0)
+    opened = changing.opened()
+    taken(opened, 30)
+    changing.now = conditions(noise=0.0)
+    (quiet,) = taken(opened, 1)
+    expected, truth = Scene(96, 72, 10.0, seed=5, noise=0.0, objects=4).frame(30)
+    assert np.array_equal(pixels_of(quiet), expected)
+    assert quiet.truth == truth != ()
+    changing.now = Conditions(10.0, noise=0.0, objects=0)
+    (empty,) = taken(opened, 1)
+    assert np.array_equal(pixels_of(empty), Scene(96, 72, seed=5).background())
+
+
+def test_a_fault_from_now_on_begins_with_the_next_frame_and_is_not_begun_again() -> None:
+    changing = Changing(noise=0.0)
+    opened, plain = changing.opened(), source(noise=0.0, max_frames=None)
+    taken(opened, 3)
+    changing.now = conditions("lighting@now+2", noise=0.0)
+    lit = taken(opened, 2)
+    changing.now = conditions("lighting@now+2", noise=0.0, rate_hz=10.0)
+    (dark,) = taken(opened, 1)
+    normal = taken(plain, 6)[3:]
+    brighter = [
+        float(pixels_of(one).mean()) > 1.2 * float(pixels_of(other).mean())
+        for one, other in zip([*lit, dark], normal, strict=True)
+    ]
+    assert brighter == [True, True, False]
+
+
+def test_a_stall_ends_when_its_fault_is_taken_away() -> None:
+    changing = Changing(faults="stall@now+1000000")
+
+    class Impatient(RecordedWaits):
+        def wait(self, timeout: float | None = None) -> bool:
+            if len(self.waits_s) == 5:
+                changing.now = conditions()
+            return super().wait(timeout)
+
+    opened = changing.opened(Impatient())
+    # 6 waits of 0.05 s are 3 frames at 10 Hz; the next frame that is due is frame 3.
+    assert frame_numbers(taken(opened, 2)) == [3, 4]

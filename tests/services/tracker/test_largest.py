@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.tracker.drawing import draw
-from services.tracker.largest import LargestObject, MovingObject
+from services.tracker.largest import LargestObject, MovingObject, Numbers
 
 
 def room() -> np.ndarray:
@@ -126,3 +126,33 @@ def test_drawing_leaves_the_frame_alone():
     assert np.array_equal(frame, room())
     assert drawn[40, 75].tolist() == [0, 255, 0]  # the box's upper edge
     assert drawn[55, 75].tolist() == [0, 255, 0]  # the dot
+
+
+OTHER_NUMBERS = Numbers(
+    history=50, var_threshold=6.0, detect_shadows=False, closing=3, median=3, threshold=100
+)
+
+
+def noisy(count: int) -> list[np.ndarray]:
+    random = np.random.default_rng(3)
+    return [random.normal(90, 4, (120, 160, 3)).clip(0, 255).astype(np.uint8) for _ in range(count)]
+
+
+def test_numbers_set_before_the_first_frame_are_those_it_could_have_been_made_with():
+    adjusted, made = LargestObject(), LargestObject(**OTHER_NUMBERS)
+    adjusted.adjust(**OTHER_NUMBERS)
+    for frame in noisy(40):
+        (found, mask), (expected, expected_mask) = adjusted.update(frame), made.update(frame)
+        assert found == expected
+        assert np.array_equal(mask, expected_mask)
+
+
+def test_other_numbers_leave_what_was_learned_of_the_background():
+    scene = room()
+    scene[40:70, 60:90] = 220
+    tracker = warmed_up()
+    tracker.adjust(**{**OTHER_NUMBERS, "closing": 0, "median": 0})
+    found, _ = tracker.update(scene)
+    assert found == MovingObject((60, 40, 30, 30), 841.0)
+    new, _ = LargestObject(**OTHER_NUMBERS).update(scene)
+    assert new.box == (0, 0, 160, 120)  # which knows no background

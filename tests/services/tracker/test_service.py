@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from common.frame import Frame
+from common.live import LiveSettings
 from common.messages import Header
 from common.node import Node
 from services.tracker.largest import LargestObject, MovingObject
@@ -30,7 +31,11 @@ FRAME = Frame(
 
 @pytest.fixture
 def node() -> Node:
-    return Node("tracker", camera="rear", revision=3)
+    live = LiveSettings(TrackerSettings())
+    for history in (5, 6, 7):
+        live.change({"history": history})
+    live.take()
+    return Node("tracker", camera="rear", parameters=live)
 
 
 def test_a_centroid_carries_what_was_found(node: Node):

@@ -1,15 +1,12 @@
 """What `zv up` shows of a node."""
 
-import os
 import time
 
-import psutil
-import pytest
-
 from common.messages import Diagnostics, Latency
-from services.up.display import line_of
-from services.up.figures import Meter, drops, row_of
-from services.up.health import Report
+from services.figures.board import Report
+from services.figures.display import line_of
+from services.figures.meter import Meter
+from services.up.figures import row_of
 from services.up.processes import Child, ended_how
 
 
@@ -31,18 +28,6 @@ def health(**fields: object) -> Diagnostics:
 
 def report(silent_s: float = 0.0, **fields: object) -> Report:
     return Report(health(**fields), time.monotonic() - silent_s)
-
-
-def test_drops_stand_largest_first_and_what_nobody_wanted_last():
-    counters = {
-        "received": 9,
-        "dropped.stale": 2,
-        "dropped.corrupt": 5,
-        "dropped.empty": 0,
-        "dropped.no_subscriber": 90,
-        "missed": 3,
-    }
-    assert drops(counters) == ("corrupt=5 missed=3 stale=2", "no_subscriber=90")
 
 
 def test_a_node_that_does_not_run_shows_no_figures_of_its_earlier_life():
@@ -79,15 +64,6 @@ def test_what_nobody_wanted_stands_last_in_a_line_too(monkeypatch):
     counters = {"captured": 9, "dropped.no_subscriber": 7, "dropped.overwritten": 2}
     line = line_of(row_of(child, report(counters=counters), Meter()))
     assert line.endswith("dropped overwritten=2 no_subscriber=7")
-
-
-def test_memory_and_cpu_are_those_of_the_process():
-    meter = Meter()
-    meter.begin(os.getpid())
-    cpu, memory = meter.read(os.getpid())
-    assert float(cpu) >= 0
-    assert float(memory) == pytest.approx(psutil.Process().memory_info().rss / 1e6, abs=20)
-    assert meter.read(None) == ("", "")
 
 
 def test_a_signal_and_a_status_are_told_apart():

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from common.errors import ConfigurationError
-from services.cli.services import commands
+from services.cli.services import load
+from services.launch_file import read_launch_file
 from services.up.command import command_of
-from services.up.launch_file import read_launch_file
 
 ROOT = Path(__file__).parent.parent.parent.parent
 NODE = '[[node]]\nservice = "camera"\n'
@@ -129,5 +129,5 @@ def test_the_command_line_of_a_node_means_the_same_settings(tmp_path, monkeypatc
     monkeypatch.setattr("services.camera.service.run", lambda found, _: understood.append(found))
     monkeypatch.setattr("signal.signal", lambda *_: None)
     arguments, _ = command_of(node)
-    commands()["camera"].main(arguments[1:], standalone_mode=False)
+    load("camera").main(arguments[1:], standalone_mode=False)
     assert understood == [node.settings]

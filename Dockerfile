@@ -1,0 +1,56 @@
+# One image for all nodes: `docker build -t zenoh-vision .`, then `docker run zenoh-vision camera`.
+ARG BASE=debian:bookworm-slim
+
+# Dependencies: built again only when pyproject.toml or constraints.txt change.
+FROM ${BASE} AS dependencies
+RUN apt-get update \
+    && apt-get install -y --no-install-recommends python3-venv \
+    && rm -rf /var/lib/apt/lists/*
+WORKDIR /build
+RUN python3 -m venv /opt/pip && /opt/pip/bin/pip install --no-cache-dir --upgrade 'pip>=25.1' hatchling \
+    && python3 -m venv --without-pip /opt/venv
+COPY pyproject.toml constraints.txt ./
+RUN python3 -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"], sep="\n")' \
+        >requirements.txt \
+    && /opt/pip/bin/pip --python /opt/venv/bin/python install --no-cache-dir \
+        -c constraints.txt -r requirements.txt \
+    && find /opt/venv -type d \( -name tests -o -name test \) -prune -exec rm -rf {} +
+
+# The project itself, in a folder of its own, so that a change of code copies nothing else.
+FROM dependencies AS project
+COPY README.md LICENSE ./
+COPY configs configs
+COPY services services
+COPY common common
+RUN /opt/pip/bin/pip install --no-cache-dir --no-deps --no-build-isolation --no-compile \
+        --target /opt/zenoh-vision . \
+    && sed -i '1s|.*|#!/opt/venv/bin/python|' /opt/zenoh-vision/bin/zv
+
+FROM ${BASE}
+ARG VERSION=0.1.0
+ARG REVISION=unknown
+LABEL org.opencontainers.image.title="zenoh-vision" \
+      org.opencontainers.image.description="Cameras and vision on the network without ROS, over Eclipse Zenoh" \
+      org.opencontainers.image.licenses="Apache-2.0" \
+      org.opencontainers.image.version="${VERSION}" \
+      org.opencontainers.image.revision="${REVISION}"
+RUN apt-get update \
+    && apt-get install -y --no-install-recommends python3 \
+    && rm -rf /var/lib/apt/lists/* /var/cache/apt /var/log/apt /var/log/dpkg.log /usr/lib/python3*/test \
+    && useradd --uid 10001 --groups video --no-create-home --shell /usr/sbin/nologin zv
+COPY --from=dependencies /opt/venv /opt/venv
+ENV PATH=/opt/zenoh-vision/bin:/opt/venv/bin:$PATH \
+    PYTHONPATH=/opt/zenoh-vision \
+    PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONUNBUFFERED=1 \
+    ZV_HEALTH_FILE=/tmp/zv-health
+USER zv
+WORKDIR /tmp
+# Every service keeps that file true to its work. This only reads it: no interpreter, no network.
+HEALTHCHECK --interval=3s --timeout=3s --start-period=30s --retries=2 CMD \
+    test -n "$(find "$ZV_HEALTH_FILE" -newermt '5 seconds ago')" \
+    && grep -q '^ok' "$ZV_HEALTH_FILE" || { cat "$ZV_HEALTH_FILE"; exit 1; }
+ENTRYPOINT ["zv"]
+CMD ["--help"]
+# Last, since it is what changes.
+COPY --from=project /opt/zenoh-vision /opt/zenoh-vision

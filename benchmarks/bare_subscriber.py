@@ -1,0 +1,21 @@
+"""The least that a Python program can do with a stream: ENDPOINT KEY, counts until SIGTERM."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import threading
+
+from common.session import Connection, direct, open_session
+
+
+def main() -> None:
+    """Subscribe, count, and say once how to be ended."""
+    session = open_session(Connection(connect=sys.argv[1], timeout_s=20))
+    count = itertools.count()
+    session.declare_subscriber(sys.argv[2], direct(lambda _: next(count)))
+    threading.Event().wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""``zv doctor``: what is wrong with a system and this machine, and what to do about it."""

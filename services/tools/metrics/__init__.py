@@ -1,0 +1,1 @@
+"""``zv metrics``: the health of a whole namespace, as Prometheus reads it."""

@@ -1,0 +1,1 @@
+"""``zv node``: which nodes run, and what each says of itself."""

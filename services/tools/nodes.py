@@ -1,0 +1,190 @@
+"""Who is there: nodes by their liveliness tokens, with what each says of itself.
+
+Two nodes of one name have one token between them, so nodes are told apart by the sessions that
+answer.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import zenoh
+
+from common import keys
+from common.codec import Message
+from common.errors import PayloadError
+from common.messages import Diagnostics, NodeDescription, Parameter
+from services.tools.session import ANSWER_S, POLL_S, ToolSession
+
+M = TypeVar("M", bound=Message)
+
+EVERY_ANSWER: dict[str, Any] = {
+    "target": zenoh.QueryTarget.ALL,
+    "consolidation": zenoh.ConsolidationMode.NONE,
+}
+"""Without it Zenoh hands out one answer for a key, however many nodes give one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """How far a node's clock is ahead of ours, as a round trip tells it.
+
+    Attributes:
+        ahead_ns: Nanoseconds; below 0 it is behind.
+        error_ns: Half the round trip: it may be off by so much.
+    """
+
+    ahead_ns: int
+    error_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """One node that runs, or a name under which nobody answers.
+
+    Attributes:
+        name: Of the node.
+        session: Zenoh id of the session that answered; None if none did in time.
+        description: What it says of itself.
+        clock: Compared with ours, if it said when it answered.
+        report: The newest health that it answered.
+    """
+
+    name: str
+    session: str | None = None
+    description: NodeDescription | None = None
+    clock: Clock | None = None
+    report: Diagnostics | None = None
+
+    @property
+    def silent_s(self) -> float | None:
+        """Seconds since its newest report, by its own clock; None if it made none."""
+        if self.report is None or self.description is None:
+            return None
+        now_ns = self.description.stamp_ns or time.time_ns()
+        return max(0, now_ns - self.report.stamp_ns) / 1e9
+
+    @property
+    def uptime_s(self) -> float | None:
+        """Seconds since its start, by its own clock."""
+        if self.description is None:
+            return None
+        now_ns = self.description.stamp_ns or time.time_ns()
+        return max(0, now_ns - self.description.started_ns) / 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A reply and the times around it, ns since 1970 by our clock."""
+
+    reply: zenoh.Reply
+    asked_ns: int
+    answered_ns: int
+
+    @property
+    def session(self) -> str:
+        """Zenoh id of who answered."""
+        return "" if self.reply.replier_id is None else str(self.reply.replier_id.zid)
+
+
+Question = Callable[[Any], object]
+"""Called with a handler for the replies."""
+
+
+def gather(session: ToolSession, *questions: Question) -> list[list[Answer]]:
+    """Ask several questions at once and return the answers to each; errors are left out."""
+    asked = [_begin(question) for question in questions]
+    for _, done in asked:
+        while not session.stopping and not done.wait(POLL_S):
+            pass
+    return [[answer for answer in list(found) if answer.reply.ok] for found, _ in asked]
+
+
+def _begin(question: Question) -> tuple[list[Answer], threading.Event]:
+    found: list[Answer] = []
+    done = threading.Event()
+    asked_ns = time.time_ns()
+
+    def take(reply: zenoh.Reply) -> None:
+        found.append(Answer(reply, asked_ns, time.time_ns()))
+
+    question(zenoh.handlers.Callback(take, done.set, indirect=False))
+    return found, done
+
+
+def every_answer_on(session: ToolSession, key: str, timeout_s: float = ANSWER_S) -> Question:
+    """Return a query that all nodes may answer, equal names or not."""
+    return lambda handler: session.zenoh.get(key, handler, timeout=timeout_s, **EVERY_ANSWER)
+
+
+def tokens_of(session: ToolSession, namespace: str, node: str = "*") -> Question:
+    """Return the question which nodes show their token."""
+    key = keys.node_key(namespace, node)
+    return lambda handler: session.zenoh.liveliness().get(key, handler, timeout=ANSWER_S)
+
+
+def name_in(answer: Answer) -> str:
+    """Return the node's name, the last chunk of the keys that are asked here."""
+    assert answer.reply.ok is not None
+    return str(answer.reply.ok.key_expr).rpartition("/")[2]
+
+
+def present(session: ToolSession) -> list[Presence]:
+    """Return every node that runs, by name and start; those that do not answer too."""
+    tokens, answers, reports = gather(
+        session,
+        tokens_of(session, session.namespace),
+        every_answer_on(session, keys.node_key(session.namespace, "*")),
+        every_answer_on(session, keys.diagnostics_key(session.namespace, "*")),
+    )
+    living = {name_in(answer) for answer in tokens}
+    described = [
+        Presence(name_in(answer), answer.session, description, _clock(answer, description))
+        for answer, description in read(answers, NodeDescription)
+        if name_in(answer) in living  # the others ended while we asked
+    ]
+    health = {(name_in(a), a.session): report for a, report in read(reports, Diagnostics)}
+    found = [
+        replace(each, report=health.get((each.name, each.session or ""))) for each in described
+    ]
+    found += [Presence(name) for name in living - {each.name for each in described}]
+    return sorted(found, key=_order)
+
+
+def _order(presence: Presence) -> tuple[str, int, str]:
+    started_ns = presence.description.started_ns if presence.description else 0
+    return presence.name, started_ns, presence.session or ""
+
+
+def read(answers: Iterable[Answer], message: type[M]) -> Iterable[tuple[Answer, M]]:
+    """Yield the answers that hold a message of a type; what does not is not one of ours."""
+    for answer in answers:
+        assert answer.reply.ok is not None
+        try:
+            yield answer, message.from_bytes(answer.reply.ok.payload.to_bytes())
+        except PayloadError:
+            continue
+
+
+def _clock(answer: Answer, description: NodeDescription) -> Clock | None:
+    if description.stamp_ns is None:
+        return None
+    middle_ns = (answer.asked_ns + answer.answered_ns) // 2
+    return Clock(
+        ahead_ns=description.stamp_ns - middle_ns,
+        error_ns=(answer.answered_ns - answer.asked_ns) // 2,
+    )
+
+
+def parameters(session: ToolSession, node: str) -> dict[str, list[Parameter]]:
+    """Return the parameters of all nodes of a name, by the session of each; {} if none answers."""
+    key = keys.parameter_key(session.namespace, node, "*")
+    (answers,) = gather(session, every_answer_on(session, key))
+    found: dict[str, list[Parameter]] = {}
+    for answer, parameter in read(answers, Parameter):
+        found.setdefault(answer.session, []).append(parameter)
+    return {who: sorted(those, key=lambda one: one.name) for who, those in found.items()}

@@ -1,0 +1,1 @@
+"""``zv snapshot``: save the newest picture of a key."""

@@ -1,0 +1,40 @@
+"""The options of ``zv snapshot``."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from services.tools.options import SECONDS, Argument, Letter, ToolOptions
+
+SUFFIXES = (".jpg", ".jpeg", ".png")
+STDOUT = "-"
+
+
+def _known_form(name: str) -> str:
+    if name != STDOUT and PurePath(name).suffix.lower() not in SUFFIXES:
+        raise ValueError(f"a file name ends in {', '.join(SUFFIXES)}; - is standard output")
+    return name
+
+
+class SnapshotOptions(ToolOptions):
+    """Options of ``zv snapshot``."""
+
+    key: Annotated[str, Argument("KEY"), Field(description="key of a picture")]
+    output: Annotated[
+        str,
+        Letter("o"),
+        AfterValidator(_known_form),
+        Field(description="file, FILE.jpg or FILE.png; - is standard output"),
+    ]
+    draw: Annotated[
+        bool, Field(description="draw the tracks or the centroid of the same frame on it")
+    ] = False
+    quality: Annotated[int, Field(ge=1, le=100, description="of a JPEG that is encoded here")] = 90
+    max_age: Annotated[
+        float | None,
+        Field(gt=0, description="exit status 1 if the newest is older than this, such as 1s"),
+        SECONDS,
+    ] = None

@@ -1,0 +1,237 @@
+"""A system of containers as a user starts it, and the ways to break it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from tests.integration.routing import free_port
+from tests.integration.waiting import wait_until
+
+COMMAND_S = 300.0
+START_S = 60.0
+SERVICES = ("router", "camera", "tracker", "edge")
+OURS = ("camera", "tracker", "edge")
+
+
+def compose_command() -> list[str] | None:
+    """Return how this machine calls Compose: the plugin of Docker, or the older program."""
+    if shutil.which("docker") is None:
+        return None
+    if not subprocess.run(
+        ["docker", "compose", "version"], capture_output=True, check=False
+    ).returncode:
+        return ["docker", "compose"]
+    return ["docker-compose"] if shutil.which("docker-compose") else None
+
+
+def run(
+    *words: object, cwd: Path | None = None, env: dict[str, str] | None = None, check: bool = True
+) -> str:
+    """Run a command and return its standard output; its error output is in the failure."""
+    done = subprocess.run(
+        [str(word) for word in words],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=env,
+        timeout=COMMAND_S,
+        check=False,
+    )
+    assert not check or done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def pause(seconds: float) -> None:
+    """Let a fault last. Its length is what is tested; nothing is hoped for meanwhile."""
+    time.sleep(max(0.0, seconds))
+
+
+class Stack:
+    """The containers of one Compose project, on a port of their own.
+
+    Args:
+        checkout: Folder of the compose files.
+        overrides: Files beside docker-compose.yml: ``rest`` for docker-compose.rest.yml, or a path.
+        settings: What a user writes into ``.env``.
+        services: Which to start; all when empty.
+    """
+
+    def __init__(
+        self,
+        checkout: Path,
+        overrides: Sequence[str | Path] = (),
+        settings: dict[str, str] | None = None,
+        services: Sequence[str] = (),
+    ) -> None:
+        self.checkout = checkout
+        self.port = free_port()
+        self.project = f"zvtest{uuid.uuid4().hex[:8]}"
+        self._services = services
+        self._files = [checkout / "docker-compose.yml"]
+        for override in overrides:
+            self._files.append(
+                override
+                if isinstance(override, Path)
+                else checkout / f"docker-compose.{override}.yml"
+            )
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
+        self._env = {**kept, "ZV_PORT": str(self.port), **(settings or {})}
+
+    def __enter__(self) -> Self:
+        try:
+            self.compose("up", "-d", "--no-build", *self._services)
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Show the end of the logs if something went wrong, and remove everything."""
+        if kind is not None:
+            print(self.compose("logs", "--no-color", "--tail", "40", check=False))
+        self.compose("down", "-v", "-t", "3", check=False)
+
+    @property
+    def endpoint(self) -> str:
+        """Where a client on this machine finds the router."""
+        return f"tcp/127.0.0.1:{self.port}"
+
+    def compose(self, *words: object, check: bool = True) -> str:
+        """Run Compose on this project."""
+        command = compose_command()
+        assert command is not None
+        files = [part for file in self._files for part in ("-f", str(file))]
+        return run(
+            *command,
+            "-p",
+            self.project,
+            *files,
+            *words,
+            cwd=self.checkout,
+            env=self._env,
+            check=check,
+        )
+
+    # Containers
+
+    def container(self, service: str) -> str:
+        """Return the id of a service's container, running or not."""
+        found = run(
+            "docker", "ps", "-aq",
+            "--filter", f"label=com.docker.compose.project={self.project}",
+            "--filter", f"label=com.docker.compose.service={service}",
+        ).split()  # fmt: skip
+        assert len(found) == 1, f"{service}: {found}"
+        return found[0]
+
+    def inspect(self, service: str) -> dict[str, Any]:
+        """Return what Docker knows of a service's container."""
+        found: dict[str, Any] = json.loads(run("docker", "inspect", self.container(service)))[0]
+        return found
+
+    def health(self, service: str) -> str:
+        """Return ``starting``, ``healthy`` or ``unhealthy``."""
+        return str(self.inspect(service)["State"]["Health"]["Status"])
+
+    def starts(self, service: str) -> tuple[str, int, str]:
+        """Return what changes when a container is started again: its id, count, and time."""
+        found = self.inspect(service)
+        return found["Id"], found["RestartCount"], found["State"]["StartedAt"]
+
+    def pid(self, service: str) -> int:
+        """Return the number, on this machine, of the container's first process."""
+        return int(self.inspect(service)["State"]["Pid"])
+
+    def address(self, service: str) -> str:
+        """Return the container's own address."""
+        networks = self.inspect(service)["NetworkSettings"]["Networks"]
+        return str(next(iter(networks.values()))["IPAddress"])
+
+    def logs(self, service: str) -> str:
+        """Return a service's log."""
+        return self.compose("logs", "--no-color", service)
+
+    def resident_mb(self, service: str) -> float:
+        """Return the memory of the container's processes, without files that are cached."""
+        text = Path(f"/proc/{self.worker(service)}/status").read_text()
+        return int(text.split("VmRSS:")[1].split()[0]) / 1024
+
+    def worker(self, service: str) -> int:
+        """Return the process that does the work: below init, and the router's shell."""
+        found = self.pid(service)
+        while children := Path(f"/proc/{found}/task/{found}/children").read_text().split():
+            found = int(children[0])
+        return found
+
+    # Waiting
+
+    def wait_until_healthy(self, *services: str) -> None:
+        """Wait until each of them says that it does its work."""
+        wanted = services or SERVICES
+        wait_until(
+            lambda: all(self.health(service) == "healthy" for service in wanted),
+            START_S,
+            lambda: str({service: self.health(service) for service in wanted}),
+        )
+
+    def router_answers(self) -> bool:
+        """Tell whether the router's own port takes connections."""
+        try:
+            address = self.address("router")
+        except AssertionError:
+            return False
+        if not address:
+            return False
+        try:
+            socket.create_connection((address, 7447), 0.2).close()
+        except OSError:
+            return False
+        return True
+
+    def wait_for_router(self) -> float:
+        """Return the monotonic time at which the router's port answers."""
+        wait_until(self.router_answers, 30)
+        return time.monotonic()
+
+    # Faults
+
+    def crash(self, service: str) -> float:
+        """Kill the process inside, as a crash does, and return the time after it.
+
+        Not ``docker kill``: that is an order, after which no restart policy acts.
+        """
+        kill = "p=$(cat /proc/1/task/1/children); for p in $p; do :; done; "
+        kill += "c=$(cat /proc/$p/task/$p/children); kill -9 ${c:-$p}"
+        run("docker", "exec", self.container(service), "sh", "-c", kill)
+        return time.monotonic()
+
+    def cut_off(self, service: str) -> None:
+        """Take a container off its network."""
+        run("docker", "network", "disconnect", self.network, self.container(service))
+
+    @property
+    def network(self) -> str:
+        """The name of the project's network."""
+        return f"{self.project}_default"
+
+    def reconnect(self, service: str) -> None:
+        """Put it back, under the name that others know."""
+        run(
+            "docker", "network", "connect", "--alias", service,
+            self.network, self.container(service),
+        )  # fmt: skip

@@ -1,0 +1,112 @@
+"""The README's commands for containers, run one after the other as they stand there."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.compose.stack import Stack, compose_command, run
+from tests.compose.witness import Witness
+from tests.integration.pictures import write_video
+from tests.integration.routing import free_port
+from tests.integration.waiting import wait_until
+from tests.test_readme import blocks
+
+pytestmark = pytest.mark.compose
+WORDS = ("docker", "cp", "curl", "ZV_VIDEO=walk.avi", "ZV_CONNECT=tcp/192.0.2.1:7447")
+
+
+def written() -> list[str]:
+    """Return the commands of the README that are about containers, in order."""
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    return [
+        line for line in lines
+        if (words := shlex.split(line, comments=True)) and words[0] in WORDS
+    ]  # fmt: skip
+
+
+def compose_lines() -> list[str]:
+    return [line for line in written() if "docker compose" in line]
+
+
+def test_there_are_such_commands():
+    assert len(compose_lines()) >= 5
+
+
+@pytest.mark.parametrize("line", compose_lines())
+def test_a_compose_command_runs_as_written(line: str, image: str, clone: Path, tmp_path: Path):
+    """Run detached, in a project and on a port of the test's own; then look at the streams."""
+    words = shlex.split(line, comments=True)
+    settings = dict(word.split("=", 1) for word in words if word.startswith("ZV_"))
+    words = words[len(settings) + 2 :]
+    files = [words[at + 1] for at, word in enumerate(words) if word == "-f"]
+    assert all((clone / file).exists() for file in files)
+    overrides = [file.removeprefix("docker-compose.").removesuffix(".yml") for file in files[1:]]
+    rest = words[2 * len(files) :]
+    if "webcam" in overrides or "remote-router" in overrides:
+        # No camera and no such router here: what Compose makes of them is in test_settings.py.
+        Stack(clone, overrides, {"ZV_CONNECT": "tcp/192.0.2.1:7447"}).compose("config", "-q")
+        return
+    if "ZV_VIDEO" in settings:
+        tmp_path.chmod(0o755)
+        settings["ZV_VIDEO"] = str(write_video(tmp_path / "walk.avi", frames=300, rate_hz=30))
+    if rest[0] == "up":
+        with Stack(clone, overrides, settings) as stack, Witness(stack.endpoint) as witness:
+            witness.flows(10)
+        return
+    with Stack(clone, overrides, settings) as stack:
+        stack.compose(*rest)
+
+
+def test_curl_saves_a_frame_as_written(image: str, clone: Path, tmp_path: Path):
+    lines = [line for line in written() if line.startswith("curl")]
+    assert lines
+    port = free_port()
+    with (
+        Stack(clone, ["rest"], {"ZV_REST_PORT": str(port)}) as stack,
+        Witness(stack.endpoint) as witness,
+    ):
+        witness.flows(10)
+        for line in lines:
+            words = shlex.split(line.replace("127.0.0.1:8000", f"127.0.0.1:{port}"), comments=True)
+            file = tmp_path / words[words.index("-o") + 1]
+
+            def saved(words: list[str] = words, file: Path = file) -> bool:
+                run(*words, cwd=tmp_path, check=False)
+                return file.exists() and file.stat().st_size > 1000
+
+            wait_until(saved, 30)
+            pixels = cv2.imdecode(np.frombuffer(file.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
+            assert pixels is not None
+
+
+def test_env_example_can_be_copied_as_it_is(clone: Path, tmp_path: Path, docker):
+    assert "cp .env.example .env" in written()
+    plain = Stack(clone).compose("config")
+    (clone / ".env").write_text((clone / ".env.example").read_text())
+    try:
+        assert _ports_only(plain, Stack(clone).compose("config"))
+        # And what is uncommented acts.
+        text = (clone / ".env").read_text().replace("#ZV_CAMERA_RATE=30", "ZV_CAMERA_RATE=7")
+        (clone / ".env").write_text(text)
+        command = compose_command()
+        assert command
+        env = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
+        assert "ZV_CAMERA_RATE: '7'" in run(*command, "config", cwd=clone, env=env).replace(
+            '"', "'"
+        )
+    finally:
+        (clone / ".env").unlink()
+
+
+def _ports_only(one: str, other: str) -> bool:
+    """Tell whether two configurations differ in nothing but the port that a test chose."""
+    differing = [
+        (a, b) for a, b in zip(one.splitlines(), other.splitlines(), strict=True) if a != b
+    ]
+    return all("7447" in a or "published" in a for a, _ in differing)

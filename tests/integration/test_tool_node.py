@@ -1,0 +1,147 @@
+"""zv node: which nodes run, by their tokens; what each says of itself, by query."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.integration.conftest import a_router, some_services
+from tests.integration.listening import open_client, wait_for_nodes
+from tests.integration.routing import Router
+from tests.integration.standing_in import StandIn
+from tests.integration.typing_zv import zv
+from tests.integration.waiting import wait_until
+from tests.processes import START_S, Program
+
+SMALL = ("--width", 160, "--height", 120, "--rate", 5)
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Router]:
+    with a_router(tmp_path_factory.mktemp("router")) as router:
+        yield router
+
+
+@pytest.fixture(scope="module")
+def twins(shared: Router, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Program]]:
+    """Two cameras of one name, and a tracker."""
+    with some_services(shared.endpoint, tmp_path_factory.mktemp("nodes")) as start:
+        cameras = [start("camera", *SMALL) for _ in range(2)]
+        tracker = start("tracker")
+        with open_client(shared.endpoint) as session:
+            wait_for_nodes(session, "camera_front", "tracker_front")
+        wait_until(lambda: len(listed(shared)) == 3)
+        yield [*cameras, tracker]
+
+
+def listed(router: Router, *arguments: str) -> list[dict[str, Any]]:
+    done = zv(router.endpoint, "node", "list", "--json", *arguments)
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_two_nodes_of_one_name_are_two_lines_with_their_processes(shared, twins):
+    nodes = listed(shared)
+    assert [each["node"] for each in nodes] == ["camera_front", "camera_front", "tracker_front"]
+    assert {each["pid"] for each in nodes} == {program.process.pid for program in twins}
+    assert {each["host"] for each in nodes} == {socket.gethostname()}
+    assert all(0 < each["uptime_s"] < 300 for each in nodes)
+    assert nodes[2]["subscribes"] == ["vision/front/image/compressed"]
+    assert "vision/front/centroid" in nodes[2]["publishes"]
+
+
+def test_the_table_has_a_line_for_each(shared, twins):
+    done = zv(shared.endpoint, "node", "list")
+    assert done.returncode == 0
+    lines = [line.split() for line in done.stdout.splitlines() if "_front" in line]
+    assert [line[:2] for line in lines] == [
+        ["camera_front", "camera"],
+        ["camera_front", "camera"],
+        ["tracker_front", "tracker"],
+    ]
+    assert {line[4] for line in lines} == {str(program.process.pid) for program in twins}
+
+
+def test_info_says_what_a_node_publishes_and_how_it_does(shared, twins):
+    done = zv(shared.endpoint, "node", "info", "tracker_front")
+    assert done.returncode == 0, done.stderr
+    text = " ".join(done.stdout.split())
+    assert text.startswith("tracker_front service tracker cameras front version ")
+    assert f"pid {twins[2].process.pid}" in text
+    assert "publishes vision/front/centroid vision/front/tracked/compressed" in text
+    assert "subscribes vision/front/image/compressed" in text
+    both = zv(shared.endpoint, "node", "info", "camera_*", "--json").stdout.splitlines()
+    assert {json.loads(line)["pid"] for line in both} == {
+        program.process.pid for program in twins[:2]
+    }
+
+
+def test_a_name_that_nobody_has_is_1_and_the_near_one_is_named(shared, twins):
+    done = zv(shared.endpoint, "node", "info", "traker_front")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "did you mean tracker_front?" in done.stderr
+
+
+def test_a_namespace_without_nodes_is_1_and_those_with_some_are_named(shared, twins):
+    done = zv(shared.endpoint, "node", "list", "--namespace", "visoin")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == (
+        "zv: no node in namespace visoin: did you mean vision? these exist: vision\n"
+    )
+
+
+def test_who_was_killed_is_gone_within_2_s_and_who_comes_is_seen(shared, tmp_path):
+    flags = ["-m", "services", "node", "list", "--watch", "--json", "--namespace", "watched"]
+    with (
+        some_services(shared.endpoint, tmp_path) as start,
+        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch") as watching,
+    ):
+
+        def events() -> list[tuple[str, int]]:
+            lines = watching.output.rpartition("\n")[0].splitlines()
+            return [(e["event"], e["pid"]) for e in map(json.loads, lines)]
+
+        tracker = start("tracker", "--namespace", "watched")
+        pid = tracker.process.pid
+        wait_until(lambda: events() == [("here", pid)], START_S, lambda: watching.complaints)
+        twin = start("tracker", "--namespace", "watched")
+        wait_until(lambda: ("here", twin.process.pid) in events(), START_S)
+        os.kill(twin.process.pid, signal.SIGKILL)
+        wait_until(lambda: ("gone", twin.process.pid) in events(), START_S)
+        os.kill(pid, signal.SIGKILL)
+        killed_s = time.monotonic()
+        wait_until(lambda: ("gone", pid) in events(), START_S)
+        assert time.monotonic() - killed_s < 2
+        assert watching.interrupt() == 0
+        assert len(events()) == 4
+        assert "no node in namespace watched" in watching.complaints  # at the beginning
+
+
+def test_parameters_are_shown_if_the_node_answers_for_them(shared):
+    with open_client(shared.endpoint) as session:
+        node = StandIn(
+            session,
+            "edge_front",
+            namespace="tuned",
+            parameters={"sigma": {"value": 2.0, "minimum": 0.0, "maximum": 20.0, "unit": "px"}},
+        )
+        done = zv(shared.endpoint, "node", "info", "edge_front", "--namespace", "tuned")
+        record = zv(shared.endpoint, "node", "info", "edge_front", "--namespace", "tuned", "--json")
+        del node
+    assert "  parameters  sigma = 2.0 px (0 to 20)" in done.stdout.splitlines()
+    assert json.loads(record.stdout)["parameters"][0]["maximum"] == 20.0
+
+
+def test_a_node_that_does_not_answer_is_listed_so(shared):
+    with open_client(shared.endpoint) as session:
+        node = StandIn(session, "edge_front", namespace="dumb", answers=False)
+        done = zv(shared.endpoint, "node", "list", "--namespace", "dumb")
+        del node
+    assert done.returncode == 0
+    assert "does not answer" in done.stdout
