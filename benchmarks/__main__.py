@@ -8,7 +8,7 @@ import platform
 
 import cv2
 
-from benchmarks import exporter, fleet, floor, stream, tools
+from benchmarks import exporter, fleet, floor, parameters, stream, tools
 from benchmarks.material import frames
 
 SIZES = ((768, 576), (1920, 1080))
@@ -57,6 +57,8 @@ def measure_tools(seconds: float) -> None:
     name = f"tools, {tools.STREAMS} streams of {width}x{height}"
     show(name, tools.cpu_beside_bare(width, height, stream.RATE_HZ, seconds))
     show("zv topic echo of one camera's centroids", tools.cpu_of_echo(seconds))
+    show("watching four nodes", tools.cpu_of_watching(seconds))
+    show("parameter set to first frame with it", parameters.set_to_frame(seconds))
     show("zv snapshot, start to file, s", tools.snapshot())
 
 

@@ -21,6 +21,7 @@ STREAMS = 20
 SETTLE_S = 3.0
 PICTURES = "vision/*/image/compressed"
 CENTROIDS = "vision/*/centroid"
+HEALTH = "@vision/diagnostics/*"
 
 
 def cpu_beside_bare(width: int, height: int, rate_hz: float, seconds: float) -> dict[str, Any]:
@@ -64,6 +65,19 @@ def cpu_of_echo(seconds: float) -> dict[str, Any]:
         for form in ([], ["--json"], ["--csv"]):
             name = " ".join(["echo", *form])
             found[name] = measured(zv(system, "topic", "echo", CENTROIDS, *form), seconds)
+    return _with_ratios(found)
+
+
+def cpu_of_watching(seconds: float) -> dict[str, Any]:
+    """CPU of watching four nodes, beside a program that only subscribes to their health."""
+    with System() as system:
+        for name in ("camera", "tracker", "edge"):
+            system.service(name, name)
+        system.service("other", "tracker", "--camera", "other")
+        wait_for(system, "vision/front/centroid")
+        found = {"bare": measured(bare(system, HEALTH), seconds)}
+        for words in (("top",), ("top", "--json"), ("node", "list", "--watch")):
+            found[" ".join(words)] = measured(zv(system, *words), seconds)
     return _with_ratios(found)
 
 

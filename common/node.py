@@ -11,11 +11,8 @@ The iterator ends at SIGINT or SIGTERM, and so does the ``with``.
 
 from __future__ import annotations
 
-import os
-import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
-from importlib import metadata
 from types import TracebackType
 from typing import Any, Self
 
@@ -23,6 +20,7 @@ import zenoh
 
 from common import keys, parameter_server
 from common.codec import Message
+from common.description import description
 from common.errors import ConfigurationError, PayloadError
 from common.frame import Form, Frame
 from common.health import Health
@@ -299,29 +297,17 @@ class Node:
         )
 
     def _describe(self, query: zenoh.Query) -> None:
-        description = NodeDescription(
-            node=self.name,
-            service=self.service,
-            cameras=(self.camera,),
-            version=installed_version(),
-            host=socket.gethostname(),
-            pid=os.getpid(),
+        own = description(
+            self.name,
+            self.service,
+            self.camera,
             started_ns=self._started_ns,
-            publishes=tuple(publisher.key for publisher in self._publishers.values()),
-            subscribes=tuple(receiver.key for receiver in self.health.receivers),
-            stamp_ns=time.time_ns(),
+            publishes=[publisher.key for publisher in self._publishers.values()],
+            subscribes=[receiver.key for receiver in self.health.receivers],
             rate_hz=self.health.bounds.expected_hz,
         )
         query.reply(
             keys.node_key(self.connection.namespace, self.name),
-            description.to_bytes(),
+            own.to_bytes(),
             encoding=keys.msgpack_of(NodeDescription.schema_name),
         )
-
-
-def installed_version() -> str:
-    """Return the version of this distribution, ``unknown`` when run without installing it."""
-    try:
-        return metadata.version("zenoh-vision")
-    except metadata.PackageNotFoundError:
-        return "unknown"

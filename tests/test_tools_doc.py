@@ -26,14 +26,22 @@ from tests.processes import (
 
 PAGE = (ROOT / "docs" / "tools.md").read_text()
 README = (ROOT / "README.md").read_text()
-OWN_PAGES = ("topic", "snapshot", "schema")
+OWN_PAGES = ("topic", "snapshot", "schema", "node", "top")
 ENDLESS = {
     "zv topic list --watch",
     "zv topic hz",
     "zv topic hz vision/front/centroid",
     "zv topic echo vision/front/centroid --field x",
+    "zv node list --watch",
+    "zv top",
 }
-NOT_SHOWN = {"zv schema Centroid", "zv topic list 'vision/*/centroid' --flowing --json"}
+NOT_SHOWN = {
+    "zv schema Centroid",
+    "zv topic list 'vision/*/centroid' --flowing --json",
+    "zv node info 'camera_*' --json",
+    "zv top --once",  # an empty line is first
+    "zv top --once --json",
+}
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -109,7 +117,7 @@ def test_a_command_without_an_end_runs_until_ctrl_c(command: str, endpoint: str,
     assert command in commands()
     arguments = ["-m", "services", *shlex.split(command)[1:], "--connect", endpoint]
     with Program(arguments, tmp_path, "tool") as program:
-        program.lines(r"vision/front/.*|\d+|null", count=2)
+        program.lines(r"vision/front/.*|\d+|null|(here  )?\w+_front .*", count=2)
         assert program.interrupt() == 0
         assert program.complaints == ""
 

@@ -18,15 +18,6 @@ class Pacer:
         self._slack_s = slack_s
         self._base_s: float | None = None
 
-    def shift(self, due_s: float, at_s: float) -> None:
-        """Hand over a picture at another time than when it is due, and those after it so too.
-
-        Args:
-            due_s: When it was due, seconds after the source's first picture.
-            at_s: When it is handed over, by the monotonic clock.
-        """
-        self._base_s = at_s - due_s
-
     def wait_s(self, due_s: float, now_s: float) -> float:
         """Return how long to wait before a picture is handed over.
 
@@ -43,7 +34,7 @@ class Pacer:
 
 
 class Schedule:
-    """When each picture of a source is due, at a rate that may change from one to the next."""
+    """When each picture of a source is due, at a rate that may change at any time."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -52,7 +43,7 @@ class Schedule:
         self._origin = (0, 0.0, 0.0)
 
     def due_s(self, own_s: float, rate_hz: float | None) -> float:
-        """Return when the next picture is due, seconds after the first.
+        """Return when the next picture is due, seconds after the first; asked any number of times.
 
         Args:
             own_s: When it is by the source's own time.
@@ -63,12 +54,13 @@ class Schedule:
             self._origin = (max(0, self._count - 1), *self._last)
         number, origin_own_s, origin_s = self._origin
         if rate_hz is None:
-            due_s = origin_s + own_s - origin_own_s
-        else:
-            due_s = origin_s + (self._count - number) / rate_hz
+            return origin_s + own_s - origin_own_s
+        return origin_s + (self._count - number) / rate_hz
+
+    def shown(self, own_s: float, due_s: float) -> None:
+        """Take note that the next picture was shown when it was due: now another is the next."""
         self._count += 1
         self._last = (own_s, due_s)
-        return due_s
 
 
 class Thinner:

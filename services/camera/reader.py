@@ -14,23 +14,21 @@ from common.live import LiveSettings, Revision
 from common.slot import Slot
 from services.camera.choice import (
     Opener,
-    own_rate,
     rate_to_keep,
     same_picture,
     same_source,
     watches_for_repeats,
 )
-from services.camera.pacing import Pacer, Schedule, Thinner
+from services.camera.pacing import Thinner
 from services.camera.repeats import RepeatWatch
 from services.camera.settings import CameraSettings
 from services.camera.sources import Kind
-from services.camera.sources.base import Picture, Source
+from services.camera.sources.base import Foresighted, Picture, Source
+from services.camera.timing import Timing
 
 log = logging.getLogger(__name__)
 
 State = Literal["opening", "reading", "ended", "lost", "failed"]
-
-LONGEST_WAIT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +78,7 @@ class SourceReader:
         self.description = ""
         self.live = False
         self.captured = 0
-        self.blocked_since_s: float | None = time.monotonic()
+        self._busy_since_s: float | None = time.monotonic()
         self._open_source = open_source
         self._settings = live
         self._asked = live.newest
@@ -88,11 +86,8 @@ class SourceReader:
         self._slot = slot
         self._ledger = ledger
         self._may_read = threading.Event()
-        self._given_up = threading.Event()
-        self._disturbed = threading.Event()
         self._source: Source | None = None
-        self._pacer = Pacer()
-        self._schedule = Schedule()
+        self._timing = Timing(self._rate_hz)
         self._thinner: Thinner | None = None
         self._watch: RepeatWatch | None = None
         self._thread = threading.Thread(target=self._run, name=f"source {epoch}", daemon=True)
@@ -102,6 +97,12 @@ class SourceReader:
     def source_hz(self) -> float | None:
         """The open source's own rate; None if it has none, or is not open."""
         return None if self._source is None else self._source.rate_hz
+
+    @property
+    def blocked_since_s(self) -> float | None:
+        """Since when it is opening or reading, by the monotonic clock; None when it is not."""
+        since_s = self._busy_since_s
+        return None if since_s is None else self._timing.busy_since_s(since_s)
 
     @property
     def gone(self) -> bool:
@@ -114,13 +115,12 @@ class SourceReader:
 
     def look_again(self) -> None:
         """Take note that the settings have changed: a wait may now be too long."""
-        self._disturbed.set()
+        self._timing.look_again()
 
     def give_up(self) -> None:
         """Leave the thread behind; it closes the source as soon as it can."""
-        self._given_up.set()
+        self._timing.stop()
         self._may_read.set()
-        self._disturbed.set()
 
     def join(self, timeout_s: float) -> None:
         """Wait for the thread to end, so that the source is closed."""
@@ -139,7 +139,7 @@ class SourceReader:
             return
         self.description = self._source.description
         self.live = self._source.live
-        self.blocked_since_s = None
+        self._busy_since_s = None
         self.state = "reading"
         self._may_read.wait()
         outcome: tuple[State, str] = ("ended", "")
@@ -159,56 +159,38 @@ class SourceReader:
         """Return the newest settings, and remember that what is read from now on knows them.
 
         Those for which the source must be opened again are for the reader after this one.
+
+        Raises:
+            SourceLost: The source was given up: one that still asks need not be left behind.
         """
+        if self._timing.stopped:
+            raise SourceLost("given up")
         newest = self._settings.newest
         if same_source(self._kind, self.opened_with, newest.settings):
             self._asked = newest
         return self._asked.settings
 
     def _read(self, source: Source) -> None:
-        due_s = 0.0
-        while not self._given_up.is_set():
-            self.blocked_since_s = time.monotonic()
-            settings = self._ask()
-            picture = source.read()
-            self.blocked_since_s = None
-            if picture is None:
-                # The last picture too is shown for as long as it lasts.
-                if self.captured and not source.live:
-                    self._wait(due_s + self._period_s(source), source)
+        while not self._timing.stopped:
+            self._busy_since_s = time.monotonic()
+            self._ask()
+            if isinstance(source, Foresighted) and not self._timing.wait(source.next_due_s):
                 return
-            if not source.live and picture.due_s is not None:
-                due_s = self._schedule.due_s(picture.due_s, rate_to_keep(self._kind, settings))
-                if not self._wait(due_s, source):
-                    return
-            if source.live and not self._lets_through():
-                continue
+            picture = source.read()
+            self._busy_since_s = None
+            if picture is None:
+                if self.captured and not source.live:
+                    self._timing.linger(1.0 / (self._rate_hz() or source.rate_hz or 10.0))
+                return
+            if source.live:
+                if not self._lets_through():
+                    continue
+            elif picture.due_s is not None and not self._timing.wait_for(picture.due_s):
+                return
             self._hand_over(picture)
 
-    def _wait(self, due_s: float, source: Source) -> bool:
-        """Wait until a picture is due, at another rate so much longer or shorter.
-
-        Returns:
-            False if the source was given up meanwhile.
-        """
-        now_s = time.monotonic()
-        until_s = now_s + self._pacer.wait_s(due_s, now_s)
-        period_s = self._period_s(source)
-        while now_s < until_s:
-            self._disturbed.wait(min(until_s - now_s, LONGEST_WAIT_S))
-            self._disturbed.clear()
-            if self._given_up.is_set():
-                return False
-            now_s = time.monotonic()
-            before_s, period_s = period_s, self._period_s(source)
-            if period_s != before_s:
-                until_s = now_s + max(0.0, until_s - now_s) * period_s / before_s
-                self._pacer.shift(due_s, until_s)
-        return not self._given_up.is_set()
-
-    def _period_s(self, source: Source) -> float:
-        rate_hz = self._settings.newest.settings.rate or own_rate(self._kind) or source.rate_hz
-        return 1.0 / (rate_hz or 10.0)
+    def _rate_hz(self) -> float | None:
+        return rate_to_keep(self._kind, self._settings.newest.settings)
 
     def _lets_through(self) -> bool:
         """Decide on a picture of a source that paces itself."""
@@ -222,7 +204,7 @@ class SourceReader:
 
     def _hand_over(self, picture: Picture) -> None:
         stamp_ns = picture.stamp_ns or time.time_ns()
-        if self._given_up.is_set():
+        if self._timing.stopped:
             return
         newest, now_s = self._settings.newest, time.monotonic()
         # A picture that was read before a change, and would be another after it, is of before.

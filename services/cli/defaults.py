@@ -63,6 +63,7 @@ def documentation() -> str:
         "An option that is live can change while the node runs, see "
         "[parameters.md](parameters.md).\n",
         options("Every command", ConnectionSettings),
+        "A [tool](tools.md) waits 5 s for a router unless `--timeout` says otherwise.\n",
         *(options(f"`zv {service}`", model_of(service)) for service in SERVICES),
         "## The launch file of `zv up`\n",
         "`zv up FILE.toml` checks every option of every node before it starts anything. For a "

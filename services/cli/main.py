@@ -46,9 +46,14 @@ def section(name: str) -> str:
 def example(name: str) -> str:
     """Return a command line that shows a command's use, the shortest one if there is no other."""
     if name in SERVICES:
-        return SERVICES[name].example
+        return one_by_one(SERVICES[name].example)[0]
     tools = [tool for words, tool in TOOLS.items() if words.split()[0] == name]
-    return tools[0].example.splitlines()[0] if tools else f"zv {name}"
+    return one_by_one(tools[0].example)[0] if tools else f"zv {name}"
+
+
+def one_by_one(text: str) -> list[str]:
+    """Return the command lines of an example, which stand beside one another in a help."""
+    return [line.strip() for line in text.replace("  |  ", "\n").splitlines()]
 
 
 def examples() -> str:

@@ -18,6 +18,7 @@ from common.keys import DEFAULT_NAMESPACE, NAME
 from common.session import DEFAULT_ENDPOINT, Connection
 from common.settings import Settings, allowed, choices, load_settings
 from common.signals import SIGNALS
+from services.cli.logs import LogLine
 from services.tools.options import Argument, Letter
 
 NOT_GIVEN: Any = None
@@ -202,8 +203,6 @@ def leave_on_signals() -> None:
 
 def log_to_stderr(debug: bool, level: int = logging.INFO) -> None:
     """Send the log to standard error, one line an entry."""
-    logging.basicConfig(
-        level=logging.DEBUG if debug else level,
-        format="%(asctime)s %(levelname)-7s %(name)s: %(message)s",
-        datefmt="%H:%M:%S",
-    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(LogLine(debug=debug))
+    logging.basicConfig(level=logging.DEBUG if debug else level, handlers=[handler])

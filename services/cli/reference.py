@@ -10,7 +10,7 @@ from rich.markup import render
 
 from common.errors import PayloadError, VisionError
 from services.cli.failures import FAULT_STATUS
-from services.cli.main import COMMANDS, load, section
+from services.cli.main import COMMANDS, load, one_by_one, section
 
 CONNECTION = "Connection"
 """The panel of the options that tell where the router is; they are the same in most commands."""
@@ -140,7 +140,8 @@ def _words(entry: Entry) -> str:
     for paragraph in filter(None, paragraphs):
         before, example, command = paragraph.partition("Example: ")
         if example:
-            shown.append(f"{_text(before)}\n```sh\n{command.strip()}\n```".strip())
+            lines = "\n".join(one_by_one(command))
+            shown.append(f"{_text(before)}\n```sh\n{lines}\n```".strip())
         else:
             shown.append(_text(" ".join(paragraph.split())))
     return "\n\n".join(shown)

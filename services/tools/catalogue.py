@@ -39,46 +39,6 @@ GROUPS: Final[dict[str, str]] = {
 """Commands that have commands of their own, with their line in ``zv --help``."""
 
 TOOLS: Final[dict[str, Tool]] = {
-    "node list": Tool(
-        "services.tools.node.options:ListOptions",
-        "services.tools.node.listing:run",
-        "List the nodes that run.",
-        "zv node list  |  zv node list --watch",
-        "By their liveliness tokens: one that was killed is gone at once, one that froze or lost "
-        "its network after 2 s. Two nodes of one name are two lines.",
-    ),
-    "node info": Tool(
-        "services.tools.node.options:InfoOptions",
-        "services.tools.node.info:run",
-        "Say all that a node says of itself.",
-        "zv node info tracker_front  |  zv node info 'camera_*' --json",
-        "What it publishes and subscribes, its parameters, version, host, process, uptime, health.",
-    ),
-    "top": Tool(
-        "services.tools.top.options:TopOptions",
-        "services.tools.top.command:run",
-        "Watch all nodes: rates, latencies, losses, those that hurt first.",
-        "zv top  |  zv top --once  |  zv top --once --json",
-        "Sorted by level, then by the share of frames lost in the last 5 s, then by latency. CPU "
-        "and memory are shown of the nodes on this machine.",
-    ),
-    "doctor": Tool(
-        "services.tools.doctor.options:DoctorOptions",
-        "services.tools.doctor.command:run",
-        "Find what is wrong, and say what to do about it.",
-        "zv doctor  |  zv doctor --namespace lab --for 10s  |  zv doctor my-camera.toml",
-        "A line for each thing that was checked: OK, WARN or FAIL. Exit status 1 if one is FAIL, 4 "
-        "if that is only the router. docs/doctor.md says what each check means.",
-    ),
-    "metrics": Tool(
-        "services.tools.metrics.options:MetricsOptions",
-        "services.tools.metrics.command:run",
-        "Serve the health of all nodes to Prometheus.",
-        "zv metrics --listen 127.0.0.1:9464",
-        details="Prints the address that Prometheus scrapes and serves it until Ctrl-C, whether "
-        "or not there is a router. docs/metrics.md says what is served.",
-        waits=True,
-    ),
     "topic list": Tool(
         "services.tools.topic.options:ListOptions",
         "services.tools.topic.listing:run",
@@ -135,23 +95,20 @@ TOOLS: Final[dict[str, Tool]] = {
         "made anew for each message: epoch, number and stamp cannot be given.",
         json=False,
     ),
-    "snapshot": Tool(
-        "services.tools.snapshot.options:SnapshotOptions",
-        "services.tools.snapshot.saving:run",
-        "Save the newest picture of a key.",
-        "zv snapshot vision/front/image/compressed -o frame.jpg  |  "
-        "zv snapshot vision/front/image/compressed --draw -o drawn.png",
-        "It is saved as it came, if the file's name allows. Raw pictures go to JPEG or PNG, those "
-        "of 16 bits to PNG only. Its age and identity go to standard error. --draw waits for a "
-        "picture and the result of the same frame, joined by epoch and seq.",
+    "node list": Tool(
+        "services.tools.node.options:ListOptions",
+        "services.tools.node.listing:run",
+        "List the nodes that run.",
+        "zv node list  |  zv node list --watch",
+        "By their liveliness tokens: one that was killed is gone at once, one that froze or lost "
+        "its network after 2 s. Two nodes of one name are two lines.",
     ),
-    "schema": Tool(
-        "services.tools.schema.options:SchemaOptions",
-        "services.tools.schema.printing:run",
-        "Print the JSON Schema of a message, or list the messages.",
-        "zv schema  |  zv schema Centroid",
-        "Made from the message's class, without a network; a running node answers the same on "
-        "@{ns}/schema/{name}.",
+    "node info": Tool(
+        "services.tools.node.options:InfoOptions",
+        "services.tools.node.info:run",
+        "Say all that a node says of itself.",
+        "zv node info tracker_front  |  zv node info 'camera_*' --json",
+        "What it publishes and subscribes, its parameters, version, host, process, uptime, health.",
     ),
     "param list": Tool(
         "services.tools.param.options:ListOptions",
@@ -190,6 +147,49 @@ TOOLS: Final[dict[str, Tool]] = {
         "services.tools.param.commands:load",
         "Send the values of a TOML file to a node, all or none.",
         "zv param load tracker_front tracker.toml",
+    ),
+    "snapshot": Tool(
+        "services.tools.snapshot.options:SnapshotOptions",
+        "services.tools.snapshot.saving:run",
+        "Save the newest picture of a key.",
+        "zv snapshot vision/front/image/compressed -o frame.jpg  |  "
+        "zv snapshot vision/front/image/compressed --draw -o drawn.png",
+        "It is saved as it came, if the file's name allows. Raw pictures go to JPEG or PNG, those "
+        "of 16 bits to PNG only. Its age and identity go to standard error. --draw waits for a "
+        "picture and the result of the same frame, joined by epoch and seq.",
+    ),
+    "schema": Tool(
+        "services.tools.schema.options:SchemaOptions",
+        "services.tools.schema.printing:run",
+        "Print the JSON Schema of a message, or list the messages.",
+        "zv schema  |  zv schema Centroid",
+        "Made from the message's class, without a network; a running node answers the same on "
+        "@{ns}/schema/{name}.",
+    ),
+    "top": Tool(
+        "services.tools.top.options:TopOptions",
+        "services.tools.top.command:run",
+        "Watch all nodes: rates, latencies, losses, those that hurt first.",
+        "zv top  |  zv top --once  |  zv top --once --json",
+        "Sorted by level, then by the share of frames lost in the last 5 s, then by latency. CPU "
+        "and memory are shown of the nodes on this machine.",
+    ),
+    "doctor": Tool(
+        "services.tools.doctor.options:DoctorOptions",
+        "services.tools.doctor.command:run",
+        "Find what is wrong, and say what to do about it.",
+        "zv doctor  |  zv doctor --namespace lab --for 10s  |  zv doctor my-camera.toml",
+        "A line for each thing that was checked: OK, WARN or FAIL. Exit status 1 if one is FAIL, 4 "
+        "if that is only the router. docs/doctor.md says what each check means.",
+    ),
+    "metrics": Tool(
+        "services.tools.metrics.options:MetricsOptions",
+        "services.tools.metrics.command:run",
+        "Serve the health of all nodes to Prometheus.",
+        "zv metrics --listen 127.0.0.1:9464",
+        details="Prints the address that Prometheus scrapes and serves it until Ctrl-C, whether "
+        "or not there is a router. docs/metrics.md says what is served.",
+        waits=True,
     ),
 }
 """Every tool by what one types behind ``zv``: ``snapshot``, ``topic hz``."""

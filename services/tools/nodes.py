@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -133,15 +133,22 @@ def name_in(answer: Answer) -> str:
     return str(answer.reply.ok.key_expr).rpartition("/")[2]
 
 
-def present(session: ToolSession) -> list[Presence]:
-    """Return every node that runs, by name and start; those that do not answer too."""
-    tokens, answers, reports = gather(
+def present(session: ToolSession, living: Collection[str] | None = None) -> list[Presence]:
+    """Return every node that runs, by name and start; those that do not answer too.
+
+    Args:
+        session: Of the tool.
+        living: Names whose tokens are there, for who subscribes to tokens: beside such a
+            subscription Zenoh 1.10 leaves tokens out of the answer to who asks for them.
+    """
+    answers, reports, *tokens = gather(
         session,
-        tokens_of(session, session.namespace),
         every_answer_on(session, keys.node_key(session.namespace, "*")),
         every_answer_on(session, keys.diagnostics_key(session.namespace, "*")),
+        *([tokens_of(session, session.namespace)] if living is None else []),
     )
-    living = {name_in(answer) for answer in tokens}
+    if living is None:
+        living = {name_in(answer) for answer in tokens[0]}
     described = [
         Presence(name_in(answer), answer.session, description, _clock(answer, description))
         for answer, description in read(answers, NodeDescription)
@@ -151,7 +158,7 @@ def present(session: ToolSession) -> list[Presence]:
     found = [
         replace(each, report=health.get((each.name, each.session or ""))) for each in described
     ]
-    found += [Presence(name) for name in living - {each.name for each in described}]
+    found += [Presence(name) for name in set(living) - {each.name for each in described}]
     return sorted(found, key=_order)
 
 

@@ -6,6 +6,7 @@ import threading
 
 import pytest
 
+import common.live
 from common.errors import ParameterRefused
 from common.live import Change, LiveSettings
 from tests.common.live_settings import LampSettings
@@ -62,6 +63,33 @@ def test_watchers_are_told_of_each_change_in_order(live: LiveSettings[LampSettin
     live.change({"power": 1})
     live.change({"on": False, "label": "x"})
     assert told == [(1, ("power",), 1), (2, ("on", "label"), 2)]
+
+
+def test_a_change_waits_for_one_that_is_being_checked_and_loses_nothing_of_it(
+    live: LiveSettings[LampSettings], monkeypatch: pytest.MonkeyPatch
+):
+    checked, go_on = threading.Event(), threading.Event()
+    check = common.live.changed
+
+    def slow(settings: LampSettings, values: dict[str, object]) -> LampSettings:
+        if "power" in values:
+            checked.set()
+            assert go_on.wait(10)
+        return check(settings, values)
+
+    monkeypatch.setattr(common.live, "changed", slow)
+    first = threading.Thread(target=live.change, args=({"power": 1},), daemon=True)
+    second = threading.Thread(target=live.change, args=({"seed": 2},), daemon=True)
+    first.start()
+    assert checked.wait(10)
+    second.start()
+    second.join(0.1)
+    assert second.is_alive()
+    go_on.set()
+    for thread in (first, second):
+        thread.join(10)
+    settings = live.newest.settings
+    assert (live.newest.number, settings.power, settings.seed) == (2, 1, 2)
 
 
 def test_of_changes_that_come_at_once_no_mix_is_ever_seen(live: LiveSettings[LampSettings]):

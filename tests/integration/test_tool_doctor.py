@@ -195,17 +195,18 @@ def test_a_camera_without_pictures_fails_before_it_says_so_itself(shared, start)
 
 
 def test_a_camera_under_its_rate_is_found_with_both_rates_and_the_parameter(shared, start):
-    every_other = ",".join(f"drop@{2 * n + 1}+1" for n in range(600))
-    start("camera", "--namespace", "slow_camera", *SMALL, "--rate", 20, "--faults", every_other)
+    every_other = ",".join(f"drop@{2 * n + 1}+1" for n in range(80))
+    start("camera", "--namespace", "slow_camera", *SMALL, "--rate", 10, "--faults", every_other)
     with open_client(shared.endpoint) as session:
         newest(session, "@slow_camera/diagnostics/camera_front")
     seen = Diagnosis(shared.endpoint, "slow_camera", for_s=3.0)
     ((level, text, remedy),) = seen.of("cameras")
     assert level == "WARN"
-    assert text.endswith(" Hz of the 20 Hz it should have")
+    assert text.endswith(" Hz of the 10 Hz it should have")
     rate_hz = float(text.removeprefix("camera_front: ").partition(" ")[0])
-    assert 7 < rate_hz <= 11
-    assert remedy.endswith(f"zv param set camera_front rate={rate_hz:.3g}")
+    assert 3 < rate_hz <= 6
+    asked_hz = float(remedy.rpartition("zv param set camera_front rate=")[2])
+    assert asked_hz == pytest.approx(rate_hz, abs=0.06)  # which was rounded
 
 
 def test_the_expected_rate_may_come_from_the_parameter(shared, stand):
@@ -371,6 +372,14 @@ def test_what_a_node_complains_of_otherwise_is_passed_on(shared, stand):
     stand("own_front", namespace="pain", health={"level": 2, "message": "the disk is full"})
     seen = Diagnosis(shared.endpoint, "pain")
     assert ("FAIL", "own_front: the disk is full", "see its log") in seen.of("health")
+
+
+def test_what_a_node_says_does_not_steer_the_terminal(shared, stand):
+    stand("own_front", namespace="evil", health={"level": 2, "message": "\x1b[2Jall is well"})
+    done = zv(shared.endpoint, "doctor", GOOD_FILE, "--namespace", "evil", "--for", "1.2s")
+    assert done.returncode == 1
+    assert "\\x1b[2Jall is well" in done.stdout
+    assert "\x1b" not in done.stdout
 
 
 def test_a_node_that_shows_its_token_and_does_not_answer_fails(shared, stand):

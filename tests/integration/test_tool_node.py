@@ -8,6 +8,7 @@ import signal
 import socket
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
@@ -76,6 +77,7 @@ def test_info_says_what_a_node_publishes_and_how_it_does(shared, twins):
     assert f"pid {twins[2].process.pid}" in text
     assert "publishes vision/front/centroid vision/front/tracked/compressed" in text
     assert "subscribes vision/front/image/compressed" in text
+    assert "closing = 20 pixels (0 to 255)" in text  # a parameter
     both = zv(shared.endpoint, "node", "info", "camera_*", "--json").stdout.splitlines()
     assert {json.loads(line)["pid"] for line in both} == {
         program.process.pid for program in twins[:2]
@@ -107,6 +109,7 @@ def test_who_was_killed_is_gone_within_2_s_and_who_comes_is_seen(shared, tmp_pat
             lines = watching.output.rpartition("\n")[0].splitlines()
             return [(e["event"], e["pid"]) for e in map(json.loads, lines)]
 
+        wait_until(lambda: "no node in namespace watched" in watching.complaints, START_S)
         tracker = start("tracker", "--namespace", "watched")
         pid = tracker.process.pid
         wait_until(lambda: events() == [("here", pid)], START_S, lambda: watching.complaints)
@@ -120,7 +123,6 @@ def test_who_was_killed_is_gone_within_2_s_and_who_comes_is_seen(shared, tmp_pat
         assert time.monotonic() - killed_s < 2
         assert watching.interrupt() == 0
         assert len(events()) == 4
-        assert "no node in namespace watched" in watching.complaints  # at the beginning
 
 
 def test_parameters_are_shown_if_the_node_answers_for_them(shared):
@@ -145,3 +147,23 @@ def test_a_node_that_does_not_answer_is_listed_so(shared):
         del node
     assert done.returncode == 0
     assert "does not answer" in done.stdout
+
+
+def test_of_many_only_the_one_that_goes_is_told(shared, tmp_path):
+    flags = ["-m", "services", "node", "list", "--watch", "--namespace", "crowd"]
+    names = [f"edge_n{n}" for n in range(8)]
+    with (
+        ExitStack() as sessions,
+        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch") as watching,
+    ):
+        nodes = {}
+        for name in names:
+            session = sessions.enter_context(open_client(shared.endpoint))
+            nodes[name] = session, StandIn(session, name, namespace="crowd")
+        watching.lines(r"here  edge_n\d  edge 0.1.0 on elsewhere, pid \d+", count=8)
+        for gone, name in enumerate(names[:4]):
+            nodes[name][0].close()
+            watching.lines(r"gone  edge_n\d .*", count=gone + 1)
+        assert watching.interrupt() == 0
+        lines = watching.output.splitlines()
+        assert [line.split()[1] for line in lines[8:]] == names[:4]

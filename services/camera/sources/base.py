@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,3 +63,14 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give the device, the connection or the child process back; safe to call twice."""
+
+
+@runtime_checkable
+class Foresighted(Protocol):
+    """A source that knows when its next picture is due before it makes it, at the last moment."""
+
+    def next_due_s(self) -> float | None:
+        """Return when the next picture is due, as ``Picture.due_s``; None: it has no more.
+
+        May block for as long as ``read`` may.
+        """

@@ -82,18 +82,13 @@ class SyntheticSource:
         self._origin = (0, 0.0)  # a frame at the rate of now, and its time
         self._frozen: tuple[Fault, NDArray[np.uint8], tuple[Track, ...]] | None = None
 
+    def next_due_s(self) -> float | None:
+        """Return when the next picture is due; None after ``max_frames`` or once closed."""
+        return self._time_s(self._k) if self._reaches_a_picture() else None
+
     def read(self) -> Picture | None:
         """Return the next picture; None after ``max_frames`` or once closed."""
-        while not self._ended():
-            self._look_around()
-            gap = fault_at(self._faults, self._k, ("stall", "drop"))
-            if gap is None:
-                return self._next()
-            if gap.kind == "stall":
-                self._stall(gap)
-            else:
-                self._k = gap.end
-        return None
+        return self._next() if self._reaches_a_picture() else None
 
     def close(self) -> None:
         """End a stall and all reading; safe to call twice and from another thread."""
@@ -101,6 +96,19 @@ class SyntheticSource:
 
     def _ended(self) -> bool:
         return self._stop.is_set() or (self._max_frames is not None and self._k >= self._max_frames)
+
+    def _reaches_a_picture(self) -> bool:
+        """Go through stalls and drops to the next frame with a picture; tell if there is one."""
+        while not self._ended():
+            self._look_around()
+            gap = fault_at(self._faults, self._k, ("stall", "drop"))
+            if gap is None:
+                return True
+            if gap.kind == "stall":
+                self._stall(gap)
+            else:
+                self._k = gap.end
+        return False
 
     def _stall(self, stall: Fault) -> None:
         """Block for one frame of a stall, or until it is none of the faults any more."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from services.tools.output import Output
+from services.tools.output import Output, printable
 
 Level = Literal["OK", "WARN", "FAIL"]
 STYLES: dict[Level, str] = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
@@ -71,7 +71,7 @@ class Diagnosis:
             Text.assemble(
                 (f"{finding.level:<5}", STYLES[finding.level]),
                 (f"{finding.check:<11}", "bold"),
-                finding.text,
-                (remedy, "cyan"),
+                printable(finding.text),
+                (printable(remedy), "cyan"),
             )
         )

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 
-from common.node import installed_version
+from common.description import installed_version
 from services.figures.board import SILENT_S
 from services.tools.doctor.finding import Finding
 from services.tools.doctor.survey import Survey

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from typing import Any
@@ -98,10 +99,11 @@ def several(name: str, values: list[str]) -> Iterator[str]:
 
 def spelled(parameter: Parameter) -> str:
     """Return a parameter with its unit and what it may be: ``quality = 80 (1 to 100)``."""
-    unit = f" {parameter.unit}" if parameter.unit else ""
+    unit = f" {parameter.unit}" if parameter.unit and parameter.value is not None else ""
     limits = ""
     if parameter.choices:
         limits = f" ({', '.join(map(str, parameter.choices))})"
     elif parameter.minimum is not None and parameter.maximum is not None:
-        limits = f" ({parameter.minimum:g} to {parameter.maximum:g})"
-    return f"{parameter.name} = {parameter.value}{unit}{limits}"
+        limits = f" ({parameter.minimum:.12g} to {parameter.maximum:.12g})"
+    value = "not set" if parameter.value is None else json.dumps(parameter.value)
+    return f"{parameter.name} = {value}{unit}{limits}"

@@ -18,7 +18,10 @@ LOOK_AGAIN_S = 1.0
 """A second node of a name shows no token of its own, so it is asked who answers."""
 
 SETTLE_S = 0.05
-"""A node shows its token last of all, but its router may tell of it first."""
+"""Who starts or ends together is told together."""
+
+FIRST_S = 0.3
+"""The tokens that are there come at once."""
 
 
 class Attendance:
@@ -26,11 +29,6 @@ class Attendance:
 
     def __init__(self) -> None:
         self._there: dict[tuple[str, str | None], Presence] = {}
-
-    @property
-    def anyone(self) -> bool:
-        """Whether anyone was there when last looked."""
-        return bool(self._there)
 
     def update(self, found: list[Presence]) -> tuple[list[Presence], list[Presence]]:
         """Take who is there now; return who came and who went.
@@ -50,34 +48,49 @@ class Attendance:
         return came, went
 
 
+class Tokens:
+    """The names whose tokens are there, as Zenoh tells it.
+
+    Args:
+        session: Of the tool.
+    """
+
+    def __init__(self, session: ToolSession) -> None:
+        self.changed = threading.Event()
+        self._names: frozenset[str] = frozenset()
+        self._subscriber = session.zenoh.liveliness().declare_subscriber(
+            node_key(session.namespace, "*"), direct(self._on_sample), history=True
+        )
+
+    def take(self) -> frozenset[str]:
+        """Return the names there are now; ``changed`` is set when there are others."""
+        self.changed.clear()
+        return self._names
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        name = {str(sample.key_expr).rpartition("/")[2]}
+        gone = sample.kind == zenoh.SampleKind.DELETE
+        self._names = self._names - name if gone else self._names | name
+        self.changed.set()
+
+
 def watch(session: ToolSession, output: Output) -> None:
     """Print a line for each node that comes or goes, until told to stop."""
-    changed = threading.Event()
-
-    def on_token(_: zenoh.Sample) -> None:
-        changed.set()
-
-    tokens = session.zenoh.liveliness().declare_subscriber(
-        node_key(session.namespace, "*"), direct(on_token), history=True
-    )
+    tokens = Tokens(session)
     attendance = Attendance()
-    noted = False
-    with tokens:
-        while not session.stopping:
-            changed.clear()
-            came, went = attendance.update(present(session))
-            if session.stopping:
-                break
-            if not (attendance.anyone or noted):
-                output.note(nobody_here(session))
-            noted = True
-            for each in went:
-                _say(output, "gone", each)
-            for each in came:
-                _say(output, "here", each)
-            session.wait(LOOK_AGAIN_S, changed.is_set)
-            if changed.is_set():
-                session.wait(SETTLE_S)
+    session.wait(FIRST_S, tokens.changed.is_set)
+    if not tokens.changed.is_set():
+        output.note(nobody_here(session))
+    while not session.stopping:
+        session.wait(SETTLE_S)
+        came, went = attendance.update(present(session, tokens.take()))
+        if session.stopping:
+            break
+        for each in went:
+            _say(output, "gone", each)
+        for each in came:
+            _say(output, "here", each)
+        session.wait(LOOK_AGAIN_S, tokens.changed.is_set)
 
 
 def _say(output: Output, event: str, presence: Presence) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from common.health import SEVERITY
@@ -16,6 +16,7 @@ from services.figures.row import Row, row
 from services.tools.facts import facts
 from services.tools.history import History
 from services.tools.nodes import Presence
+from services.tools.output import printable
 
 WINDOW_S = 5.0
 """Losses of so long are shown; latencies and rates are of as long."""
@@ -94,7 +95,17 @@ def rows_of(figures: Sequence[Figures]) -> list[Row]:
     """Return the rows of a table; hosts are named if there are several, and who shares a name."""
     hosts = {each.presence.description.host for each in figures if each.presence.description}
     names = Counter(each.presence.name for each in figures)
-    return [_row(each, len(hosts) > 1, names[each.presence.name] > 1) for each in figures]
+    rows = (_row(each, len(hosts) > 1, names[each.presence.name] > 1) for each in figures)
+    return [
+        replace(
+            row,
+            node=printable(row.node),
+            host=printable(row.host),
+            dropped=printable(row.dropped),
+            message=printable(row.message),
+        )
+        for row in rows
+    ]
 
 
 def _row(figures: Figures, name_host: bool, name_process: bool) -> Row:

@@ -193,7 +193,7 @@ def test_what_is_asked_for_wrongly_says_why(client, zv, tmp_path: Path):
 def test_where_nobody_answers_the_near_key_is_named(client, zv, tmp_path: Path):
     publisher = client.declare_publisher(KEY)
     with pytest.raises(ExpectationNotMet, match=rf"did you mean {KEY}\?"):
-        zv("vision/c/image/compresed", tmp_path / "a.jpg")
+        zv("vision/c/image/compressedd", tmp_path / "a.jpg")
     publisher.undeclare()
 
 

@@ -141,9 +141,8 @@ def test_a_device_is_opened_again_for_another_size_in_a_new_epoch_once_the_old_o
     with rigged("0", live=True, width=16) as rig:
         rig.give(2)
         rig.live.change({"width": 32, "quality": 5})
-        for _ in range(9):  # of the size before: nobody may get them as of the new
-            rig.sources[0].given.put("picture")
-        wait_until(lambda: len(rig.sources) == 2)
+        # More of the size before: nobody may get them as of the new.
+        wait_until(lambda: rig.sources[0].given.put("picture") or len(rig.sources) == 2)
         rig.give()
         first, last = rig.pictures[0], rig.pictures[-1]
         assert (last.picture.width, last.seq, last.revision.number) == (32, 0, 1)
@@ -204,6 +203,29 @@ def test_a_source_that_is_too_fast_is_thinned_out_at_the_rate_of_now():
         rig.live.change({"rate": 1000.0})  # it was asked for that when it was opened
         rig.give(3)
         assert len(rig.sources) == 1
+
+
+def test_stalls_leave_no_reader_behind_that_could_have_ended():
+    settings = CameraSettings(
+        width=32,
+        height=32,
+        rate=100,
+        faults="stall@3+1000000",
+        stall_after=0.1,
+        reopen_min=0.01,
+        reopen_max=0.01,
+    )
+    epochs: set[int] = set()
+    with Capture(LiveSettings(settings), Ledger("captured", "published")) as capture:
+        capture.open_first()
+        for captured in capture.pictures(0.01, lambda: len(epochs) == 5, lambda _trouble: None):
+            epochs.add(captured.epoch)
+        wait_until(lambda: len(readers_of(epochs)) <= 1)
+
+
+def readers_of(epochs: set[int]) -> list[threading.Thread]:
+    names = {f"source {epoch}" for epoch in epochs}
+    return [thread for thread in threading.enumerate() if thread.name in names]
 
 
 @pytest.fixture

@@ -116,28 +116,32 @@ def test_a_burst_after_a_pause_is_thinned_too():
     assert np.count_nonzero(after >= 100.0) <= 2
 
 
-def test_a_picture_that_is_shifted_takes_those_after_it_along():
-    pacer = Pacer()
-    pacer.wait_s(0.0, 50.0)
-    pacer.shift(1.0, 50.5)
-    assert pacer.wait_s(2.0, 50.5) == 1.0
+def dues(schedule: Schedule, own: list[float], rates: list[float | None]) -> list[float]:
+    """Return when pictures are due that are at these times of their source, at these rates."""
+    found = []
+    for own_s, rate_hz in zip(own, rates, strict=True):
+        found.append(schedule.due_s(own_s, rate_hz))
+        schedule.shown(own_s, found[-1])
+    return found
 
 
 def test_a_schedule_without_a_rate_is_the_sources_own():
-    schedule = Schedule()
-    assert [schedule.due_s(own_s, None) for own_s in (0.5, 0.7, 2.0)] == [0.5, 0.7, 2.0]
+    assert dues(Schedule(), [0.5, 0.7, 2.0], [None] * 3) == [0.5, 0.7, 2.0]
 
 
 def test_a_schedule_at_a_rate_counts_pictures_whatever_their_own_time():
-    schedule = Schedule()
-    assert [schedule.due_s(own_s, 4.0) for own_s in (0.5, 0.7, 2.0)] == [0.0, 0.25, 0.5]
+    assert dues(Schedule(), [0.5, 0.7, 2.0], [4.0] * 3) == [0.0, 0.25, 0.5]
 
 
 def test_a_schedule_goes_on_at_another_rate_from_the_picture_before():
-    schedule = Schedule()
-    rates = [4.0, 4.0, 2.0, 2.0, None, None, 10.0]
     own = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    found = dues(Schedule(), own, [4.0, 4.0, 2.0, 2.0, None, None, 10.0])
     # 0, 1/4; then 1/2 each: 0.75, 1.25; then the source's 0.1 each; then 1/10.
-    expected = [0.0, 0.25, 0.75, 1.25, 1.35, 1.45, 1.55]
-    found = [schedule.due_s(own_s, rate) for own_s, rate in zip(own, rates, strict=True)]
-    assert found == pytest.approx(expected)
+    assert found == pytest.approx([0.0, 0.25, 0.75, 1.25, 1.35, 1.45, 1.55])
+
+
+def test_a_picture_that_is_still_to_come_is_due_by_the_rate_of_now():
+    schedule = Schedule()
+    dues(schedule, [0.0, 0.1], [4.0, 4.0])
+    asked = [schedule.due_s(0.2, rate_hz) for rate_hz in (4.0, 100.0, 0.5, 4.0)]
+    assert asked == pytest.approx([0.5, 0.26, 2.25, 0.5])  # 0.25 and one period

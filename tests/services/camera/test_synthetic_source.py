@@ -10,7 +10,7 @@ import pytest
 
 from services.camera.scene.faults import parse_faults
 from services.camera.scene.scene import Scene
-from services.camera.sources.base import Picture, Source
+from services.camera.sources.base import Foresighted, Picture, Source
 from services.camera.sources.synthetic import Conditions, SyntheticSource
 
 
@@ -244,3 +244,25 @@ def test_a_stall_ends_when_its_fault_is_taken_away() -> None:
     opened = changing.opened(Impatient())
     # 6 waits of 0.05 s are 3 frames at 10 Hz; the next frame that is due is frame 3.
     assert frame_numbers(taken(opened, 2)) == [3, 4]
+
+
+def test_it_knows_when_the_next_picture_is_due_and_draws_it_by_what_holds_then() -> None:
+    changing = Changing(noise=0.0)
+    opened = changing.opened()
+    assert isinstance(opened, Foresighted)
+    taken(opened, 5)
+    assert [opened.next_due_s(), opened.next_due_s()] == pytest.approx([0.5, 0.5])
+    changing.now = conditions("drop@now+3,lighting@8+1", noise=0.0)
+    assert opened.next_due_s() == pytest.approx(0.8)
+    changing.now = conditions(rate_hz=2.0, noise=0.0)
+    assert opened.next_due_s() == pytest.approx(1.2)  # the frames up to 0.7 s are dropped
+    (picture,) = taken(opened, 1)
+    assert picture.due_s == pytest.approx(1.2)
+    expected, _ = Scene(96, 72, 10.0, seed=5, noise=0.0, objects=4).frame(12)
+    assert np.array_equal(pixels_of(picture), expected)
+
+
+def test_a_source_that_has_ended_says_that_nothing_is_due() -> None:
+    opened = source(max_frames=1)
+    assert opened.read() is not None
+    assert opened.next_due_s() is None

@@ -120,7 +120,7 @@ for words in {list(ENTRIES)!r}:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["camra"], "zv: no such command 'camra'. Did you mean 'camera'?; see zv --help"),
+        (["trakker"], "zv: no such command 'trakker'. Did you mean 'tracker'?; see zv --help"),
         (["xyz"], "zv: no such command 'xyz'; see zv --help"),
         (["camera", "--bogus"], "zv: no such option: --bogus; see zv camera --help"),
         (

@@ -49,7 +49,7 @@ def test_where_there_is_nothing_to_check_that_is_said(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "text", "named"),
     [
-        ("camera.toml", "rate = 2000.0\n", ["rate = 2000.0", "above 0 up to 1000"]),
+        ("camera.toml", "rate = 2000.0\n", ["rate = 2000.0", "to 1000"]),
         ("my-tracker.toml", "historie = 5\n", ["'historie'", "did you mean 'history'"]),
         ("edge_left.toml", "sigma = \n", ["not TOML", "line 1"]),
         ("up.toml", "[router]\nlisen = 1\n", ["lisen", "did you mean 'listen'"]),
@@ -152,7 +152,8 @@ def test_what_a_router_says_in_another_form_is_left_out(said, version, sharing):
 def test_every_reason_of_the_documentation_has_a_remedy():
     text = (ROOT / "docs" / "messages.md").read_text()
     section = text.partition("## What is dropped, and under which name")[2].partition("\n## ")[0]
-    reasons = set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE))
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", section, re.MULTILINE)
+    reasons = {reason for reason, where in rows if where != "`zv metrics`"}  # which is no node
     assert reasons - {"no_subscriber"} | {"missed"} == set(remedies.REMEDIES)
 
 

@@ -65,7 +65,12 @@ def test_the_lines_about_a_node_name_everything():
     [
         ({"value": 80, "minimum": 1.0, "maximum": 100.0}, "p = 80 (1 to 100)"),
         ({"value": 0.4, "unit": "s"}, "p = 0.4 s"),
-        ({"value": "none", "choices": ("none", "both")}, "p = none (none, both)"),
+        ({"value": "none", "choices": ("none", "both")}, 'p = "none" (none, both)'),
+        (
+            {"value": None, "unit": "Hz", "minimum": 0.5, "maximum": 4294967295.0},
+            "p = not set (0.5 to 4294967295)",
+        ),
+        ({"value": True}, "p = true"),
     ],
 )
 def test_a_parameter_is_spelled_with_its_unit_and_what_it_may_be(fields, words):

@@ -64,6 +64,11 @@ def test_two_nodes_of_one_name_are_told_apart():
     assert [row.node for row in rows_of(twins)] == ["camera_front (7)", "camera_front (8)"]
 
 
+def test_what_a_node_says_does_not_steer_the_terminal():
+    (row,) = rows_of([node("tracker_front", level=1, message="\x1b[2Jgone")])
+    assert row.message == "\\x1b[2Jgone"
+
+
 def test_a_record_has_numbers_where_the_table_has_text():
     record = record_of(node("tracker_front", lost(0.25)))
     assert (record["lost"], record["losses"]) == (0.25, {"stale": 250})

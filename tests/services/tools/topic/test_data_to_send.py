@@ -61,7 +61,7 @@ def test_the_frame_size_may_stand_in_the_message():
         (KEY, CENTROID | {"header": {"camera": "left"}}, "'left' on a key of front"),
         (KEY, CENTROID | {"header": 3}, "header must be a JSON object"),
         ("vision/Front/centroid", CENTROID, "no camera's name"),
-        ("vision/front/centriod", CENTROID, "did you mean .../centroid?"),
+        ("vision/front/centroyd", CENTROID, "did you mean .../centroid?"),
     ],
 )
 def test_a_message_that_is_not_as_its_key_says_is_refused_and_the_place_named(key, data, said):
