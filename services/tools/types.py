@@ -15,6 +15,8 @@ from common.messages import (
     Header,
     NodeDescription,
     Parameter,
+    ParameterList,
+    Refusal,
     TrackEvent,
     Tracks,
 )
@@ -29,6 +31,8 @@ MESSAGES: Final[dict[str, type[Message]]] = {
         CameraInfo,
         Diagnostics,
         Parameter,
+        ParameterList,
+        Refusal,
         NodeDescription,
     )
 }

@@ -15,6 +15,8 @@ OTHER_KEYS = {
     "vision.Header.v1": "attachment of every picture and message",
     "vision.Diagnostics.v1": "@{ns}/diagnostics/{node}",
     "vision.Parameter.v1": "@{ns}/param/{node}/{name}",
+    "vision.ParameterList.v1": "@{ns}/param/{node}",
+    "vision.Refusal.v1": "error reply on @{ns}/param/{node}",
     "vision.Node.v1": "@{ns}/node/{node}",
 }
 INDENT = 2

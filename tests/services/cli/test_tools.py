@@ -136,7 +136,7 @@ def test_a_signal_ends_a_tool_with_0(endpoint, tmp_path, number):
 def test_a_signal_at_the_very_end_does_not_change_the_status():
     before = {number: signal.getsignal(number) for number in SIGNALS}
     try:
-        run_tool(lambda *_: None, ToolOptions(), Connection(), Output(), debug=False)
+        run_tool(lambda *_: None, ToolOptions(), Connection(), Output())
         assert [signal.getsignal(number) for number in SIGNALS] == [signal.SIG_IGN] * 2
     finally:
         for number, handler in before.items():
