@@ -15,7 +15,7 @@ from services.catalogue import model_of
 from tests.compose.stack import OURS, SERVICES, Stack, compose_command, run
 from tests.processes import ROOT, Program
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 FILES = sorted(ROOT.glob("docker-compose*.yml"))
 LIMIT_MB = 450
 HEALTH_CPU_S = 0.05

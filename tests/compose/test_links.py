@@ -12,7 +12,7 @@ from tests.compose.witness import CENTROID, IMAGE, STREAMS, Witness, assert_whol
 from tests.integration.listening import Listener, balance
 from tests.integration.waiting import wait_until
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 LASTS_S = 20.0
 FLAT_MB = 4.0
 

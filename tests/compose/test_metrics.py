@@ -10,7 +10,7 @@ from tests.compose.witness import Witness
 from tests.integration.routing import free_port
 from tests.integration.waiting import wait_until
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 
 
 def test_prometheus_is_served_on_this_machine_alone_and_the_container_is_healthy(new_stack):

@@ -17,7 +17,7 @@ from tests.integration.routing import free_port
 from tests.integration.waiting import wait_until
 from tests.test_readme import blocks
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 WORDS = ("docker", "cp", "curl", "ZV_VIDEO=./walk.avi", "ZV_COMPOSE_CONNECT=tcp/192.0.2.1:7447")
 
 

@@ -15,7 +15,7 @@ from tests.integration.listening import ask, balance, drops, open_client
 from tests.integration.publishing import Paced
 from tests.integration.waiting import wait_until
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 RATE_HZ = 200.0
 LASTS_S = 30.0
 

@@ -11,7 +11,7 @@ from tests.compose.witness import RATE_HZ, STREAMS, Witness, assert_whole, split
 from tests.integration.listening import balance
 from tests.integration.waiting import wait_until
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 CRASHES = 20
 BACK_S = 1.0
 LATE_S = 20.0

@@ -11,7 +11,7 @@ from tests.compose.witness import CENTROID, EDGES, IMAGE, STREAMS, Witness, asse
 from tests.integration.listening import balance
 from tests.integration.waiting import wait_until
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 KILLS = 5
 KEY_OF = {"camera": IMAGE, "tracker": CENTROID, "edge": EDGES}
 RESTART_S = 15.0

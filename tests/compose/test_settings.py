@@ -20,7 +20,7 @@ from tests.integration.waiting import wait_until
 from tests.processes import Program, eventually
 from tests.servers import rtsp_camera
 
-pytestmark = pytest.mark.compose
+pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 RTSP_SERVER = Path(rtsp_camera.__file__)
 
 

@@ -26,10 +26,11 @@ from tests.integration.tools.streams import (
     put_centroid,
     put_picture,
 )
+from tests.integration.waiting import wait_until
 
 
 class Echo:
-    """Runs echo and sends as soon as it listens, again and again until it ends."""
+    """Runs echo and sends as soon as it listens."""
 
     def __init__(self, zv: Callable[..., list[str]], client: zenoh.Session) -> None:
         self._zv = zv
@@ -39,6 +40,8 @@ class Echo:
         self, options: EchoOptions, send: Callable[[], object], *, as_json: bool = False
     ) -> list[str]:
         publisher = self._client.declare_publisher(options.key)
+        # The subscription of the run before may not be gone yet, and is not who is waited for.
+        wait_until(lambda: not publisher.matching_status.matching)
         done = threading.Event()
 
         def send_when_heard() -> None:
