@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 import zenoh
@@ -29,8 +28,6 @@ RATE_HZ = 30
 STREAMS = ("image/compressed", "centroid", "edges/compressed")
 NODES = ("camera_front", "tracker_front", "edge_front")
 BACK_S = 1.0
-ATTEMPTS = 3
-"""How often a time is measured at most: the machine may be busy with other things just then."""
 
 
 class Watch:
@@ -91,20 +88,15 @@ def test_after_the_routers_death_under_load_all_flows_are_back_within_1_s(
     watch = Watch(client)
     watch.wait_for_flow()
     pids = {node: newest(client, f"@vision/node/{node}").body["pid"] for node in NODES}
-    for _ in range(ATTEMPTS):
-        killed_s = time.monotonic()
-        router.kill()
-        threading.Event().wait(1.0)  # how long it is gone
-        answers_s = router.start()
-        back = watch.back_s(answers_s)
-        for node in NODES:
-            back[f"health of {node}"] = health_back_s(client, node, answers_s)
-        print(back)
-        if max(back.values()) < BACK_S:
-            break
-        for listener in watch.streams.values():
-            listener.wait_for(30, 10, answers_s)
+    killed_s = time.monotonic()
+    router.kill()
+    threading.Event().wait(1.0)  # how long it is gone
+    answers_s = router.start()
+    back = watch.back_s(answers_s)
+    for node in NODES:
+        back[f"health of {node}"] = health_back_s(client, node, answers_s)
     record_property("back_s", {name: round(seconds, 3) for name, seconds in back.items()})
+    print(back)
     assert max(back.values()) < BACK_S, back
 
     for node, listener in watch.health.items():  # and by subscription, within its period too
@@ -115,7 +107,7 @@ def test_after_the_routers_death_under_load_all_flows_are_back_within_1_s(
     for listener in watch.streams.values():
         listener.wait_for(30, 10, answers_s)
     images = watch.streams["image/compressed"].messages
-    outage = missing_in_outage(images, killed_s, answers_s)
+    check_gap(images, killed_s, answers_s)
     for listener in watch.streams.values():
         numbers = [message.header["seq"] for message in listener.messages]
         assert numbers == sorted(set(numbers))  # no repeats, never back
@@ -123,7 +115,9 @@ def test_after_the_routers_death_under_load_all_flows_are_back_within_1_s(
             images[0].header["epoch"]
         }
     missed = newest(client, "@vision/diagnostics/tracker_front").body["counters"]["missed"]
-    assert missed > 0.4 * outage  # it may have been back before this client was
+    # A node may be back before this client is: then it missed fewer.
+    seen = gaps([m.header["seq"] for m in watch.streams["centroid"].messages])
+    assert 0.4 * seen < missed <= seen
     assert all(program.process.poll() is None for program in programs)
     assert pids == {node: newest(client, f"@vision/node/{node}").body["pid"] for node in NODES}
 
@@ -134,19 +128,23 @@ def health_back_s(client: zenoh.Session, node: str, since_s: float) -> float:
     return time.monotonic() - since_s
 
 
-def missing_in_outage(images: list[Message], killed_s: float, answers_s: float) -> int:
-    """Return how many frames the outage cost an outside client; beside it all flowed."""
+def check_gap(images: list[Message], killed_s: float, answers_s: float) -> None:
+    """The numbers that an outside client misses are exactly those of the outage."""
     before = [message for message in images if message.at_s < answers_s]
     after = [message for message in images if message.at_s > answers_s]
-    for part in ([m for m in before if m.at_s > killed_s - 1], after):
-        numbers = [message.header["seq"] for message in part]
-        assert len(numbers) > 0.5 * (numbers[-1] - numbers[0] + 1)  # a busy machine loses some
-    missing: int = after[0].header["seq"] - before[-1].header["seq"] - 1
+    for part in (before, after):
+        # Beside the outage all flows, but for what a camera on a busy machine overwrites.
+        assert gaps([message.header["seq"] for message in part]) <= 3
+    missing = after[0].header["seq"] - before[-1].header["seq"] - 1
     gap_s = (after[0].header["stamp_ns"] - before[-1].header["stamp_ns"]) / 1e9
     # One frame every 1/30 s, as the stamps of the two ends say; and not longer than the outage.
-    assert missing == pytest.approx(gap_s * RATE_HZ - 1, rel=0.2, abs=3)
+    assert missing == pytest.approx(gap_s * RATE_HZ - 1, abs=2)
     assert gap_s < answers_s - killed_s + BACK_S
-    return missing
+
+
+def gaps(numbers: list[int]) -> int:
+    """Return how many numbers are missing between the first and the last."""
+    return numbers[-1] - numbers[0] + 1 - len(numbers)
 
 
 def test_three_deaths_of_the_router_in_a_row_are_survived(router, client, service):
@@ -159,7 +157,7 @@ def test_three_deaths_of_the_router_in_a_row_are_survived(router, client, servic
         answers_s = router.start()
         backs.append(max(watch.back_s(answers_s).values()))
     print(backs)
-    assert sorted(backs)[1] < BACK_S, backs  # one may fall on a moment when the machine is busy
+    assert max(backs) < BACK_S, backs
     for listener in watch.streams.values():
         numbers = [message.header["seq"] for message in listener.messages]
         assert numbers == sorted(set(numbers))
@@ -168,26 +166,18 @@ def test_three_deaths_of_the_router_in_a_row_are_survived(router, client, servic
 
 
 def test_services_started_before_the_router_work_when_it_comes(tmp_path):
-    backs: list[float] = []
-    while not backs or backs[-1] >= BACK_S + 0.5:  # a client too had to connect
-        assert len(backs) < ATTEMPTS, backs
-        backs.append(back_after_a_late_start(tmp_path / str(len(backs))))
-
-
-def back_after_a_late_start(folder: Path) -> float:
-    """Return how long everything took to flow once the router came, seconds."""
-    folder.mkdir()
-    router = Router(folder)
-    with some_services(router.endpoint, folder) as start:
+    router = Router(tmp_path)
+    with some_services(router.endpoint, tmp_path) as start:
         programs = start_all(start)
         threading.Event().wait(3.0)  # how long they have to wait
         assert all(program.process.poll() is None for program in programs)
         try:
             answers_s = router.start()
             with open_client(router.endpoint) as client:
-                back = Watch(client).back_s(answers_s)
+                watch = Watch(client)
+                back = watch.back_s(answers_s)
                 print(back)
-                return max(back.values())
+                assert max(back.values()) < BACK_S + 0.5, back  # a client too had to connect
         finally:
             router.close()
 
@@ -203,9 +193,9 @@ def test_a_frozen_router_that_goes_on_brings_back_fresh_frames_only(router, clie
     for listener in watch.streams.values():  # what the router held is out after half a second
         listener.wait_for(20, 10, resumed_s + 0.5)
     for message in watch.streams["centroid"].since(resumed_s):
-        assert message.header["done_ns"] - message.header["stamp_ns"] < 1e9
+        assert message.header["done_ns"] - message.header["stamp_ns"] < 0.5e9
     for message in watch.streams["centroid"].since(resumed_s + 0.5):
-        assert message.age_s < 1.5  # of the 3 s that it was frozen for
+        assert message.age_s < 0.5
     wait_for_nodes(client, *NODES)
     numbers = [message.header["seq"] for message in watch.streams["centroid"].messages]
     assert numbers == sorted(set(numbers))
