@@ -14,7 +14,8 @@ RUN python3 -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb")
         >requirements.txt \
     && /opt/pip/bin/pip --python /opt/venv/bin/python install --no-cache-dir \
         -c constraints.txt -r requirements.txt \
-    && find /opt/venv -type d \( -name tests -o -name test \) -prune -exec rm -rf {} +
+    && find /opt/venv \( -type d -name tests -o -type d -name test -o -name conftest.py -o -name test_cases.py \) \
+        -prune -exec rm -rf {} +
 
 # The project itself, in a folder of its own, so that a change of code copies nothing else.
 FROM dependencies AS project
@@ -22,7 +23,7 @@ COPY README.md LICENSE ./
 COPY configs configs
 COPY services services
 COPY common common
-RUN /opt/pip/bin/pip install --no-cache-dir --no-deps --no-build-isolation --no-compile \
+RUN /opt/pip/bin/pip install --no-cache-dir --no-deps --no-build-isolation \
         --target /opt/zenoh-vision . \
     && sed -i '1s|.*|#!/opt/venv/bin/python|' /opt/zenoh-vision/bin/zv
 
@@ -47,9 +48,11 @@ ENV PATH=/opt/zenoh-vision/bin:/opt/venv/bin:$PATH \
 USER zv
 WORKDIR /tmp
 # Every service keeps that file true to its work. This only reads it: no interpreter, no network.
+# (A time in the future is no proof of life either: clocks are set back.)
 HEALTHCHECK --interval=3s --timeout=3s --start-period=30s --retries=2 CMD \
-    test -n "$(find "$ZV_HEALTH_FILE" -newermt '5 seconds ago')" \
-    && grep -q '^ok' "$ZV_HEALTH_FILE" || { cat "$ZV_HEALTH_FILE"; exit 1; }
+    if ! find "$ZV_HEALTH_FILE" -newermt '5 seconds ago' ! -newermt '5 seconds' | grep -q .; \
+    then echo "$ZV_HEALTH_FILE has not been written for 5 s"; exit 1; \
+    fi; grep -q '^ok' "$ZV_HEALTH_FILE" || { cat "$ZV_HEALTH_FILE"; exit 1; }
 ENTRYPOINT ["zv"]
 CMD ["--help"]
 # Last, since it is what changes.

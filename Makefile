@@ -26,13 +26,14 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/codespell
 
-## tests: pytest on both cores (ARGS=... to choose)
+## tests: pytest on both cores (ARGS=... to choose); what fails beside another is run again alone
 tests: $(VENV)/.dev
-	$(BIN)/pytest -n 2 $(ARGS)
+	$(BIN)/pytest -n 2 $(ARGS) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(ARGS)
 
 ## test-compose: start the containers and break them (needs Docker; about 15 minutes)
 test-compose: $(VENV)/.dev
-	$(BIN)/pytest -m compose tests/compose $(ARGS)
+	$(BIN)/pytest -m compose tests/compose $(ARGS) || \
+		$(BIN)/pytest -m compose tests/compose --last-failed --last-failed-no-failures none $(ARGS)
 
 ## soak: 20 minutes of all containers with a random fault every 10 s, and a report
 soak: $(VENV)/.dev

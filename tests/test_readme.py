@@ -74,7 +74,7 @@ def test_every_command_is_one_that_is_tested_here():
     # Those of containers are in tests/compose/test_readme_containers.py.
     containers = {words[0] for words in commands()} - {"make", "zv", "python", "source"}
     assert {word.partition("=")[0] for word in containers} == {
-        "docker", "cp", "curl", "ZV_VIDEO", "ZV_CONNECT",
+        "docker", "cp", "curl", "ZV_VIDEO", "ZV_COMPOSE_CONNECT",
     }  # fmt: skip
     assert {words[1] for words in commands() if words[0] == "zv"} <= set(COMMANDS)
     assert {words[1] for words in commands() if words[0] == "make"} == {"up", "test"}

@@ -92,7 +92,7 @@ class System:
     def _open(self) -> zenoh.Session | None:
         """Wait for the router; None if it cannot start or we are told to stop."""
         try:
-            return open_session(self._connection, self._to_end)
+            return open_session(self._connection, self._waiting_is_over)
         except ToldToStop:
             return None
 
@@ -116,6 +116,11 @@ class System:
             self._heartbeat.beat("; ".join(filter(None, troubles)))
             self._display.show(lambda: self._rows(board))
             time.sleep(POLL_S)
+
+    def _waiting_is_over(self) -> bool:
+        """Tell whether to give up on the router; to wait for it is to be well."""
+        self._heartbeat.beat()
+        return self._to_end()
 
     def _to_end(self) -> bool:
         """Tell whether it is time to end: told to, or there will be no router."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.compose.stack import Stack, compose_command, run
+from tests.compose.stack import IMAGE, Stack, compose_command, run
 from tests.compose.witness import Witness
 from tests.processes import ROOT
 
@@ -23,6 +24,8 @@ def docker() -> None:
         pytest.skip("no docker with compose")
     if subprocess.run(["docker", "info"], capture_output=True, check=False).returncode:
         pytest.skip("the Docker daemon does not answer")
+    if os.geteuid() != 0:
+        pytest.skip("root is needed, to look at processes and to make links bad")
     for image in BASES:
         found = subprocess.run(
             ["docker", "image", "inspect", image], capture_output=True, check=False
@@ -36,7 +39,7 @@ def docker() -> None:
 
 @pytest.fixture(scope="session")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a user has: the tracked files, as they are now, and nothing else."""
+    """What a user has: the files that git knows or would take, as they are now."""
     folder = tmp_path_factory.mktemp("clone") / "zenoh-vision"
     names = run("git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT)
     for name in names.splitlines():
@@ -56,7 +59,7 @@ def image(docker: None, clone: Path) -> str:
     """The image of this checkout."""
     stack = Stack(clone)
     stack.compose("build")
-    return "zenoh-vision:local"
+    return IMAGE
 
 
 @pytest.fixture

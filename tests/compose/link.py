@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tests.compose.stack import Stack, run
+from tests.compose.stack import IMAGE, Stack, run
 from tests.compose.witness import Seen
 from tests.integration.waiting import wait_until
 
@@ -26,7 +26,7 @@ class FarSubscriber:
     def __init__(self, stack: Stack, keys: list[str]) -> None:
         self.container = run(
             "docker", "run", "-d", "--network", stack.network, "--init",
-            "-v", f"{PROGRAM}:/listener.py:ro", "--entrypoint", "python", "zenoh-vision:local",
+            "-v", f"{PROGRAM}:/listener.py:ro", "--entrypoint", "python", IMAGE,
             "/listener.py", "tcp/router:7447", *keys,
         ).strip()  # fmt: skip
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -79,7 +81,7 @@ def test_only_the_routers_port_is_open_and_only_to_this_machine(stack: Stack):
 
 def test_zv_bind_opens_it(clone: Path, docker):
     text = Stack(clone, ["rest"], {"ZV_BIND": "0.0.0.0"}).compose("config")
-    assert "127.0.0.1:7447:" not in text
+    assert not re.search(r"(- |host_ip: )127", text)
     addresses = re.findall(r"(?:- |host_ip: )(?:0\.0\.0\.0)", text)
     assert len(addresses) == 2
 
@@ -162,12 +164,12 @@ def test_a_change_of_code_makes_only_the_last_layer_anew(image: str, clone: Path
     began_s = time.monotonic()
     try:
         file.write_text(kept + "\nCHANGED = True\n")
-        run("docker", "build", "-q", "-t", "zenoh-vision:changed", ".", cwd=clone)
+        run("docker", "build", "-q", "-t", "zenoh-vision:test-changed", ".", cwd=clone)
     finally:
         file.write_text(kept)
     print(f"rebuilt in {time.monotonic() - began_s:.1f} s")
-    after = layers("zenoh-vision:changed")
-    run("docker", "image", "rm", "zenoh-vision:changed")
+    after = layers("zenoh-vision:test-changed")
+    run("docker", "image", "rm", "zenoh-vision:test-changed")
     assert after[:-1] == before[:-1]
     assert after[-1] != before[-1]
 
@@ -176,18 +178,24 @@ def test_the_image_says_what_it_is(image: str):
     labels = run("docker", "image", "inspect", "-f", "{{json .Config.Labels}}", image)
     for name in ("title", "description", "licenses", "version", "revision"):
         assert f'"org.opencontainers.image.{name}":' in labels
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert json.loads(labels)["org.opencontainers.image.version"] == project["version"]
+    assert json.loads(labels)["org.opencontainers.image.description"] == project[
+        "description"
+    ].rstrip(".")
     said = run("docker", "run", "--rm", image, "--help")
     assert "tracker" in said
 
 
 def test_the_image_holds_no_compiler_cache_or_test(image: str):
     script = (
-        "command -v gcc cc g++ make pip pip3; "
+        "for name in gcc cc g++ make pip pip3; do command -v $name; done; "
         "find / -xdev \\( -name pip -o -name '*.o' -o -path '*/.cache/*' "
         "-o -path '/var/lib/apt/lists/*' -o -path '/var/cache/apt/*' -o -name 'test_*.py' "
         "-o -name conftest.py \\) -not -path '/proc/*'; true"
     )
-    assert run("docker", "run", "--rm", "--entrypoint", "sh", image, "-c", script).split() == []
+    sh = ("docker", "run", "--rm", "--user", "0", "--entrypoint", "sh", image, "-c")
+    assert run(*sh, script).split() == []
 
 
 # The files
@@ -207,6 +215,14 @@ def test_dockerignore_lets_in_what_the_dockerfile_copies_and_nothing_else():
     assert all((ROOT / name).exists() for name in copied)
 
 
+def test_one_build_makes_the_image_of_all(clone: Path):
+    # Compose v2 builds in parallel; several builds of one tag fail on a clean machine.
+    for file in FILES:
+        assert (clone / file.name).read_text().count("build:") == (
+            1 if file.name == "docker-compose.yml" else 0
+        )
+
+
 def test_pip_installs_what_constraints_txt_says(image: str):
     said = run(
         "docker", "run", "--rm", "--entrypoint", "python", image, "-c",
@@ -223,7 +239,11 @@ def test_pip_installs_what_constraints_txt_says(image: str):
 def test_every_compose_file_is_clean(file: Path, clone: Path, docker):
     command = compose_command()
     assert command
-    given = {"ZV_VIDEO": "/tmp", "ZV_CONNECT": "tcp/192.0.2.1:7447", "PATH": "/usr/bin:/bin"}
+    given = {
+        "ZV_VIDEO": "/tmp",
+        "ZV_COMPOSE_CONNECT": "tcp/192.0.2.1:7447",
+        "PATH": "/usr/bin:/bin",
+    }
     done = subprocess.run(
         [*command, "-f", "docker-compose.yml", "-f", file.name, "config", "-q"],
         capture_output=True,
@@ -256,5 +276,5 @@ def test_env_example_names_every_variable_of_the_compose_files_and_no_other():
         for service in OURS
         for name in model_of(service).model_fields
     }
-    assert named <= used
+    assert named - {"COMPOSE_FILE"} <= used  # Compose's own
     assert used - named <= options  # .env.example points to docs/configuration.md for these

@@ -41,7 +41,7 @@ def test_malformed_payloads_at_200_a_second_on_every_key_for_30_s(stack: Stack, 
         ended_s = time.monotonic()
         session.delete(IMAGE)
     print(f"{pace.calls} samples on {len(sent)} keys")
-    assert pace.calls > 0.5 * RATE_HZ * LASTS_S
+    assert pace.calls > 0.8 * RATE_HZ * LASTS_S
     witness.flows(30, after_s=ended_s)
 
     assert {service: stack.starts(service) for service in SERVICES} == starts
@@ -71,4 +71,4 @@ def test_malformed_payloads_at_200_a_second_on_every_key_for_30_s(stack: Stack, 
         share = len(seen) / len(frames)
         print(f"{key}: {share:.1%}, oldest {max(one.age_s for one in seen) * 1000:.0f} ms")
         # A rogue's frame in the slot displaces a good one now and then, counted as overwritten.
-        assert share >= 0.9
+        assert share >= 0.95

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from tests.compose.stack import OURS, Stack, pause
-from tests.compose.witness import STREAMS, Witness, assert_whole, split
+from tests.compose.witness import RATE_HZ, STREAMS, Witness, assert_whole, split
 from tests.integration.listening import balance
 from tests.integration.waiting import wait_until
 
@@ -26,6 +26,8 @@ def check_streams(witness: Witness, began_s: float, outages: list[tuple[float, f
         assert_whole(seen)
         assert len({one.epoch for one in seen}) == 1, key
         explained, strays = split(seen, outages)
+        longest = sum(end - begin for begin, end in outages)
+        assert explained <= RATE_HZ * longest + 3 * len(outages)
         worst = max(one.age_s for one in seen)
         print(
             f"{key}: {len(seen)} seen, {explained} missed in outages, {strays} else, "
@@ -35,7 +37,7 @@ def check_streams(witness: Witness, began_s: float, outages: list[tuple[float, f
         assert strays <= max(3, len(seen) // 100) + witness.counted_drops(key, began_s)
 
 
-def test_a_router_that_crashes_20_times_is_back_within_a_second_each_time(
+def test_after_each_of_20_crashes_of_the_router_all_is_back_within_a_second(
     stack: Stack, witness: Witness
 ):
     before = {service: stack.starts(service) for service in OURS}
@@ -43,11 +45,16 @@ def test_a_router_that_crashes_20_times_is_back_within_a_second_each_time(
     took: list[float] = []
     outages: list[tuple[float, float]] = []
     for _ in range(CRASHES):
-        crashed_s = stack.crash("router")
-        wait_until(lambda: not stack.router_answers(), 10)
-        answers_s = stack.wait_for_router()
-        took.append(witness.back_s(answers_s))
-        outages.append((crashed_s - 1.0, answers_s + took[-1]))
+        address, life = stack.address("router"), stack.starts("router")
+        crashed_s = time.monotonic()
+        stack.crash("router")
+        # Down it is for less than a second, too short to be sure to be seen: it is another life
+        # once Docker says so, and the address stays.
+        answers_s = stack.wait_for_router(address)
+        wait_until(lambda life=life: stack.starts("router") != life, 10)
+        first = witness.back_s(answers_s)
+        took.append(first)
+        outages.append((crashed_s, answers_s + first))
         witness.flows(15, after_s=answers_s)
         # Docker doubles its delay after each crash, unless the container ran for 10 s.
         pause(answers_s + 10.5 - time.monotonic())
@@ -55,7 +62,7 @@ def test_a_router_that_crashes_20_times_is_back_within_a_second_each_time(
     check_streams(witness, began_s, outages)
     assert {service: stack.starts(service) for service in OURS} == before
     assert sorted(took)[-2] < BACK_S
-    assert max(took) < 2 * BACK_S
+    assert max(took) < 2 * BACK_S  # once in twenty, for what else the machine had to do
 
 
 def test_a_router_removed_and_created_anew_is_another_and_serves_as_well(

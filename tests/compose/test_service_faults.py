@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from tests.compose.stack import OURS, Stack, pause, run
+from tests.compose.stack import OURS, SERVICES, Stack, pause, run
 from tests.compose.witness import CENTROID, EDGES, IMAGE, STREAMS, Witness, assert_whole, split
 from tests.integration.listening import balance
 from tests.integration.waiting import wait_until
@@ -134,6 +134,7 @@ def test_health_tells_the_truth_of_a_frozen_tracker_and_of_a_camera_that_is_gone
     began_s = time.monotonic()
     wait_until(lambda: stack.health("camera") == "unhealthy", 40)
     print(f"unhealthy {time.monotonic() - began_s:.1f} s after the look began")
+    assert "(unhealthy)" in stack.compose("ps", "camera")
     shown = stack.inspect("camera")["State"]["Health"]["Log"][-1]["Output"]
     assert "no picture for 2 s" in shown
     # Who has nothing to process does all there is to do.
@@ -141,14 +142,30 @@ def test_health_tells_the_truth_of_a_frozen_tracker_and_of_a_camera_that_is_gone
     wait_until(lambda: stack.health("camera") == "healthy", 60)  # opened again
 
 
-def test_a_loop_that_is_stuck_makes_its_container_unhealthy(new_stack):
+@pytest.mark.parametrize("service", SERVICES)
+def test_a_process_that_is_frozen_makes_its_container_unhealthy_and_no_other(new_stack, service):
     # SIGSTOP to the process alone: init runs, so Docker's check does too.
     stack = new_stack()
     stack.wait_until_healthy()
-    run("kill", "-STOP", stack.worker("edge"))
+    run("kill", "-STOP", stack.worker(service))
     try:
-        wait_until(lambda: stack.health("edge") == "unhealthy", 40)
-        assert stack.health("tracker") == "healthy"
+        frozen_s = time.monotonic()
+        wait_until(lambda: stack.health(service) == "unhealthy", 40)
+        print(f"{service} unhealthy {time.monotonic() - frozen_s:.1f} s after it froze")
+        assert {stack.health(other) for other in SERVICES if other != service} == {"healthy"}
+        if service != "router":
+            shown = stack.inspect(service)["State"]["Health"]["Log"][-1]["Output"]
+            assert "has not been written for 5 s" in shown
     finally:
-        run("kill", "-CONT", stack.worker("edge"))
-    wait_until(lambda: stack.health("edge") == "healthy", 40)
+        run("kill", "-CONT", stack.worker(service))
+    stack.wait_until_healthy()
+
+
+def test_a_camera_that_cannot_be_opened_is_started_again_and_says_why(new_stack):
+    stack = new_stack(ZV_CAMERA_SOURCE="rtsp://127.0.0.1:9/none")
+    wait_until(lambda: stack.inspect("camera")["RestartCount"] >= 2, 60)
+    found = stack.inspect("camera")["State"]
+    assert found["ExitCode"] in (0, 3)  # 0 while it runs again
+    assert "rtsp://127.0.0.1:9/none" in stack.logs("camera")
+    assert "Traceback" not in stack.logs("camera")
+    stack.wait_until_healthy("router", "tracker", "edge")

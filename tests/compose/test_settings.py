@@ -152,7 +152,7 @@ def test_nodes_at_a_router_elsewhere(new_stack, gateway: str, tmp_path: Path):
     router = Router(tmp_path)
     listen = f"tcp/{gateway}:{router.port}"
     with Program(["-m", "services", "router", "--listen", listen], tmp_path, "router"):
-        stack = new_stack("remote-router", ZV_CONNECT=listen)
+        stack = new_stack("remote-router", ZV_COMPOSE_CONNECT=listen)
         with eventually(lambda: opened(listen), 60, lambda: listen) as session:
             wait_for_nodes(session, *(f"{service}_front" for service in OURS), deadline_s=60)
             newest(session, "vision/front/centroid", 60)
@@ -163,7 +163,7 @@ def test_nodes_at_a_router_elsewhere(new_stack, gateway: str, tmp_path: Path):
 
 def test_without_the_routers_address_the_override_says_what_is_missing(clone: Path, docker):
     stack = Stack(clone, ["remote-router"])
-    with pytest.raises(AssertionError, match="set ZV_CONNECT to the router"):
+    with pytest.raises(AssertionError, match="set ZV_COMPOSE_CONNECT to the router"):
         stack.compose("config")
 
 
