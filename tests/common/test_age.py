@@ -160,3 +160,41 @@ def test_the_window_is_the_last_minute_not_the_first():
 def test_an_hour_of_frames_costs_no_memory():
     gauge, _ = gauge_after(frames=3600 * 10)
     assert len(gauge._minima) <= WINDOW_S + 1
+
+
+@pytest.mark.parametrize(
+    ("per_million", "seconds", "stale_from"),
+    [
+        # What a daemon may turn a clock by: 500 millionths are 0.03 s in the minute remembered.
+        (-500, 300, None),
+        # Turned ahead, each frame is better than those before.
+        (+83_333, 120, None),
+        # 400 ms / 0.083333 = 4.8 s after which frames are late against the first of the minute.
+        (-83_333, 20, 4.8),
+    ],
+    ids=["ntpd", "chrony ahead", "chrony back"],
+)
+def test_a_clock_that_is_turned(per_million: int, seconds: int, stale_from: float | None):
+    gauge, begun = gauge_after()
+    first = None
+    for n in range(1, seconds * 10):
+        now = begun + n * FRAME
+        stamp = now - WAY + (now - begun) * per_million // 1_000_000
+        if arrives(gauge, 1, stamp, now):
+            first = first or (now - begun) / S
+        else:
+            gauge.accept(1, stamp, now)
+            assert first is None  # once late, all are, until the minute is over
+    assert first == (None if stale_from is None else pytest.approx(stale_from, abs=0.15))
+
+
+def test_frames_late_since_a_clock_was_turned_back_are_taken_again_after_a_minute():
+    gauge, begun = gauge_after()
+    taken = None
+    for n in range(1, 40):  # one frame in 2 s, and the clock was set back by 1 s between two
+        now = begun + n * 2 * S
+        if not arrives(gauge, 1, now - WAY - 1 * S, now):
+            taken = (now - begun) / S
+            break
+    # The second that the frames before it were kept in began 0.9 s before the last of them.
+    assert taken == WINDOW_S
