@@ -6,7 +6,8 @@ import itertools
 import sys
 import threading
 
-from common.session import Connection, direct, open_session
+from common.session import direct, open_session
+from common.zenoh_config import Connection
 
 
 def main() -> None:

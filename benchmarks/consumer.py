@@ -10,7 +10,7 @@ import sys
 import time
 
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 
 WARM_UP = 30
 

@@ -9,7 +9,8 @@ from benchmarks.material import frames
 from common.images import encode_jpeg
 from common.messages import Header
 from common.publishing import FRAME_DELIVERY
-from common.session import Connection, open_session
+from common.session import open_session
+from common.zenoh_config import Connection
 
 QUALITY = 80
 

@@ -12,7 +12,8 @@ from typing import Self
 import psutil
 import zenoh
 
-from common.session import Connection, open_session
+from common.session import open_session
+from common.zenoh_config import Connection
 
 
 def free_endpoint() -> str:

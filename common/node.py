@@ -34,8 +34,9 @@ from common.parameter_server import ParameterServer
 from common.publishing import Sample, StreamPublisher, picture_sample
 from common.receiving import FrameReceiver
 from common.serving import QueryServer, answer_schemas
-from common.session import Connection, close_session, open_session
+from common.session import close_session, open_session
 from common.signals import StopSignals
+from common.zenoh_config import Connection
 
 POLL_S = 0.1
 

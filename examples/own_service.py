@@ -11,7 +11,7 @@ from common.errors import ToldToStop
 from common.keys import message_topic
 from common.messages import Stamped
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 
 
 class Brightness(Stamped):

@@ -11,7 +11,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from common.errors import ConfigurationError
 from common.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
-from common.session import DEFAULT_ENDPOINT
 from common.settings import (
     CameraName,
     ServiceSettings,
@@ -21,6 +20,7 @@ from common.settings import (
     read_toml,
     unknown,
 )
+from common.zenoh_config import DEFAULT_ENDPOINT
 from services.catalogue import SERVICES, model_of
 
 NODE_SERVICES = tuple(name for name in SERVICES if name != "router")

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.bandwidth import QUALITIES, frames_per_mbit, kilobytes, scene
 from benchmarks.memory import SIZES
-from common.session import WAIT_BEFORE_CLOSE, WAIT_BEFORE_CLOSE_US, router_config
+from common.zenoh_config import WAIT_BEFORE_CLOSE, WAIT_BEFORE_CLOSE_US, router_config
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "deploy.md").read_text()

@@ -11,7 +11,7 @@ from common.errors import PayloadError
 from common.live import LiveSettings
 from common.messages import Header, Tracks
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.camera.capture import Capture
 from services.camera.choice import rate_to_reach
 from services.camera.conversion import Converter, mirrored

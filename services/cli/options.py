@@ -15,9 +15,9 @@ from pydantic.fields import FieldInfo
 from rich.markup import escape
 
 from common.keys import DEFAULT_NAMESPACE, NAME
-from common.session import DEFAULT_ENDPOINT, Connection
 from common.settings import Settings, allowed, choices, load_settings
 from common.signals import SIGNALS
+from common.zenoh_config import DEFAULT_ENDPOINT, Connection
 from services.cli.logs import LogLine
 from services.tools.options import Argument, Letter
 

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 import typer
 
 from common.errors import ConfigurationError
-from common.session import Connection
 from common.settings import load_settings
+from common.zenoh_config import Connection
 from services.cli.options import (
     NOT_GIVEN,
     ConnectionSettings,
@@ -74,7 +74,7 @@ def parameters() -> list[inspect.Parameter]:
 
 def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **flags: Any) -> None:
     """Check the file and run the system."""
-    from common.session import listened_on, router_config
+    from common.zenoh_config import listened_on, router_config
     from services.launch_file import read_launch_file
     from services.up import endpoint
     from services.up.service import run as run_system

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from common.frame import Frame
 from common.live import LiveSettings
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.edge.canny import detect_edges
 from services.edge.settings import EdgeSettings
 

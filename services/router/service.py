@@ -14,7 +14,7 @@ import zenoh
 
 from common.errors import ConfigurationError
 from common.heartbeat import Heartbeat
-from common.session import listened_on, plain, router_config
+from common.zenoh_config import listened_on, plain, router_config
 from services.router.settings import RouterSettings
 
 log = logging.getLogger("router")

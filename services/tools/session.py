@@ -11,8 +11,9 @@ from typing import Any, Self
 import zenoh
 
 from common.errors import ConfigurationError
-from common.session import Connection, close_session, direct, open_session, plain
+from common.session import close_session, direct, open_session
 from common.signals import StopSignals
+from common.zenoh_config import Connection, plain
 
 POLL_S = 0.05
 CONDITION_POLL_S = 0.02

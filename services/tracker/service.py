@@ -8,7 +8,7 @@ from common.frame import Frame
 from common.live import LiveSettings
 from common.messages import Centroid
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tracker.drawing import draw
 from services.tracker.largest import LargestObject, MovingObject, Numbers
 from services.tracker.settings import TrackerSettings

@@ -11,7 +11,7 @@ import pytest
 import zenoh
 
 from common.errors import ConfigurationError
-from common.session import (
+from common.zenoh_config import (
     LEASE_MS,
     RETRY,
     Connection,

@@ -37,7 +37,9 @@ def check_streams(witness: Witness, began_s: float, outages: list[tuple[float, f
         assert strays <= max(3, len(seen) // 100) + witness.counted_drops(key, began_s)
 
 
-def test_after_each_of_20_crashes_of_the_router_all_is_back(stack: Stack, witness: Witness):
+def test_after_each_of_20_crashes_of_the_router_all_is_back_within_1_s(
+    stack: Stack, witness: Witness
+):
     before = {service: stack.starts(service) for service in OURS}
     began_s = time.monotonic()
     took: list[float] = []
@@ -59,10 +61,7 @@ def test_after_each_of_20_crashes_of_the_router_all_is_back(stack: Stack, witnes
     print("back after", " ".join(f"{seconds:.2f}" for seconds in took), "s")
     check_streams(witness, began_s, outages)
     assert {service: stack.starts(service) for service in OURS} == before
-    # Mostly 0.7 s; one time in five an attempt to connect falls into the moment when the router's
-    # address is not there yet, and TCP's next packet comes later.
-    assert sorted(took)[CRASHES // 2] < BACK_S
-    assert max(took) < 2 * BACK_S
+    assert max(took) < BACK_S
 
 
 def test_a_router_removed_and_created_anew_is_another_and_serves_as_well(
@@ -82,7 +81,7 @@ def test_a_router_removed_and_created_anew_is_another_and_serves_as_well(
     check_streams(witness, began_s, [(began_s, answers_s + took_s)])
     assert {service: stack.starts(service) for service in OURS} == before
     assert gone_s < answers_s
-    assert took_s < 2 * BACK_S
+    assert took_s < BACK_S
 
 
 def test_nodes_that_were_there_20_s_before_the_router_find_it(new_stack):
@@ -99,4 +98,4 @@ def test_nodes_that_were_there_20_s_before_the_router_find_it(new_stack):
         print(f"flows {took_s:.2f} s after the router's port answered")
         check_streams(witness, answers_s, [])
     assert {service: stack.starts(service) for service in OURS} == before
-    assert took_s < 2 * BACK_S
+    assert took_s < BACK_S

@@ -108,6 +108,8 @@ def open_client(endpoint: str) -> zenoh.Session:
             "period_max_ms": 50,
             "period_increase_factor": 2,
         },
+        # An attempt that nothing answers must not take Zenoh's 10 s (docs/deploy.md).
+        "transport/unicast/open_timeout": 500,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,

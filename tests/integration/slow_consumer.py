@@ -4,7 +4,7 @@ import sys
 import time
 
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 
 with Node("slow", connection=Connection(sys.argv[1], sys.argv[2])) as node:
     for _ in node.frames("image", want="gray"):

@@ -12,7 +12,7 @@ import pytest
 from common.frame import Frame
 from common.messages import Header
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from tests.integration.listening import Listener, Message, newest
 from tests.integration.pictures import HEIGHT, WIDTH, scene
 from tests.integration.publishing import Paced

@@ -13,7 +13,7 @@ import numpy as np
 import zenoh
 
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from tests.integration.listening import Listener, balance, newest, open_client, wait_for_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.waiting import in_time, wait_until

@@ -13,7 +13,7 @@ import zenoh
 
 from common.health import STUCK_S
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.figures.board import Report
 from services.up.health import trouble_of
 from services.up.processes import Child

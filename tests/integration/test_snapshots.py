@@ -15,7 +15,7 @@ from common import images
 from common.frame import Frame
 from common.messages import Header
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from tests.integration.listening import Listener, Message, ask, newest, wait_for_nodes
 from tests.integration.pictures import HEIGHT, WIDTH, scene
 from tests.integration.publishing import PlainCamera

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from common.errors import ConfigurationError, ExpectationNotMet, RouterUnreachable
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.doctor import nodes, router, streams
 from services.tools.doctor.files import file_findings
 from services.tools.doctor.finding import Diagnosis, Finding

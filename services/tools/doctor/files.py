@@ -11,8 +11,8 @@ from typing import Any
 import zenoh
 
 from common.errors import ConfigurationError
-from common.session import plain
 from common.settings import load_settings, read_toml
+from common.zenoh_config import plain
 from services.catalogue import SERVICES, model_of
 from services.launch_file import read_launch_file
 from services.tools.doctor.finding import Finding

@@ -13,7 +13,8 @@ from common.diagnostics import Complaints
 from common.errors import PayloadError
 from common.keys import diagnostics_key, node_key
 from common.messages import Diagnostics, NodeDescription
-from common.session import Connection, direct
+from common.session import direct
+from common.zenoh_config import Connection
 from services.tools.metrics.board import Board
 from services.tools.metrics.collector import NodeCollector
 from services.tools.metrics.options import MetricsOptions

@@ -9,7 +9,7 @@ from typing import Any
 
 from common.errors import ExpectationNotMet
 from common.messages import Parameter
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.facts import duration, facts
 from services.tools.namespaces import nobody_here
 from services.tools.nearest import nothing_matches

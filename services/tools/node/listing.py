@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.errors import ExpectationNotMet
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.facts import duration, facts
 from services.tools.namespaces import nobody_here
 from services.tools.node.options import ListOptions

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from common.errors import SourceError
 from common.messages import ParameterList
-from common.session import Connection
 from common.settings import read_toml
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.param.options import (
     DumpOptions,

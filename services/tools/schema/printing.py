@@ -6,7 +6,7 @@ import inspect
 import json
 
 from common.keys import TOPICS
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.schema.options import SchemaOptions
 from services.tools.types import MESSAGES, message_named, schema_of, short_name

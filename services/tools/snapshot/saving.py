@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from common.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.snapshot.forms import encoded, encoded_pixels, frame_of, wanted_form

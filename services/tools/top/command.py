@@ -6,7 +6,7 @@ import time
 from collections import Counter
 
 from common.errors import ExpectationNotMet
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.figures.display import Display, LiveTable, PlainLines, table_of
 from services.figures.row import LEVELS
 from services.tools.namespaces import nobody_here

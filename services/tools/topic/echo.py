@@ -8,7 +8,7 @@ from collections import deque
 import zenoh
 
 from common.errors import ConfigurationError, ExpectationNotMet
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import survey

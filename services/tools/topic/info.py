@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from common.errors import ExpectationNotMet
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import Survey, survey

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.errors import ExpectationNotMet
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import survey

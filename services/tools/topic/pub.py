@@ -6,7 +6,7 @@ import time
 
 from common.errors import ConfigurationError
 from common.publishing import FRAME_DELIVERY, MESSAGE_DELIVERY
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import survey

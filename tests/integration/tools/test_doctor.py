@@ -15,7 +15,7 @@ import pytest
 import zenoh
 
 from common.errors import ExpectationNotMet, RouterUnreachable, VisionError
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.doctor.command import run
 from services.tools.doctor.options import DoctorOptions
 from services.tools.output import Output

@@ -17,7 +17,7 @@ import pytest
 import zenoh
 
 from common.errors import ConfigurationError, ExpectationNotMet, SourceError
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.snapshot import saving
 from services.tools.snapshot.options import SnapshotOptions

@@ -13,7 +13,7 @@ import zenoh
 
 from common.errors import ExpectationNotMet
 from common.messages import NodeDescription
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.session import ToolSession
 from services.tools.survey import survey
 from services.tools.topic.options import (

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import pytest
 
 from common.errors import ConfigurationError, ExpectationNotMet
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.tools.session import ToolSession
 from services.tools.topic.arrivals import Arrivals
 from services.tools.topic.options import (

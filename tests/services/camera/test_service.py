@@ -6,7 +6,7 @@ import pytest
 
 from common.errors import RouterUnreachable
 from common.node import Node
-from common.session import Connection
+from common.zenoh_config import Connection
 from services.camera import service
 from services.camera.settings import CameraSettings
 
