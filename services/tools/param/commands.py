@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from common.connection import Connection
 from common.errors import SourceError
 from common.messages import ParameterList
 from common.settings import read_toml
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.param.options import (
     DumpOptions,

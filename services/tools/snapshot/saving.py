@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from common.connection import Connection
 from common.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.snapshot.forms import encoded, encoded_pixels, frame_of, wanted_form
