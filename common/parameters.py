@@ -20,7 +20,8 @@ from pydantic.fields import FieldInfo
 
 from common.errors import ParameterRefused
 from common.messages import Parameter
-from common.settings import Settings, allowed, meant, properties
+from common.near_names import meant
+from common.settings import Settings, allowed, properties
 
 S = TypeVar("S", bound=Settings)
 
@@ -120,7 +121,8 @@ def no_parameter(model: type[Settings], name: object) -> ParameterRefused:
     if isinstance(name, str) and name in model.model_fields:
         error = f"{name} cannot change while the node runs"
     else:
-        error = f"there is no parameter {reprlib.repr(name)}{meant(str(name), live)}"
+        hint = meant(str(name), live, before="; ")
+        error = f"there is no parameter {reprlib.repr(name)}{hint}"
     return ParameterRefused(error, ", ".join(live))
 
 

@@ -7,10 +7,9 @@ are derived from it.
 
 from __future__ import annotations
 
-import difflib
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, cast
@@ -27,6 +26,7 @@ from pydantic.fields import FieldInfo
 
 from common.errors import ConfigurationError
 from common.keys import DEFAULT_CAMERA, NAME
+from common.near_names import meant
 
 if TYPE_CHECKING:
     from pydantic_settings import BaseSettings
@@ -153,14 +153,8 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 
 def unknown(shown: str, name: str, model: type[BaseModel]) -> str:
     """Say that a key is unknown, with the nearest that is known."""
-    hint = meant(name, model.model_fields)
-    return f"unknown key {shown!r}{hint or ';'} allowed: {', '.join(model.model_fields)}"
-
-
-def meant(name: str, known: Iterable[str]) -> str:
-    """Return a question with the nearest name that is known; nothing if none is near."""
-    near = difflib.get_close_matches(name, known, 1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    hint = meant(name, model.model_fields, after=" ")
+    return f"unknown key {shown!r}; {hint}allowed: {', '.join(model.model_fields)}"
 
 
 def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:

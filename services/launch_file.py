@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -11,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from common.errors import ConfigurationError
 from common.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
+from common.near_names import meant
 from common.settings import (
     CameraName,
     ServiceSettings,
@@ -145,8 +145,7 @@ def read_launch_file(path: Path) -> Plan:
 
 def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
     if table.service not in NODE_SERVICES:
-        near = difflib.get_close_matches(table.service, NODE_SERVICES, 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        hint = meant(table.service, NODE_SERVICES, after=" ")
         raise ConfigurationError(
             f"{place}.service = {table.service!r} is not allowed; {hint}"
             f"allowed: {', '.join(NODE_SERVICES)}"

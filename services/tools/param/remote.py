@@ -17,7 +17,7 @@ from common.errors import (
     VisionError,
 )
 from common.messages import Parameter, ParameterList, Refusal
-from common.settings import meant
+from common.near_names import meant
 from services.tools.nearest import nothing_matches
 from services.tools.session import ToolSession
 
@@ -71,7 +71,7 @@ def chosen(found: ParameterList, names: tuple[str, ...]) -> list[Parameter]:
     for name in names:
         if name not in known:
             raise ParameterRefused(
-                f"{found.node}: there is no parameter {name!r}{meant(name, known)}",
+                f"{found.node}: there is no parameter {name!r}{meant(name, known, before='; ')}",
                 ", ".join(known),
             )
     return [known[name] for name in names or known]
