@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
@@ -27,9 +28,16 @@ COLOUR = re.compile(r"\x1b\[[0-9;]*\b(3[0-7]|9[0-7]|38;[0-9;]+)m")
 
 
 def zv(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    return zv_writing_to(subprocess.PIPE, *arguments, **variables)
+
+
+def zv_writing_to(
+    output: int, *arguments: str, **variables: str
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "services", *arguments],
-        capture_output=True,
+        stdout=output,
+        stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
         env={**environment(), **variables},
@@ -112,6 +120,22 @@ for words in {list(ENTRIES)!r}:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["", "--help", "topic", "topic list --help", "completion bash", "schema Centroid"],
+    ids=lambda words: words or "zv alone",
+)
+def test_a_reader_that_has_had_enough_is_no_error(words: str):
+    # As `| head -1` that is gone before the first line: a write finds the pipe closed.
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = zv_writing_to(writing, *words.split())
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 # Errors
