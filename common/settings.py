@@ -25,6 +25,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from common.errors import ConfigurationError
+from common.excerpt import excerpt
 from common.keys import DEFAULT_CAMERA, NAME
 from common.near_names import meant
 
@@ -154,7 +155,7 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 def unknown(shown: str, name: str, model: type[BaseModel]) -> str:
     """Say that a key is unknown, with the nearest that is known."""
     hint = meant(name, model.model_fields, after=" ")
-    return f"unknown key {shown!r}; {hint}allowed: {', '.join(model.model_fields)}"
+    return f"unknown key {excerpt(shown)}; {hint}allowed: {', '.join(model.model_fields)}"
 
 
 def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
@@ -235,6 +236,6 @@ def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, stri
         shown = f"--{name.rstrip('_').replace('_', '-')}" if place == "command line" else shown
         message = first["msg"].removeprefix("Value error, ")
         raise ConfigurationError(
-            f"{place}: {shown} = {values[name]!r} is not allowed ({message}); "
+            f"{place}: {shown} = {excerpt(values[name])} is not allowed ({message}); "
             f"allowed: {allowed(model.model_fields[name], name, model)}"
         ) from None
