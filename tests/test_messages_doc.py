@@ -15,9 +15,11 @@ import pytest
 from common import keys, messages
 from common.codec import Message
 from common.images import ENCODINGS
+from tests.pages import Page
+from tests.processes import ROOT
 
-ROOT = Path(__file__).parent.parent
-TEXT = (ROOT / "docs" / "messages.md").read_text()
+PAGE = Page("docs/messages.md")
+TEXT = PAGE.text
 VECTORS = ROOT / "tests" / "vectors"
 BUILD_S = 300.0
 RUN_S = 30.0
@@ -58,9 +60,7 @@ def names(cell: str) -> list[str]:
 
 def code(language: str) -> str:
     """Return the first fenced block of a language."""
-    found = re.search(rf"^```{language}\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
-    assert found
-    return found[1]
+    return PAGE.blocks(language)[0]
 
 
 # Tables against the code
