@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from tests.processes import ROOT, START_S, environment
+from tests.typist import type_zv
 
 PROGRAMS = {"zv": [sys.executable, "-m", "services"], "python": [sys.executable]}
 
@@ -54,7 +55,7 @@ def once_each(*commands: str) -> list[str]:
 def run_as_written(
     command: str, folder: Path, timeout_s: float = START_S, **variables: str
 ) -> subprocess.CompletedProcess[str]:
-    """Run a line by the shell as it stands there, to its end, with the Python of the tests.
+    """Run a line as it stands there to its end, by the shell if it has work for one.
 
     Args:
         command: Begins with ``zv`` or ``python``.
@@ -63,6 +64,8 @@ def run_as_written(
         variables: Of the environment, beside those of every program.
     """
     program, _, rest = command.partition(" ")
+    if program == "zv" and not set(">|<;&$`") & set(command):
+        return type_zv(shlex.split(rest), folder=folder, timeout_s=timeout_s, **variables)
     return subprocess.run(
         ["bash", "-c", f"exec {shlex.join(PROGRAMS[program])} {rest}"],
         capture_output=True,

@@ -20,6 +20,7 @@ from services.cli.main import COMMANDS, example, section
 from services.cli.reference import Entry, entries
 from tests.integration.terminal import Terminal
 from tests.processes import ROOT, START_S, environment
+from tests.typist import type_zv
 
 HEAVY = {"cv2", "numpy", "av", "psutil", "prometheus_client", "pydantic_settings", "simplejpeg"}
 """What takes long to load, and what no help needs."""
@@ -28,22 +29,7 @@ COLOUR = re.compile(r"\x1b\[[0-9;]*\b(3[0-7]|9[0-7]|38;[0-9;]+)m")
 
 
 def zv(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    return zv_writing_to(subprocess.PIPE, *arguments, **variables)
-
-
-def zv_writing_to(
-    output: int, *arguments: str, **variables: str
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "services", *arguments],
-        stdout=output,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-        env={**environment(), **variables},
-        timeout=START_S,
-        check=False,
-    )
+    return type_zv(arguments, **variables)
 
 
 ENTRIES = {entry.words: entry for entry in entries()}
@@ -132,7 +118,16 @@ def test_a_reader_that_has_had_enough_is_no_error(words: str):
     reading, writing = os.pipe()
     os.close(reading)
     try:
-        done = zv_writing_to(writing, *words.split())
+        done = subprocess.run(
+            [sys.executable, "-m", "services", *words.split()],
+            stdout=writing,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            env=environment(),
+            timeout=START_S,
+            check=False,
+        )
     finally:
         os.close(writing)
     assert (done.returncode, done.stderr) == (0, "")
