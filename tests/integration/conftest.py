@@ -1,4 +1,4 @@
-"""A real router and real services for each test, each in a process of its own."""
+"""A real router and real services for each test, in processes of their own."""
 
 from __future__ import annotations
 
@@ -19,15 +19,30 @@ from tests.processes import Program
 Service = Callable[..., Program]
 
 
+SPARE: list[Router] = []
+"""Routers that nothing was done to. They keep nothing of who has left, so one serves the next."""
+
+
 @contextmanager
 def a_router(folder: Path) -> Iterator[Router]:
-    """Yield a router that runs, whatever the test did to it."""
-    router = Router(folder)
+    """Yield a router that runs; one that a test killed or froze is no other test's."""
+    router = SPARE.pop() if SPARE else Router(folder)
     try:
-        router.start()
+        if not router.unharmed:
+            router.start()
         yield router
     finally:
-        router.close()
+        if router.unharmed:
+            SPARE.append(router)
+        else:
+            router.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _spare_routers_end() -> Iterator[None]:
+    yield
+    while SPARE:
+        SPARE.pop().close()
 
 
 @contextmanager
