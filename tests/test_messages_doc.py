@@ -232,14 +232,16 @@ def test_the_javascript_program_reads_every_vector(tmp_path: Path):
     check([node, str(program)], tmp_path)
 
 
-def test_the_rust_program_reads_every_vector(tmp_path: Path):
+def test_the_rust_program_reads_every_vector(pytestconfig: pytest.Config, tmp_path: Path):
     cargo = needs("cargo")
-    (tmp_path / "Cargo.toml").write_text(CARGO)
-    (tmp_path / "src").mkdir()
-    (tmp_path / "src" / "main.rs").write_text(code("rust"))
+    # What was built stays in pytest's cache: only what the page has changed is built anew.
+    project = pytestconfig.cache.mkdir("read_message_in_rust")
+    (project / "src").mkdir(exist_ok=True)
+    for file, text in (("Cargo.toml", CARGO), ("src/main.rs", code("rust"))):
+        (project / file).write_text(text)
     fetched = subprocess.run(
         [cargo, "fetch"],
-        cwd=tmp_path,
+        cwd=project,
         capture_output=True,
         text=True,
         timeout=BUILD_S,
@@ -249,11 +251,11 @@ def test_the_rust_program_reads_every_vector(tmp_path: Path):
         pytest.skip(f"the crates cannot be had: {fetched.stderr.strip().splitlines()[-1]}")
     built = subprocess.run(
         [cargo, "build", "--offline", "--quiet", "--target-dir", "target"],
-        cwd=tmp_path,
+        cwd=project,
         capture_output=True,
         text=True,
         timeout=BUILD_S,
         check=False,
     )
     assert built.returncode == 0, built.stderr
-    check([str(tmp_path / "target" / "debug" / "read_message")], tmp_path)
+    check([str(project / "target" / "debug" / "read_message")], tmp_path)

@@ -58,6 +58,14 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield endpoint
 
 
+@pytest.fixture(scope="module")
+def empty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Of a router without nodes but the one that a test starts."""
+    program, endpoint = router(tmp_path_factory.mktemp("router"))
+    with program:
+        yield endpoint
+
+
 def test_every_command_is_one_that_is_tested_here():
     # Those of containers are in tests/compose/test_readme_containers.py.
     containers = {words[0] for words in COMMANDS_SHOWN} - {"make", "zv", "python", "source"}
@@ -100,13 +108,13 @@ def test_make_up_hands_its_source_to_the_camera():
 
 
 @pytest.mark.parametrize("flags", written("zv", "camera", "tracker", "edge"))
-def test_a_node_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp_path: Path):
-    running, endpoint = router(tmp_path)
+def test_a_node_starts_as_written_and_ends_with_ctrl_c(
+    flags: list[str], empty: str, tmp_path: Path
+):
     name, *options = flags
     with (
-        running,
-        client(endpoint) as session,
-        service(name, tmp_path, *options, "--connect", endpoint) as program,
+        client(empty) as session,
+        service(name, tmp_path, *options, "--connect", empty) as program,
     ):
         if source_of(options) in MISSING_SOURCES and not Path(device_of(options)).exists():
             assert program.process.wait(START_S) == 3
@@ -147,19 +155,24 @@ def test_metrics_are_served_as_written_until_ctrl_c(
         assert program.interrupt() == 0
 
 
+def client_of(program: Program, endpoint: str) -> zenoh.Session:
+    """Return a session, as soon as a program that starts a router lets one in."""
+
+    def opened() -> zenoh.Session | None:
+        assert program.process.poll() is None, program.complaints
+        try:
+            return client(endpoint)
+        except zenoh.ZError:
+            return None
+
+    return eventually(opened, START_S, lambda: program.complaints)
+
+
 @pytest.mark.parametrize("flags", written("zv", "router"))
 def test_the_router_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp_path: Path):
     endpoint = free_endpoint()  # 7447 may well be in use
     with service(flags[0], tmp_path, *flags[1:], "--listen", endpoint) as program:
-
-        def opened() -> zenoh.Session | None:
-            assert program.process.poll() is None, program.complaints
-            try:
-                return client(endpoint)
-            except zenoh.ZError:
-                return None
-
-        eventually(opened, START_S, lambda: program.complaints).close()
+        client_of(program, endpoint).close()
         assert program.interrupt() == 0
 
 
@@ -179,15 +192,7 @@ def test_zv_up_starts_a_system_and_ends_with_ctrl_c(
 ):
     endpoint = free_endpoint()
     with service(flags[0], tmp_path, *flags[1:], "--plain", "--listen", endpoint) as program:
-
-        def opened() -> zenoh.Session | None:
-            assert program.process.poll() is None, program.complaints
-            try:
-                return client(endpoint)
-            except zenoh.ZError:
-                return None
-
-        with eventually(opened, START_S, lambda: program.complaints) as session:
+        with client_of(program, endpoint) as session:
             for camera in cameras:
                 newest(session, f"vision/{camera}/centroid")
                 newest(session, f"vision/{camera}/edges/compressed")

@@ -21,11 +21,12 @@ from tests.integration.terminal import Terminal
 from tests.integration.waiting import wait_until
 from tests.processes import ROOT, Program, environment, free_endpoint
 
+QUICK = "tests.integration.quick_up"
 NODES = {"router", "camera_front", "tracker_front", "edge_front"}
 
 
 def up(folder: Path, *arguments: str) -> Program:
-    return Program(["-m", "services", "up", "--plain", *arguments], folder, "up")
+    return Program(["-m", QUICK, "up", "--plain", *arguments], folder, "up")
 
 
 def open_when_ready(endpoint: str) -> zenoh.Session:
@@ -228,7 +229,7 @@ def test_on_a_terminal_a_table_is_drawn_and_lines_go_above_it():
     ids=["no cursor", "no colours"],
 )
 def test_a_terminal_that_can_do_less_is_asked_for_less(variables, sign):
-    terminal = Terminal(["up", "--listen", free_endpoint()], variables=variables)
+    terminal = Terminal(["up", "--listen", free_endpoint()], variables=variables, program=QUICK)
     terminal.until(lambda text: re.search(sign, text))
     terminal.press_ctrl_c()
     assert terminal.end() == 0

@@ -13,7 +13,7 @@ from tests.integration.conftest import Service, a_router, some_services
 from tests.integration.listening import open_client
 from tests.integration.routing import Router
 from tests.integration.standing_in import StandIn
-from tests.integration.tools.doctor.diagnosing import Stand
+from tests.integration.tools.doctor.diagnosing import SECOND_S, Stand
 
 
 @pytest.fixture(scope="package")
@@ -37,7 +37,7 @@ def stand(shared: Router) -> Iterator[Stand]:
 
         def stand(node: str, **about: Any) -> StandIn:
             session = open_sessions.enter_context(open_client(shared.endpoint))
-            standing.append(StandIn(session, node, **about))
+            standing.append(StandIn(session, node, second_s=SECOND_S, **about))
             return standing[-1]
 
         yield stand

@@ -6,7 +6,7 @@ import pytest
 
 from common.errors import ExpectationNotMet
 from tests.integration.listening import newest, open_client
-from tests.integration.tools.doctor.diagnosing import SMALL, Diagnosis, levels
+from tests.integration.tools.doctor.diagnosing import SMALL, WATCH_S, Diagnosis, levels
 from tests.integration.waiting import wait_until
 
 
@@ -57,7 +57,9 @@ def test_the_expected_rate_may_come_from_the_parameter(shared, stand):
         counters=lambda s: {"captured": int(12 * s), "published": int(12 * s)},
         parameters={"rate": {"value": 30.0}},
     )
-    ((level, text, remedy),) = Diagnosis(shared.endpoint, "by_parameter", for_s=2.2).of("cameras")
+    ((level, text, remedy),) = Diagnosis(shared.endpoint, "by_parameter", for_s=WATCH_S).of(
+        "cameras"
+    )
     assert (level, text) == ("WARN", "camera_front: 12.0 Hz of the 30 Hz it should have")
     assert "zv param set camera_front rate=12" in remedy
 

@@ -6,7 +6,7 @@ import pytest
 
 from tests.integration.listening import ask, newest, open_client
 from tests.integration.publishing import PlainCamera
-from tests.integration.tools.doctor.diagnosing import SMALL, Diagnosis
+from tests.integration.tools.doctor.diagnosing import SMALL, WATCH_S, Diagnosis
 from tests.integration.waiting import wait_until
 from tests.processes import Program
 
@@ -59,7 +59,7 @@ def test_a_loss_is_mended_by_the_parameter_of_who_can(shared, stand, reason, com
         parameters={"max_age": {"value": 0.4, "maximum": 60.0}},
         counters=lambda s: {"received": int(30 * s), "processed": int(27 * s), name: int(3 * s)},
     )
-    ((level, text, remedy),) = Diagnosis(shared.endpoint, reason).of("drops")
+    ((level, text, remedy),) = Diagnosis(shared.endpoint, reason, for_s=WATCH_S).of("drops")
     assert level == "WARN"
     assert f" % of its frames as {reason} (" in text
     assert remedy.endswith(command)
@@ -78,22 +78,24 @@ def test_frames_that_the_camera_itself_lost_are_not_blamed_on_the_way(shared, st
         },
     }.items():
         stand(node, namespace="upstream", **about)
-    ((_, text, _),) = Diagnosis(shared.endpoint, "upstream", for_s=2.2).of("drops")
+    ((_, text, _),) = Diagnosis(shared.endpoint, "upstream", for_s=WATCH_S).of("drops")
     assert text.startswith("camera_front loses 6.7 % of its frames as overwritten")
 
 
 def test_a_small_loss_that_lasts_is_found_by_the_totals_and_one_that_is_over_is_not(shared, stand):
-    for node, now in (("edge_front", 1), ("tracker_front", 0)):
-        stand(
-            node,
-            namespace="seldom",
-            counters=lambda s, now=now: {
-                "received": 2000 + int(30 * s),
-                "processed": 1960,
-                "dropped.stale": 40 + now * int(s),
-            },
-        )
-    ((level, text, _),) = Diagnosis(shared.endpoint, "seldom").of("drops")
+    told_s: list[float] = []
+
+    def losing(s: float) -> dict[str, int]:
+        told_s.append(s)
+        one_more = s > told_s[0]
+        return {"received": 2000 + int(s), "processed": 1960, "dropped.stale": 40 + one_more}
+
+    stand("edge_front", namespace="seldom", counters=losing)
+    over = {"processed": 1960, "dropped.stale": 40}
+    stand(
+        "tracker_front", namespace="seldom", counters=lambda s: {"received": 2000 + int(s), **over}
+    )
+    ((level, text, _),) = Diagnosis(shared.endpoint, "seldom", for_s=WATCH_S).of("drops")
     assert level == "WARN"
     assert text.startswith("edge_front loses 2.0 % of its frames as stale (4")
     assert "since its start" in text
