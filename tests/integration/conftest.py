@@ -19,6 +19,7 @@ from tests.processes import Program
 Service = Callable[..., Program]
 
 
+QUICK_ZV = "tests.integration.quick_zv"
 SPARE: list[Router] = []
 """Routers that nothing was done to. They keep nothing of who has left, so one serves the next."""
 
@@ -46,12 +47,18 @@ def _spare_routers_end() -> Iterator[None]:
 
 
 @contextmanager
-def some_services(endpoint: str, folder: Path) -> Iterator[Service]:
-    """Yield what starts services at an endpoint; end them by their process ids."""
+def some_services(endpoint: str, folder: Path, program: str = "services") -> Iterator[Service]:
+    """Yield what starts services at an endpoint; end them by their process ids.
+
+    Args:
+        endpoint: Of a router.
+        folder: Where their output goes.
+        program: Module that is ``zv``.
+    """
     programs: list[Program] = []
 
     def start(name: str, *flags: object) -> Program:
-        arguments = ["-m", "services", name, "--connect", endpoint, *map(str, flags)]
+        arguments = ["-m", program, name, "--connect", endpoint, *map(str, flags)]
         programs.append(Program(arguments, folder, f"{name}{len(programs)}"))
         return programs[-1]
 
@@ -84,6 +91,13 @@ def client(router: Router) -> Iterator[zenoh.Session]:
 def service(router: Router, tmp_path: Path) -> Iterator[Service]:
     """``service("tracker", "--history", 50)`` starts one at the router, with its output kept."""
     with some_services(router.endpoint, tmp_path) as start:
+        yield start
+
+
+@pytest.fixture
+def quick_service(router: Router, tmp_path: Path) -> Iterator[Service]:
+    """As ``service``; but what they count is told ten times a second."""
+    with some_services(router.endpoint, tmp_path, QUICK_ZV) as start:
         yield start
 
 

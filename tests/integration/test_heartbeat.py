@@ -16,7 +16,7 @@ from common.zenoh_config import Connection
 from services.figures.board import Report
 from services.up.health import trouble_of
 from services.up.processes import Child
-from tests.integration.conftest import some_services
+from tests.integration.conftest import QUICK_ZV, some_services
 from tests.integration.listening import Listener, wait_for_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.routing import Router
@@ -148,9 +148,7 @@ def test_the_router_beats(tmp_path, health):
 
 def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
     listen = Router(tmp_path).endpoint
-    with Program(
-        ["-m", "tests.integration.quick_up", "up", "--plain", "--listen", listen], tmp_path, "up"
-    ) as program:
+    with Program(["-m", QUICK_ZV, "up", "--plain", "--listen", listen], tmp_path, "up") as program:
         wait_until(lambda: "tracker_front" in program.output, 30)
         wait_until(lambda: says(health) == "ok\n", 20)
         children = psutil.Process(program.process.pid).children()
