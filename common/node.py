@@ -16,24 +16,20 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
-import zenoh
-
 from common import keys, parameter_server
 from common.codec import Message
 from common.connection import Connection
-from common.description import description
 from common.errors import ConfigurationError, PayloadError
 from common.frame import Form, Frame
 from common.health import Health
-from common.heartbeat import Heartbeat
-from common.images import Pixels
 from common.keys import Topic
 from common.ledger import Ledger
 from common.live import LiveSettings
-from common.messages import Diagnostics, Header, NodeDescription, Stamped
+from common.messages import Diagnostics, NodeDescription
 from common.parameter_server import ParameterServer
-from common.publishing import Sample, StreamPublisher, picture_sample
 from common.receiving import FrameReceiver
+from common.results import Results
+from common.self_report import SelfReport
 from common.serving import QueryServer, answer_schemas
 from common.session import close_session, open_session
 from common.signals import StopSignals
@@ -41,7 +37,7 @@ from common.signals import StopSignals
 POLL_S = 0.1
 
 
-class Node:
+class Node(Results):
     """A node of the system: opened by ``with``, stopped by a signal or ``stop()``.
 
     Args:
@@ -73,18 +69,17 @@ class Node:
                 raise ConfigurationError(f"{name!r} is no name: allowed are a-z, 0-9 and _")
         self.service = service
         self.camera = camera
-        self.name = f"{service}_{camera}"
+        super().__init__(f"{service}_{camera}", publishes)
         self.parameters = parameters
         self.ledger = Ledger(*counts)
         self.health = Health(self.name, self.ledger)
-        self._topics = [keys.TOPICS[t] if isinstance(t, str) else t for t in publishes]
         self._messages: set[type[Message]] = {Diagnostics, NodeDescription, *messages}
         if parameters is not None:
             self._messages.update(parameter_server.MESSAGES)
-        self._publishers: dict[str, StreamPublisher] = {}
         self._stopping = False
-        self._started_ns = time.time_ns()
-        self._heartbeat = Heartbeat()
+        self._report = SelfReport(
+            self.name, service, camera, self.health, lambda: self.published_keys
+        )
         self._signals = StopSignals(self.stop)
 
     # Life
@@ -97,20 +92,10 @@ class Node:
         except BaseException:
             self._signals.release()
             raise
-        self._server = QueryServer(self._say_how_it_does)
+        self._server = QueryServer(self._report.send)
         namespace = self.connection.namespace
-        for topic in self._topics:
-            self._publishers[topic.name] = StreamPublisher(
-                self._session, topic, topic.key(namespace, self.camera), self._server.ask
-            )
-        self._diagnostics = StreamPublisher(
-            self._session,
-            keys.message_topic("diagnostics", Diagnostics.schema_name),
-            keys.diagnostics_key(namespace, self.name),
-            self._server.ask,
-        )
-        own_key = keys.node_key(namespace, self.name)
-        self._server.declare(self._session, own_key, self._describe)
+        self._declare_publishers(self._session, namespace, self.camera, self._server)
+        self._report.declare(self._session, namespace, self._server)
         self._server.declare(
             self._session,
             keys.schema_key(namespace, "*"),
@@ -120,7 +105,7 @@ class Node:
             answers = ParameterServer(self.parameters, namespace, self.name)
             answers.publish_to(self._session)
             self._server.declare(self._session, answers.key, answers.answer)
-        self._token = self._session.liveliness().declare_token(own_key)
+        self._report.show()
         self._server.start()
         return self
 
@@ -152,7 +137,7 @@ class Node:
 
     def _waiting_is_over(self) -> bool:
         """Tell whether to give up on the router; to wait for it is to be well."""
-        self._heartbeat.beat()
+        self._report.waiting()
         return self._stopping
 
     # Frames in
@@ -216,99 +201,3 @@ class Node:
         """Count one pending frame as dropped, and say so once per burst."""
         self.ledger.drop(error.reason)
         self.health.complain(error)
-
-    # Results out
-
-    def header(self, frame: Frame, encoding: str | None = None) -> Header:
-        """Return the header of something derived from a frame: its identity, our name."""
-        return frame.header.model_copy(
-            update={
-                "encoding": encoding,
-                "node": self.name,
-                "revision": self.revision,
-                "done_ns": time.time_ns(),
-            }
-        )
-
-    def publish(self, topic: Topic | str, message: Stamped) -> None:
-        """Publish a message that carries a header."""
-        publisher = self._publisher(topic)
-        encoding = publisher.topic.encoding
-        publisher.offer(lambda: Sample(message.to_bytes(), encoding, message.header.to_bytes()))
-
-    def publish_picture(
-        self,
-        topic: Topic | str,
-        frame: Frame,
-        picture: Pixels | Callable[[], Pixels],
-        *,
-        encoding: str = "bgr8",
-        quality: int = 80,
-        jpeg: bool | None = None,
-        bilevel: bool = False,
-    ) -> None:
-        """Publish a picture made from a frame, if someone subscribes; keep it for queries.
-
-        Args:
-            topic: Its row says whether it goes as JPEG or PNG.
-            frame: What it was made from.
-            picture: Its pixels, or what makes them: called at most once, maybe later and on
-                another thread.
-            encoding: What the pixels are: ``bgr8`` or ``mono8``.
-            quality: JPEG quality.
-            jpeg: True or False overrides the row.
-            bilevel: All pixels are 0 or 255: a PNG then has one bit each.
-        """
-        publisher = self._publisher(topic)
-        header = self.header(frame, encoding)
-        as_jpeg = publisher.topic.encoding == keys.JPEG if jpeg is None else jpeg
-
-        publisher.offer(
-            lambda: picture_sample(
-                picture() if callable(picture) else picture,
-                header,
-                jpeg_quality=quality if as_jpeg else None,
-                bilevel=bilevel,
-            )
-        )
-
-    def publish_frame(self, frame: Frame) -> bool:
-        """Publish a camera's own frame, compressed and raw, each only if someone subscribes.
-
-        Returns:
-            Whether anyone got it.
-        """
-        attachment = frame.header.to_bytes()
-        compressed = self._publisher(keys.IMAGE).offer(
-            lambda: Sample(frame.compressed, frame.mime, attachment)
-        )
-        raw = self._publisher(keys.RAW).offer(lambda: Sample(frame.raw, keys.RAW_IMAGE, attachment))
-        return compressed or raw
-
-    def _publisher(self, topic: Topic | str) -> StreamPublisher:
-        return self._publishers[topic if isinstance(topic, str) else topic.name]
-
-    # Health and description
-
-    def _say_how_it_does(self) -> None:
-        self._heartbeat.beat(self.health.trouble())
-        diagnostics = self.health.diagnostics()
-        self._diagnostics.offer(
-            lambda: Sample(diagnostics.to_bytes(), self._diagnostics.topic.encoding, None)
-        )
-
-    def _describe(self, query: zenoh.Query) -> None:
-        own = description(
-            self.name,
-            self.service,
-            self.camera,
-            started_ns=self._started_ns,
-            publishes=[publisher.key for publisher in self._publishers.values()],
-            subscribes=[receiver.key for receiver in self.health.receivers],
-            rate_hz=self.health.bounds.expected_hz,
-        )
-        query.reply(
-            keys.node_key(self.connection.namespace, self.name),
-            own.to_bytes(),
-            encoding=keys.msgpack_of(NodeDescription.schema_name),
-        )

@@ -9,7 +9,6 @@ quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality"), Live("p
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -19,8 +18,10 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from common.errors import ParameterRefused
+from common.excerpt import excerpt
 from common.messages import Parameter
-from common.settings import Settings, allowed, meant, properties
+from common.near_names import meant
+from common.settings import Settings, allowed, properties
 
 S = TypeVar("S", bound=Settings)
 
@@ -120,7 +121,8 @@ def no_parameter(model: type[Settings], name: object) -> ParameterRefused:
     if isinstance(name, str) and name in model.model_fields:
         error = f"{name} cannot change while the node runs"
     else:
-        error = f"there is no parameter {reprlib.repr(name)}{meant(str(name), live)}"
+        hint = meant(str(name), live, before="; ")
+        error = f"there is no parameter {excerpt(name)}{hint}"
     return ParameterRefused(error, ", ".join(live))
 
 
@@ -142,7 +144,7 @@ def _refused(
             wrong, _, right = message.partition("; allowed: ")
             return ParameterRefused(wrong, right or "values that fit together")
         name = str(found["loc"][0])
-        shown = reprlib.repr(wanted.get(name))
+        shown = excerpt(wanted.get(name))
         words.setdefault(name, f"{name} = {shown} is not allowed ({message})")
     ranges = {name: may_be(model, name) for name in words}
     if len(words) == 1:

@@ -7,10 +7,9 @@ are derived from it.
 
 from __future__ import annotations
 
-import difflib
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, cast
@@ -26,7 +25,9 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from common.errors import ConfigurationError
+from common.excerpt import excerpt
 from common.keys import DEFAULT_CAMERA, NAME
+from common.near_names import meant
 
 if TYPE_CHECKING:
     from pydantic_settings import BaseSettings
@@ -153,14 +154,8 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 
 def unknown(shown: str, name: str, model: type[BaseModel]) -> str:
     """Say that a key is unknown, with the nearest that is known."""
-    hint = meant(name, model.model_fields)
-    return f"unknown key {shown!r}{hint or ';'} allowed: {', '.join(model.model_fields)}"
-
-
-def meant(name: str, known: Iterable[str]) -> str:
-    """Return a question with the nearest name that is known; nothing if none is near."""
-    near = difflib.get_close_matches(name, known, 1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    hint = meant(name, model.model_fields, after=" ")
+    return f"unknown key {excerpt(shown)}; {hint}allowed: {', '.join(model.model_fields)}"
 
 
 def allowed(field: FieldInfo, name: str, model: type[BaseModel]) -> str:
@@ -241,6 +236,6 @@ def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, stri
         shown = f"--{name.rstrip('_').replace('_', '-')}" if place == "command line" else shown
         message = first["msg"].removeprefix("Value error, ")
         raise ConfigurationError(
-            f"{place}: {shown} = {values[name]!r} is not allowed ({message}); "
+            f"{place}: {shown} = {excerpt(values[name])} is not allowed ({message}); "
             f"allowed: {allowed(model.model_fields[name], name, model)}"
         ) from None

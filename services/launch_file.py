@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -11,7 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from common.connection import DEFAULT_ENDPOINT
 from common.errors import ConfigurationError
+from common.excerpt import excerpt
 from common.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
+from common.near_names import meant
 from common.settings import (
     CameraName,
     ServiceSettings,
@@ -145,15 +146,14 @@ def read_launch_file(path: Path) -> Plan:
 
 def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
     if table.service not in NODE_SERVICES:
-        near = difflib.get_close_matches(table.service, NODE_SERVICES, 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        hint = meant(table.service, NODE_SERVICES, after=" ")
         raise ConfigurationError(
-            f"{place}.service = {table.service!r} is not allowed; {hint}"
+            f"{place}.service = {excerpt(table.service)} is not allowed; {hint}"
             f"allowed: {', '.join(NODE_SERVICES)}"
         )
     if "camera" in table.settings:
         raise ConfigurationError(
-            f"{place}.settings.camera = {table.settings['camera']!r} is not allowed; "
+            f"{place}.settings.camera = {excerpt(table.settings['camera'])} is not allowed; "
             "allowed: camera = ... beside settings"
         )
     model = model_of(table.service)
@@ -192,7 +192,7 @@ def _refuse(path: Path, error: ValidationError) -> NoReturn:
     if first["type"] == "missing":
         words = model.model_fields[name].description
         raise ConfigurationError(f"{place} is missing; allowed: {words}")
-    message = f"{place} = {first['input']!r} is not allowed ({first['msg']})"
+    message = f"{place} = {excerpt(first['input'])} is not allowed ({first['msg']})"
     if name in model.model_fields and model is not LaunchTables:
         message += f"; allowed: {allowed(model.model_fields[name], name, model)}"
     elif name in model.model_fields:

@@ -10,7 +10,8 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
@@ -155,3 +156,23 @@ def newest(session: zenoh.Session, key: str, timeout_s: float = START_S) -> zeno
         return next((reply.ok for reply in session.get(key, timeout=2.0) if reply.ok), None)
 
     return eventually(ask, timeout_s, lambda: f"nobody answers on {key}")
+
+
+@contextmanager
+def system(folder: Path, *services: str) -> Iterator[str]:
+    """Yield the endpoint of a router with services at it, once their results flow.
+
+    Args:
+        folder: Where the programs' output goes.
+        services: Beside the synthetic camera: ``tracker``, ``edge``.
+    """
+    results = {"tracker": "vision/front/centroid", "edge": "vision/front/edges/compressed"}
+    with ExitStack() as running:
+        program, endpoint = router(folder)
+        running.enter_context(program)
+        for name in ("camera", *services):
+            running.enter_context(service(name, folder, "--connect", endpoint))
+        with client(endpoint) as session:
+            for name in services:
+                newest(session, results[name])
+        yield endpoint

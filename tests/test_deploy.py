@@ -5,26 +5,25 @@ from __future__ import annotations
 import re
 import shlex
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
+from tests.pages import Page, begins, run_as_written
 from tests.processes import (
     ROOT,
     START_S,
     Program,
     client,
-    environment,
     eventually,
     free_endpoint,
     newest,
     service,
 )
 
-PAGE = (ROOT / "docs" / "deploy.md").read_text()
+PAGE = Page("docs/deploy.md")
 SITE = "tcp/192.0.2.10:7447"
 UNITS = ROOT / "examples" / "systemd"
 NOT_RUN_HERE = {
@@ -42,17 +41,8 @@ NOT_RUN_HERE = {
 }
 
 
-def commands() -> list[str]:
-    blocks = re.findall(r"^```sh\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-    return [line for block in blocks for line in block.splitlines() if line]
-
-
-def those(*starts: str) -> list[str]:
-    return [line for line in commands() if line.startswith(starts)]
-
-
-TOOLS = those("zv doctor", "zv topic", "zv snapshot", "zv param")
-COPIES = those("sudo cp", "sudo mkdir")
+TOOLS = PAGE.commands("zv doctor", "zv topic", "zv snapshot", "zv param")
+COPIES = PAGE.commands("sudo cp", "sudo mkdir")
 ROUTER = "zv router --listen 'tcp/0.0.0.0:7447#so_sndbuf=32768'"
 
 
@@ -65,7 +55,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         words = shlex.split(ROUTER)[1:]
         words[-1] = words[-1].replace("tcp/0.0.0.0:7447", endpoint)
         running.enter_context(service(words[0], folder, *words[1:]))
-        for line in those("zv camera", "zv tracker", "zv edge"):
+        for line in PAGE.commands("zv camera", "zv tracker", "zv edge"):
             words = shlex.split(line.replace(SITE, endpoint))[1:]
             words = [word.replace("/dev/video0", "synthetic") for word in words]
             running.enter_context(service(words[0], folder, *words[1:]))
@@ -89,38 +79,31 @@ def test_every_command_is_run_here_or_it_is_said_why_not():
         ROUTER,
         *TOOLS,
         *COPIES,
-        *those("zv camera", "zv tracker", "zv edge", "python -m benchmarks.bandwidth"),
+        *PAGE.commands("zv camera", "zv tracker", "zv edge", "python -m benchmarks.bandwidth"),
     }
     left = [
-        line for line in commands() if line not in run and not line.startswith(tuple(NOT_RUN_HERE))
+        line
+        for line in PAGE.commands()
+        if line not in run and not line.startswith(tuple(NOT_RUN_HERE))
     ]
     assert not left
-    unused = [start for start in NOT_RUN_HERE if not those(start)]
+    unused = [start for start in NOT_RUN_HERE if not PAGE.commands(start)]
     assert not unused
 
 
 @pytest.mark.parametrize("line", TOOLS)
 def test_a_tool_does_as_written(site, line, tmp_path):
-    words = shlex.split(line.replace(SITE, site))[1:]
-    done = subprocess.run(
-        [sys.executable, "-m", "services", *words],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = run_as_written(line.replace(SITE, site), tmp_path, timeout_s=60)
     # What the doctor finds wrong with a loaded machine is 1; what it cannot do is more.
-    assert done.returncode in ((0, 1) if words[0] == "doctor" else (0,)), done.stderr
-    if words[0] == "snapshot":
+    assert done.returncode in ((0, 1) if begins(line, "zv", "doctor") else (0,)), done.stderr
+    if begins(line, "zv", "snapshot"):
         assert (tmp_path / "door.jpg").read_bytes().startswith(b"\xff\xd8")
     else:
         assert done.stdout.strip()
 
 
 def test_the_boards_camera_says_so_when_it_has_no_device(tmp_path):
-    (line,) = those("zv camera")
+    (line,) = PAGE.commands("zv camera")
     if Path("/dev/video0").exists():
         pytest.skip("there is a device")
     words = shlex.split(line.replace(SITE, free_endpoint()))[1:]
@@ -142,16 +125,16 @@ def test_the_units_are_copied_to_where_they_look_for_their_files(tmp_path):
     assert {path.name for path in (tmp_path / "etc/zenoh-vision").iterdir()} == {
         path.name for path in UNITS.glob("*.env")
     }
-    for line in those("sudo systemctl"):
+    for line in PAGE.commands("sudo systemctl"):
         for unit in re.findall(r"zv-\w+@?", line):
             assert f"{unit}.service" in names
-    (clone,) = those("sudo cp -r")
+    (clone,) = PAGE.commands("sudo cp -r")
     installed = clone.split()[-1]
     assert all(f"ExecStart={installed}/.venv/bin/zv " in p.read_text() for p in UNITS.glob("*.s*"))
 
 
 def test_the_override_of_the_second_site_adds_to_the_routers_command():
-    (block,) = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    (block,) = PAGE.blocks("yaml")
     words = re.findall(r"^ +- (.*)$", block, re.MULTILINE)
     compose = (ROOT / "docker-compose.yml").read_text()
     given = re.search(r'^    command: (\["-c".*\])$', compose, re.MULTILINE)[1]
@@ -163,6 +146,6 @@ def test_the_override_of_the_second_site_adds_to_the_routers_command():
 
 
 def test_the_addresses_are_those_kept_free_for_documentation():
-    addresses = set(re.findall(r"\b\d+\.\d+\.\d+\.\d+\b", PAGE))
+    addresses = set(re.findall(r"\b\d+\.\d+\.\d+\.\d+\b", PAGE.text))
     allowed = ("192.0.2.", "127.0.0.1", "0.0.0.0")
     assert all(address.startswith(allowed) for address in addresses)

@@ -11,9 +11,11 @@ import pytest
 from benchmarks.bandwidth import QUALITIES, frames_per_mbit, kilobytes, scene
 from benchmarks.memory import SIZES
 from common.zenoh_config import WAIT_BEFORE_CLOSE, WAIT_BEFORE_CLOSE_US, router_config
+from tests.pages import Page
+from tests.processes import ROOT
 
-ROOT = Path(__file__).parent.parent
-PAGE = (ROOT / "docs" / "deploy.md").read_text()
+DEPLOY = Page("docs/deploy.md")
+PAGE = DEPLOY.text
 MIB = 1024**2
 
 
@@ -80,9 +82,7 @@ def units() -> list[Path]:
 
 
 def test_the_file_for_slow_links_sets_what_the_page_says(tmp_path):
-    (shown,) = [
-        text for text in re.findall(r"```json5\n(.*?)```", PAGE, re.DOTALL) if "wait_before" in text
-    ]
+    (shown,) = [text for text in DEPLOY.blocks("json5") if "wait_before" in text]
     (tmp_path / "router.json5").write_text(shown)
     config = router_config("tcp/127.0.0.1:0", str(tmp_path / "router.json5"))
     assert json.loads(config.get_json(WAIT_BEFORE_CLOSE)) == 4_000_000

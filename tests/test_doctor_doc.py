@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import re
-import shlex
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 from services.tools.doctor.remedies import REMEDIES
-from tests.processes import ROOT, START_S, environment, router
+from tests.pages import Page, begins, run_as_written
+from tests.processes import ROOT, router
 
-TEXT = (ROOT / "docs" / "doctor.md").read_text()
+PAGE = Page("docs/doctor.md")
+TEXT = PAGE.text
 CODE = "\n".join(path.read_text() for path in (ROOT / "services/tools/doctor").glob("*.py"))
-SHELL = "\n".join(re.findall(r"^```sh\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL))
-COMMANDS = SHELL.splitlines()
 LINE = re.compile(r"(OK  |WARN|FAIL) (\w+) +\S.*")
 
 
@@ -49,7 +45,7 @@ def test_the_remedies_are_those_of_the_code():
 
 
 def test_the_transcript_has_the_form_of_the_tool():
-    shown = re.findall(r"^```text\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)[1].splitlines()
+    shown = PAGE.blocks("text")[1].splitlines()
     found = [LINE.fullmatch(line) for line in shown]
     assert all(found), shown
     assert {match[2] for match in found if match} <= checks_in_code()
@@ -63,19 +59,10 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory):
         yield endpoint
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", PAGE.commands())
 def test_a_command_runs_as_written(endpoint: str, command: str):
-    program, *words = shlex.split(command)
-    assert program == "zv"
-    short = [re.sub(r"^\d+s$", "1200ms", word) for word in words]
-    done = subprocess.run(
-        [sys.executable, "-m", "services", *short],
-        capture_output=True,
-        text=True,
-        cwd=Path(ROOT),
-        env={**environment(), "ZV_CONNECT": endpoint},
-        timeout=START_S,
-        check=False,
-    )
+    assert begins(command, "zv", "doctor")
+    short = re.sub(r"--for \d+s", "--for 1200ms", command)
+    done = run_as_written(short, ROOT, ZV_CONNECT=endpoint)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "namespace" in done.stdout

@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
@@ -17,6 +16,7 @@ import pytest
 import zenoh
 
 from common.messages import Centroid
+from tests import processes
 from tests.processes import (
     ROOT,
     START_S,
@@ -36,14 +36,7 @@ EXAMPLES = ROOT / "examples"
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A router, the synthetic camera and a tracker; the endpoint, once centroids flow."""
-    folder = tmp_path_factory.mktemp("system")
-    with ExitStack() as running:
-        program, endpoint = router(folder)
-        running.enter_context(program)
-        running.enter_context(service("camera", folder, "--connect", endpoint))
-        running.enter_context(service("tracker", folder, "--connect", endpoint))
-        with client(endpoint) as session:
-            newest(session, "vision/front/centroid")
+    with processes.system(tmp_path_factory.mktemp("system"), "tracker") as endpoint:
         yield endpoint
 
 

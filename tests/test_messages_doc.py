@@ -15,9 +15,11 @@ import pytest
 from common import keys, messages
 from common.codec import Message
 from common.images import ENCODINGS
+from tests.pages import Page
+from tests.processes import ROOT
 
-ROOT = Path(__file__).parent.parent
-TEXT = (ROOT / "docs" / "messages.md").read_text()
+PAGE = Page("docs/messages.md")
+TEXT = PAGE.text
 VECTORS = ROOT / "tests" / "vectors"
 BUILD_S = 300.0
 RUN_S = 30.0
@@ -58,9 +60,7 @@ def names(cell: str) -> list[str]:
 
 def code(language: str) -> str:
     """Return the first fenced block of a language."""
-    found = re.search(rf"^```{language}\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
-    assert found
-    return found[1]
+    return PAGE.blocks(language)[0]
 
 
 # Tables against the code
@@ -232,14 +232,16 @@ def test_the_javascript_program_reads_every_vector(tmp_path: Path):
     check([node, str(program)], tmp_path)
 
 
-def test_the_rust_program_reads_every_vector(tmp_path: Path):
+def test_the_rust_program_reads_every_vector(pytestconfig: pytest.Config, tmp_path: Path):
     cargo = needs("cargo")
-    (tmp_path / "Cargo.toml").write_text(CARGO)
-    (tmp_path / "src").mkdir()
-    (tmp_path / "src" / "main.rs").write_text(code("rust"))
+    # What was built stays in pytest's cache: only what the page has changed is built anew.
+    project = pytestconfig.cache.mkdir("read_message_in_rust")
+    (project / "src").mkdir(exist_ok=True)
+    for file, text in (("Cargo.toml", CARGO), ("src/main.rs", code("rust"))):
+        (project / file).write_text(text)
     fetched = subprocess.run(
         [cargo, "fetch"],
-        cwd=tmp_path,
+        cwd=project,
         capture_output=True,
         text=True,
         timeout=BUILD_S,
@@ -249,11 +251,11 @@ def test_the_rust_program_reads_every_vector(tmp_path: Path):
         pytest.skip(f"the crates cannot be had: {fetched.stderr.strip().splitlines()[-1]}")
     built = subprocess.run(
         [cargo, "build", "--offline", "--quiet", "--target-dir", "target"],
-        cwd=tmp_path,
+        cwd=project,
         capture_output=True,
         text=True,
         timeout=BUILD_S,
         check=False,
     )
     assert built.returncode == 0, built.stderr
-    check([str(tmp_path / "target" / "debug" / "read_message")], tmp_path)
+    check([str(project / "target" / "debug" / "read_message")], tmp_path)

@@ -17,9 +17,11 @@ from services.tools.metrics.board import MAX_COUNTERS, MAX_NODES, SILENT_S
 from services.tools.metrics.families import FAMILIES, PREFIX
 from services.tools.metrics.options import MetricsOptions
 from services.tools.metrics.serving import MAX_REQUESTS
+from tests.pages import Page
+from tests.processes import ROOT
 
-ROOT = Path(__file__).parent.parent
-TEXT = (ROOT / "docs" / "metrics.md").read_text()
+PAGE = Page("docs/metrics.md")
+TEXT = PAGE.text
 DASHBOARD = json.loads((ROOT / "docs" / "grafana" / "zenoh-vision.json").read_text())
 PANELS: list[dict[str, Any]] = DASHBOARD["panels"]
 GRAFANA_COLUMNS = 24
@@ -39,13 +41,9 @@ def served() -> dict[str, set[str]]:
     return found
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
-
-
 def rules() -> str:
     """Return the file of alert rules."""
-    (found,) = [block for block in blocks("yaml") if block.startswith("groups:")]
+    (found,) = [block for block in PAGE.blocks("yaml") if block.startswith("groups:")]
     return found
 
 
@@ -57,7 +55,7 @@ def queries() -> Iterator[tuple[str, str]]:
     for variable in DASHBOARD["templating"]["list"]:
         if variable["type"] == "query":
             yield variable["name"], variable["query"]["query"]
-    for block in blocks("promql"):
+    for block in PAGE.blocks("promql"):
         yield "document", block
     for number, text in enumerate(re.split(r"- alert:", rules())[1:]):
         expression = text.partition("expr:")[2].partition("for:")[0]

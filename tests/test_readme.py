@@ -11,7 +11,6 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -19,6 +18,7 @@ import zenoh
 
 from services.cli.failures import FAULT_STATUS
 from services.cli.main import COMMANDS
+from tests.pages import Page, once_each, run_as_written
 from tests.processes import (
     ROOT,
     START_S,
@@ -30,54 +30,50 @@ from tests.processes import (
     newest,
     router,
     service,
+    system,
 )
 
-TEXT = (ROOT / "README.md").read_text()
+PAGE = Page("README.md")
+COMMANDS_SHOWN = [shlex.split(line) for line in PAGE.commands()]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 MISSING_SOURCES = {"0", "/dev/video2"}
 """Devices that a test machine need not have: then the camera must say so, with exit status 3."""
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
-
-
-def commands() -> list[list[str]]:
-    """Return every command of the shell blocks, as words; comments are left out."""
-    lines = [line for block in blocks("sh") for line in block.splitlines()]
-    return [words for line in lines if (words := shlex.split(line, comments=True))]
-
-
 def written(program: str, *second: str) -> list[object]:
-    """Return the commands that begin so, each once, as test parameters."""
-    found = {" ".join(words): words for words in commands() if words[0] == program}
-    chosen = {text: words for text, words in found.items() if not second or words[1] in second}
-    return [pytest.param(words[1:], id=text) for text, words in chosen.items()]
+    """Return the commands that begin so, each once, as test parameters: text and words."""
+    found = once_each(*PAGE.commands(f"{program} "))
+    chosen = {line: shlex.split(line) for line in found}
+    return [
+        pytest.param(words[1:], id=line)
+        for line, words in chosen.items()
+        if not second or words[1] in second
+    ]
 
 
 @pytest.fixture(scope="module")
-def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A router, the synthetic camera, a tracker and an edge detector; the endpoint."""
-    folder = tmp_path_factory.mktemp("system")
-    with ExitStack() as running:
-        program, endpoint = router(folder)
-        running.enter_context(program)
-        for name in ("camera", "tracker", "edge"):
-            running.enter_context(service(name, folder, "--connect", endpoint))
-        with client(endpoint) as session:
-            newest(session, "vision/front/centroid")
-            newest(session, "vision/front/edges/compressed")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Of a router, the synthetic camera, a tracker and an edge detector."""
+    with system(tmp_path_factory.mktemp("system"), "tracker", "edge") as endpoint:
+        yield endpoint
+
+
+@pytest.fixture(scope="module")
+def empty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Of a router without nodes but the one that a test starts."""
+    program, endpoint = router(tmp_path_factory.mktemp("router"))
+    with program:
         yield endpoint
 
 
 def test_every_command_is_one_that_is_tested_here():
     # Those of containers are in tests/compose/test_readme_containers.py.
-    containers = {words[0] for words in commands()} - {"make", "zv", "python", "source"}
+    containers = {words[0] for words in COMMANDS_SHOWN} - {"make", "zv", "python", "source"}
     assert {word.partition("=")[0] for word in containers} == {
         "docker", "cp", "curl", "ZV_VIDEO", "ZV_COMPOSE_CONNECT",
     }  # fmt: skip
-    assert {words[1] for words in commands() if words[0] == "zv"} <= set(COMMANDS)
-    assert {words[1] for words in commands() if words[0] == "make"} == {"up", "test"}
+    assert {words[1] for words in COMMANDS_SHOWN if words[0] == "zv"} <= set(COMMANDS)
+    assert {words[1] for words in COMMANDS_SHOWN if words[0] == "make"} == {"up", "test"}
 
 
 @pytest.mark.parametrize("arguments", written("make"))
@@ -112,13 +108,13 @@ def test_make_up_hands_its_source_to_the_camera():
 
 
 @pytest.mark.parametrize("flags", written("zv", "camera", "tracker", "edge"))
-def test_a_node_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp_path: Path):
-    running, endpoint = router(tmp_path)
+def test_a_node_starts_as_written_and_ends_with_ctrl_c(
+    flags: list[str], empty: str, tmp_path: Path
+):
     name, *options = flags
     with (
-        running,
-        client(endpoint) as session,
-        service(name, tmp_path, *options, "--connect", endpoint) as program,
+        client(empty) as session,
+        service(name, tmp_path, *options, "--connect", empty) as program,
     ):
         if source_of(options) in MISSING_SOURCES and not Path(device_of(options)).exists():
             assert program.process.wait(START_S) == 3
@@ -143,9 +139,11 @@ def device_of(options: list[str]) -> str:
 
 
 @pytest.mark.parametrize("flags", written("zv", "metrics"))
-def test_metrics_are_served_as_written_until_ctrl_c(flags: list[str], system: str, tmp_path: Path):
+def test_metrics_are_served_as_written_until_ctrl_c(
+    flags: list[str], endpoint: str, tmp_path: Path
+):
     # 9464 may well be in use.
-    options = [*flags[1:], "--connect", system, "--listen", "127.0.0.1:0"]
+    options = [*flags[1:], "--connect", endpoint, "--listen", "127.0.0.1:0"]
     with service(flags[0], tmp_path, *options) as program:
         url = program.lines(r"http://127\.0\.0\.1:\d+/metrics")[0][0]
 
@@ -157,19 +155,24 @@ def test_metrics_are_served_as_written_until_ctrl_c(flags: list[str], system: st
         assert program.interrupt() == 0
 
 
+def client_of(program: Program, endpoint: str) -> zenoh.Session:
+    """Return a session, as soon as a program that starts a router lets one in."""
+
+    def opened() -> zenoh.Session | None:
+        assert program.process.poll() is None, program.complaints
+        try:
+            return client(endpoint)
+        except zenoh.ZError:
+            return None
+
+    return eventually(opened, START_S, lambda: program.complaints)
+
+
 @pytest.mark.parametrize("flags", written("zv", "router"))
 def test_the_router_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp_path: Path):
     endpoint = free_endpoint()  # 7447 may well be in use
     with service(flags[0], tmp_path, *flags[1:], "--listen", endpoint) as program:
-
-        def opened() -> zenoh.Session | None:
-            assert program.process.poll() is None, program.complaints
-            try:
-                return client(endpoint)
-            except zenoh.ZError:
-                return None
-
-        eventually(opened, START_S, lambda: program.complaints).close()
+        client_of(program, endpoint).close()
         assert program.interrupt() == 0
 
 
@@ -179,7 +182,7 @@ def test_the_router_starts_as_written_and_ends_with_ctrl_c(flags: list[str], tmp
         pytest.param(["up"], ["front"], id="make up"),
         *(
             pytest.param(words[1:], ["left", "right"], id=" ".join(words))
-            for words in commands()
+            for words in COMMANDS_SHOWN
             if words[:2] == ["zv", "up"]
         ),
     ],
@@ -189,15 +192,7 @@ def test_zv_up_starts_a_system_and_ends_with_ctrl_c(
 ):
     endpoint = free_endpoint()
     with service(flags[0], tmp_path, *flags[1:], "--plain", "--listen", endpoint) as program:
-
-        def opened() -> zenoh.Session | None:
-            assert program.process.poll() is None, program.complaints
-            try:
-                return client(endpoint)
-            except zenoh.ZError:
-                return None
-
-        with eventually(opened, START_S, lambda: program.complaints) as session:
+        with client_of(program, endpoint) as session:
             for camera in cameras:
                 newest(session, f"vision/{camera}/centroid")
                 newest(session, f"vision/{camera}/edges/compressed")
@@ -206,28 +201,20 @@ def test_zv_up_starts_a_system_and_ends_with_ctrl_c(
         assert time.monotonic() - began < 2.5
 
 
-@pytest.mark.parametrize("arguments", written("zv", "doctor"))
-def test_the_doctor_runs_as_written(system: str, arguments: list[str]):
-    done = subprocess.run(
-        [sys.executable, "-m", "services", *arguments, "--connect", system],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env=environment(),
-        timeout=START_S,
-        check=False,
-    )
+@pytest.mark.parametrize("command", PAGE.commands("zv doctor"))
+def test_the_doctor_runs_as_written(endpoint: str, command: str):
+    done = run_as_written(command, ROOT, ZV_CONNECT=endpoint)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "tracker_front" in done.stdout
 
 
 @pytest.mark.parametrize("arguments", written("python"))
-def test_an_example_runs_as_written(system: str, tmp_path: Path, arguments: list[str]):
+def test_an_example_runs_as_written(endpoint: str, tmp_path: Path, arguments: list[str]):
     if "publish_from_anything.py" in arguments[0]:
         pytest.skip("tests/test_examples.py runs it, where there is no other camera")
-    words = [word if word != "tcp/127.0.0.1:7447" else system for word in arguments]
+    words = [word if word != "tcp/127.0.0.1:7447" else endpoint for word in arguments]
     if "save_frame.py" in arguments[0]:
-        words = [words[0], str(tmp_path / words[1]), system, *words[3:]]
+        words = [words[0], str(tmp_path / words[1]), endpoint, *words[3:]]
         done = subprocess.run(
             [sys.executable, *words],
             cwd=ROOT,
@@ -239,16 +226,16 @@ def test_an_example_runs_as_written(system: str, tmp_path: Path, arguments: list
         saved = (tmp_path / arguments[1]).read_bytes()
         assert saved.startswith(b"\xff\xd8" if arguments[1].endswith(".jpg") else b"\x89PNG")
         return
-    with Program([*words, system], tmp_path, "example") as program:
+    with Program([*words, endpoint], tmp_path, "example") as program:
         if "own_service.py" in arguments[0]:
-            with client(system) as session:
+            with client(endpoint) as session:
                 newest(session, "vision/front/brightness")
         else:
             program.lines(r"front \d+ .*", count=3)
         assert program.interrupt() == 0
 
 
-@pytest.mark.parametrize("words", [w for w in commands() if w[0] == "source"], ids=" ".join)
+@pytest.mark.parametrize("words", [w for w in COMMANDS_SHOWN if w[0] == "source"], ids=" ".join)
 def test_completion_is_there_after_the_line_as_written(words: list[str], tmp_path: Path):
     bash = shutil.which("bash")
     if bash is None:
@@ -273,14 +260,14 @@ def test_completion_is_there_after_the_line_as_written(words: list[str], tmp_pat
 
 
 def test_the_code_shown_is_that_of_the_examples():
-    subscriber, service_core = blocks("python")
+    subscriber, service_core = PAGE.blocks("python")
     example = (ROOT / "examples" / "subscribe.py").read_text()
     assert subscriber.strip() == example.split('"""')[2].strip()
     assert service_core in (ROOT / "examples" / "own_service.py").read_text()
 
 
 def test_the_output_shown_is_what_the_subscriber_prints():
-    shown = blocks("text")[-1].splitlines()
+    shown = PAGE.blocks("text")[-1].splitlines()
     assert shown
     assert all(re.fullmatch(r"front \d+ (\d+|None) (\d+|None) [\d.]+ ms", line) for line in shown)
 
@@ -330,5 +317,5 @@ def test_the_exit_statuses_are_those_of_the_code():
         and issubclass(error, errors.VisionError)
         and error not in (errors.VisionError, errors.PayloadError)
     }
-    shown = {int(found) for found in re.findall(r"^\| (\d+) \|", TEXT, re.MULTILINE)}
+    shown = {int(found) for found in re.findall(r"^\| (\d+) \|", PAGE.text, re.MULTILINE)}
     assert shown == statuses | {FAULT_STATUS}

@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from services.tools.catalogue import TOOLS
-from tests.processes import (
-    ROOT,
-    START_S,
-    Program,
-    client,
-    environment,
-    newest,
-    router,
-    service,
-)
+from tests.pages import Page, begins, once_each, run_as_written
+from tests.processes import ROOT, Program, system
 
-PAGE = (ROOT / "docs" / "tools.md").read_text()
-README = (ROOT / "README.md").read_text()
+PAGE = Page("docs/tools.md")
+README = Page("README.md")
 OWN_PAGES = ("topic", "snapshot", "schema", "node", "top")
 ENDLESS = {
     "zv topic list --watch",
@@ -44,21 +33,11 @@ NOT_SHOWN = {
 }
 
 
-def blocks(page: str, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-
-
-def commands() -> list[str]:
-    """Return every command that starts one of these tools, without its comment, each once."""
-    lines = [
-        line
-        for page in (PAGE, README)
-        for block in blocks(page, "sh")
-        for line in block.splitlines()
-    ]
-    found = [re.sub(r"\s+# .*", "", line) for line in lines if line.strip()]
-    ours = [line for line in found if line.split()[:2] in [["zv", name] for name in OWN_PAGES]]
-    return list(dict.fromkeys(ours))
+COMMANDS = [
+    command
+    for command in once_each(*PAGE.commands(), *README.commands())
+    if any(begins(command, "zv", name) for name in OWN_PAGES)
+]
 
 
 def shape(line: str) -> str:
@@ -68,15 +47,8 @@ def shape(line: str) -> str:
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A router, the synthetic camera and a tracker; the endpoint."""
-    folder = tmp_path_factory.mktemp("system")
-    with ExitStack() as running:
-        program, endpoint = router(folder)
-        running.enter_context(program)
-        for name in ("camera", "tracker"):
-            running.enter_context(service(name, folder, "--connect", endpoint))
-        with client(endpoint) as session:
-            newest(session, "vision/front/centroid")
+    """Of a router, the synthetic camera and a tracker."""
+    with system(tmp_path_factory.mktemp("system"), "tracker") as endpoint:
         yield endpoint
 
 
@@ -87,25 +59,17 @@ def place(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("command", [each for each in commands() if each not in ENDLESS])
+@pytest.mark.parametrize("command", [each for each in COMMANDS if each not in ENDLESS])
 def test_a_command_runs_as_written_and_prints_what_is_shown(
     command: str, endpoint: str, place: Path
 ):
-    words = command.removeprefix("zv ")
-    done = subprocess.run(
-        ["bash", "-c", f"exec {shlex.quote(sys.executable)} -m services {words}"],
-        capture_output=True,
-        cwd=place,
-        env=environment() | {"ZV_CONNECT": endpoint},
-        timeout=START_S,
-        check=False,
-    )
+    done = run_as_written(command, place, ZV_CONNECT=endpoint)
     if "--expect" in command and done.returncode == 1:  # a loaded machine is not at its rate
-        assert re.search(r": [\d.]+ Hz, expected 27\.00 Hz to 33\.00 Hz", done.stderr.decode())
+        assert re.search(r": [\d.]+ Hz, expected 27\.00 Hz to 33\.00 Hz", done.stderr)
         return
-    assert done.returncode == 0, done.stderr.decode()
-    first = (done.stdout or done.stderr).decode().splitlines()
-    shown = {shape(line) for block in blocks(PAGE, "text") for line in block.splitlines()}
+    assert done.returncode == 0, done.stderr
+    first = (done.stdout or done.stderr).splitlines()
+    shown = {shape(line) for block in PAGE.blocks("text") for line in block.splitlines()}
     if command not in NOT_SHOWN and first:
         assert shape(first[0]) in shown
     for file in re.findall(r"\S+\.(?:jpg|png)$", command):
@@ -114,7 +78,7 @@ def test_a_command_runs_as_written_and_prints_what_is_shown(
 
 @pytest.mark.parametrize("command", sorted(ENDLESS))
 def test_a_command_without_an_end_runs_until_ctrl_c(command: str, endpoint: str, tmp_path: Path):
-    assert command in commands()
+    assert command in COMMANDS
     arguments = ["-m", "services", *shlex.split(command)[1:], "--connect", endpoint]
     with Program(arguments, tmp_path, "tool") as program:
         program.lines(r"vision/front/.*|\d+|null|(here  )?\w+_front .*", count=2)
@@ -123,7 +87,7 @@ def test_a_command_without_an_end_runs_until_ctrl_c(command: str, endpoint: str,
 
 
 def test_every_tool_has_its_section():
-    headings = set(re.findall(r"^## zv (.*)$", PAGE, re.MULTILINE))
+    headings = set(re.findall(r"^## zv (.*)$", PAGE.text, re.MULTILINE))
     assert {words for words in TOOLS if words.split()[0] in OWN_PAGES} <= headings
 
 
@@ -140,4 +104,4 @@ def test_every_flag_that_is_named_is_one():
             for option in found.params
             for spelling in (*option.opts, *option.secondary_opts)
         }
-    assert set(re.findall(r"--[a-z][a-z-]*", PAGE)) <= known
+    assert set(re.findall(r"--[a-z][a-z-]*", PAGE.text)) <= known

@@ -12,8 +12,10 @@ from common.errors import SourceError
 from common.ledger import Ledger
 from common.live import Change, LiveSettings
 from common.slot import Slot
+from services.camera.captured import Captured
 from services.camera.choice import Opener, must_reopen, open_by
-from services.camera.reader import Captured, SourceReader
+from services.camera.reader import SourceReader
+from services.camera.reopening import Reopening
 from services.camera.settings import CameraSettings
 from services.camera.sources import kind_of, without_password
 
@@ -21,9 +23,6 @@ log = logging.getLogger(__name__)
 
 POLL_S = 0.05
 LAST_S = 0.3
-LEAVE_S = 2.0
-"""How long a source that is to be opened again gets for being closed."""
-
 OWN_S = 1.0
 """What a source that ends its own opening in time gets for saying why."""
 
@@ -58,11 +57,8 @@ class Capture:
         self._slot = Slot[Captured](lambda _: ledger.drop("overwritten"))
         self._open_source = open_source or open_by
         self._reader: SourceReader | None = None
-        self._leaving: SourceReader | None = None
-        self._leave_s = 0.0
         self._epoch = 0
-        self._delay_s = self._settings.reopen_min
-        self._reopen_s: float | None = None
+        self._reopening = Reopening()
         self._trouble = ""
         live.watch(self._on_change)
 
@@ -129,7 +125,7 @@ class Capture:
                 if self._trouble:
                     self._trouble = ""
                     report("")
-                self._delay_s = self._settings.reopen_min
+                self._reopening.succeeded()
                 yield captured
             elif not self._look_after(reader, report):
                 return
@@ -137,9 +133,9 @@ class Capture:
     def _look_after(self, reader: SourceReader, report: Callable[[str], None]) -> bool:
         """Do what the reader's state asks for; return False at the source's regular end."""
         now_s = time.monotonic()
-        if self._reopen_s is not None:
-            if now_s >= self._reopen_s and self._has_left(now_s):
-                self._reopen_s = None
+        if self._reopening.planned:
+            if self._reopening.due(now_s):
+                self._reopening.begun()
                 self._start_reader().start_reading()
             return True
         if reader.state == "ended":
@@ -166,22 +162,13 @@ class Capture:
 
     def _follow(self, reader: SourceReader) -> None:
         """Leave a source that cannot follow the settings; it is opened again at once."""
-        if self._leaving is reader:
+        if self._reopening.leaving is reader:
             return
         if not must_reopen(self.kind, reader.opened_with, self._settings, reader.source_hz):
             return
         log.info("opening %s again for the new settings", self._shown)
         reader.give_up()
-        self._leaving, self._leave_s = reader, time.monotonic() + LEAVE_S
-        self._reopen_s = time.monotonic()
-        self._delay_s = self._settings.reopen_min
-
-    def _has_left(self, now_s: float) -> bool:
-        """Tell whether the source that was left is closed: two cannot have one device."""
-        if self._leaving is not None and not self._leaving.gone and now_s < self._leave_s:
-            return False
-        self._leaving = None
-        return True
+        self._reopening.plan_at_once(time.monotonic(), reader)
 
     def _stalled(self, reader: SourceReader) -> bool:
         """Tell whether an opening or reading has taken too long; sources' own time-outs first."""
@@ -190,10 +177,11 @@ class Capture:
         return since_s is not None and time.monotonic() - since_s > allowed_s
 
     def _lose(self, reason: str, report: Callable[[str], None]) -> None:
-        self._trouble = f"{reason}; opening {self._shown} again in {self._delay_s:g} s"
+        delay_s = self._reopening.plan(
+            time.monotonic(), self._settings.reopen_min, self._settings.reopen_max
+        )
+        self._trouble = f"{reason}; opening {self._shown} again in {delay_s:g} s"
         report(self._trouble)
-        self._reopen_s = time.monotonic() + self._delay_s
-        self._delay_s = min(self._delay_s * 2, self._settings.reopen_max)
 
     def _start_reader(self) -> SourceReader:
         self._epoch = max(self._epoch + 1, time.time_ns())

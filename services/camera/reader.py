@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from dataclasses import dataclass
 from typing import Literal
 
 from common.errors import SourceError, SourceLost
 from common.ledger import Ledger
-from common.live import LiveSettings, Revision
+from common.live import LiveSettings
 from common.slot import Slot
+from services.camera.captured import Captured
 from services.camera.choice import (
     Opener,
     rate_to_keep,
@@ -19,9 +19,8 @@ from services.camera.choice import (
     same_source,
     watches_for_repeats,
 )
-from services.camera.pacing import Thinner
-from services.camera.repeats import RepeatWatch
 from services.camera.settings import CameraSettings
+from services.camera.sieve import Sieve
 from services.camera.sources import Kind
 from services.camera.sources.base import Foresighted, Picture, Source
 from services.camera.timing import Timing
@@ -29,21 +28,6 @@ from services.camera.timing import Timing
 log = logging.getLogger(__name__)
 
 State = Literal["opening", "reading", "ended", "lost", "failed"]
-
-
-@dataclass(frozen=True, slots=True)
-class Captured:
-    """A picture with its identity: born here, nothing changes it afterwards.
-
-    Attributes:
-        revision: The settings that it is made with, from reading to publishing.
-    """
-
-    picture: Picture
-    epoch: int
-    seq: int
-    stamp_ns: int
-    revision: Revision[CameraSettings]
 
 
 class SourceReader:
@@ -88,8 +72,7 @@ class SourceReader:
         self._may_read = threading.Event()
         self._source: Source | None = None
         self._timing = Timing(self._rate_hz)
-        self._thinner: Thinner | None = None
-        self._watch: RepeatWatch | None = None
+        self._sieve = Sieve()
         self._thread = threading.Thread(target=self._run, name=f"source {epoch}", daemon=True)
         self._thread.start()
 
@@ -183,7 +166,8 @@ class SourceReader:
                     self._timing.linger(1.0 / (self._rate_hz() or source.rate_hz or 10.0))
                 return
             if source.live:
-                if not self._lets_through():
+                rate_hz = self._settings.newest.settings.rate
+                if not self._sieve.lets_through(rate_hz, time.monotonic()):
                     continue
             elif picture.due_s is not None and not self._timing.wait_for(picture.due_s):
                 return
@@ -191,16 +175,6 @@ class SourceReader:
 
     def _rate_hz(self) -> float | None:
         return rate_to_keep(self._kind, self._settings.newest.settings)
-
-    def _lets_through(self) -> bool:
-        """Decide on a picture of a source that paces itself."""
-        rate_hz = self._settings.newest.settings.rate
-        if rate_hz is None:
-            self._thinner = None
-            return True
-        if self._thinner is None or self._thinner.rate_hz != rate_hz:
-            self._thinner = Thinner(rate_hz)
-        return self._thinner.lets_through(time.monotonic())
 
     def _hand_over(self, picture: Picture) -> None:
         stamp_ns = picture.stamp_ns or time.time_ns()
@@ -212,21 +186,10 @@ class SourceReader:
         revision = newest if same else self._asked
         seq, self.captured = self.captured, self.captured + 1
         self._ledger.arrive()
-        watch = self._repeat_watch(newest.settings)
-        if watch is not None and watch.repeats(picture, now_s):
+        frozen_after_s = newest.settings.frozen_after if watches_for_repeats(self._kind) else 0.0
+        if self._sieve.repeats(picture, frozen_after_s, now_s):
             self._ledger.drop("repeated")
-            if watch.frozen(now_s):
+            if self._sieve.frozen(now_s):
                 raise SourceLost("the picture is frozen")
             return
         self._slot.put(Captured(picture, self.epoch, seq, stamp_ns, revision))
-
-    def _repeat_watch(self, settings: CameraSettings) -> RepeatWatch | None:
-        """Return what looks out for repeats; None if all pictures are passed on."""
-        after_s = settings.frozen_after if watches_for_repeats(self._kind) else 0.0
-        if not after_s:
-            self._watch = None
-        elif self._watch is None:
-            self._watch = RepeatWatch(after_s)
-        else:
-            self._watch.frozen_after_s = after_s
-        return self._watch

@@ -13,9 +13,9 @@ from common.live import LiveSettings
 from common.messages import Header, Tracks
 from common.node import Node
 from services.camera.capture import Capture
+from services.camera.captured import Captured
 from services.camera.choice import rate_to_reach
 from services.camera.conversion import Converter, mirrored
-from services.camera.reader import Captured
 from services.camera.settings import CameraSettings
 from services.camera.sources.base import Source
 

@@ -114,12 +114,12 @@ class CameraSettings(ServiceSettings):
     ] = 4
     faults: Annotated[
         str,
-        AfterValidator(_known_faults),
         Field(
             max_length=1000,
             description="faults of the synthetic camera for tests, in each epoch: "
             "KIND@FRAME+FRAMES separated by commas; KIND: stall, frozen, drop, lighting; "
             "FRAME may be now; such as stall@90+60",
         ),
+        AfterValidator(_known_faults),
         Live(),
     ] = ""

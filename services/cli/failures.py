@@ -1,13 +1,17 @@
 """How ``zv`` ends when something is wrong: one line on standard error, and an exit status.
 
-A traceback is for who asks for it with ``--debug``.
+A traceback is for who asks for it with ``--debug``. That the reader of ``zv ... | head`` has had
+enough is nothing wrong.
 """
 
 from __future__ import annotations
 
+import os
+import select
 import sys
 import threading
 import traceback
+from collections.abc import Callable
 
 import typer
 
@@ -19,6 +23,29 @@ FAULT_STATUS = 70
 USAGE_STATUS = 2
 UsageError = typer.BadParameter.__mro__[1]
 """Every wrong use that typer finds. It shows only some of its kinds under names of their own."""
+
+
+def watch_reader() -> Callable[[BaseException], bool]:
+    """Return what tells of an error whether it only says that the reader of our output is gone.
+
+    If so, whatever is still to be written goes nowhere, and does not fail once more at the end.
+    typer and rich end the program with status 1 then; of them their ``SystemExit`` is judged.
+    """
+    try:
+        output = os.dup(1)  # rich puts something else in the place of the first
+    except OSError:  # it was closed from the start
+        return lambda _: False
+    poll = select.poll()
+    poll.register(output, 0)
+
+    def gone(error: BaseException) -> bool:
+        cause = error.__context__ if isinstance(error, SystemExit) else error
+        if not isinstance(cause, BrokenPipeError) or not poll.poll(0):
+            return False
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return True
+
+    return gone
 
 
 def tell(error: Exception, *, debug: bool) -> int:

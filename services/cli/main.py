@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from services.catalogue import SERVICES
-from services.cli.failures import tell, watch_threads
+from services.cli.failures import tell, watch_reader, watch_threads
 from services.cli.lazy import lazy
 from services.cli.shells import VARIABLE, answer_shells
 from services.tools.catalogue import GROUPS, TOOLS
@@ -94,12 +94,20 @@ def main() -> None:
     """Run ``zv``; every error is one line and its exit status."""
     debug = "--debug" in sys.argv[1:]
     watch_threads(debug=debug)
+    reader_is_gone = watch_reader()
     if VARIABLE in os.environ:
         answer_shells()
     try:
         status = run()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except KeyboardInterrupt:
         status = 0
-    except Exception as error:
-        status = tell(error, debug=debug)
+    except (Exception, SystemExit) as error:
+        if reader_is_gone(error):
+            status = 0
+        elif isinstance(error, SystemExit):
+            raise
+        else:
+            status = tell(error, debug=debug)
     sys.exit(status)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import logging
-import os
 import signal
-import sys
 from collections.abc import Callable
 from typing import Annotated, Any
 
@@ -70,14 +68,11 @@ def _command(words: str) -> Any:
 
 
 def run_tool(run: Run, options: ToolOptions, connection: Connection, output: Output) -> None:
-    """Run a tool; an end of its reader is no error."""
+    """Run a tool, and let no signal change its status once it has ended."""
     try:
         run(options, connection, output)
-        sys.stdout.flush()
-    except BrokenPipeError:  # the reader of `zv ... | head` has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     finally:
-        for number in SIGNALS:  # one that comes now must not change the status
+        for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from common import keys
 from services.tools.nearest import nothing_matches
-from services.tools.nodes import gather, name_in, tokens_of
-from services.tools.session import ToolSession
+from services.tools.nodes import tokens_of
+from services.tools.session import ROUTERS, ToolSession
 
-QUERYABLES = "@/*/router/queryable"
+QUERYABLES = f"{ROUTERS}/queryable"
 """A router's list of who answers on which key, where its admin space is on."""
 
 ASKED = (keys.IMAGE, keys.CENTROID, keys.EDGES)
@@ -36,9 +36,9 @@ def other_namespaces(session: ToolSession) -> dict[str, list[str]]:
     chunks = [key.split("/", 2) for key in streams]
     found = {c[0] for c in chunks if len(c) == 3 and c[2] in suffixes and keys.is_name(c[0])}
     others = sorted(found - {session.namespace})
-    answers = gather(session, *(tokens_of(session, namespace) for namespace in others))
+    answers = session.gather(*(tokens_of(session, namespace) for namespace in others))
     return {
-        namespace: sorted(name_in(answer) for answer in tokens)
+        namespace: sorted(answer.name for answer in tokens)
         for namespace, tokens in zip(others, answers, strict=True)
         if tokens
     }

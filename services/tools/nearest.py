@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
+
+from common.near_names import nearest, question
 
 MOST = 12
 
@@ -19,8 +20,7 @@ def nothing_matches(wanted: str, existing: Iterable[str], *, kind: str = "key") 
     known = sorted(set(existing))
     if not known:
         return f"nothing matches {wanted}: there is no {kind} at all; does a node run?"
-    near = difflib.get_close_matches(wanted, known, 1, cutoff=0.6)
-    hint = f"did you mean {near[0]}? " if near else ""
-    shown = difflib.get_close_matches(wanted, known, MOST, cutoff=0.0) if known[MOST:] else known
+    hint = question(nearest(wanted, known), after=" ")
+    shown = nearest(wanted, known, most=MOST, alike=0.0) if known[MOST:] else known
     more = f" and {len(known) - len(shown)} more" if len(known) > len(shown) else ""
     return f"nothing matches {wanted}: {hint}these exist: {', '.join(sorted(shown))}{more}"

@@ -6,27 +6,23 @@ answer.
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
-
-import zenoh
+from typing import TypeVar
 
 from common import keys
 from common.codec import Message
-from common.errors import PayloadError
+from common.errors import ExpectationNotMet, PayloadError, ToldToStop, VisionError
 from common.messages import Diagnostics, NodeDescription, Parameter
-from services.tools.session import ANSWER_S, POLL_S, ToolSession
+from services.tools.asking import EVERY_ANSWER, Answer, Question
+from services.tools.nearest import nothing_matches
+from services.tools.session import ANSWER_S, ToolSession
 
 M = TypeVar("M", bound=Message)
 
-EVERY_ANSWER: dict[str, Any] = {
-    "target": zenoh.QueryTarget.ALL,
-    "consolidation": zenoh.ConsolidationMode.NONE,
-}
-"""Without it Zenoh hands out one answer for a key, however many nodes give one."""
+SILENT = "shows its token but does not answer"
+"""What is said of a node that is there and says nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,45 +73,6 @@ class Presence:
         return max(0, now_ns - self.description.started_ns) / 1e9
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """A reply and the times around it, ns since 1970 by our clock."""
-
-    reply: zenoh.Reply
-    asked_ns: int
-    answered_ns: int
-
-    @property
-    def session(self) -> str:
-        """Zenoh id of who answered."""
-        return "" if self.reply.replier_id is None else str(self.reply.replier_id.zid)
-
-
-Question = Callable[[Any], object]
-"""Called with a handler for the replies."""
-
-
-def gather(session: ToolSession, *questions: Question) -> list[list[Answer]]:
-    """Ask several questions at once and return the answers to each; errors are left out."""
-    asked = [_begin(question) for question in questions]
-    for _, done in asked:
-        while not session.stopping and not done.wait(POLL_S):
-            pass
-    return [[answer for answer in list(found) if answer.reply.ok] for found, _ in asked]
-
-
-def _begin(question: Question) -> tuple[list[Answer], threading.Event]:
-    found: list[Answer] = []
-    done = threading.Event()
-    asked_ns = time.time_ns()
-
-    def take(reply: zenoh.Reply) -> None:
-        found.append(Answer(reply, asked_ns, time.time_ns()))
-
-    question(zenoh.handlers.Callback(take, done.set, indirect=False))
-    return found, done
-
-
 def every_answer_on(session: ToolSession, key: str, timeout_s: float = ANSWER_S) -> Question:
     """Return a query that all nodes may answer, equal names or not."""
     return lambda handler: session.zenoh.get(key, handler, timeout=timeout_s, **EVERY_ANSWER)
@@ -127,12 +84,6 @@ def tokens_of(session: ToolSession, namespace: str, node: str = "*") -> Question
     return lambda handler: session.zenoh.liveliness().get(key, handler, timeout=ANSWER_S)
 
 
-def name_in(answer: Answer) -> str:
-    """Return the node's name, the last chunk of the keys that are asked here."""
-    assert answer.reply.ok is not None
-    return str(answer.reply.ok.key_expr).rpartition("/")[2]
-
-
 def present(session: ToolSession, living: Collection[str] | None = None) -> list[Presence]:
     """Return every node that runs, by name and start; those that do not answer too.
 
@@ -141,20 +92,19 @@ def present(session: ToolSession, living: Collection[str] | None = None) -> list
         living: Names whose tokens are there, for who subscribes to tokens: beside such a
             subscription Zenoh 1.10 leaves tokens out of the answer to who asks for them.
     """
-    answers, reports, *tokens = gather(
-        session,
+    answers, reports, *tokens = session.gather(
         every_answer_on(session, keys.node_key(session.namespace, "*")),
         every_answer_on(session, keys.diagnostics_key(session.namespace, "*")),
         *([tokens_of(session, session.namespace)] if living is None else []),
     )
     if living is None:
-        living = {name_in(answer) for answer in tokens[0]}
+        living = {answer.name for answer in tokens[0]}
     described = [
-        Presence(name_in(answer), answer.session, description, _clock(answer, description))
+        Presence(answer.name, answer.session, description, _clock(answer, description))
         for answer, description in read(answers, NodeDescription)
-        if name_in(answer) in living  # the others ended while we asked
+        if answer.name in living  # the others ended while we asked
     ]
-    health = {(name_in(a), a.session): report for a, report in read(reports, Diagnostics)}
+    health = {(a.name, a.session): report for a, report in read(reports, Diagnostics)}
     found = [
         replace(each, report=health.get((each.name, each.session or ""))) for each in described
     ]
@@ -170,9 +120,8 @@ def _order(presence: Presence) -> tuple[str, int, str]:
 def read(answers: Iterable[Answer], message: type[M]) -> Iterable[tuple[Answer, M]]:
     """Yield the answers that hold a message of a type; what does not is not one of ours."""
     for answer in answers:
-        assert answer.reply.ok is not None
         try:
-            yield answer, message.from_bytes(answer.reply.ok.payload.to_bytes())
+            yield answer, message.from_bytes(answer.sample.payload.to_bytes())
         except PayloadError:
             continue
 
@@ -188,10 +137,32 @@ def _clock(answer: Answer, description: NodeDescription) -> Clock | None:
 
 
 def parameters(session: ToolSession, node: str) -> dict[str, list[Parameter]]:
-    """Return the parameters of all nodes of a name, by the session of each; {} if none answers."""
+    """Return the parameters of the nodes that answer, by the session of each.
+
+    Args:
+        session: Of the tool.
+        node: Its name, ``*`` for all nodes.
+    """
     key = keys.parameter_key(session.namespace, node, "*")
-    (answers,) = gather(session, every_answer_on(session, key))
+    (answers,) = session.gather(every_answer_on(session, key))
     found: dict[str, list[Parameter]] = {}
     for answer, parameter in read(answers, Parameter):
         found.setdefault(answer.session, []).append(parameter)
     return {who: sorted(those, key=lambda one: one.name) for who, those in found.items()}
+
+
+def absent(session: ToolSession, node: str, asked_for: str) -> VisionError:
+    """Return the error for a node that did not answer: it is not there, or it is silent.
+
+    Args:
+        session: Of the tool.
+        node: Its name.
+        asked_for: What it was asked for, ``parameters``.
+    """
+    (tokens,) = session.gather(tokens_of(session, session.namespace))
+    if session.stopping:
+        return ToldToStop("told to stop while waiting for an answer")
+    living = {answer.name for answer in tokens}
+    if node in living:
+        return ExpectationNotMet(f"{node} runs, but does not answer for {asked_for}")
+    return ExpectationNotMet(nothing_matches(node, living, kind="node"))

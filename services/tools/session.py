@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self
 
@@ -15,11 +14,14 @@ from common.errors import ConfigurationError
 from common.session import close_session, direct, open_session
 from common.signals import StopSignals
 from common.zenoh_config import plain
+from services.tools.asking import EVERY_ANSWER, POLL_S, Answer, Question, answers_to
 
-POLL_S = 0.05
 CONDITION_POLL_S = 0.02
 ANSWER_S = 1.0
 """How long a node may take to answer a query."""
+
+ROUTERS = "@/*/router"
+"""Where a router answers for itself, if it lets one look."""
 
 
 class ToolSession:
@@ -106,40 +108,18 @@ class ToolSession:
             timeout_s: Until then, whoever has not answered is left out.
             options: Of ``zenoh.Session.get``.
         """
-        return self._answers([self._begin(key, timeout_s, payload=payload, **options)])[0]
+        how = {**EVERY_ANSWER, "payload": payload, **options}
 
-    def ask_all(
-        self, keys: Sequence[str], *, timeout_s: float = ANSWER_S
-    ) -> list[list[zenoh.Reply]]:
-        """Return the replies to several queries that are asked at once, in their order."""
-        return self._answers([self._begin(key, timeout_s) for key in keys])
+        def question(handler: Any) -> object:
+            return self.zenoh.get(key, handler, timeout=timeout_s, **how)
 
-    def _begin(
-        self, key: str, timeout_s: float, **options: Any
-    ) -> tuple[list[zenoh.Reply], threading.Event]:
-        # By default Zenoh asks the nearest of several who answer on one key, and no other.
-        every = {
-            "target": zenoh.QueryTarget.ALL,
-            "consolidation": zenoh.ConsolidationMode.NONE,
-        }
-        replies: list[zenoh.Reply] = []
-        done = threading.Event()
-        handler: Any = zenoh.handlers.Callback(replies.append, done.set, indirect=False)
-        self.zenoh.get(key, handler, timeout=timeout_s, **(every | options))
-        return replies, done
+        (answers,) = answers_to([question], lambda: self._stopping)
+        return [answer.reply for answer in answers]
 
-    def _answers(
-        self, asked: Sequence[tuple[list[zenoh.Reply], threading.Event]]
-    ) -> list[list[zenoh.Reply]]:
-        for _, done in asked:
-            while not self._stopping and not done.wait(POLL_S):
-                pass
-        return [[reply for reply in list(found) if not _is_timeout(reply)] for found, _ in asked]
-
-
-def _is_timeout(reply: zenoh.Reply) -> bool:
-    """Tell Zenoh's own word that someone did not answer from a node's refusal."""
-    return reply.err is not None and reply.err.payload.to_bytes() == b"Timeout"
+    def gather(self, *questions: Question) -> list[list[Answer]]:
+        """Ask several questions at once and return the good answers to each."""
+        found = answers_to(questions, lambda: self._stopping)
+        return [[answer for answer in answers if answer.reply.ok] for answers in found]
 
 
 def key_expression(text: str) -> str:

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import zenoh
 
-from common.errors import PayloadError
 from common.keys import node_key
 from common.messages import NodeDescription
+from services.tools.asking import Answer
 from services.tools.nearest import nothing_matches
-from services.tools.session import ToolSession
+from services.tools.nodes import every_answer_on, read
+from services.tools.session import ROUTERS, ToolSession
 
-ADMIN = "@/*/router"
 KINDS = ("publisher", "subscriber")
 
 Sessions = Mapping[str, frozenset[str]]
@@ -79,41 +79,29 @@ class Survey:
 def survey(session: ToolSession) -> Survey:
     """Ask nodes and router what there is."""
     selectors = [
-        f"{ADMIN}/{kind}/{rest}" for kind in KINDS for rest in ("**", f"@{session.namespace}/**")
+        f"{ROUTERS}/{kind}/{rest}" for kind in KINDS for rest in ("**", f"@{session.namespace}/**")
     ]
-    described, admin, *declared = session.ask_all(
-        [node_key(session.namespace, "*"), ADMIN, *selectors]
-    )
+    asked = [node_key(session.namespace, "*"), ROUTERS, *selectors]
+    described, admin, *declared = session.gather(*(every_answer_on(session, key) for key in asked))
     own = str(session.zenoh.zid())
     found = {
         kind: _sessions(declared[2 * index] + declared[2 * index + 1], kind, own)
         for index, kind in enumerate(KINDS)
     }
     return Survey(
-        nodes=tuple(_descriptions(described)),
+        nodes=tuple(node for _, node in read(described, NodeDescription)),
         publishers=found["publisher"],
         subscribers=found["subscriber"],
-        answered=any(reply.ok for reply in admin),
+        answered=bool(admin),
     )
 
 
-def _descriptions(replies: Iterable[zenoh.Reply]) -> Iterable[NodeDescription]:
-    for reply in replies:
-        if reply.ok:
-            try:
-                yield NodeDescription.from_bytes(reply.ok.payload.to_bytes())
-            except PayloadError:
-                continue  # not one of ours
-
-
-def _sessions(replies: Iterable[zenoh.Reply], kind: str, own: str) -> Sessions:
+def _sessions(answers: Iterable[Answer], kind: str, own: str) -> Sessions:
     found: dict[str, set[str]] = {}
-    for reply in replies:
-        if reply.ok is None:
-            continue
-        key = str(reply.ok.key_expr).partition(f"/router/{kind}/")[2]
+    for answer in answers:
+        key = str(answer.sample.key_expr).partition(f"/router/{kind}/")[2]
         try:
-            sources = json.loads(reply.ok.payload.to_bytes())
+            sources = json.loads(answer.sample.payload.to_bytes())
             ids = {*sources["clients"], *sources["peers"]} - {own}
         except (ValueError, KeyError, TypeError):
             continue  # a router of another version

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Final
 
 from common.codec import Message
@@ -20,6 +19,7 @@ from common.messages import (
     TrackEvent,
     Tracks,
 )
+from common.near_names import nearest, question
 
 MESSAGES: Final[dict[str, type[Message]]] = {
     message.schema_name: message
@@ -68,8 +68,7 @@ def message_named(name: str) -> type[Message]:
     for spelling, message in [*known.items(), *MESSAGES.items()]:
         if name.lower() == spelling.lower():
             return message
-    near = difflib.get_close_matches(name.lower(), [each.lower() for each in known], 1)
-    hint = f"did you mean {next(k for k in known if k.lower() == near[0])}? " if near else ""
+    hint = question(nearest(name, known), after=" ")
     raise ConfigurationError(f"no message {name!r}: {hint}there are {', '.join(sorted(known))}")
 
 

@@ -19,7 +19,7 @@ from common.heartbeat import Heartbeat
 from common.session import open_session
 from common.zenoh_config import client_config, router_config
 from services.figures.board import HealthBoard
-from services.figures.display import Display, LiveTable, PlainLines
+from services.figures.display import LINE_PERIOD_S, Display, LiveTable, PlainLines
 from services.figures.meter import Meter
 from services.figures.row import Row
 from services.launch_file import Plan, PlannedNode
@@ -193,7 +193,7 @@ def run(
     console = Console(highlight=False)
     # A terminal that cannot move its cursor gets lines too.
     on_terminal = console.is_terminal and not console.is_dumb_terminal and not plain
-    display: Display = LiveTable(console) if on_terminal else PlainLines()
+    display: Display = LiveTable(console) if on_terminal else PlainLines(LINE_PERIOD_S)
     system = System(plan, connection, listen, display, debug=debug)
 
     def on_signal(_number: int, _at: FrameType | None) -> None:

@@ -73,6 +73,21 @@ def test_a_wrong_flag_or_variable_is_named_as_the_user_spelled_it(
     assert by_environment.startswith(f"environment: ZV_CAMERA_{name.upper()} = {text!r} is not")
 
 
+@pytest.mark.parametrize(
+    ("faults", "why"),
+    [
+        ("stall@1+1," * 660, "String should have at most 1000 characters"),
+        ("x" * 900, f"fault {'x' * 60!r}... (900 characters): expected KIND@FRAME+FRAMES"),
+    ],
+    ids=["too long", "of another form"],
+)
+def test_of_a_long_value_the_beginning_and_the_length_are_shown(faults: str, why: str):
+    message = refusal(CameraSettings, flags={"faults": faults})
+    begun = f"command line: --faults = {faults[:60]!r}... ({len(faults)} characters) is not allowed"
+    assert message.startswith(f"{begun} ({why}")
+    assert len(message) < 500
+
+
 def test_a_flag_of_two_words_is_named_with_a_hyphen():
     assert "--reopen-max = 'x'" in refusal(CameraSettings, flags={"reopen_max": "x"})
 

@@ -15,7 +15,7 @@ from tests.compose.witness import Witness
 from tests.integration.pictures import write_video
 from tests.integration.routing import free_port
 from tests.integration.waiting import wait_until
-from tests.test_readme import blocks
+from tests.pages import Page
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 WORDS = ("docker", "cp", "curl", "ZV_VIDEO=./walk.avi", "ZV_COMPOSE_CONNECT=tcp/192.0.2.1:7447")
@@ -23,11 +23,8 @@ WORDS = ("docker", "cp", "curl", "ZV_VIDEO=./walk.avi", "ZV_COMPOSE_CONNECT=tcp/
 
 def written() -> list[str]:
     """Return the commands of the README that are about containers, in order."""
-    lines = [line for block in blocks("sh") for line in block.splitlines()]
-    return [
-        line for line in lines
-        if (words := shlex.split(line, comments=True)) and words[0] in WORDS
-    ]  # fmt: skip
+    lines = Page("README.md").commands()
+    return [line for line in lines if shlex.split(line)[0] in WORDS]
 
 
 def compose_lines() -> list[str]:

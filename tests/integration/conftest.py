@@ -1,4 +1,4 @@
-"""A real router and real services for each test, each in a process of its own."""
+"""A real router and real services for each test, in processes of their own."""
 
 from __future__ import annotations
 
@@ -19,24 +19,46 @@ from tests.processes import Program
 Service = Callable[..., Program]
 
 
+QUICK_ZV = "tests.integration.quick_zv"
+SPARE: list[Router] = []
+"""Routers that nothing was done to. They keep nothing of who has left, so one serves the next."""
+
+
 @contextmanager
 def a_router(folder: Path) -> Iterator[Router]:
-    """Yield a router that runs, whatever the test did to it."""
-    router = Router(folder)
+    """Yield a router that runs; one that a test killed or froze is no other test's."""
+    router = SPARE.pop() if SPARE else Router(folder)
     try:
-        router.start()
+        if not router.unharmed:
+            router.start()
         yield router
     finally:
-        router.close()
+        if router.unharmed:
+            SPARE.append(router)
+        else:
+            router.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _spare_routers_end() -> Iterator[None]:
+    yield
+    while SPARE:
+        SPARE.pop().close()
 
 
 @contextmanager
-def some_services(endpoint: str, folder: Path) -> Iterator[Service]:
-    """Yield what starts services at an endpoint; end them by their process ids."""
+def some_services(endpoint: str, folder: Path, program: str = "services") -> Iterator[Service]:
+    """Yield what starts services at an endpoint; end them by their process ids.
+
+    Args:
+        endpoint: Of a router.
+        folder: Where their output goes.
+        program: Module that is ``zv``.
+    """
     programs: list[Program] = []
 
     def start(name: str, *flags: object) -> Program:
-        arguments = ["-m", "services", name, "--connect", endpoint, *map(str, flags)]
+        arguments = ["-m", program, name, "--connect", endpoint, *map(str, flags)]
         programs.append(Program(arguments, folder, f"{name}{len(programs)}"))
         return programs[-1]
 
@@ -69,6 +91,13 @@ def client(router: Router) -> Iterator[zenoh.Session]:
 def service(router: Router, tmp_path: Path) -> Iterator[Service]:
     """``service("tracker", "--history", 50)`` starts one at the router, with its output kept."""
     with some_services(router.endpoint, tmp_path) as start:
+        yield start
+
+
+@pytest.fixture
+def quick_service(router: Router, tmp_path: Path) -> Iterator[Service]:
+    """As ``service``; but what they count is told ten times a second."""
+    with some_services(router.endpoint, tmp_path, QUICK_ZV) as start:
         yield start
 
 

@@ -29,6 +29,7 @@ class Router:
         self.endpoint = f"tcp/127.0.0.1:{self.port}"
         self._folder = folder
         self._starts = 0
+        self._harmed = False
         self._program: Program | None = None
 
     @property
@@ -41,6 +42,12 @@ class Router:
         """The running router."""
         assert self._program is not None, "the router does not run"
         return self._program
+
+    @property
+    def unharmed(self) -> bool:
+        """Whether it runs, and was neither killed nor paused since its first start."""
+        running = self._program is not None and self._program.process.poll() is None
+        return running and not self._harmed
 
     def launch(self) -> None:
         """Start it, and do not wait."""
@@ -63,12 +70,14 @@ class Router:
 
     def kill(self) -> None:
         """End it without a goodbye, as a crash does."""
+        self._harmed = True
         self.program.process.kill()
         self.program.process.wait(5)
         self._program = None
 
     def pause(self) -> None:
         """Freeze it: connections stay, nothing moves."""
+        self._harmed = True
         os.kill(self.pid, signal.SIGSTOP)
 
     def resume(self) -> None:

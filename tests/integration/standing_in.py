@@ -25,6 +25,7 @@ class StandIn:
         counters: Totals after so many seconds.
         health: Fields of its diagnostics.
         parameters: Name and fields of each parameter.
+        second_s: How long its seconds are: short ones let a test see many reports soon.
         about: Fields of its description.
     """
 
@@ -39,11 +40,13 @@ class StandIn:
         counters: Callable[[float], dict[str, int]] = lambda _: {"received": 0, "processed": 0},
         health: Mapping[str, Any] | None = None,
         parameters: Mapping[str, Mapping[str, Any]] | None = None,
+        second_s: float = 1.0,
         **about: Any,
     ) -> None:
         self._node = node
         self._ahead_ns = int(clock_ahead_s * 1e9)
         self._begun_s = time.monotonic()
+        self._second_s = second_s
         self._counters = counters
         self._health = dict(health or {})
         self._about = about
@@ -86,8 +89,8 @@ class StandIn:
         }
 
     def _diagnostics(self) -> dict[str, Any]:
-        """As a real node's: a new report each second, the same one in between."""
-        seconds = float(int(time.monotonic() - self._begun_s))
+        """As a real node's: a new report each of its seconds, the same one in between."""
+        seconds = float(int((time.monotonic() - self._begun_s) / self._second_s))
         return {
             "node": self._node,
             "stamp_ns": self._now_ns,

@@ -26,6 +26,7 @@ class Terminal:
         arguments: Behind ``zv``.
         columns: Its width.
         variables: Added to the environment.
+        program: Module that is ``zv``.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class Terminal:
         *,
         columns: int = 80,
         variables: dict[str, str] | None = None,
+        program: str = "services",
     ) -> None:
         self._ours, theirs = pty.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
@@ -43,7 +45,7 @@ class Terminal:
             if name not in ("NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES")
         }
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "services", *arguments],
+            [sys.executable, "-m", program, *arguments],
             stdin=theirs,
             stdout=theirs,
             stderr=theirs,

@@ -11,7 +11,7 @@ import psutil
 import pytest
 import zenoh
 
-from tests.integration.conftest import a_router, some_services
+from tests.integration.conftest import QUICK_ZV, a_router, some_services
 from tests.integration.listening import Listener, newest, open_client, wait_for_nodes
 from tests.integration.pictures import PICTURES, damaged, forged_size
 from tests.integration.publishing import IMAGE_KEY, PlainCamera
@@ -153,7 +153,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     folder = tmp_path_factory.mktemp("bad input")
     with (
         a_router(folder) as router,
-        some_services(router.endpoint, folder) as start,
+        some_services(router.endpoint, folder, QUICK_ZV) as start,
         open_client(router.endpoint) as client,
     ):
         yield a_system(client, start)

@@ -14,7 +14,7 @@ from tests.integration.pictures import PICTURES, damaged
 from tests.integration.publishing import PlainCamera
 
 NODES = ("camera_front", "tracker_front", "edge_front")
-SECONDS = 10
+SECONDS = 4
 REASONS = (
     *("empty", "not_an_image", "no_header", "bad_header", "wrong_camera", "bad_stamp"),
     *("out_of_order", "corrupt"),

@@ -28,8 +28,8 @@ def first_frames_box(picture: bytes) -> list[int]:
     return list(cv2.boundingRect(max(contours, key=cv2.contourArea)))
 
 
-def test_a_new_epoch_starts_a_new_background(client, service):
-    centroids = tracker(client, service, NO_SHADOWS)
+def test_a_new_epoch_starts_a_new_background(client, quick_service):
+    centroids = tracker(client, quick_service, NO_SHADOWS)
     old = PlainCamera(client, pictures=(STILL,))
     with old.at(30):
         wait_until(lambda: len(centroids.messages) > 5 and not centroids.messages[-1].body["box"])
@@ -41,8 +41,8 @@ def test_a_new_epoch_starts_a_new_background(client, service):
     assert not wait_until(lambda: of_epoch(centroids, new.epoch)[1:])[0].body["box"]
 
 
-def test_a_new_size_starts_a_new_background(client, service):
-    centroids = tracker(client, service, NO_SHADOWS)
+def test_a_new_size_starts_a_new_background(client, quick_service):
+    centroids = tracker(client, quick_service, NO_SHADOWS)
     camera = PlainCamera(client, pictures=(STILL,))
     with camera.at(30):
         wait_until(lambda: len(centroids.messages) > 5 and not centroids.messages[-1].body["box"])
@@ -53,8 +53,8 @@ def test_a_new_size_starts_a_new_background(client, service):
     assert (found.header["width"], found.header["height"]) == (WIDTH // 2, HEIGHT // 2)
 
 
-def test_an_older_epoch_is_refused_while_the_current_one_is_alive(client, service):
-    centroids = tracker(client, service)
+def test_an_older_epoch_is_refused_while_the_current_one_is_alive(client, quick_service):
+    centroids = tracker(client, quick_service)
     old, new = PlainCamera(client), PlainCamera(client)
     assert old.epoch < new.epoch
     with new.at(30):
@@ -66,8 +66,8 @@ def test_an_older_epoch_is_refused_while_the_current_one_is_alive(client, servic
     assert not of_epoch(centroids, old.epoch)
 
 
-def test_an_older_epoch_takes_over_when_the_current_one_has_been_silent(client, service):
-    centroids = tracker(client, service)
+def test_an_older_epoch_takes_over_when_the_current_one_has_been_silent(client, quick_service):
+    centroids = tracker(client, quick_service)
     old, new = PlainCamera(client), PlainCamera(client)
     with new.at(30):
         wait_until(lambda: of_epoch(centroids, new.epoch))
@@ -76,8 +76,8 @@ def test_an_older_epoch_takes_over_when_the_current_one_has_been_silent(client, 
     assert 1.5 < taken.at_s - of_epoch(centroids, new.epoch)[-1].at_s < 4
 
 
-def test_of_two_publishers_that_fight_only_the_newer_epoch_is_seen(client, service):
-    centroids = tracker(client, service)
+def test_of_two_publishers_that_fight_only_the_newer_epoch_is_seen(client, quick_service):
+    centroids = tracker(client, quick_service)
     old = PlainCamera(client)
     with old.at(30):
         wait_until(lambda: of_epoch(centroids, old.epoch))
@@ -93,8 +93,8 @@ def test_of_two_publishers_that_fight_only_the_newer_epoch_is_seen(client, servi
     assert balance(counters) == 0
 
 
-def test_a_frame_that_was_seen_is_not_seen_again(client, service):
-    centroids = tracker(client, service)
+def test_a_frame_that_was_seen_is_not_seen_again(client, quick_service):
+    centroids = tracker(client, quick_service)
     camera = PlainCamera(client)
     first = camera.send()
     wait_until(lambda: centroids.messages)
@@ -107,8 +107,8 @@ def test_a_frame_that_was_seen_is_not_seen_again(client, service):
     assert [message.header["seq"] for message in centroids.messages] == [first, last]
 
 
-def test_frames_that_never_came_are_counted_as_missed(client, service):
-    centroids = tracker(client, service)
+def test_frames_that_never_came_are_counted_as_missed(client, quick_service):
+    centroids = tracker(client, quick_service)
     camera = PlainCamera(client)
     camera.send()
     wait_until(lambda: centroids.messages)
@@ -120,9 +120,9 @@ def test_frames_that_never_came_are_counted_as_missed(client, service):
     assert counters["received"] == counters["processed"] == 2
 
 
-def tracker(client, service, *flags: str) -> Listener:
+def tracker(client, quick_service, *flags: str) -> Listener:
     # A single frame must count also where the machine is so busy that it is seen late.
-    service("tracker", "--max-age", 30, *flags)
+    quick_service("tracker", "--max-age", 30, *flags)
     wait_for_nodes(client, "tracker_front")
     return Listener(client, "vision/front/centroid")
 

@@ -8,11 +8,11 @@ import time
 
 import pytest
 
-from tests import processes
 from tests.integration.listening import Listener, living_nodes, wait_for_nodes
 from tests.integration.routing import Router
 from tests.integration.waiting import wait_until
-from tests.processes import Program, environment
+from tests.processes import Program
+from tests.typist import type_zv
 
 MISTAKES = {
     "unknown flag": (["tracker", "--historie", "9"], ["--historie"]),
@@ -33,33 +33,30 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize(("arguments", "named"), MISTAKES.values(), ids=MISTAKES.keys())
-def test_wrong_use_is_2_and_says_what_is_allowed(tmp_path, arguments, named):
-    said = failure(tmp_path, *arguments, status=2)
+def test_wrong_use_is_2_and_says_what_is_allowed(arguments, named):
+    said = failure(*arguments, status=2)
     missing = [text for text in named if text not in said]
     assert not missing, said
 
 
-def failure(folder, *arguments: object, status: int, within_s: float = 20) -> str:
+def failure(*arguments: object, status: int, **variables: str) -> str:
     """Run ``zv`` to its end, and return what it said on standard error."""
-    with Program(["-m", "services", *map(str, arguments)], folder, "failing") as program:
-        assert program.process.wait(within_s) == status, program.complaints
-    assert program.output == ""
-    assert "Traceback" not in program.complaints
+    done = type_zv(arguments, timeout_s=20, **variables)
+    assert (done.returncode, done.stdout) == (status, ""), done.stderr
+    assert "Traceback" not in done.stderr
     # rich draws a box around wrong flags and breaks lines in it
-    return re.sub(r"[\s│╭╮╰╯─]+", " ", program.complaints)
+    return re.sub(r"[\s│╭╮╰╯─]+", " ", done.stderr)
 
 
 def test_a_wrong_key_in_a_file_is_2_and_names_file_key_and_the_nearest(tmp_path):
     file = tmp_path / "edge.toml"
     file.write_text("sigmma = 2\n")
-    said = failure(tmp_path, "edge", "--config", file, status=2)
+    said = failure("edge", "--config", file, status=2)
     assert all(text in said for text in (str(file), "'sigmma'", "did you mean 'sigma'")), said
 
 
-def test_a_wrong_value_in_the_environment_is_2_and_names_the_variable(tmp_path, monkeypatch):
-    changed = {**environment(), "ZV_EDGE_HIGH": "steep"}
-    monkeypatch.setattr(processes, "environment", lambda: changed)
-    said = failure(tmp_path, "edge", status=2)
+def test_a_wrong_value_in_the_environment_is_2_and_names_the_variable():
+    said = failure("edge", status=2, ZV_EDGE_HIGH="steep")
     assert all(text in said for text in ("ZV_EDGE_HIGH", "'steep'", "from 0 to 100000")), said
 
 
@@ -71,7 +68,7 @@ def test_a_source_that_cannot_be_opened_is_3_and_named(router, tmp_path, source)
     (tmp_path / "text.avi").write_text("this is no video\n" * 100)
     (tmp_path / "empty folder").mkdir()
     source = source.replace("tmp:", f"{tmp_path}/")
-    said = failure(tmp_path, "camera", "--connect", router.endpoint, "--source", source, status=3)
+    said = failure("camera", "--connect", router.endpoint, "--source", source, status=3)
     assert source in said
 
 
@@ -79,7 +76,7 @@ def test_a_source_that_cannot_be_opened_is_3_and_named(router, tmp_path, source)
 def test_no_router_within_the_timeout_is_4_and_says_how_to_start_one(tmp_path, name):
     endpoint = Router(tmp_path).endpoint  # nobody listens there
     started_s = time.monotonic()
-    said = failure(tmp_path, name, "--connect", endpoint, "--timeout", 1.5, status=4)
+    said = failure(name, "--connect", endpoint, "--timeout", 1.5, status=4)
     took_s = time.monotonic() - started_s
     assert endpoint in said
     assert "1.5 s" in said
@@ -88,15 +85,15 @@ def test_no_router_within_the_timeout_is_4_and_says_how_to_start_one(tmp_path, n
     assert 1.5 <= took_s < 4, took_s  # 1.5 s, the attempt in work, and starting Python
 
 
-def test_a_taken_port_is_2_and_names_the_way_out(router, tmp_path):
-    said = failure(tmp_path, "router", "--listen", router.endpoint, status=2)
+def test_a_taken_port_is_2_and_names_the_way_out(router):
+    said = failure("router", "--listen", router.endpoint, status=2)
     assert all(text in said for text in (router.endpoint, "taken", "--connect", "--listen")), said
 
 
 def test_a_port_taken_by_another_program_is_2_too(tmp_path):
     with socket.create_server(("127.0.0.1", Router(tmp_path).port)) as server:
         endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        said = failure(tmp_path, "router", "--listen", endpoint, status=2)
+        said = failure("router", "--listen", endpoint, status=2)
     assert "taken" in said
 
 

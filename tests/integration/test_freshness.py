@@ -20,9 +20,14 @@ from tests.integration.waiting import in_time, wait_until
 from tests.processes import Program
 
 SMALL = ("--width", 320, "--height", 240)
+SECONDS = 7
+"""Of these a queue would hold up a consumer of 5 Hz for 5.8 s: 25 of 30 frames a second wait."""
+
+FROZEN_S = 4.5
+"""Longer than the lease of 2 s by more than the silence that is allowed."""
 
 
-def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames_for_20_s(router, client, service):
+def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, service):
     service("camera", "--rate", 30, *SMALL)
     wait_for_nodes(client, "camera_front")
     health = {
@@ -34,20 +39,20 @@ def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames_for_20_s(router, c
     work = threading.Event()
     connection = Connection(connect=router.endpoint, timeout_s=5)
     with Node("slow", connection=connection) as node:
-        for frame in in_time(node, node.frames("image", want="bgr"), 20):
+        for frame in in_time(node, node.frames("image", want="bgr"), SECONDS):
             ages_ms.append((time.time_ns() - frame.header.stamp_ns) / 1e6)
             seen.append((frame.header.epoch, frame.header.seq))
             work.wait(0.2)
     print(
         f"{len(ages_ms)} seen, p50 {sorted(ages_ms)[len(ages_ms) // 2]:.1f}, max {max(ages_ms):.1f}"
     )
-    assert len(seen) >= 80  # 20 s / 200 ms = 100, less what starting takes
+    assert len(seen) >= 4 * SECONDS  # 1 s / 200 ms = 5, less what starting takes
     assert max(ages_ms) < 250, ages_ms
     assert sorted(ages_ms)[len(ages_ms) // 2] < 60  # at 30 Hz the newest is at most 33 ms old
     assert seen == sorted(set(seen))
     for listener in health.values():
         messages = listener.messages
-        assert len(messages) >= 18
+        assert len(messages) >= SECONDS - 2
         assert [balance(message.body["counters"]) for message in messages] == [0] * len(messages)
     last = health["slow_front"].messages[-1].body["counters"]
     assert last["processed"] == len(seen)
@@ -116,14 +121,15 @@ def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
             os.kill(program.process.pid, signal.SIGSTOP)
             frozen_s = time.monotonic()
             try:
-                threading.Event().wait(6.0)  # the lease, and Zenoh's own wait of 5 s
+                # With Zenoh's own wait of 5 s there would be silence from the lease's end to here.
+                threading.Event().wait(FROZEN_S)
             finally:
                 os.kill(program.process.pid, signal.SIGCONT)
         times = [message.at_s for message in frames.since(frozen_s)]
     longest_s = max(b - a for a, b in pairwise(times))
-    print(f"{len(times)} frames in 6 s, longest silence {longest_s:.2f} s")
+    print(f"{len(times)} frames in {FROZEN_S} s, longest silence {longest_s:.2f} s")
     assert longest_s < 1.5
-    assert len(times) > 80  # of 120
+    assert len(times) > 0.65 * 20 * FROZEN_S
 
 
 def test_no_frame_older_than_max_age_is_seen(client, service):

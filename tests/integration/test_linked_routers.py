@@ -12,24 +12,24 @@ from tests.integration.conftest import some_services
 from tests.integration.listening import Listener, living_nodes, open_client, wait_for_nodes
 from tests.integration.routing import free_port, port_answers
 from tests.integration.waiting import wait_until
-from tests.processes import ROOT, Program
+from tests.pages import Page
+from tests.processes import Program
 
-PAGE = (ROOT / "docs" / "deploy.md").read_text()
+PAGE = Page("docs/deploy.md")
 SITE_A = "tcp/192.0.2.10:7447"
 
 
 def site_file() -> str:
     """Return the file of site B as the page has it."""
-    shown = [text for text in re.findall(r"```json5\n(.*?)```", PAGE, re.DOTALL) if SITE_A in text]
-    assert len(shown) == 1
-    return shown[0]
+    (shown,) = [text for text in PAGE.blocks("json5") if SITE_A in text]
+    return shown
 
 
 def site_b(tmp_path: Path, site_a: str) -> tuple[Program, str]:
     """Start the router of site B with the page's command, and return it with its endpoint."""
     (tmp_path / "site-b.json5").write_text(site_file().replace(SITE_A, site_a))
     command = "zv router --listen tcp/0.0.0.0:7447 --zenoh-config site-b.json5"
-    assert f"\n{command}\n" in PAGE
+    assert command in PAGE.commands()
     port = free_port()
     words = command.replace("0.0.0.0:7447", f"127.0.0.1:{port}").split()[1:]
     words[-1] = str(tmp_path / words[-1])
@@ -85,7 +85,7 @@ ZENOHD = shutil.which("zenohd")
 
 @pytest.mark.skipif(ZENOHD is None, reason="no zenohd on the path; tests/compose has it")
 def test_zenohd_links_to_the_embedded_router_with_the_pages_command(router, tmp_path):
-    command = re.search(r"^zenohd (.*)$", PAGE, re.MULTILINE)[1]
+    command = re.search(r"^zenohd (.*)$", PAGE.text, re.MULTILINE)[1]
     port = free_port()
     words = [word.strip("'") for word in command.replace(SITE_A, router.endpoint).split()]
     words += ["-l", f"tcp/127.0.0.1:{port}"]

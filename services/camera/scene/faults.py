@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from common.excerpt import excerpt
+
 FaultKind = Literal["stall", "frozen", "drop", "lighting"]
 
 KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
@@ -81,10 +83,10 @@ def fault_at(faults: Iterable[Fault], k: int, kinds: Iterable[FaultKind]) -> Fau
 def _parse_fault(text: str) -> Fault:
     match = _PATTERN.fullmatch(text)
     if match is None:
-        raise ValueError(f"fault {text!r}: expected {FORM}")
+        raise ValueError(f"fault {excerpt(text)}: expected {FORM}")
     kind = next((known for known in KINDS if known == match[1]), None)
     if kind is None:
-        raise ValueError(f"fault {text!r}: no kind {match[1]!r}; expected {FORM}")
+        raise ValueError(f"fault {excerpt(text)}: no kind {excerpt(match[1])}; expected {FORM}")
     if not int(match[3]):
         raise ValueError(f"fault {text!r}: 0 frames is no fault; expected {FORM}, FRAMES above 0")
     return Fault(kind, None if match[2] == "now" else int(match[2]), int(match[3]))

@@ -6,11 +6,11 @@ import os
 import re
 import stat
 from collections.abc import Callable
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
 from common.errors import SourceError
+from common.near_names import nearest, question
 from services.camera.sources.base import Source
 
 Kind = Literal["synthetic", "device", "video", "folder", "url"]
@@ -83,10 +83,10 @@ def _meant(path: Path) -> str:
         there = [other.name for other in path.parent.iterdir()]
     except OSError:
         there = []
-    near = [str(path.with_name(name)) for name in get_close_matches(path.name, there, n=3)]
+    near = [str(path.with_name(name)) for name in nearest(path.name, there, most=3)]
     if len(path.parts) == 1:
-        near += get_close_matches(path.name, ["synthetic"])
-    return f", did you mean {' or '.join(near)}?" if near else ""
+        near += nearest(path.name, ["synthetic"])
+    return question(near, before=", ")
 
 
 def open_source(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 from collections.abc import Iterator
 
 from common.connection import Connection
 from common.errors import ConfigurationError, ExpectationNotMet, RouterUnreachable
+from common.near_names import nearest
 from services.tools.doctor import nodes, router, streams
 from services.tools.doctor.files import file_findings
 from services.tools.doctor.finding import Diagnosis, Finding
@@ -85,7 +85,7 @@ def namespace_findings(session: ToolSession, found: Survey) -> Iterator[Finding]
         yield Finding("WARN", "namespace", text, "zv up starts a system")
         return
     there = "; ".join(f"{name}: {', '.join(nodes)}" for name, nodes in others.items())
-    near = difflib.get_close_matches(session.namespace, others, 1, cutoff=0.0)[0]
+    (near,) = nearest(session.namespace, others, alike=0.0)
     yield Finding(
         "FAIL",
         "namespace",

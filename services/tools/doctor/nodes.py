@@ -11,7 +11,7 @@ from services.figures.board import SILENT_S
 from services.tools.doctor.finding import Finding
 from services.tools.doctor.survey import Survey
 from services.tools.facts import duration
-from services.tools.nodes import Presence
+from services.tools.nodes import SILENT, Presence
 
 APART_NS = 50_000_000
 REFUSED_NS = 24 * 3600 * 1_000_000_000
@@ -46,7 +46,7 @@ def answer_findings(survey: Survey) -> Iterator[Finding]:
             yield Finding(
                 "FAIL",
                 "answers",
-                f"{each.name} shows its token but does not answer",
+                f"{each.name} {SILENT}",
                 "it hangs or its machine is overloaded: see its log, end it and start it again",
                 (each.name,),
             )

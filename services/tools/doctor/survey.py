@@ -7,15 +7,13 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, cast
 
-from common.keys import parameter_key
 from common.messages import NodeDescription, Parameter
 from services.figures.change import Change
 from services.tools.history import History
-from services.tools.nodes import Clock, Presence, every_answer_on, gather, present, read
-from services.tools.session import ToolSession
+from services.tools.nodes import Clock, Presence, every_answer_on, parameters, present
+from services.tools.session import ROUTERS, ToolSession
 
 LOOK_S = 0.5
-ROUTERS = "@/*/router"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +85,12 @@ class Survey:
 def survey(session: ToolSession, for_s: float) -> Survey:
     """Watch the nodes for so long, and ask the router."""
     found = Survey()
-    (answers,) = gather(session, every_answer_on(session, ROUTERS))
+    (answers,) = session.gather(every_answer_on(session, ROUTERS))
     for answer in answers:
-        assert answer.reply.ok is not None
-        zid = str(answer.reply.ok.key_expr).split("/")[1]
-        found.routers[zid] = router_of(zid, answer.reply.ok.payload.to_bytes())
-    found.parameters = _parameters(session)
+        zid = str(answer.sample.key_expr).split("/")[1]
+        found.routers[zid] = router_of(zid, answer.sample.payload.to_bytes())
+    for those in parameters(session, "*").values():
+        found.parameters |= {(each.node, each.name): each for each in those}
     answered: dict[str, list[Presence]] = {}
     end_s = time.monotonic() + for_s
     while not session.stopping:
@@ -123,13 +121,6 @@ def router_of(zid: str, payload: bytes) -> Router:
     except (ValueError, KeyError, TypeError, AttributeError):
         return Router(zid, None, ())
     return Router(zid, version or None, tuple(map(str, sharing)))
-
-
-def _parameters(session: ToolSession) -> dict[tuple[str, str], Parameter]:
-    (answers,) = gather(
-        session, every_answer_on(session, parameter_key(session.namespace, "*", "*"))
-    )
-    return {(p.node, p.name): p for _, p in read(answers, Parameter)}
 
 
 def _keep_quickest(clocks: dict[tuple[str, str | None], Clock], presence: Presence) -> None:

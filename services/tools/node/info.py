@@ -14,7 +14,7 @@ from services.tools.facts import duration, facts
 from services.tools.namespaces import nobody_here
 from services.tools.nearest import nothing_matches
 from services.tools.node.options import InfoOptions
-from services.tools.nodes import Presence, parameters, present
+from services.tools.nodes import SILENT, Presence, parameters, present
 from services.tools.output import Output
 from services.tools.session import ToolSession
 
@@ -65,7 +65,7 @@ def lines(presence: Presence, own: Iterable[Parameter]) -> Iterator[str]:
     yield presence.name
     about = facts(presence)
     if not about["answers"]:
-        yield named("health", "shows its token but does not answer")
+        yield named("health", SILENT)
         return
     yield named("service", about["service"])
     yield named("cameras", " ".join(about["cameras"]) or "-")

@@ -13,13 +13,13 @@ from common.errors import (
     ExpectationNotMet,
     ParameterRefused,
     PayloadError,
-    ToldToStop,
-    VisionError,
 )
 from common.messages import Parameter, ParameterList, Refusal
-from common.settings import meant
-from services.tools.nearest import nothing_matches
+from common.near_names import meant
+from services.tools.nodes import absent
 from services.tools.session import ToolSession
+
+ASKED_FOR = "parameters"
 
 
 def all_parameters(session: ToolSession) -> list[ParameterList]:
@@ -31,7 +31,7 @@ def all_parameters(session: ToolSession) -> list[ParameterList]:
     replies = session.ask(keys.parameters_key(session.namespace, "*"))
     found = [listed(reply) for reply in replies]
     if not found:
-        raise _absent(session, "*")
+        raise absent(session, "*", ASKED_FOR)
     return sorted(found, key=lambda one: one.node)
 
 
@@ -71,7 +71,7 @@ def chosen(found: ParameterList, names: tuple[str, ...]) -> list[Parameter]:
     for name in names:
         if name not in known:
             raise ParameterRefused(
-                f"{found.node}: there is no parameter {name!r}{meant(name, known)}",
+                f"{found.node}: there is no parameter {name!r}{meant(name, known, before='; ')}",
                 ", ".join(known),
             )
     return [known[name] for name in names or known]
@@ -100,29 +100,15 @@ def listed(reply: zenoh.Reply) -> ParameterList:
 
 def _ask(session: ToolSession, node: str, payload: bytes | None) -> ParameterList:
     if not keys.is_name(node):
-        raise _absent(session, node)
+        raise absent(session, node, ASKED_FOR)
     replies = session.ask(
         keys.parameters_key(session.namespace, node),
         payload,
         encoding=None if payload is None else "application/msgpack",
     )
     if not replies:
-        raise _absent(session, node)
+        raise absent(session, node, ASKED_FOR)
     try:
         return listed(replies[0])
     except ParameterRefused as refused:
         raise ParameterRefused(f"{node}: {refused.error}", refused.allowed) from None
-
-
-def _absent(session: ToolSession, node: str) -> VisionError:
-    """Return the error for a node that does not answer."""
-    if session.stopping:
-        return ToldToStop("told to stop while waiting for an answer")
-    prefix = keys.node_key(session.namespace, "")
-    tokens = session.zenoh.liveliness().get(keys.node_key(session.namespace, "*"), timeout=1.0)
-    living = [
-        str(reply.ok.key_expr).removeprefix(prefix) for reply in tokens if reply.ok is not None
-    ]
-    if node in living:
-        return ExpectationNotMet(f"{node} runs, but does not answer for parameters")
-    return ExpectationNotMet(nothing_matches(node, living, kind="node"))

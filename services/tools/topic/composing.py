@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Protocol
 
 from common.errors import ConfigurationError
 from common.keys import TOPICS
+from common.near_names import nearest, question
 from common.publishing import Sample
 from services.tools.topic.given_data import bytes_of
 from services.tools.topic.message_data import PlainMessage, message_data
@@ -49,8 +49,8 @@ def composer_of(key: str, data: str, type_name: str | None) -> Composer:
         return message_data(key, message, data)
     if topic is None:
         suffixes = sorted(topic.suffix for topic in TOPICS.values())
-        near = difflib.get_close_matches(key.split("/", 2)[-1], suffixes, 1)
-        hint = f"did you mean .../{near[0]}? If not, " if near else ""
+        near = nearest(key.split("/", 2)[-1], suffixes)
+        hint = question([f".../{each}" for each in near], after=" If not, ")
         raise ConfigurationError(
             f"{key} is not in the topic table, so its type is unknown: {hint}"
             f"name one with --type, or take one of .../{', .../'.join(suffixes)}"

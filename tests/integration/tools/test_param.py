@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +15,8 @@ import zenoh
 
 from tests.integration.conftest import a_router, some_services
 from tests.integration.listening import ask, open_client, wait_for_nodes
-from tests.processes import ROOT, START_S, environment
+from tests.processes import ROOT
+from tests.typist import type_zv
 
 CAMERA = ("camera", "--width", 64, "--height", 48, "--rate", 10)
 
@@ -30,15 +30,7 @@ class System:
 
     def zv(self, *arguments: object, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
         """Run ``zv param`` with these arguments."""
-        return subprocess.run(
-            [sys.executable, "-m", "services", "param", *map(str, arguments)],
-            capture_output=True,
-            text=True,
-            cwd=folder,
-            env={**environment(), "ZV_CONNECT": self.endpoint},
-            timeout=START_S,
-            check=False,
-        )
+        return type_zv(["param", *arguments], folder=folder, ZV_CONNECT=self.endpoint)
 
     def told(self, *arguments: object) -> str:
         """Return what a run that succeeds prints."""

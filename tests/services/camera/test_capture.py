@@ -15,7 +15,7 @@ from common.errors import SourceError
 from common.ledger import Ledger
 from common.live import LiveSettings
 from services.camera.capture import Capture
-from services.camera.reader import Captured
+from services.camera.captured import Captured
 from services.camera.settings import CameraSettings
 from services.camera.sources.base import Picture
 from tests.integration.waiting import wait_until

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from common.excerpt import excerpt
 from services.camera.scene.faults import Fault, fault_at, parse_faults
 
 
@@ -55,7 +56,7 @@ def test_a_fault_prints_as_the_text_it_is_read_from() -> None:
 def test_wrong_text_is_refused_with_what_was_wrong_and_the_form(text: str) -> None:
     with pytest.raises(ValueError, match="expected KIND@FRAME") as refusal:
         parse_faults(f"drop@1+1,{text}")
-    assert repr(text) in str(refusal.value)
+    assert excerpt(text) in str(refusal.value)
     assert "stall frozen drop lighting" in str(refusal.value)
 
 

@@ -48,7 +48,12 @@ catalogue.TOOLS["count up"] = catalogue.Tool(
     f"{__name__}:CountOptions", f"{__name__}:run", "Count up.", "zv count up sheep --for 5s"
 )
 
-if __name__ == "__main__":
-    from services.cli.main import main
 
+def main() -> None:
+    from services.cli import main  # its commands are those that the catalogue has when it loads
+
+    main.main()
+
+
+if __name__ == "__main__":
     main()

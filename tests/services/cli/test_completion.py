@@ -9,33 +9,29 @@ import pytest
 
 from services.cli.main import COMMANDS
 from tests.processes import ROOT, START_S, environment
+from tests.typist import type_zv
 
 
-def completions(shell: str, typed: str, program: str = "import services.cli.main as m") -> str:
-    """Ask as the shell's script does, and return the answer.
+def question(shell: str, typed: str) -> dict[str, str]:
+    """Return the variables with which the shell's script asks.
 
     Args:
         shell: bash, zsh or fish.
         typed: The line so far, with the cursor at its end.
-        program: What is run before ``main``.
     """
     words = typed.split(" ")
-    asked = {
+    return {
         "_ZV_COMPLETE": f"complete_{shell}",
         "COMP_WORDS": "\n".join(words),
         "COMP_CWORD": str(len(words) - 1),
         "_TYPER_COMPLETE_ARGS": typed,
         "_TYPER_COMPLETE_FISH_ACTION": "get-args",
     }
-    done = subprocess.run(
-        [sys.executable, "-c", f"{program}\nm.main()"],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env={**environment(), **asked},
-        timeout=START_S,
-        check=False,
-    )
+
+
+def completions(shell: str, typed: str) -> str:
+    """Ask as the shell's script does, and return the answer."""
+    done = type_zv([], **question(shell, typed))
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 
@@ -82,24 +78,26 @@ def test_to_offer_the_commands_none_of_them_is_loaded():
     program = (
         "import sys, atexit, services.cli.main as m\n"
         "atexit.register(lambda: print([name for name in sys.modules if name in "
-        "('zenoh', 'cv2', 'numpy', 'services.cli.options', 'services.cli.tools')]))"
+        "('zenoh', 'cv2', 'numpy', 'services.cli.options', 'services.cli.tools')]))\n"
+        "m.main()"
     )
-    *offered, loaded = completions("bash", "zv ", program).splitlines()
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={**environment(), **question("bash", "zv ")},
+        timeout=START_S,
+        check=True,
+    )
+    *offered, loaded = done.stdout.splitlines()
     assert offered == list(COMMANDS)
     assert loaded == "[]"
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_script_of_a_shell_is_printed_and_begins_with_what_it_must(shell: str):
-    done = subprocess.run(
-        [sys.executable, "-m", "services", "completion", shell],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env=environment(),
-        timeout=START_S,
-        check=True,
-    )
+    done = type_zv(["completion", shell])
     first = {"bash": "_zv_completion() {", "zsh": "#compdef zv", "fish": "complete --command zv"}
     assert done.stdout.startswith(first[shell])
     assert "_ZV_COMPLETE=complete_" + shell in done.stdout

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
@@ -19,6 +20,7 @@ from services.cli.main import COMMANDS, example, section
 from services.cli.reference import Entry, entries
 from tests.integration.terminal import Terminal
 from tests.processes import ROOT, START_S, environment
+from tests.typist import type_zv
 
 HEAVY = {
     "av",
@@ -36,15 +38,7 @@ COLOUR = re.compile(r"\x1b\[[0-9;]*\b(3[0-7]|9[0-7]|38;[0-9;]+)m")
 
 
 def zv(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "services", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env={**environment(), **variables},
-        timeout=START_S,
-        check=False,
-    )
+    return type_zv(arguments, **variables)
 
 
 ENTRIES = {entry.words: entry for entry in entries()}
@@ -121,6 +115,31 @@ for words in {list(ENTRIES)!r}:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["", "--help", "topic", "topic list --help", "completion bash", "schema Centroid"],
+    ids=lambda words: words or "zv alone",
+)
+def test_a_reader_that_has_had_enough_is_no_error(words: str):
+    # As `| head -1` that is gone before the first line: a write finds the pipe closed.
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "services", *words.split()],
+            stdout=writing,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            env=environment(),
+            timeout=START_S,
+            check=False,
+        )
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 # Errors

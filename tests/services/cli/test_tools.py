@@ -21,20 +21,13 @@ from services.tools.nearest import nothing_matches
 from services.tools.options import ToolOptions
 from services.tools.output import Output
 from tests.processes import ROOT, START_S, Program, environment, eventually, router
+from tests.typist import type_zv
 
 TOOL = str(Path(__file__).with_name("count_tool.py"))
 
 
 def zv(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, TOOL, *arguments],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env={**environment(), **variables},
-        timeout=START_S,
-        check=False,
-    )
+    return type_zv(arguments, program="tests.services.cli.count_tool", **variables)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,86 @@
+"""What a node tells of itself on the network: its token, its description, its health."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import zenoh
+
+from common import keys
+from common.description import description
+from common.health import Health
+from common.heartbeat import Heartbeat
+from common.messages import Diagnostics, NodeDescription
+from common.publishing import Sample, StreamPublisher
+from common.serving import QueryServer
+
+
+class SelfReport:
+    """The token, the answer to who it is, and the diagnostics once a second.
+
+    Args:
+        node: Its name.
+        service: What kind it is.
+        camera: The camera it serves.
+        health: How it does.
+        published_keys: Returns the keys that it publishes.
+    """
+
+    def __init__(
+        self,
+        node: str,
+        service: str,
+        camera: str,
+        health: Health,
+        published_keys: Callable[[], list[str]],
+    ) -> None:
+        self._node = node
+        self._service = service
+        self._camera = camera
+        self._health = health
+        self._published_keys = published_keys
+        self._started_ns = time.time_ns()
+        self._heartbeat = Heartbeat()
+
+    def waiting(self) -> None:
+        """Say that it waits for a router, which is to be well."""
+        self._heartbeat.beat()
+
+    def declare(self, session: zenoh.Session, namespace: str, server: QueryServer) -> None:
+        """Declare what answers and what is sent; ``show`` comes when all else is there."""
+        self._session = session
+        self._key = keys.node_key(namespace, self._node)
+        self._diagnostics = StreamPublisher(
+            session,
+            keys.message_topic("diagnostics", Diagnostics.schema_name),
+            keys.diagnostics_key(namespace, self._node),
+            server.ask,
+        )
+        server.declare(session, self._key, self._describe)
+
+    def show(self) -> None:
+        """Show the token: whoever sees it may ask for all that the node offers."""
+        self._token = self._session.liveliness().declare_token(self._key)
+
+    def send(self) -> None:
+        """Send the diagnostics, and say in the heartbeat's file how it does."""
+        self._heartbeat.beat(self._health.trouble())
+        diagnostics = self._health.diagnostics()
+        self._diagnostics.offer(
+            lambda: Sample(diagnostics.to_bytes(), self._diagnostics.topic.encoding, None)
+        )
+
+    def _describe(self, query: zenoh.Query) -> None:
+        own = description(
+            self._node,
+            self._service,
+            self._camera,
+            started_ns=self._started_ns,
+            publishes=self._published_keys(),
+            subscribes=[receiver.key for receiver in self._health.receivers],
+            rate_hz=self._health.bounds.expected_hz,
+        )
+        query.reply(
+            self._key, own.to_bytes(), encoding=keys.msgpack_of(NodeDescription.schema_name)
+        )

@@ -1,0 +1,124 @@
+"""zv doctor on the nodes: their names, versions, clocks, health, and the namespace they are in."""
+
+from __future__ import annotations
+
+import time
+from importlib.metadata import version
+
+import pytest
+import zenoh
+
+from common.errors import ExpectationNotMet
+from tests.integration.listening import newest, open_client
+from tests.integration.standing_in import DAY_S
+from tests.integration.tools.doctor.diagnosing import GOOD_FILE, SMALL, Diagnosis
+from tests.integration.typing_zv import zv
+from tests.integration.waiting import wait_until
+
+
+def test_of_a_system_that_is_well_every_line_is_ok_and_the_status_is_0(shared, start):
+    start("camera", "--namespace", "well", *SMALL, "--rate", 10)
+    start("tracker", "--namespace", "well")
+    with open_client(shared.endpoint) as session:
+        newest(session, "well/front/centroid")
+        reports = [newest(session, f"@well/diagnostics/{n}_front") for n in ("camera", "tracker")]
+    assert all(report.body["level"] == 0 for report in reports)
+    seen = Diagnosis(shared.endpoint, "well", for_s=3.0)
+    assert (seen.error, seen.troubles) == (None, set()), seen.found
+    assert [f["check"] for f in seen.found] == [
+        *("files", "devices", "router", "memory", "namespace", "names", "answers", "versions"),
+        *("clocks", "cameras", "drops", "speed", "health"),
+    ]
+    assert seen.of("router") == [
+        ("OK", f"zenoh {version('eclipse-zenoh')} at {shared.endpoint}", ""),
+    ]
+    ((_, rate, _),) = seen.of("cameras")
+    assert rate.startswith("camera_front: ")
+    assert rate.endswith(" Hz, 10 Hz expected")
+
+
+def test_two_nodes_of_one_name_are_found_with_their_processes(shared, start):
+    twins = [start("camera", "--namespace", "twins", *SMALL, "--rate", 5) for _ in range(2)]
+    with open_client(shared.endpoint) as session:
+        wait_until(lambda: len(every_answer(session, "@twins/node/camera_front")) == 2)
+    seen = Diagnosis(shared.endpoint, "twins")
+    ((level, text, remedy),) = seen.of("names")
+    assert level == "FAIL"
+    assert text.startswith("2 nodes are called camera_front")
+    assert all(f"pid {twin.process.pid} on " in text for twin in twins)
+    assert "--camera" in remedy
+    assert isinstance(seen.error, ExpectationNotMet)
+
+
+def every_answer(session: zenoh.Session, key: str) -> list[zenoh.Reply]:
+    every = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
+    return list(session.get(key, timeout=2.0, **every))
+
+
+def test_versions_that_differ_are_named_with_who_has_them(shared, stand):
+    stand("camera_front", namespace="versions", version="0.0.7")
+    stand("tracker_front", namespace="versions", version="0.1.0")
+    seen = Diagnosis(shared.endpoint, "versions")
+    ((level, text, _),) = seen.of("versions")
+    assert level == "WARN"
+    assert "0.0.7: camera_front; 0.1.0: this zv, tracker_front" in text
+
+
+def test_a_clock_that_is_apart_is_measured_by_round_trips(shared, stand):
+    stand("camera_front", namespace="clocks", clock_ahead_s=-2.5)
+    stand("tracker_front", namespace="clocks", host="here")
+    seen = Diagnosis(shared.endpoint, "clocks")
+    ((level, text, remedy),) = seen.of("clocks")
+    assert level == "WARN"
+    assert text.startswith("the clock of elsewhere (camera_front) is -2.")
+    measured_s = float(text.partition(" is ")[2].partition(" s ")[0])
+    assert measured_s == pytest.approx(-2.5, abs=0.05)
+    assert "NTP" in remedy
+
+
+def test_a_clock_a_day_ahead_fails_since_its_frames_are_refused(shared, stand):
+    stand("camera_front", namespace="tomorrow", clock_ahead_s=DAY_S + 60)
+    ((level, text, _),) = Diagnosis(shared.endpoint, "tomorrow").of("clocks")
+    assert level == "FAIL"
+    assert "refused" in text
+
+
+def test_a_namespace_typed_wrong_fails_and_names_what_there_is(shared, start):
+    start("tracker", "--namespace", "greenhouse")
+    with open_client(shared.endpoint) as session:
+        newest(session, "@greenhouse/node/tracker_front")
+    seen = Diagnosis(shared.endpoint, "grenhouse")
+    ((level, text, remedy),) = seen.of("namespace")
+    assert level == "FAIL"
+    assert "no node in namespace grenhouse" in text
+    assert "greenhouse: tracker_front" in text
+    assert remedy == "--namespace greenhouse, or ZV_NAMESPACE=greenhouse"
+    assert isinstance(seen.error, ExpectationNotMet)
+
+
+def test_what_a_node_complains_of_otherwise_is_passed_on(shared, stand):
+    stand("own_front", namespace="pain", health={"level": 2, "message": "the disk is full"})
+    seen = Diagnosis(shared.endpoint, "pain")
+    assert ("FAIL", "own_front: the disk is full", "see its log") in seen.of("health")
+
+
+def test_what_a_node_says_does_not_steer_the_terminal(shared, stand):
+    stand("own_front", namespace="evil", health={"level": 2, "message": "\x1b[2Jall is well"})
+    done = zv(shared.endpoint, "doctor", GOOD_FILE, "--namespace", "evil", "--for", "1.2s")
+    assert done.returncode == 1
+    assert "\\x1b[2Jall is well" in done.stdout
+    assert "\x1b" not in done.stdout
+
+
+def test_a_node_that_shows_its_token_and_does_not_answer_fails(shared, stand):
+    stand("camera_front", namespace="frozen", answers=False)
+    seen = Diagnosis(shared.endpoint, "frozen")
+    ((level, text, _),) = seen.of("answers")
+    assert (level, text) == ("FAIL", "camera_front shows its token but does not answer")
+
+
+def test_a_node_that_reports_no_health_any_more_fails(shared, stand):
+    stand("tracker_front", namespace="mute", health={"stamp_ns": time.time_ns() - 9_000_000_000})
+    ((level, text, _),) = Diagnosis(shared.endpoint, "mute").of("answers")
+    assert level == "FAIL"
+    assert text.startswith("tracker_front has not reported its health for ")
