@@ -91,4 +91,4 @@ def fitted(pixels: Pixels, size: tuple[int, int], *, invert: bool) -> Pixels:
         smaller = size[0] * size[1] < width * height
         how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
         pixels = cast("Pixels", cv2.resize(pixels, size, interpolation=how))
-    return np.ascontiguousarray(pixels[::-1, ::-1]) if invert else pixels
+    return cast("Pixels", np.ascontiguousarray(pixels[::-1, ::-1])) if invert else pixels
