@@ -75,12 +75,13 @@ def render(frame: Frame, form: Form, quality: int) -> tuple[bytes, str, int, int
     encoding = header.encoding or "bgr8"
     sixteen = encoding == "mono16" and as_png
     gray = encoding.startswith("mono")
-    pixels: Pixels = frame.pixels if sixteen else frame.gray if gray else frame.bgr
+    shown = "mono8" if gray else "bgr8"
+    pixels: Pixels = frame.pixels if sixteen else frame.reduced(shown, *size)
     pixels = fitted(pixels, size, invert=form.invert)
     width, height = size
     if as_png:
         return images.encode_png(pixels), "image/png", width, height
-    jpeg = images.encode_jpeg(pixels, "mono8" if gray else "bgr8", form.quality or quality)
+    jpeg = images.encode_jpeg(pixels, shown, form.quality or quality)
     return jpeg, "image/jpeg", width, height
 
 
