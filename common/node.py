@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
+import zenoh
+
 from common import keys, parameter_server
 from common.codec import Message
 from common.connection import Connection
@@ -42,7 +44,8 @@ class Node(Results):
 
     Args:
         service: Kind of node: ``tracker``.
-        camera: The camera it serves; its name is then ``{service}_{camera}``.
+        camera: The camera it serves; its name is then ``{service}_{camera}``. Several or none:
+            a tuple of them, and its name is ``{service}``.
         connection: Where the router is.
         publishes: Topics it publishes, rows of the table or their names.
         messages: Message classes it sends, for schema queries.
@@ -50,13 +53,16 @@ class Node(Results):
         parameters: Its live settings. They answer and are published under its name, the
             newest revision is in force from one frame of ``frames`` to the next, and its number
             stands in the headers that the node makes.
+
+    Attributes:
+        listens: Says which keys it subscribes to besides those of its frames.
     """
 
     def __init__(
         self,
         service: str,
         *,
-        camera: str = keys.DEFAULT_CAMERA,
+        camera: str | tuple[str, ...] = keys.DEFAULT_CAMERA,
         connection: Connection | None = None,
         publishes: Sequence[Topic | str] = (),
         messages: Sequence[type[Message]] = (),
@@ -64,12 +70,14 @@ class Node(Results):
         parameters: LiveSettings[Any] | None = None,
     ) -> None:
         self.connection = connection or Connection()
-        for name in (service, camera, self.connection.namespace):
+        self.cameras = (camera,) if isinstance(camera, str) else camera
+        for name in (service, *self.cameras, self.connection.namespace):
             if not keys.is_name(name):
                 raise ConfigurationError(f"{name!r} is no name: allowed are a-z, 0-9 and _")
         self.service = service
-        self.camera = camera
-        super().__init__(f"{service}_{camera}", publishes)
+        name = f"{service}_{camera}" if isinstance(camera, str) else service
+        super().__init__(name, self.cameras, publishes)
+        self.listens: Callable[[], Sequence[str]] = tuple
         self.parameters = parameters
         self.ledger = Ledger(*counts)
         self.health = Health(self.name, self.ledger)
@@ -78,7 +86,12 @@ class Node(Results):
             self._messages.update(parameter_server.MESSAGES)
         self._stopping = False
         self._report = SelfReport(
-            self.name, service, camera, self.health, lambda: self.published_keys
+            self.name,
+            service,
+            self.cameras,
+            self.health,
+            publishes=lambda: self.published_keys,
+            listens=lambda: self.listens(),
         )
         self._signals = StopSignals(self.stop)
 
@@ -94,7 +107,7 @@ class Node(Results):
             raise
         self._server = QueryServer(self._report.send)
         namespace = self.connection.namespace
-        self._declare_publishers(self._session, namespace, self.camera, self._server)
+        self._declare_publishers(self._session, namespace, self._server)
         self._report.declare(self._session, namespace, self._server)
         self._server.declare(
             self._session,
@@ -127,6 +140,16 @@ class Node(Results):
         return 0 if self.parameters is None else self.parameters.in_force.number
 
     @property
+    def camera(self) -> str:
+        """The one camera that it serves."""
+        return self._camera(None)
+
+    @property
+    def session(self) -> zenoh.Session:
+        """Its Zenoh session, for what a service does besides; open inside the ``with``."""
+        return self._session
+
+    @property
     def stopping(self) -> bool:
         """Whether the node was told to stop."""
         return self._stopping
@@ -148,8 +171,9 @@ class Node(Results):
         *,
         want: Form = "bgr",
         max_age_s: float | Callable[[], float] = 0.4,
+        camera: str | None = None,
     ) -> Iterator[Frame]:
-        """Yield the camera's newest frames, each decodable, none twice, none stale.
+        """Yield a camera's newest frames, each decodable, none twice, none stale.
 
         Ends when the node is told to stop. What the loop does with a frame is timed and
         counted as processed when it asks for the next.
@@ -159,7 +183,9 @@ class Node(Results):
             want: The form that is decoded beforehand, so that its errors are counted here.
             max_age_s: Older ones, over the best recently seen, are dropped as ``stale``; or
                 what says how old they may be now.
+            camera: Whose, if the node serves several.
         """
+        whose = self._camera(camera)
         row = keys.TOPICS[topic] if isinstance(topic, str) else topic
 
         def begin() -> float:
@@ -170,8 +196,8 @@ class Node(Results):
 
         receiver = FrameReceiver(
             self._session,
-            row.key(self.connection.namespace, self.camera),
-            camera=self.camera,
+            row.key(self.connection.namespace, whose),
+            camera=whose,
             raw=row.encoding == keys.RAW_IMAGE,
             max_age_s=begin,
             ledger=self.ledger,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import zenoh
 
@@ -17,17 +18,19 @@ from common.serving import QueryServer
 
 
 class Results:
-    """The publishers of a node, one a topic, and what goes out through them.
+    """The publishers of a node, one a topic and camera, and what goes out through them.
 
     Args:
         name: Of the node.
-        topics: What it publishes, rows of the topic table or their names.
+        cameras: Those it serves.
+        topics: What it publishes for each, rows of the topic table or their names.
     """
 
-    def __init__(self, name: str, topics: Iterable[Topic | str]) -> None:
+    def __init__(self, name: str, cameras: Sequence[str], topics: Iterable[Topic | str]) -> None:
         self.name = name
+        self.cameras = tuple(cameras)
         self._topics = [keys.TOPICS[t] if isinstance(t, str) else t for t in topics]
-        self._publishers: dict[str, StreamPublisher] = {}
+        self._publishers: dict[tuple[str, str], StreamPublisher] = {}
 
     @property
     def revision(self) -> int:
@@ -40,10 +43,10 @@ class Results:
         return [publisher.key for publisher in self._publishers.values()]
 
     def _declare_publishers(
-        self, session: zenoh.Session, namespace: str, camera: str, server: QueryServer
+        self, session: zenoh.Session, namespace: str, server: QueryServer
     ) -> None:
-        for topic in self._topics:
-            self._publishers[topic.name] = StreamPublisher(
+        for topic, camera in itertools.product(self._topics, self.cameras):
+            self._publishers[topic.name, camera] = StreamPublisher(
                 session, topic, topic.key(namespace, camera), server.ask
             )
 
@@ -60,7 +63,7 @@ class Results:
 
     def publish(self, topic: Topic | str, message: Stamped) -> None:
         """Publish a message that carries a header."""
-        publisher = self._publisher(topic)
+        publisher = self._publisher(topic, message.header.camera)
         encoding = publisher.topic.encoding
         publisher.offer(lambda: Sample(message.to_bytes(), encoding, message.header.to_bytes()))
 
@@ -87,7 +90,7 @@ class Results:
             jpeg: True or False overrides the row.
             bilevel: All pixels are 0 or 255: a PNG then has one bit each.
         """
-        publisher = self._publisher(topic)
+        publisher = self._publisher(topic, frame.header.camera)
         header = self.header(frame, encoding)
         as_jpeg = publisher.topic.encoding == keys.JPEG if jpeg is None else jpeg
 
@@ -107,11 +110,23 @@ class Results:
             Whether anyone got it.
         """
         attachment = frame.header.to_bytes()
-        compressed = self._publisher(keys.IMAGE).offer(
+        camera = frame.header.camera
+        compressed = self._publisher(keys.IMAGE, camera).offer(
             lambda: Sample(frame.compressed, frame.mime, attachment)
         )
-        raw = self._publisher(keys.RAW).offer(lambda: Sample(frame.raw, keys.RAW_IMAGE, attachment))
+        raw = self._publisher(keys.RAW, camera).offer(
+            lambda: Sample(frame.raw, keys.RAW_IMAGE, attachment)
+        )
         return compressed or raw
 
-    def _publisher(self, topic: Topic | str) -> StreamPublisher:
-        return self._publishers[topic if isinstance(topic, str) else topic.name]
+    def _publisher(self, topic: Topic | str, camera: str) -> StreamPublisher:
+        name = topic if isinstance(topic, str) else topic.name
+        return self._publishers[name, self._camera(camera)]
+
+    def _camera(self, camera: str | None) -> str:
+        """Return the node's own camera; of several, the one that is named."""
+        if len(self.cameras) == 1:
+            return self.cameras[0]
+        if camera not in self.cameras:
+            raise ValueError(f"{self.name} serves {self.cameras or 'no camera'}, not {camera!r}")
+        return camera

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import zenoh
 
@@ -22,24 +22,28 @@ class SelfReport:
     Args:
         node: Its name.
         service: What kind it is.
-        camera: The camera it serves.
-        health: How it does.
-        published_keys: Returns the keys that it publishes.
+        cameras: Those it serves.
+        health: How it does; it knows the keys of the frames that come in.
+        publishes: Returns the keys that it publishes.
+        listens: Returns the keys that it subscribes to besides those of its frames.
     """
 
     def __init__(
         self,
         node: str,
         service: str,
-        camera: str,
+        cameras: Sequence[str],
         health: Health,
-        published_keys: Callable[[], list[str]],
+        *,
+        publishes: Callable[[], Sequence[str]],
+        listens: Callable[[], Sequence[str]],
     ) -> None:
         self._node = node
         self._service = service
-        self._camera = camera
+        self._cameras = cameras
         self._health = health
-        self._published_keys = published_keys
+        self._publishes = publishes
+        self._listens = listens
         self._started_ns = time.time_ns()
         self._heartbeat = Heartbeat()
 
@@ -75,10 +79,10 @@ class SelfReport:
         own = description(
             self._node,
             self._service,
-            self._camera,
+            self._cameras,
             started_ns=self._started_ns,
-            publishes=self._published_keys(),
-            subscribes=[receiver.key for receiver in self._health.receivers],
+            publishes=self._publishes(),
+            subscribes=[*(receiver.key for receiver in self._health.receivers), *self._listens()],
             rate_hz=self._health.bounds.expected_hz,
         )
         query.reply(
