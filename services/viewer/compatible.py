@@ -28,6 +28,15 @@ NEVER_CACHED = {"Cache-Control": "no-store", "Pragma": "no-cache"}
 MOST_LISTED = 20
 
 
+class Multipart(web.StreamResponse):
+    """An answer that ends with its connection, and is not cut into chunks until then.
+
+    Readers of such streams are often a few lines that know nothing of chunks.
+    """
+
+    _length_check = False
+
+
 class Compatible:
     """The handlers.
 
@@ -48,13 +57,13 @@ class Compatible:
         if key not in self._system.streams and not await self._comes(key, query):
             raise self._unknown(query.topic)
         feed = self._watch(key, query)
-        response = web.StreamResponse(
+        response = Multipart(
             headers={
                 "Content-Type": f"multipart/x-mixed-replace;boundary={BOUNDARY}",
-                "Connection": "close",
                 **NEVER_CACHED,
             }
         )
+        response.force_close()
         try:
             await response.prepare(request)
             await response.write(f"--{BOUNDARY}\r\n".encode())
@@ -141,8 +150,14 @@ class Compatible:
 def part(picture: Picture) -> bytes:
     """Return one picture of a multipart stream, with the boundary that ends it.
 
-    Browsers show a picture when the boundary behind it is there.
+    Browsers show a picture when the boundary behind it is there. It is made once for all.
     """
+    if not picture.part:
+        picture.part = _part(picture)
+    return picture.part
+
+
+def _part(picture: Picture) -> bytes:
     seconds, nanoseconds = divmod(picture.header.stamp_ns, 10**9)
     head = (
         f"Content-Type: {picture.mime}\r\nContent-Length: {len(picture.payload)}\r\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import cv2
 import numpy as np
@@ -90,6 +90,5 @@ def fitted(pixels: Pixels, size: tuple[int, int], *, invert: bool) -> Pixels:
     if (width, height) != size:
         smaller = size[0] * size[1] < width * height
         how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-        resized = cv2.resize(pixels, size, interpolation=how)
-        pixels = np.asarray(resized, np.uint16 if pixels.dtype == np.uint16 else np.uint8)
+        pixels = cast("Pixels", cv2.resize(pixels, size, interpolation=how))
     return np.ascontiguousarray(pixels[::-1, ::-1]) if invert else pixels
