@@ -23,7 +23,7 @@ def prepared(plan: Plan) -> Plan:
 def addresses(plan: Plan) -> list[str]:
     """Return what to open in a browser."""
     return [
-        url(node.settings.host, node.settings.port, node.settings.token)
+        url(node.settings.host, node.settings.port, node.settings.token, node.settings.address)
         for node in plan.nodes
         if isinstance(node.settings, ViewerSettings)
     ]

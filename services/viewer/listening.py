@@ -65,13 +65,23 @@ def free_port(host: str, port: int) -> int:
         return found
 
 
-def url(host: str, port: int, token: str | None) -> str:
-    """Return the address to open in a browser, with the token in it if one is needed."""
+def url(host: str, port: int, token: str | None, address: str = "") -> str:
+    """Return the address to open in a browser, with the token in it if one is needed.
+
+    Args:
+        host: Where it listens.
+        port: The same.
+        token: What browsers must know.
+        address: How they reach it, if it is not by host and port.
+    """
+    ending = f"?token={token}" if token else ""
+    if address:
+        return f"{address.rstrip('/')}/{ending}"
     shown = host.strip("[]")
     if shown in ANY:
         shown = address_of_this_machine()
     shown = f"[{shown}]" if ":" in shown else shown
-    return f"http://{shown}:{port}/" + (f"?token={token}" if token else "")
+    return f"http://{shown}:{port}/{ending}"
 
 
 def address_of_this_machine() -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from urllib.parse import urlsplit
 
 from common.connection import Connection
 from common.live import LiveSettings
@@ -25,10 +26,11 @@ def run(settings: ViewerSettings, connection: Connection) -> None:
     """
     listening = listen(settings.host, settings.port)
     token = token_for(settings.host, settings.token)
-    access = Access(token, own_names(settings.host, settings.allow_host))
+    names = ",".join(filter(None, (settings.allow_host, urlsplit(settings.address).hostname)))
+    access = Access(token, own_names(settings.host, names))
     live = LiveSettings(settings)
     node = Node("viewer", camera=(), connection=connection, parameters=live)
-    address = url(settings.host, listening.getsockname()[1], token)
+    address = url(settings.host, listening.getsockname()[1], token, settings.address)
     with WebServer(listening, live, node, access) as server:
         with contextlib.suppress(OSError):  # who read our output may be gone
             print(address, flush=True)

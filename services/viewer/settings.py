@@ -26,6 +26,15 @@ class ViewerSettings(Settings):
     port: Annotated[
         int, Field(ge=0, le=65535, description="TCP port to serve on; 0: one that is free")
     ] = 8080
+    address: Annotated[
+        str,
+        Field(
+            pattern=r"^(https?://[A-Za-z0-9_.\[\]:-]+/?)?$",
+            max_length=300,
+            description="how browsers reach it, where that is another address, as from outside a "
+            "container; printed instead, and its name is served",
+        ),
+    ] = ""
     token: Annotated[
         str | None,
         Field(

@@ -25,8 +25,9 @@ IMAGE = f"zenoh-vision:{IMAGE_TAG}"
 """Not the tag that a user of this machine has deployed."""
 
 START_S = 60.0
-SERVICES = ("router", "camera", "tracker", "edge")
+SERVICES = ("router", "camera", "tracker", "edge", "viewer")
 OURS = ("camera", "tracker", "edge")
+"""Of which each sends a stream of its camera."""
 
 
 def compose_command() -> list[str] | None:
@@ -90,6 +91,7 @@ class Stack:
     ) -> None:
         self.checkout = checkout
         self.port = free_port()
+        self.viewer_port = free_port()
         self.project = f"zvtest{uuid.uuid4().hex[:8]}"
         self._services = services
         self._files = [checkout / "docker-compose.yml"]
@@ -103,6 +105,7 @@ class Stack:
         self._env = {
             **kept,
             "ZV_PORT": str(self.port),
+            "ZV_VIEWER_PORT": str(self.viewer_port),
             "ZV_IMAGE_TAG": IMAGE_TAG,
             **(settings or {}),
         }

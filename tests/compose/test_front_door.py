@@ -7,6 +7,8 @@ import re
 import subprocess
 import time
 import tomllib
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -42,6 +44,18 @@ def test_up_prints_centroids_on_this_machine_within_60_s(new_stack, tmp_path: Pa
     print(stack.compose("ps"))
 
 
+def test_the_address_in_the_viewers_log_opens_the_page_and_no_other_does(stack: Stack):
+    stack.wait_until_healthy("viewer")
+    found = re.search(r"http://127\.0\.0\.1:8080/\?token=\S+", stack.logs("viewer"))
+    assert found, stack.logs("viewer")
+    address = found[0].replace(":8080", f":{stack.viewer_port}")
+    with urllib.request.urlopen(address, timeout=10) as page:
+        assert page.status == 200
+        assert b"<html" in page.read()
+    with pytest.raises(urllib.error.HTTPError, match="401"):
+        urllib.request.urlopen(address.partition("?")[0], timeout=10)
+
+
 @pytest.mark.parametrize("service", SERVICES)
 def test_a_container_has_no_more_rights_than_it_needs(stack: Stack, service: str):
     found = stack.inspect(service)
@@ -75,6 +89,7 @@ def test_only_the_routers_port_is_open_and_only_to_this_machine(stack: Stack):
     }
     assert bound == {
         "router": {("127.0.0.1", str(stack.port))},
+        "viewer": {("127.0.0.1", str(stack.viewer_port))},
         **{service: set() for service in OURS},
     }
 
@@ -83,7 +98,7 @@ def test_zv_bind_opens_it(clone: Path, docker):
     text = Stack(clone, ["rest"], {"ZV_BIND": "0.0.0.0"}).compose("config")
     assert not re.search(r"(- |host_ip: )127", text)
     addresses = re.findall(r"(?:- |host_ip: )(?:0\.0\.0\.0)", text)
-    assert len(addresses) == 2
+    assert len(addresses) == 3  # router, its REST port, viewer
 
 
 def test_no_shared_memory_is_used(stack: Stack, witness):
@@ -264,7 +279,7 @@ def test_every_compose_file_is_clean(file: Path, clone: Path, docker):
 
 def test_every_option_of_a_service_can_be_set(clone: Path):
     text = (clone / "docker-compose.yml").read_text()
-    for service in OURS:
+    for service in (*OURS, "viewer"):
         model = model_of(service)
         block = re.search(rf"^  {service}:\n(.*?)(?=^  \w|\Z)", text, re.MULTILINE | re.DOTALL)
         assert block
@@ -280,7 +295,7 @@ def test_env_example_names_every_variable_of_the_compose_files_and_no_other():
         used |= set(re.findall(r"\$\{(\w+)", file.read_text()))
     options = {
         f"{model_of(service).env_prefix}{name.upper()}"
-        for service in OURS
+        for service in (*OURS, "viewer")
         for name in model_of(service).model_fields
     }
     assert named - {"COMPOSE_FILE"} <= used  # Compose's own

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+import urllib.error
+import urllib.request
 
 import pytest
 
@@ -52,6 +54,33 @@ def test_a_service_that_is_killed_5_times_comes_back_and_the_others_go_on(
         assert len({one.epoch for one in seen}) <= (1 + KILLS if service == "camera" else 1)
     if service == "camera":
         assert len({one.epoch for one in witness[IMAGE].after(began_s)}) >= KILLS
+
+
+def test_a_viewer_that_is_killed_comes_back_under_the_same_address(stack: Stack, witness: Witness):
+    stack.wait_until_healthy("viewer")
+    starts = {other: stack.starts(other) for other in ("router", *OURS)}
+    began_s = time.monotonic()
+    killed_s = stack.crash("viewer")
+
+    def answers() -> bool:
+        # 401: it asks for its token, so it is there.
+        address = f"http://127.0.0.1:{stack.viewer_port}/"
+        try:
+            urllib.request.urlopen(address, timeout=1)
+        except urllib.error.HTTPError as error:
+            return error.code == 401
+        except OSError:
+            return False
+        return True
+
+    wait_until(answers, RESTART_S)
+    print(f"viewer back after {time.monotonic() - killed_s:.2f} s")
+    stack.wait_until_healthy("viewer")
+    assert {other: stack.starts(other) for other in ("router", *OURS)} == starts
+    for key in STREAMS:
+        seen = witness[key].after(began_s)
+        assert_whole(seen)
+        assert len({one.epoch for one in seen}) == 1
 
 
 @pytest.mark.parametrize("seconds", [3, 30])
