@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Hashable
 
@@ -35,7 +36,6 @@ class Application:
         watcher: The system.
         compatible: The handlers of streams.
         max_clients: How many pages and streams at once.
-        trouble: Tells why what is served is not true; empty when it is.
     """
 
     def __init__(
@@ -90,6 +90,12 @@ class Application:
             return response
         except web.HTTPException as error:
             return web.Response(status=error.status, text=error.text, headers=_kept(error.headers))
+        except (OSError, asyncio.CancelledError):
+            raise  # the client is gone
+        except Exception as error:
+            log.exception("%s could not be answered", request.path[:100])
+            words = f"unexpected {type(error).__name__}: this is a fault in zv\n"
+            return web.Response(status=500, text=words)
         finally:
             if isinstance(connection, Connection):
                 connection.finish()

@@ -45,6 +45,13 @@ NO_REQUESTS = (
     b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999999999\r\n\r\n",
     b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
     b"\x00" * 5000,
+    b"GET /?token=%ff%00 HTTP/1.1\r\nHost: evil\xff\r\n\r\n",
+    b"GET /nosuch HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer \xff\xfe\r\n\r\n",
+    b"GET /live HTTP/1.1\r\nHost: localhost\r\nOrigin: http://[\r\nUpgrade: x\r\n\r\n",
+    b"GET /snapshot?topic=%ff%fe&width=%00 HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    b"GET http://[/ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    b"GET /live HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    b"CONNECT evil.example:443 HTTP/1.1\r\nHost: localhost\r\n\r\n",
 )
 
 

@@ -250,6 +250,30 @@ def test_a_page_that_sends_too_much_is_closed_with_1008(viewer: Viewer, kind):
     assert viewer.get("/healthz").status == 200
 
 
+def test_broken_pictures_of_a_made_up_run_do_not_silence_the_camera(viewer: Viewer, client):
+    camera = PlainCamera(client)
+    rogue = PlainCamera(client, epoch=time.time_ns() + 3600 * 10**9)
+    broken = camera_jpeg(camera)[:400]
+
+    def send_both() -> None:
+        rogue.put(broken, msgpack.packb(rogue.header(camera_jpeg(camera), seq=camera.seq)))
+        camera.send()
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.ask("watch", key=IMAGE)
+            for _ in range(20):
+                head, _ = await page.picture()
+                assert head["header"]["epoch"] == str(camera.epoch)
+
+    with camera.at(30, send_both):
+        run(test())
+
+
+def camera_jpeg(camera: PlainCamera) -> bytes:
+    return camera._pictures[0]
+
+
 def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
     camera = PlainCamera(client)
 
