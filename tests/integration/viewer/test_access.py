@@ -11,8 +11,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import aiohttp
+import numpy as np
 import pytest
 
+from common import images
 from tests import processes
 from tests.integration.conftest import Service
 from tests.integration.publishing import PlainCamera
@@ -199,6 +201,19 @@ def test_more_clients_than_allowed_are_turned_away_and_places_become_free(servic
             assert viewer.get("/live", **LIVE).status == 503
             assert viewer.get(f"/snapshot?{TOPIC}").status == 200
         wait_until(lambda: can_stream(viewer), 10)
+
+
+def test_clients_that_take_nothing_give_their_places_to_others(service, client):
+    viewer = Viewer(service("view", "--port", 0, "--max-clients", 3))
+    noise = np.random.default_rng(1).integers(0, 255, (480, 640, 3), np.uint8)
+    camera = PlainCamera(client, pictures=(images.encode_jpeg(noise, "bgr8", 95),))
+    with camera.at(30), ExitStack() as stalled:
+        wait_until(lambda: viewer.get(f"/snapshot?{TOPIC}").status == 200, 20)
+        for _ in range(3):
+            never_reads = stalled.enter_context(connected(viewer.port))
+            never_reads.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        wait_until(lambda: viewer.get("/live", **LIVE).status == 503)
+        wait_until(lambda: can_stream(viewer), 15)
 
 
 def can_stream(viewer: Viewer) -> bool:
