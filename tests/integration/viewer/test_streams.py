@@ -190,6 +190,7 @@ def test_what_does_not_exist_is_404_with_what_does(viewer, service):
         answer = viewer.get(f"/{path}?topic=/front/nosuch")
         assert answer.status == 404
         assert IMAGE in answer.text
+        assert "truth" not in answer.text  # which is no picture
         assert answer.text.count("\n") == 1
 
 
