@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgpack
 import pytest
 
+from common.connection import Connection
 from common.node import Node
-from common.zenoh_config import Connection
 from tests.integration.listening import Listener, wait_for_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.waiting import in_time
