@@ -298,3 +298,45 @@ def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
     with camera.at(15, send_both):
         run(test())
     wait_until(lambda: viewer.get("/healthz").status == 200)
+
+
+def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: Viewer, client):
+    camera = PlainCamera(client)
+
+    async def test() -> None:
+        async with viewer.page() as deaf, viewer.page() as page:
+            await deaf.ask("watch", key=IMAGE)
+            # It says of thousands of pictures that it took them, and reads none.
+            transport = deaf.socket.get_extra_info("socket")
+            assert transport is not None
+            await page.ask("watch", key=IMAGE)
+            numbers = []
+            for _ in range(60):
+                await deaf.ask("shown", key=IMAGE)
+                numbers.append((await page.picture())[0]["header"]["seq"])
+            assert numbers[-1] - numbers[0] < 80, "held up"
+
+    with camera.at(30):
+        run(test())
+
+
+def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(viewer: Viewer, service):
+    camera = service("camera", "--rate", 15)
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.streams(IMAGE)
+            await page.ask("watch", key=IMAGE)
+            await page.picture()
+            own = (await page.text("nodes"))["nodes"]
+            while not any(IMAGE in each.get("subscribes", ()) for each in own):
+                own = (await page.text("nodes"))["nodes"]
+            camera.process.kill()
+            nodes = await until(page, "nodes")
+            while all(each["alive"] for each in nodes["nodes"]):
+                nodes = await until(page, "nodes")
+            gone = next(each for each in nodes["nodes"] if not each["alive"])
+            assert gone["node"] == "camera_front"
+            assert gone["since_ns"].isdecimal()
+
+    run(test())
