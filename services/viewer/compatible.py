@@ -17,11 +17,11 @@ from aiohttp import web
 from common.errors import PayloadError
 from services.viewer.hub import Hub, TooMany
 from services.viewer.latest import Latest
-from services.viewer.pictures import Feed
 from services.viewer.queries import NAMES, BadQuery, StreamQuery, stream_query
 from services.viewer.rendering import Form, ended
+from services.viewer.renditions import Feed
 from services.viewer.system import System
-from services.viewer.topics import meant
+from services.viewer.topics import kind_of, meant
 from services.viewer.wire import Picture
 
 BOUNDARY = "zenoh-vision-picture"
@@ -162,7 +162,7 @@ class Compatible:
         return web.HTTPNotFound(text=f"there is no stream {topic[:200]!r}{self._listed()}\n")
 
     def _listed(self) -> str:
-        found = [key for key in self._system.streams if meant(key, self._system.namespace, [key])]
+        found = [key for key in self._system.streams if kind_of(key).picture]
         more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
         return f"; there are: {', '.join(found[:MOST_LISTED])}{more}" if found else ""
 

@@ -11,8 +11,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import aiohttp
+import numpy as np
 import pytest
 
+from common import images
 from tests import processes
 from tests.integration.conftest import Service
 from tests.integration.publishing import PlainCamera
@@ -45,6 +47,13 @@ NO_REQUESTS = (
     b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999999999\r\n\r\n",
     b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
     b"\x00" * 5000,
+    b"GET /?token=%ff%00 HTTP/1.1\r\nHost: evil\xff\r\n\r\n",
+    b"GET /nosuch HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer \xff\xfe\r\n\r\n",
+    b"GET /live HTTP/1.1\r\nHost: localhost\r\nOrigin: http://[\r\nUpgrade: x\r\n\r\n",
+    b"GET /snapshot?topic=%ff%fe&width=%00 HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    b"GET http://[/ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    b"GET /live HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    b"CONNECT evil.example:443 HTTP/1.1\r\nHost: localhost\r\n\r\n",
 )
 
 
@@ -192,6 +201,19 @@ def test_more_clients_than_allowed_are_turned_away_and_places_become_free(servic
             assert viewer.get("/live", **LIVE).status == 503
             assert viewer.get(f"/snapshot?{TOPIC}").status == 200
         wait_until(lambda: can_stream(viewer), 10)
+
+
+def test_clients_that_take_nothing_give_their_places_to_others(service, client):
+    viewer = Viewer(service("view", "--port", 0, "--max-clients", 3))
+    noise = np.random.default_rng(1).integers(0, 255, (480, 640, 3), np.uint8)
+    camera = PlainCamera(client, pictures=(images.encode_jpeg(noise, "bgr8", 95),))
+    with camera.at(30), ExitStack() as stalled:
+        wait_until(lambda: viewer.get(f"/snapshot?{TOPIC}").status == 200, 20)
+        for _ in range(3):
+            never_reads = stalled.enter_context(connected(viewer.port))
+            never_reads.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        wait_until(lambda: viewer.get("/live", **LIVE).status == 503)
+        wait_until(lambda: can_stream(viewer), 15)
 
 
 def can_stream(viewer: Viewer) -> bool:

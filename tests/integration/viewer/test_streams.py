@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import signal
 import socket
 import time
 from contextlib import ExitStack
@@ -15,7 +16,7 @@ import pytest
 import zenoh
 
 from common import images
-from tests.integration.listening import Listener
+from tests.integration.listening import Listener, living_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.routing import Router, free_port
 from tests.integration.viewer.browsing import IMAGE, Part, Viewer, parts
@@ -23,6 +24,7 @@ from tests.integration.waiting import wait_until
 from tests.processes import Program
 
 TOPIC = "topic=/front/image/compressed"
+NODE = "@vision/node/viewer"
 COUNTERS = "@vision/diagnostics/viewer"
 
 
@@ -190,6 +192,7 @@ def test_what_does_not_exist_is_404_with_what_does(viewer, service):
         answer = viewer.get(f"/{path}?topic=/front/nosuch")
         assert answer.status == 404
         assert IMAGE in answer.text
+        assert "truth" not in answer.text  # which is no picture
         assert answer.text.count("\n") == 1
 
 
@@ -267,3 +270,21 @@ def test_told_to_stop_it_ends_with_0_whatever_its_clients_do(viewer, client):
         assert viewer.program.interrupt() == 0
         assert time.monotonic() - began_s < 2
     assert viewer.program.complaints == ""
+
+
+def test_a_viewer_that_was_frozen_shows_the_newest_again(viewer, service, client):
+    service("camera", "--rate", 15)
+    until_there(viewer)
+    with viewer.stream(TOPIC) as pictures:
+        next(pictures)
+        viewer.program.process.send_signal(signal.SIGSTOP)
+        try:
+            wait_until(lambda: NODE not in living_nodes(client), 15)
+        finally:
+            viewer.program.process.send_signal(signal.SIGCONT)
+        before_ns = time.time_ns()
+        while float(next(pictures).headers["x-timestamp"]) * 1e9 < before_ns:
+            pass
+        wait_until(lambda: NODE in living_nodes(client))
+        answer = viewer.get(f"/snapshot?{TOPIC}")
+        assert float(answer.headers["x-age-ms"]) < 2000
