@@ -7,6 +7,7 @@ a start loads, and of programs that run until they are stopped, start one all th
 from __future__ import annotations
 
 import atexit
+import gc
 import importlib
 import json
 import os
@@ -16,9 +17,10 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Sequence
+import traceback
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from tests.processes import ROOT, START_S, environment
 
@@ -136,6 +138,23 @@ def begin(order: dict[str, Any]) -> None:
         os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT), stream)
 
 
+def run_and_leave(main: Callable[[], None]) -> NoReturn:
+    """Run the command, and end as an interpreter does, but for taking all modules apart."""
+    try:
+        main()
+        status = 0
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+        status = 1
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(status)
+
+
 def load_all() -> None:
     """Load whatever a tool may need."""
     import services.cli
@@ -151,5 +170,6 @@ def load_all() -> None:
 if __name__ == "__main__":
     main = importlib.import_module(sys.argv[1]).main
     load_all()
+    gc.freeze()  # else each fork would copy all that a collection looks at
     if serve():
-        main()
+        run_and_leave(main)
