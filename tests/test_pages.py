@@ -15,6 +15,7 @@ RUN_BY = {
     "docs/metrics.md": "tests/test_readme.py",  # its one command stands there too
     "docs/parameters.md": "tests/test_parameters_doc.py",
     "docs/tools.md": "tests/test_tools_doc.py",
+    "docs/viewer.md": "tests/test_viewer_doc.py",
 }
 
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import re
+import shlex
+import urllib.request
 from pathlib import Path
+
+import pytest
 
 from services.viewer import (
     compatible,
@@ -17,6 +21,9 @@ from services.viewer import (
     web,
 )
 from services.viewer.access import COOKIE
+from tests.integration.routing import free_port
+from tests.pages import Page
+from tests.processes import Program
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "docs" / "viewer.md").read_text()
@@ -25,6 +32,23 @@ FOLDER = ROOT / "services" / "viewer"
 
 def section(title: str) -> str:
     return TEXT.partition(f"### {title}\n")[2].partition("\n#")[0]
+
+
+@pytest.mark.parametrize("command", Page("docs/viewer.md").commands())
+def test_a_command_starts_a_viewer_and_prints_its_address(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    words = shlex.split(command)
+    assert words[:2] == ["zv", "view"]
+    ours = [str(free_port()) if word == "8081" else word for word in words[1:]]
+    with Program(["-m", "services", *ours], tmp_path, "view") as program:
+        found = program.lines(r"http://(\S+):(\d+)/(\?token=\S+)?")[0]
+        assert bool(found[3]) == ("--host" in words)
+        health = f"http://127.0.0.1:{found[2]}/healthz"
+        with urllib.request.urlopen(health, timeout=10) as answer:
+            assert answer.read() == b"ok\n"
+        assert program.interrupt() == 0
 
 
 def test_what_a_page_may_say_is_all_there():

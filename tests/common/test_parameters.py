@@ -94,7 +94,7 @@ def test_the_live_options_of_the_services_are_all_but_those_that_say_who_they_ar
         "camera": {"camera", "source"},
         "tracker": {"camera"},
         "edge": {"camera"},
-        "viewer": {"host", "port", "token", "allow_host"},
+        "viewer": {"host", "port", "address", "token", "allow_host"},
     }
 
 
