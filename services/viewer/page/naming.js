@@ -1,0 +1,38 @@
+// Streams in words and in order: which camera, which topic, what one looks at first.
+
+const ORDER = ["image", "tracked", "mask", "edges", "smoothed", "magnitude", "direction",
+  "suppressed", "thresholded", "background"];
+
+/** "image", "mask", "smoothed": the topic without what all of them share. */
+export function topicName(stream) {
+  return stream.topic.replace(/\/compressed$/, "").replace(/^edges\/(?=.)/, "");
+}
+
+/** "front / image". */
+export function streamName(stream) {
+  return `${stream.camera} / ${topicName(stream)}`;
+}
+
+/** Picture streams as the wall shows them: all cameras first, then what is made of them. */
+export function inOrder(streams) {
+  const place = (stream) => {
+    const at = ORDER.indexOf(topicName(stream));
+    return at < 0 ? ORDER.length : at;
+  };
+  return streams
+    .filter((stream) => stream.kind === "picture")
+    .sort((a, b) => place(a) - place(b)
+      || topicName(a).localeCompare(topicName(b)) || a.camera.localeCompare(b.camera));
+}
+
+/** The streams with boxes or a centroid of one camera, those of the tracker first. */
+export function overlayStreams(streams, camera) {
+  const order = ["centroid", "tracks", "truth"];
+  return streams
+    .filter((stream) => stream.camera === camera && isOverlay(stream))
+    .sort((a, b) => order.indexOf(a.topic) - order.indexOf(b.topic));
+}
+
+function isOverlay(stream) {
+  return stream.kind === "message" && /vision\.(Centroid|Tracks)\.v1/.test(stream.type);
+}

@@ -1,0 +1,91 @@
+// Boxes, centres, ids and trails on a canvas, in the frame's own coordinates.
+
+import { marksOf } from "./trails.js";
+import { toPane } from "./viewport.js";
+
+export const CENTROID_COLOUR = "#00ff00"; // the tutorial's green
+const TRACK_COLOURS = ["#ffd400", "#ff6ad5", "#36c5ff", "#ff8a3c", "#b48cff", "#8affc1"];
+const OUTLINE = "rgba(0, 0, 0, 0.65)";
+const DASHES = { lost: [4, 4], tentative: [2, 3] };
+
+/**
+ * Draw the messages of one frame over its picture.
+ *
+ * `frame` is {header, items, missing}; `keys` the message streams to draw; `trails` a Trails or
+ * null. `ratio` is device pixels per CSS pixel. Returns what was drawn, in the frame's pixels:
+ * [{key, id, box, x, y}].
+ */
+export function drawOverlay(context, frame, keys, trails, view, pane, ratio) {
+  const drawn = [];
+  for (const key of keys) {
+    const body = frame.items.get(key);
+    if (!body) continue;
+    if (trails) drawTrails(context, trails.upTo(key, frame.header), view, pane, ratio);
+    for (const marked of marksOf(body)) {
+      drawMark(context, marked, view, pane, ratio);
+      drawn.push({ key, id: marked.id, box: marked.box, x: marked.x, y: marked.y });
+    }
+  }
+  return drawn;
+}
+
+/** The colour of a thing by its id. */
+export function colourOf(id) {
+  return id === "" ? CENTROID_COLOUR : TRACK_COLOURS[Number(id) % TRACK_COLOURS.length];
+}
+
+function drawMark(context, marked, view, pane, ratio) {
+  const [left, top, width, height] = marked.box;
+  const from = toPane(view, pane, { x: left, y: top });
+  const to = toPane(view, pane, { x: left + width, y: top + height });
+  const centre = toPane(view, pane, { x: marked.x, y: marked.y });
+  const colour = colourOf(marked.id);
+  for (const [style, line] of [[OUTLINE, 4], [colour, 2]]) {
+    context.strokeStyle = style;
+    context.lineWidth = line * ratio;
+    context.setLineDash((style === colour ? DASHES[marked.state] ?? [] : []).map((d) => d * ratio));
+    context.strokeRect(from.x, from.y, to.x - from.x, to.y - from.y);
+  }
+  context.setLineDash([]);
+  disc(context, centre, 4.5 * ratio, OUTLINE);
+  disc(context, centre, 3.5 * ratio, colour);
+  drawLabel(context, marked.label, from, colour, ratio);
+}
+
+function disc(context, { x, y }, radius, colour) {
+  context.fillStyle = colour;
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.fill();
+}
+
+function drawLabel(context, text, corner, colour, ratio) {
+  const size = 12 * ratio;
+  context.font = `600 ${size}px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace`;
+  context.textBaseline = "alphabetic";
+  const width = context.measureText(text).width + 6 * ratio;
+  // Above the box; inside it where the picture ends.
+  const above = corner.y - size * 1.35 > 0;
+  const top = above ? corner.y - size * 1.35 - ratio : corner.y + ratio;
+  context.fillStyle = colour;
+  context.fillRect(corner.x - ratio, top, width, size * 1.35);
+  context.fillStyle = "#000";
+  context.fillText(text, corner.x + 2 * ratio, top + size * 1.05);
+}
+
+function drawTrails(context, trails, view, pane, ratio) {
+  context.lineWidth = 1.5 * ratio;
+  context.lineJoin = "round";
+  for (const [id, points] of trails) {
+    context.strokeStyle = colourOf(id);
+    context.globalAlpha = 0.8;
+    context.beginPath();
+    points.forEach(([x, y], index) => {
+      const at = toPane(view, pane, { x, y });
+      if (index) context.lineTo(at.x, at.y);
+      else context.moveTo(at.x, at.y);
+    });
+    context.stroke();
+  }
+  context.globalAlpha = 1;
+}
