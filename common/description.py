@@ -16,7 +16,7 @@ DISTRIBUTION = "zenoh-vision"
 def description(
     node: str,
     service: str,
-    camera: str,
+    cameras: Iterable[str],
     *,
     started_ns: int,
     publishes: Iterable[str],
@@ -28,7 +28,7 @@ def description(
     Args:
         node: Its name.
         service: What kind it is.
-        camera: The camera it serves.
+        cameras: Those it serves.
         started_ns: When it started, ns since 1970.
         publishes: Keys.
         subscribes: Keys.
@@ -37,7 +37,7 @@ def description(
     return NodeDescription(
         node=node,
         service=service,
-        cameras=(camera,),
+        cameras=tuple(cameras),
         version=installed_version(),
         host=socket.gethostname(),
         pid=os.getpid(),

@@ -11,6 +11,7 @@ The iterator ends at SIGINT or SIGTERM, and so does the ``with``.
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
@@ -46,7 +47,8 @@ class Node:
 
     Args:
         service: Kind of node: ``tracker``.
-        camera: The camera it serves; its name is then ``{service}_{camera}``.
+        camera: The camera it serves; its name is then ``{service}_{camera}``. Several or none:
+            a tuple of them, and its name is ``{service}``.
         connection: Where the router is.
         publishes: Topics it publishes, rows of the table or their names.
         messages: Message classes it sends, for schema queries.
@@ -54,13 +56,16 @@ class Node:
         parameters: Its live settings. They answer and are published under its name, the
             newest revision is in force from one frame of ``frames`` to the next, and its number
             stands in the headers that the node makes.
+
+    Attributes:
+        listens: Says which keys it subscribes to besides those of its frames.
     """
 
     def __init__(
         self,
         service: str,
         *,
-        camera: str = keys.DEFAULT_CAMERA,
+        camera: str | tuple[str, ...] = keys.DEFAULT_CAMERA,
         connection: Connection | None = None,
         publishes: Sequence[Topic | str] = (),
         messages: Sequence[type[Message]] = (),
@@ -68,12 +73,13 @@ class Node:
         parameters: LiveSettings[Any] | None = None,
     ) -> None:
         self.connection = connection or Connection()
-        for name in (service, camera, self.connection.namespace):
+        self.cameras = (camera,) if isinstance(camera, str) else camera
+        for name in (service, *self.cameras, self.connection.namespace):
             if not keys.is_name(name):
                 raise ConfigurationError(f"{name!r} is no name: allowed are a-z, 0-9 and _")
         self.service = service
-        self.camera = camera
-        self.name = f"{service}_{camera}"
+        self.name = f"{service}_{camera}" if isinstance(camera, str) else service
+        self.listens: Callable[[], Sequence[str]] = tuple
         self.parameters = parameters
         self.ledger = Ledger(*counts)
         self.health = Health(self.name, self.ledger)
@@ -81,7 +87,7 @@ class Node:
         self._messages: set[type[Message]] = {Diagnostics, NodeDescription, *messages}
         if parameters is not None:
             self._messages.update(parameter_server.MESSAGES)
-        self._publishers: dict[str, StreamPublisher] = {}
+        self._publishers: dict[tuple[str, str], StreamPublisher] = {}
         self._stopping = False
         self._started_ns = time.time_ns()
         self._heartbeat = Heartbeat()
@@ -99,9 +105,9 @@ class Node:
             raise
         self._server = QueryServer(self._say_how_it_does)
         namespace = self.connection.namespace
-        for topic in self._topics:
-            self._publishers[topic.name] = StreamPublisher(
-                self._session, topic, topic.key(namespace, self.camera), self._server.ask
+        for topic, camera in itertools.product(self._topics, self.cameras):
+            self._publishers[topic.name, camera] = StreamPublisher(
+                self._session, topic, topic.key(namespace, camera), self._server.ask
             )
         self._diagnostics = StreamPublisher(
             self._session,
@@ -142,6 +148,16 @@ class Node:
         return 0 if self.parameters is None else self.parameters.in_force.number
 
     @property
+    def camera(self) -> str:
+        """The one camera that it serves."""
+        return self._camera(None)
+
+    @property
+    def session(self) -> zenoh.Session:
+        """Its Zenoh session, for what a service does besides; open inside the ``with``."""
+        return self._session
+
+    @property
     def stopping(self) -> bool:
         """Whether the node was told to stop."""
         return self._stopping
@@ -163,8 +179,9 @@ class Node:
         *,
         want: Form = "bgr",
         max_age_s: float | Callable[[], float] = 0.4,
+        camera: str | None = None,
     ) -> Iterator[Frame]:
-        """Yield the camera's newest frames, each decodable, none twice, none stale.
+        """Yield a camera's newest frames, each decodable, none twice, none stale.
 
         Ends when the node is told to stop. What the loop does with a frame is timed and
         counted as processed when it asks for the next.
@@ -174,7 +191,9 @@ class Node:
             want: The form that is decoded beforehand, so that its errors are counted here.
             max_age_s: Older ones, over the best recently seen, are dropped as ``stale``; or
                 what says how old they may be now.
+            camera: Whose, if the node serves several.
         """
+        whose = self._camera(camera)
         row = keys.TOPICS[topic] if isinstance(topic, str) else topic
 
         def begin() -> float:
@@ -185,8 +204,8 @@ class Node:
 
         receiver = FrameReceiver(
             self._session,
-            row.key(self.connection.namespace, self.camera),
-            camera=self.camera,
+            row.key(self.connection.namespace, whose),
+            camera=whose,
             raw=row.encoding == keys.RAW_IMAGE,
             max_age_s=begin,
             ledger=self.ledger,
@@ -232,7 +251,7 @@ class Node:
 
     def publish(self, topic: Topic | str, message: Stamped) -> None:
         """Publish a message that carries a header."""
-        publisher = self._publisher(topic)
+        publisher = self._publisher(topic, message.header.camera)
         encoding = publisher.topic.encoding
         publisher.offer(lambda: Sample(message.to_bytes(), encoding, message.header.to_bytes()))
 
@@ -259,7 +278,7 @@ class Node:
             jpeg: True or False overrides the row.
             bilevel: All pixels are 0 or 255: a PNG then has one bit each.
         """
-        publisher = self._publisher(topic)
+        publisher = self._publisher(topic, frame.header.camera)
         header = self.header(frame, encoding)
         as_jpeg = publisher.topic.encoding == keys.JPEG if jpeg is None else jpeg
 
@@ -279,14 +298,26 @@ class Node:
             Whether anyone got it.
         """
         attachment = frame.header.to_bytes()
-        compressed = self._publisher(keys.IMAGE).offer(
+        camera = frame.header.camera
+        compressed = self._publisher(keys.IMAGE, camera).offer(
             lambda: Sample(frame.compressed, frame.mime, attachment)
         )
-        raw = self._publisher(keys.RAW).offer(lambda: Sample(frame.raw, keys.RAW_IMAGE, attachment))
+        raw = self._publisher(keys.RAW, camera).offer(
+            lambda: Sample(frame.raw, keys.RAW_IMAGE, attachment)
+        )
         return compressed or raw
 
-    def _publisher(self, topic: Topic | str) -> StreamPublisher:
-        return self._publishers[topic if isinstance(topic, str) else topic.name]
+    def _publisher(self, topic: Topic | str, camera: str) -> StreamPublisher:
+        name = topic if isinstance(topic, str) else topic.name
+        return self._publishers[name, self._camera(camera)]
+
+    def _camera(self, camera: str | None) -> str:
+        """Return the node's own camera; of several, the one that is named."""
+        if len(self.cameras) == 1:
+            return self.cameras[0]
+        if camera not in self.cameras:
+            raise ValueError(f"{self.name} serves {self.cameras or 'no camera'}, not {camera!r}")
+        return camera
 
     # Health and description
 
@@ -301,10 +332,10 @@ class Node:
         own = description(
             self.name,
             self.service,
-            self.camera,
+            self.cameras,
             started_ns=self._started_ns,
             publishes=[publisher.key for publisher in self._publishers.values()],
-            subscribes=[receiver.key for receiver in self.health.receivers],
+            subscribes=[*(receiver.key for receiver in self.health.receivers), *self.listens()],
             rate_hz=self.health.bounds.expected_hz,
         )
         query.reply(

@@ -23,12 +23,21 @@ MAX_ATTACHMENT_BYTES = 4096
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A frame whose header, size and order were found good; not decoded yet."""
+    """A frame whose header, size and order were found good; not decoded yet.
+
+    Attributes:
+        challenger: It is of an epoch that is not proven yet.
+        number: How many came on this key up to it.
+        missed: How many of the camera's frames up to it did not, by their sequence numbers.
+    """
 
     header: Header
     payload: bytes
     raw: bool
     arrived_ns: int  # by the monotonic clock
+    challenger: bool
+    number: int
+    missed: int
 
 
 class FrameReceiver:
@@ -45,6 +54,7 @@ class FrameReceiver:
             asked for each frame as it is taken.
         ledger: Counts what arrives and what becomes of it.
         complain: Called with each drop, for the log.
+        arrived: Called on Zenoh's thread when there is one to take; must be quick.
     """
 
     def __init__(
@@ -57,6 +67,7 @@ class FrameReceiver:
         max_age_s: Callable[[], float],
         ledger: Ledger,
         complain: Callable[[PayloadError], None],
+        arrived: Callable[[], None] = lambda: None,
     ) -> None:
         self.key = key
         self.age = AgeGauge(int(max_age_s() * 1e9))
@@ -67,6 +78,9 @@ class FrameReceiver:
         self._ledger = ledger
         self._complain = complain
         self._admission = Admission(camera)
+        self._arrived = arrived
+        self._number = 0
+        self._missed = 0
         self._slot = Slot[Arrival](lambda _: ledger.drop("overwritten"))
         self._subscriber = session.declare_subscriber(key, direct(self._on_sample))
 
@@ -83,6 +97,19 @@ class FrameReceiver:
 
         A frame handed out is pending until the caller reports it to the ledger.
         """
+        taken = self.take_arrival(timeout_s, want)
+        return None if taken is None else taken[1]
+
+    def take_arrival(
+        self, timeout_s: float, want: Form | None = None
+    ) -> tuple[Arrival, Frame] | None:
+        """Return the newest frame as ``take`` does, with what is known of its arrival.
+
+        Args:
+            timeout_s: How long to wait for one.
+            want: None for who passes it on as it is: it is decoded then only if it must prove
+                a new epoch.
+        """
         arrival = self._slot.take(timeout_s)
         if arrival is None:
             return None
@@ -95,18 +122,26 @@ class FrameReceiver:
                     self.late_since_s = time.monotonic()
                 return None
             frame = self._frame(arrival)
-            frame.form(want)
+            if want is not None or arrival.challenger:
+                frame.form(want or "gray")
             self._admission.accept(header, time.monotonic())
             self.age.accept(header.epoch, header.stamp_ns, arrival.arrived_ns)
             self.late_since_s = None
         except PayloadError as error:
             self._drop(error)
             return None
-        return frame
+        return arrival, frame
 
-    def close(self) -> None:
-        """Stop receiving."""
+    def close(self, unread: str | None = None) -> None:
+        """Stop receiving.
+
+        Args:
+            unread: The reason under which frames that nobody took are dropped; None leaves
+                them pending, for a node that ends with its receiver.
+        """
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+        while unread and self._slot.take(0) is not None:
+            self._ledger.drop(unread)
 
     def _frame(self, arrival: Arrival) -> Frame:
         header = arrival.header
@@ -120,13 +155,14 @@ class FrameReceiver:
     def _on_sample(self, sample: zenoh.Sample) -> None:
         self._ledger.arrive()
         try:
-            arrival, challenger = self._admit(sample)
+            arrival = self._admit(sample)
         except PayloadError as error:
             self._drop(error)
             return
-        self._slot.put(arrival, challenger=challenger)
+        self._slot.put(arrival, challenger=arrival.challenger)
+        self._arrived()
 
-    def _admit(self, sample: zenoh.Sample) -> tuple[Arrival, bool]:
+    def _admit(self, sample: zenoh.Sample) -> Arrival:
         now_ns, arrived_ns = time.time_ns(), time.monotonic_ns()
         at_s = arrived_ns / 1e9
         if sample.kind != zenoh.SampleKind.PUT:
@@ -141,6 +177,8 @@ class FrameReceiver:
             header = self._admission.identify(attachment, size, now_ns, at_s)
             images.encoding_named(header.encoding)
         challenger, missed = self._admission.admit(header, at_s)
+        self._number += 1
+        self._missed += missed
         if missed:
             self._ledger.note("missed", missed)
         if header.assumed:
@@ -148,7 +186,9 @@ class FrameReceiver:
         self.age.arrive(header.epoch, header.stamp_ns, arrived_ns)
         self.arrived_s = at_s
         stamped = header.model_copy(update={"received_ns": now_ns})
-        return Arrival(stamped, payload, self._raw, arrived_ns), challenger
+        return Arrival(
+            stamped, payload, self._raw, arrived_ns, challenger, self._number, self._missed
+        )
 
     def _drop(self, error: PayloadError) -> None:
         self._ledger.drop(error.reason)

@@ -11,6 +11,7 @@ import difflib
 import os
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, cast
@@ -45,6 +46,11 @@ def _from_text(value: object, info: ValidationInfo) -> object:
 
 FromText = BeforeValidator(_from_text)
 """Lets a choice of numbers be spelled as text, as flags and the environment do; not in TOML."""
+
+
+@dataclass(frozen=True, slots=True)
+class Secret:
+    """Marks an option that must not stand in a command line, which everybody can read."""
 
 
 class Settings(BaseModel):

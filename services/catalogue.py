@@ -18,11 +18,15 @@ class Service:
         model: Module and class of its options.
         line: What it does, for ``zv --help``.
         example: A command to start it.
+        command: What one types for it, where that is not its name.
+        of_camera: Whether it belongs to one camera, whose name is then part of its own.
     """
 
     model: str
     line: str
     example: str
+    command: str = ""
+    of_camera: bool = True
 
 
 SERVICES = {
@@ -30,6 +34,7 @@ SERVICES = {
         "services.router.settings:RouterSettings",
         "Run the Zenoh router that is built in.",
         "zv router --listen tcp/0.0.0.0:7447",
+        of_camera=False,
     ),
     "camera": Service(
         "services.camera.settings:CameraSettings",
@@ -46,7 +51,23 @@ SERVICES = {
         "Publish the edge map of each frame.",
         "zv edge --camera front --sigma 2 --high 150",
     ),
+    "viewer": Service(
+        "services.viewer.settings:ViewerSettings",
+        "Show all cameras in the browser, and give their streams URLs.",
+        "zv view --port 8081",
+        command="view",
+        of_camera=False,
+    ),
 }
+
+
+def command_of(service: str) -> str:
+    """Return what one types behind ``zv`` for a service."""
+    return SERVICES[service].command or service
+
+
+BY_COMMAND = {command_of(name): name for name in SERVICES}
+"""The services by their commands."""
 
 
 def model_of(service: str) -> type[Settings]:

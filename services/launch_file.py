@@ -13,7 +13,6 @@ from common.errors import ConfigurationError
 from common.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
 from common.settings import (
     CameraName,
-    ServiceSettings,
     Settings,
     allowed,
     load_settings,
@@ -56,7 +55,10 @@ class NodeTable(Table):
 
     service: Annotated[str, Field(description=f"one of {', '.join(NODE_SERVICES)}")]
     camera: Annotated[
-        CameraName, Field(description="camera it belongs to; its name is {service}_{camera}")
+        CameraName,
+        Field(
+            description="camera it belongs to; its name is {service}_{camera}; not for a viewer"
+        ),
     ] = DEFAULT_CAMERA
     config: Annotated[
         str | None, Field(description="TOML file of its options, beside the launch file")
@@ -83,7 +85,7 @@ class PlannedNode:
     """One node whose options were found good.
 
     Attributes:
-        name: ``{service}_{camera}``.
+        name: ``{service}_{camera}``, or ``{service}`` of one that serves all cameras.
         restart: Whether it is started again when it dies.
     """
 
@@ -156,16 +158,21 @@ def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
             f"{place}.settings.camera = {table.settings['camera']!r} is not allowed; "
             "allowed: camera = ... beside settings"
         )
-    model = model_of(table.service)
-    assert issubclass(model, ServiceSettings)
+    of_camera = SERVICES[table.service].of_camera
+    if not of_camera and "camera" in table.model_fields_set:
+        raise ConfigurationError(
+            f"{place}.camera = {table.camera!r} is not allowed: a {table.service} serves all "
+            "cameras; allowed: leave it out"
+        )
     settings = load_settings(
-        model,
-        flags={"camera": table.camera},
+        model_of(table.service),
+        flags={"camera": table.camera} if of_camera else {},
         config=_beside(path, f"{place}.config", table.config),
         inline=table.settings,
         inline_place=f"{place}.settings",
     )
-    return PlannedNode(f"{table.service}_{table.camera}", table.service, settings, table.restart)
+    name = f"{table.service}_{table.camera}" if of_camera else table.service
+    return PlannedNode(name, table.service, settings, table.restart)
 
 
 def _beside(path: Path, place: str, name: str | None) -> str | None:

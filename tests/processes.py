@@ -96,9 +96,13 @@ class Program:
 
 
 def environment() -> dict[str, str]:
-    """Return the environment for a program: ours importable, no ``ZV_`` settings of the user."""
+    """Return the environment for a program: ours importable, no ``ZV_`` settings of the user.
+
+    Each viewer takes a free port, since tests run beside each other.
+    """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
-    return {**kept, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    own = {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "ZV_VIEWER_PORT": "0"}
+    return {**kept, **own}
 
 
 def eventually(attempt: Callable[[], T | None], timeout_s: float, explain: Callable[[], str]) -> T:

@@ -113,7 +113,8 @@ def test_a_unit_reads_the_files_that_are_there(unit):
     assert files[0].name == "all.env"
     assert FOLDER / "all.env" in FILES
     service = re.sub(r"^zv-|@?\.service$", "", unit.name)
-    assert files[1].name == ("router.env" if service == "router" else f"{service}-%i.env")
+    alone = not SERVICES[service].of_camera
+    assert files[1].name == (f"{service}.env" if alone else f"{service}-%i.env")
 
 
 def test_the_units_commands_make_a_system_and_end_with_sigterm(tmp_path, monkeypatch):
@@ -131,6 +132,8 @@ def test_the_units_commands_make_a_system_and_end_with_sigterm(tmp_path, monkeyp
             if "router" in unit.name:
                 assert given["ZV_ROUTER_LISTEN"] == "tcp/127.0.0.1:7447"
                 given["ZV_ROUTER_LISTEN"] = endpoint
+            if "viewer" in unit.name:
+                given["ZV_VIEWER_PORT"] = "0"
             command = shlex.split(value(unit, "ExecStart")[0].replace("%i", "front"))
             assert command[0] == INSTALLED
             monkeypatch.setattr(processes, "environment", lambda given=given: given)

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from common.parameters import live_fields, mark_of
 from common.settings import Settings, allowed
-from services.catalogue import SERVICES, model_of
+from services.catalogue import SERVICES, command_of, model_of
 from services.cli.options import ConnectionSettings, flag
 from services.cli.reference import reference
 from services.launch_file import LaunchTables, NodeTable, RouterTable
@@ -27,7 +27,7 @@ def toml_of(service: str) -> str:
     """Return a service's TOML file: every option with its default, meaning and range."""
     model = model_of(service)
     lines = [
-        f"# Options of `zv {service}`, each with its default. Made by `make configs`.",
+        f"# Options of `zv {command_of(service)}`, each with its default. Made by `make configs`.",
         f"# A flag ({flag('name')}) and the environment ({model.env_prefix}NAME) go over it.",
     ]
     if live_fields(model):
@@ -64,7 +64,7 @@ def documentation() -> str:
         "[parameters.md](parameters.md).\n",
         options("Every command", ConnectionSettings),
         "A [tool](tools.md) waits 5 s for a router unless `--timeout` says otherwise.\n",
-        *(options(f"`zv {service}`", model_of(service)) for service in SERVICES),
+        *(options(f"`zv {command_of(service)}`", model_of(service)) for service in SERVICES),
         "## The launch file of `zv up`\n",
         "`zv up FILE.toml` checks every option of every node before it starts anything. For a "
         "node's options the order is: environment, `settings`, `config`, default. A variable such "

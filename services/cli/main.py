@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from services.catalogue import SERVICES
+from services.catalogue import BY_COMMAND, SERVICES
 from services.cli.failures import tell, watch_threads
 from services.cli.lazy import lazy
 from services.cli.shells import VARIABLE, answer_shells
@@ -17,7 +17,10 @@ from services.tools.catalogue import GROUPS, TOOLS
 
 COMMANDS = {
     "up": ("services.cli.up", "Start a whole system from one file, and watch it."),
-    **{name: ("services.cli.services", service.line) for name, service in SERVICES.items()},
+    **{
+        command: ("services.cli.services", SERVICES[name].line)
+        for command, name in BY_COMMAND.items()
+    },
     **{name: ("services.cli.tools", line) for name, line in GROUPS.items()},
     **{words: ("services.cli.tools", TOOLS[words].line) for words in TOOLS if " " not in words},
     "completion": ("services.cli.completion", "Print the completion script of a shell."),
@@ -37,7 +40,7 @@ def load(name: str) -> Any:
 
 def section(name: str) -> str:
     """Return the heading of a command in ``zv --help``."""
-    if name == "up" or name in SERVICES:
+    if name == "up" or name in BY_COMMAND:
         return "Services"
     tools = [tool for words, tool in TOOLS.items() if words.split()[0] == name]
     return tools[0].section if tools else "Setting up"
@@ -45,8 +48,8 @@ def section(name: str) -> str:
 
 def example(name: str) -> str:
     """Return a command line that shows a command's use, the shortest one if there is no other."""
-    if name in SERVICES:
-        return one_by_one(SERVICES[name].example)[0]
+    if name in BY_COMMAND:
+        return one_by_one(SERVICES[BY_COMMAND[name]].example)[0]
     tools = [tool for words, tool in TOOLS.items() if words.split()[0] == name]
     return one_by_one(tools[0].example)[0] if tools else f"zv {name}"
 

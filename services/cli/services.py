@@ -1,4 +1,4 @@
-"""``zv router``, ``zv camera``, ``zv tracker``, ``zv edge``: one service in this process."""
+"""``zv router``, ``zv camera``, ``zv view`` and the like: one service in this process."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib
 from typing import Any
 
 from common.settings import load_settings
-from services.catalogue import SERVICES, model_of
+from services.catalogue import BY_COMMAND, SERVICES, model_of
 from services.cli.options import (
     command,
     common_parameters,
@@ -18,8 +18,9 @@ from services.cli.options import (
 from services.up.lifeline import end_with_parent
 
 
-def load(service: str) -> Any:
-    """Return the command of a service."""
+def load(name: str) -> Any:
+    """Return the command of this name, which starts a service."""
+    service = BY_COMMAND[name]
     model = model_of(service)
     parameters = [*parameters_of(model, "Options"), *common_parameters()]
     words = f"{SERVICES[service].line}\n\nExample: {SERVICES[service].example}"
@@ -36,4 +37,4 @@ def load(service: str) -> Any:
         else:
             module.run(settings, connection)
 
-    return command(service, run, parameters, words)
+    return command(name, run, parameters, words)

@@ -77,6 +77,7 @@ def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **fla
     from common.zenoh_config import listened_on, router_config
     from services.launch_file import read_launch_file
     from services.up import endpoint
+    from services.up.browsers import prepared
     from services.up.service import run as run_system
 
     log_to_stderr(debug)
@@ -101,7 +102,7 @@ def run(*, file: str | None, listen: str | None, plain: bool, debug: bool, **fla
         else:
             listens = endpoint.stated(plan.router_config, stated)
         connection = replace(connection, connect=endpoint.reach(listens))
-    sys.exit(run_system(plan, connection, listens, plain=plain, debug=debug))
+    sys.exit(run_system(prepared(plan), connection, listens, plain=plain, debug=debug))
 
 
 def launch_file(given: str | None) -> Path:

@@ -7,6 +7,8 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from common import heartbeat
+from common.settings import Secret
+from services.catalogue import command_of as command_name
 from services.launch_file import PlannedNode
 
 RESOLVED = ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT", heartbeat.VARIABLE)
@@ -24,7 +26,7 @@ def command_of(node: PlannedNode) -> tuple[list[str], dict[str, str]]:
     Defaults are left out. What is secret goes by environment: everyone on a machine can read
     the command lines of all processes.
     """
-    flags = [node.service]
+    flags = [command_name(node.service)]
     secret: dict[str, str] = {}
     model = type(node.settings)
     for name, field in model.model_fields.items():
@@ -34,7 +36,7 @@ def command_of(node: PlannedNode) -> tuple[list[str], dict[str, str]]:
         flag = f"--{name.replace('_', '-')}"
         if isinstance(value, bool):
             flags.append(flag if value else f"--no-{flag[2:]}")
-        elif _is_secret(str(value)):
+        elif Secret in map(type, field.metadata) or _is_secret(str(value)):
             secret[f"{model.env_prefix}{name.upper()}"] = str(value)
         else:
             flags += [flag, str(value)]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from common import keys
 from common.zenoh_config import Connection
 from services.launch_file import Plan
+from services.up.browsers import addresses
 
 SHOWN = {"camera": keys.IMAGE, "tracker": keys.CENTROID, "edge": keys.EDGES}
 """What each service is there for; it may publish more."""
 
 
 def how_to_subscribe(plan: Plan, connection: Connection, *, own: bool) -> list[str]:
-    """Return lines that name the router, the keys, and a program to run.
+    """Return lines that name the router, the keys, a program to run, and last the viewer.
 
     Args:
         plan: What was started.
@@ -25,4 +26,5 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own: bool) -> list[s
             topic = SHOWN[node.service]
             camera = node.name.removeprefix(f"{node.service}_")
             lines.append(f"  {topic.key(connection.namespace, camera):<36} {topic.encoding}")
-    return [*lines, f"for example: python examples/subscribe.py {connection.connect}"]
+    lines.append(f"for example: python examples/subscribe.py {connection.connect}")
+    return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

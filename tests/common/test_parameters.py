@@ -89,7 +89,13 @@ def test_the_live_options_of_the_services_are_all_but_those_that_say_who_they_ar
         for service in NODE_SERVICES
     }
     # The source is not live: whoever may set parameters could read any file of the machine.
-    assert fixed == {"camera": {"camera", "source"}, "tracker": {"camera"}, "edge": {"camera"}}
+    # Nor is anything that says who may reach the viewer.
+    assert fixed == {
+        "camera": {"camera", "source"},
+        "tracker": {"camera"},
+        "edge": {"camera"},
+        "viewer": {"host", "port", "token", "allow_host"},
+    }
 
 
 def test_several_values_change_at_once():

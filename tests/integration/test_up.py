@@ -21,7 +21,7 @@ from tests.integration.terminal import Terminal
 from tests.integration.waiting import wait_until
 from tests.processes import ROOT, Program, environment, free_endpoint
 
-NODES = {"router", "camera_front", "tracker_front", "edge_front"}
+NODES = {"router", "camera_front", "tracker_front", "edge_front", "viewer"}
 
 
 def up(folder: Path, *arguments: str) -> Program:
@@ -51,10 +51,10 @@ def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_
         with client:
             Listener(client, "vision/front/centroid").wait_for(5, 20)
             Listener(client, "vision/front/edges/compressed").wait_for(5)
-        lines = program.lines(r"(\w+) +running .*", 4)
+        lines = program.lines(r"(\w+) +running .*", 5)
         assert {line[1] for line in lines} == NODES
         started = children(program)
-        assert sorted(map(service_of, started)) == ["camera", "edge", "router", "tracker"]
+        assert sorted(map(service_of, started)) == ["camera", "edge", "router", "tracker", "view"]
         begun_s = time.monotonic()
         program.process.send_signal(signal.SIGINT)
         assert program.process.wait(5) == 0
@@ -63,12 +63,14 @@ def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_
     assert f"router: {endpoint}" in program.output
     assert "vision/front/centroid" in program.output
     assert f"python examples/subscribe.py {endpoint}" in program.output
+    greeting = program.output.partition("for example: ")[2].splitlines()
+    assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+/", greeting[1])
     assert "Traceback" not in program.complaints
 
 
 def test_nothing_is_left_behind_when_zv_up_itself_is_killed(tmp_path):
     with up(tmp_path, "--listen", free_endpoint()) as program:
-        started = wait_until(lambda: len(children(program)) == 4 and children(program), 20)
+        started = wait_until(lambda: len(children(program)) == 5 and children(program), 20)
         program.lines(r"camera_front +running +rate.*")
         program.process.kill()
         program.process.wait(5)
@@ -137,7 +139,7 @@ def test_connect_uses_the_router_that_is_there(tmp_path, router):
     with up(tmp_path, "--connect", router.endpoint) as program:
         with open_client(router.endpoint) as client:
             Listener(client, "vision/front/centroid").wait_for(5, 20)
-        assert sorted(map(service_of, children(program))) == ["camera", "edge", "tracker"]
+        assert sorted(map(service_of, children(program))) == ["camera", "edge", "tracker", "view"]
         assert "the one that is there" in program.output
         program.process.send_signal(signal.SIGTERM)
         assert program.process.wait(5) == 0
@@ -148,7 +150,7 @@ def test_the_environment_names_router_and_namespace_as_the_flags_do(tmp_path, ro
     monkeypatch.setattr(processes, "environment", lambda: changed)
     with up(tmp_path) as program, open_client(router.endpoint) as client:
         Listener(client, "mine/front/centroid").wait_for(5, 20)
-        assert sorted(map(service_of, children(program))) == ["camera", "edge", "tracker"]
+        assert sorted(map(service_of, children(program))) == ["camera", "edge", "tracker", "view"]
 
 
 def test_a_launch_file_names_router_and_namespace(tmp_path, router):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from common.errors import SourceError
 from common.messages import ParameterList
+from common.parameter_text import may_be, plain, toml_file, toml_line
 from common.settings import read_toml
 from common.zenoh_config import Connection
 from services.tools.output import Output
@@ -21,11 +22,7 @@ from services.tools.param.remote import all_parameters, change, chosen, paramete
 from services.tools.param.values import (
     assignments,
     described,
-    may_be,
-    plain,
     shown,
-    toml_file,
-    toml_line,
     value_of,
 )
 from services.tools.session import ToolSession

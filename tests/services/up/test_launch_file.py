@@ -28,7 +28,8 @@ def complaint(path: Path) -> str:
 
 def test_the_default_file_names_a_camera_a_tracker_and_an_edge_detector():
     plan = read_launch_file(ROOT / "configs" / "up.toml")
-    assert [node.name for node in plan.nodes] == ["camera_front", "tracker_front", "edge_front"]
+    names = ["camera_front", "tracker_front", "edge_front", "viewer"]
+    assert [node.name for node in plan.nodes] == names
     assert plan.connection == {"namespace": "vision"}
     assert plan.listen == "tcp/127.0.0.1:7447"
 

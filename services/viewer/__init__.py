@@ -1,0 +1,1 @@
+"""The viewer: every stream in the browser, and URLs for them."""

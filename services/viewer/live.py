@@ -1,0 +1,250 @@
+"""``/live``: one page's WebSocket. The protocol is docs/viewer.md's."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Hashable
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from common.errors import ParameterRefused, VisionError
+from common.parameter_text import toml_file
+from services.viewer import wire
+from services.viewer.hub import Hub
+from services.viewer.messages import MessageFeed
+from services.viewer.outbox import Outbox
+from services.viewer.pictures import Feed
+from services.viewer.requests import (
+    MAX_BYTES,
+    MAX_RATE_HZ,
+    MAX_SHOWN_HZ,
+    Dump,
+    Malformed,
+    Set,
+    Shown,
+    Unwatch,
+    Watch,
+    request_of,
+)
+from services.viewer.topics import is_stream, kind_of
+from services.viewer.watching import Unanswered, Watcher
+
+MAX_WATCHES = 32
+AHEAD = 2
+"""Pictures of a stream that may be on their way to a page before it says that it shows one."""
+
+HEARTBEAT_S = 15.0
+STALLED_S = 20.0
+ENDED_POLL_S = 0.2
+MESSAGES_AT_ONCE = 16
+RATE_WINDOW_S = 1.0
+
+
+class Watching:
+    """One stream of pictures that a page watches."""
+
+    def __init__(self, feed: Feed) -> None:
+        self.feed = feed
+        self.credit = AHEAD
+        self.ended = False
+
+
+class Page:
+    """One connection.
+
+    Args:
+        socket: Prepared.
+        request: That it came with.
+        hub: The streams.
+        watcher: The system.
+    """
+
+    def __init__(
+        self, socket: web.WebSocketResponse, request: web.Request, hub: Hub, watcher: Watcher
+    ) -> None:
+        self._socket = socket
+        self._request = request
+        self._hub = hub
+        self._watcher = watcher
+        self._wake = asyncio.Event()
+        self.outbox = Outbox(self._wake.set)
+        self._pictures: dict[str, Watching] = {}
+        self._messages: dict[str, MessageFeed] = {}
+        self._asked: set[asyncio.Task[None]] = set()
+        self._times: deque[float] = deque()
+        self._shown: deque[float] = deque()
+
+    def tell(self, text: str, replaces: Hashable | None = None) -> None:
+        """Leave a text for the page; one that does not read for too long is left."""
+        self.outbox.put(text, replaces)
+        if self.outbox.full and self._request.transport is not None:
+            self._request.transport.abort()
+
+    async def serve(self) -> None:
+        """Serve the page until it goes."""
+        sender = asyncio.create_task(self._send())
+        looker = asyncio.create_task(self._look_for_ends())
+        try:
+            await self._receive()
+        finally:
+            for task in (sender, looker, *self._asked):
+                task.cancel()
+            for watching in self._pictures.values():
+                watching.feed.close()
+            for feed in self._messages.values():
+                feed.close()
+
+    # In
+
+    async def _receive(self) -> None:
+        async for message in self._socket:
+            if message.type != WSMsgType.TEXT or len(message.data) > MAX_BYTES:
+                await self._socket.close(
+                    code=WSCloseCode.POLICY_VIOLATION, message=b"text of at most 16 kB, please"
+                )
+                return
+            if self._too_fast(message.data):
+                words = f"at most {MAX_RATE_HZ} messages a second".encode()
+                await self._socket.close(code=WSCloseCode.POLICY_VIOLATION, message=words)
+                return
+            try:
+                self._do(request_of(message.data))
+            except (Malformed, VisionError) as error:
+                self.tell(wire.text("error", text=str(error)))
+
+    def _too_fast(self, message: str) -> bool:
+        """Tell whether too many came in the last second; ``shown`` comes once a picture."""
+        now_s = time.monotonic()
+        shown = '"shown"' in message
+        times, most = (self._shown, MAX_SHOWN_HZ) if shown else (self._times, MAX_RATE_HZ)
+        times.append(now_s)
+        while times[0] < now_s - RATE_WINDOW_S:
+            times.popleft()
+        return len(times) > most
+
+    def _do(self, request: Watch | Unwatch | Shown | Set | Dump) -> None:
+        if isinstance(request, Shown):
+            watching = self._pictures.get(request.key)
+            if watching is not None:
+                watching.credit = min(AHEAD, watching.credit + 1)
+                watching.feed.want()
+        elif isinstance(request, Watch):
+            self._watch(request)
+        elif isinstance(request, Unwatch):
+            self._unwatch(request.key)
+        else:
+            task = asyncio.create_task(self._answer(request))
+            self._asked.add(task)
+            task.add_done_callback(self._asked.discard)
+
+    def _watch(self, request: Watch) -> None:
+        key = request.key
+        if not is_stream(key, self._watcher.system.namespace):
+            raise Malformed(f"key = {key!r} is no stream; allowed: those of the list")
+        if len(self._pictures) + len(self._messages) >= MAX_WATCHES and not (
+            key in self._pictures or key in self._messages
+        ):
+            raise Malformed(f"{MAX_WATCHES} streams are watched already, which is the most allowed")
+        if not kind_of(key).picture:
+            if key not in self._messages:
+                self._messages[key] = self._hub.listen(key, self._wake.set)
+            return
+        before = self._pictures.get(key)
+        if before is not None and before.feed.rendition.form == request.form:
+            return
+        feed = self._hub.watch(key, request.form)
+        feed.on_ready = self._wake.set
+        self._pictures[key] = Watching(feed)
+        if before is not None:  # after the new one, so that the subscription stays
+            before.feed.close()
+        feed.want()
+
+    def _unwatch(self, key: str) -> None:
+        watching = self._pictures.pop(key, None)
+        if watching is not None:
+            watching.feed.close()
+        messages = self._messages.pop(key, None)
+        if messages is not None:
+            messages.close()
+
+    async def _answer(self, request: Set | Dump) -> None:
+        try:
+            if isinstance(request, Set):
+                found = await self._watcher.set(request.node, request.values)
+                extra: dict[str, object] = {"revision": found.revision}
+            else:
+                found = await self._watcher.parameters(request.node)
+                extra = {"toml": toml_file(found)}
+        except ParameterRefused as refused:
+            fields: dict[str, object] = {"error": refused.error, "allowed": refused.allowed}
+            self.tell(wire.text("reply", id=request.id, ok=False, **fields))
+        except Unanswered as error:
+            words = str(error)
+            self.tell(wire.text("reply", id=request.id, ok=False, error=words, allowed=None))
+        else:
+            self.tell(wire.text("reply", id=request.id, ok=True, node=request.node, **extra))
+
+    # Out
+
+    async def _send(self) -> None:
+        try:
+            while True:
+                await self._wake.wait()
+                self._wake.clear()
+                while await self._send_some():
+                    pass
+        except (ConnectionError, TimeoutError):
+            return  # the page is gone, which the receiver hears too
+
+    async def _send_some(self) -> bool:
+        """Send what waits: all texts, some messages, a picture of each stream."""
+        sent = False
+        while (text := self.outbox.take()) is not None:
+            await self._socket.send_str(text)
+            sent = True
+        for feed in list(self._messages.values()):
+            for _ in range(MESSAGES_AT_ONCE):
+                message = feed.take()
+                if message is None:
+                    break
+                await self._socket.send_str(message)
+                sent = True
+        await self._drain()
+        for watching in list(self._pictures.values()):
+            picture = watching.feed.take()
+            if picture is None:
+                continue
+            watching.ended = False
+            watching.credit -= 1
+            lost = watching.feed.lost(picture)
+            data = picture.to_page(time.time_ns(), skipped=watching.feed.skipped, lost=lost)
+            if watching.credit > 0:
+                watching.feed.want()
+            await self._socket.send_bytes(data)
+            await self._drain()
+            sent = True
+        return sent
+
+    async def _drain(self) -> None:
+        """Wait until all is sent; leave a page that takes nothing."""
+        if not self._request.protocol.writing_paused:
+            return
+        try:
+            await asyncio.wait_for(self._request.writer.drain(), STALLED_S)
+        except TimeoutError:
+            if self._request.transport is not None:
+                self._request.transport.abort()
+            raise
+
+    async def _look_for_ends(self) -> None:
+        """Say of each stream when nothing comes any more."""
+        while True:
+            await asyncio.sleep(ENDED_POLL_S)
+            for key, watching in self._pictures.items():
+                stream = watching.feed.stream
+                if not watching.ended and stream.silent_s:
+                    watching.ended = True
+                    since_ns = stream.arrived_ns
+                    self.tell(wire.text("ended", key=key, since_ns=since_ns), ("ended", key))
