@@ -37,13 +37,6 @@ export class Meter {
     return 1000 / Math.max(each, 0.1);
   }
 
-  /** Pictures a second that came here. */
-  shownRate(now) {
-    if (this._samples.length < 2 || !this.isLive(now)) return null;
-    const span = this._samples.at(-1).now - this._samples[0].now;
-    return (1000 * (this._samples.length - 1)) / Math.max(span, 1);
-  }
-
   /** Tell whether a picture came within a second or three frame times. */
   isLive(now) {
     if (this.lastAt === null) return false;

@@ -1,10 +1,13 @@
 // Streams in words and in order: which camera, which topic, what one looks at first.
 
+export const RAW = "raw";
+
 const ORDER = ["image", "tracked", "mask", "edges", "smoothed", "magnitude", "direction",
-  "suppressed", "thresholded", "background"];
+  "suppressed", "thresholded", "background", RAW];
 
 /** "image", "mask", "smoothed": the topic without what all of them share. */
 export function topicName(stream) {
+  if (stream.kind === "picture" && stream.topic === "image") return RAW; // uncompressed twin
   return stream.topic.replace(/\/compressed$/, "").replace(/^edges\/(?=.)/, "");
 }
 

@@ -4,16 +4,17 @@ import { byId, say } from "./elements.js";
 import { recall, remember } from "./preferences.js";
 
 const THEMES = ["auto", "dark", "light"];
+const prefersLight = matchMedia("(prefers-color-scheme: light)");
+prefersLight.addEventListener("change", applyTheme);
 
 export function applyTheme() {
   const theme = recall("theme", "auto");
-  if (theme === "auto") delete document.documentElement.dataset.theme;
-  else document.documentElement.dataset.theme = theme;
-  say(byId("theme"), { auto: "Auto", dark: "Dark", light: "Light" }[theme] ?? "Auto");
+  const system = prefersLight.matches ? "light" : "dark";
+  document.documentElement.dataset.theme = theme === "auto" ? system : theme;
+  say(byId("theme"), theme[0].toUpperCase() + theme.slice(1));
 }
 
 export function nextTheme() {
-  const at = THEMES.indexOf(recall("theme", "auto"));
-  remember("theme", THEMES[(at + 1) % THEMES.length]);
+  remember("theme", THEMES[(THEMES.indexOf(recall("theme", "auto")) + 1) % THEMES.length]);
   applyTheme();
 }

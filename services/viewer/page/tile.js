@@ -98,6 +98,7 @@ export class Tile {
       const passed = duration(Math.max(0, this._serverNow() - since));
       return `${this.stream.live ? "no picture" : "gone"} since ${clock(since)}\n${passed}`;
     }
+    if (this._watches.isLeftOut(this.key)) return "too many are in view at once";
     if (this._meter.lastAt === null || this._stop === null) return "waiting for a picture";
     return `no picture for ${duration(now - this._meter.lastAt)}`;
   }

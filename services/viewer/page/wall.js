@@ -2,7 +2,7 @@
 // together they get no more pictures a second than a small machine can make and a page decode.
 
 import { byId, element, say } from "./elements.js";
-import { inOrder, streamName, topicName } from "./naming.js";
+import { inOrder, RAW, streamName, topicName } from "./naming.js";
 import { recall, remember } from "./preferences.js";
 import { Tile } from "./tile.js";
 import { milliseconds } from "./wire.js";
@@ -21,7 +21,7 @@ export class Wall {
     this._open = false;
     this._list = byId("tiles");
     this._filter = byId("filter");
-    this._hidden = new Set(recall("hiddenTopics", []));
+    this._hidden = new Set(recall("hiddenTopics", [RAW]));
     this._observer = new IntersectionObserver((entries) => this._look(entries),
       { rootMargin: "64px" });
     new ResizeObserver(() => this._resize()).observe(this._list);

@@ -49,9 +49,9 @@ export class Watches {
     };
   }
 
-  /** Tell whether a stream is watched now, or was left out because there are too many. */
-  isWatched(key) {
-    return this._sent.has(key);
+  /** Tell whether a stream is wanted, but not watched, because that would be too many. */
+  isLeftOut(key) {
+    return this._sent.size >= MOST && !this._sent.has(key) && this._pictures.has(key);
   }
 
   _wanted() {
