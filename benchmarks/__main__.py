@@ -8,7 +8,7 @@ import platform
 
 import cv2
 
-from benchmarks import exporter, fleet, floor, parameters, stream, tools
+from benchmarks import exporter, fleet, floor, parameters, stream, tools, viewer
 from benchmarks.material import frames
 
 SIZES = ((768, 576), (1920, 1080))
@@ -21,12 +21,16 @@ def main() -> None:
     parser.add_argument("--memory-minutes", type=float, default=0, help="watch memory so long")
     parser.add_argument("--cameras", type=int, default=8, help="in the fleet")
     parser.add_argument("--only-tools", action="store_true", help="measure the tools, no more")
+    parser.add_argument("--only-viewer", action="store_true", help="measure the viewer, no more")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     print(f"# {platform.machine()}, Python {platform.python_version()}, OpenCV {cv2.__version__}")
-    if not options.only_tools:
+    if not options.only_tools and not options.only_viewer:
         measure_services(options)
-    measure_tools(options.seconds)
+    if not options.only_viewer:
+        measure_tools(options.seconds)
+    if not options.only_tools:
+        measure_viewer(options)
 
 
 def measure_services(options: argparse.Namespace) -> None:
@@ -60,6 +64,15 @@ def measure_tools(seconds: float) -> None:
     show("watching four nodes", tools.cpu_of_watching(seconds))
     show("parameter set to first frame with it", parameters.set_to_frame(seconds))
     show("zv snapshot, start to file, s", tools.snapshot())
+
+
+def measure_viewer(options: argparse.Namespace) -> None:
+    """Measure what browsers cost."""
+    name = f"viewer, {viewer.WIDTH}x{viewer.HEIGHT} at {viewer.RATE_HZ:g} Hz"
+    show(f"{name}, CPU", viewer.cpu_for_clients(options.seconds))
+    show(f"{name}, capture to client", viewer.ages(options.seconds))
+    if options.memory_minutes:
+        show(f"{name}, clients that come and go", viewer.memory(options.memory_minutes * 60))
 
 
 def show(name: str, figures: object) -> None:

@@ -1,0 +1,277 @@
+"""Who gets in, over the wire: hosts, origins, tokens, limits, clients that mean no good."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import socket
+import stat
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import aiohttp
+import pytest
+
+from tests import processes
+from tests.integration.conftest import Service
+from tests.integration.publishing import PlainCamera
+from tests.integration.routing import free_port
+from tests.integration.viewer.browsing import Viewer
+from tests.integration.waiting import wait_until
+from tests.processes import Program, environment
+
+TOKEN = "0123456789abcdef-token"
+TOPIC = "topic=/front/image/compressed"
+LIVE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "MDEyMzQ1Njc4OWFiY2RlZg==",
+}
+
+
+@pytest.fixture
+def guarded(service: Service) -> Viewer:
+    """A viewer that asks for a token."""
+    return Viewer(service("view", "--port", 0, "--token", TOKEN))
+
+
+def test_a_foreign_host_and_a_foreign_page_are_refused(viewer):
+    assert viewer.get("/", Host="evil.example").status == 403
+    assert "--allow-host evil.example" in viewer.get("/", Host="evil.example:8080").text
+    here = f"localhost:{viewer.port}"
+    # An <img> of a ROS page is a GET from there: it gets its picture, or here that there is none.
+    assert viewer.get(f"/snapshot?{TOPIC}", Host=here, Origin="http://ros.example").status == 503
+    for origin in ("http://evil.example", "null", f"http://localhost:{viewer.port + 1}"):
+        assert viewer.get("/live", Host=here, Origin=origin, **LIVE).status == 403
+        assert viewer.get("/", "POST", Host=here, Origin=origin).status == 403
+    for method in ("POST", "PUT", "DELETE", "OPTIONS", "TRACE"):
+        assert viewer.get("/", method, Host=here).status == 405
+
+
+def test_the_page_may_open_its_websocket_and_another_sites_may_not(viewer):
+    async def opened(origin: str) -> int:
+        try:
+            async with viewer.page(headers={"Origin": origin}) as page:
+                assert (await page.text("hello"))["namespace"] == "vision"
+                return 101
+        except aiohttp.WSServerHandshakeError as error:
+            return error.status
+
+    assert asyncio.run(opened(f"http://127.0.0.1:{viewer.port}")) == 101
+    assert asyncio.run(opened("http://evil.example")) == 403
+
+
+def test_every_answer_carries_what_keeps_browsers_safe(viewer):
+    for path in ("/", "/nosuch", "/snapshot", "/healthz", "/stream_viewer?" + TOPIC):
+        headers = viewer.get(path).headers
+        policy = headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'; script-src 'self';")
+        assert "frame-ancestors 'none'" in policy
+        assert "unsafe" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+        assert "aiohttp" not in headers["server"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/page/../settings.py", "/page/..%2fsettings.py", "/page/%2e%2e/settings.py",
+        "/page/%2e%2e%2fsettings.py", "/page/..\\settings.py", "/page//etc/passwd",
+        "/page/%2fetc%2fpasswd", "/../../etc/passwd", "/page/", "/page", "/page/index.html%00.js",
+        "/page/./index.html/../../settings.py", "/settings.py", "//etc/passwd",
+    ],
+)  # fmt: skip
+def test_no_path_leads_to_the_disk(viewer, path):
+    answer = viewer.get(path)
+    assert answer.status in (400, 404)
+    assert "pydantic" not in answer.text
+    assert "root:" not in answer.text
+
+
+def test_without_the_token_nothing_is_served_but_the_health(guarded):
+    for path in ("/", f"/snapshot?{TOPIC}", f"/stream?{TOPIC}", "/page/index.html", "/nosuch"):
+        answer = guarded.get(path)
+        assert answer.status == 401
+        assert "token" in answer.text
+    assert guarded.get("/live", **LIVE).status == 401
+    assert guarded.get("/?token=wrong").status == 401
+    assert guarded.get("/healthz").status == 200
+
+
+def test_the_token_in_the_address_becomes_a_cookie_that_is_enough(guarded):
+    assert guarded.url.endswith(f"/?token={TOKEN}")
+    opened = guarded.get(f"/?token={TOKEN}")
+    assert opened.status == 200
+    cookie = opened.headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    pair = cookie.partition(";")[0]
+    assert guarded.get("/", Cookie=pair).status == 200
+    assert guarded.get(f"/snapshot?{TOPIC}", Cookie=pair).status == 503  # there is no camera
+    assert guarded.get("/", Cookie="zv_token=wrong").status == 401
+    assert guarded.get("/", Authorization=f"Bearer {TOKEN}").status == 200
+    assert guarded.get("/", Authorization="Bearer wrong").status == 401
+
+
+def test_any_other_address_than_loopback_gets_a_token_of_its_own(tmp_path, router, monkeypatch):
+    changed = {**environment(), "XDG_STATE_HOME": str(tmp_path / "state")}
+    monkeypatch.setattr(processes, "environment", lambda: changed)
+    arguments = ["-m", "services", "view", "--host", "0.0.0.0", "--port", "0"]
+    addresses = []
+    for name in ("first", "second"):
+        with Program([*arguments, "--connect", router.endpoint], tmp_path, name) as program:
+            viewer = Viewer(program)
+            addresses.append(viewer.url)
+            assert viewer.get("/").status == 401
+            path = re.sub(r"^http://[^/]+", "", viewer.url)
+            assert viewer.get(path).status == 200
+    tokens = {address.partition("token=")[2] for address in addresses}
+    assert len(tokens) == 1  # it is kept
+    kept = tmp_path / "state" / "zenoh-vision" / "viewer_token"
+    assert kept.read_text().strip() in tokens
+    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+
+
+def test_a_taken_port_is_named_with_the_way_out(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        arguments = ["-m", "services", "view", "--port", str(port)]
+        with Program(arguments, tmp_path, "view") as program:
+            assert program.process.wait(15) == 2
+    assert re.fullmatch(
+        rf"zv: port {port} on 127\.0\.0\.1 is taken, perhaps .*--port PORT.*\n", program.complaints
+    )
+
+
+def test_under_zv_up_the_token_is_in_the_address_and_in_no_command_line(tmp_path, router):
+    import psutil
+
+    launch = tmp_path / "up.toml"
+    launch.write_text(
+        f'[router]\nconnect = "{router.endpoint}"\n[[node]]\nservice = "viewer"\n'
+        f'settings = {{ host = "0.0.0.0", port = {free_port()}, token = "{TOKEN}" }}\n'
+    )
+    changed = {name: value for name, value in environment().items() if name != "ZV_VIEWER_PORT"}
+    original, processes.environment = processes.environment, lambda: changed
+    try:
+        with Program(["-m", "services", "up", "--plain", str(launch)], tmp_path, "up") as program:
+            program.lines(r"viewer +running.*")
+            greeting = program.output.splitlines()
+            (child,) = psutil.Process(program.process.pid).children()
+            assert TOKEN not in " ".join(child.cmdline())
+            url = next(line for line in greeting if line.startswith("viewer: "))
+            assert url.endswith(f"/?token={TOKEN}")
+    finally:
+        processes.environment = original
+
+
+def test_more_clients_than_allowed_are_turned_away_and_places_become_free(service, client):
+    viewer = Viewer(service("view", "--port", 0, "--max-clients", 3))
+    camera = PlainCamera(client)
+    with camera.at(15):
+        wait_until(lambda: viewer.get(f"/snapshot?{TOPIC}").status == 200, 20)
+        with ExitStack() as clients:
+            for _ in range(3):
+                next(clients.enter_context(viewer.stream(TOPIC)))
+            answer = viewer.get(f"/stream?{TOPIC}")
+            assert answer.status == 503
+            assert "3 clients" in answer.text
+            assert answer.headers["retry-after"]
+            assert viewer.get("/live", **LIVE).status == 503
+            assert viewer.get(f"/snapshot?{TOPIC}").status == 200
+        wait_until(lambda: can_stream(viewer), 10)
+
+
+def can_stream(viewer: Viewer) -> bool:
+    try:
+        with viewer.stream(TOPIC) as pictures:
+            return bool(next(pictures))
+    except AssertionError:
+        return False
+
+
+def test_a_thousand_connections_that_never_ask_do_not_stop_who_does(viewer, client):
+    camera = PlainCamera(client)
+    with camera.at(15), ExitStack() as opened:
+        wait_until(lambda: viewer.get(f"/snapshot?{TOPIC}").status == 200, 20)
+        with viewer.stream(TOPIC) as pictures:
+            first = next(pictures).seq
+            slow = []
+            for index in range(800):  # and 200 more that never finish a header
+                slow.append(opened.enter_context(connected(viewer.port)))
+                if index % 4 == 0:
+                    begun = opened.enter_context(connected(viewer.port))
+                    begun.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nX-Slow: ")
+                    slow.append(begun)
+            times_s = []
+            for _ in range(20):
+                began_s = time.monotonic()
+                assert viewer.get("/healthz").status == 200
+                times_s.append(time.monotonic() - began_s)
+            assert max(times_s) < 2.0
+            assert next(pictures).seq > first
+            # None of them stays for long, even if it goes on to send a byte now and then.
+            wait_until(lambda: all(is_closed(each) for each in slow), 15)
+            assert next(pictures).seq > first
+
+
+def connected(port: int) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), 10)
+
+
+def is_closed(connection: socket.socket) -> bool:
+    try:
+        connection.setblocking(False)
+        connection.send(b"x")
+        return connection.recv(1) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+@pytest.mark.parametrize(
+    "request_text",
+    [
+        b"GARBAGE\r\n\r\n",
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET /" + b"a" * 20_000 + b" HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 20_000 + b"\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + b"X: y\r\n" * 500 + b"\r\n",
+        b"GET / HTTP/1.1\r\n\r\n",
+        b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999999999\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+        b"\x00" * 5000,
+    ],
+    ids=[
+        "garbage",
+        "version",
+        "long path",
+        "long header",
+        "headers",
+        "no host",
+        "body",
+        "tls",
+        "0",
+    ],
+)
+def test_what_is_no_request_is_refused_and_the_next_one_served(viewer, request_text):
+    with connected(viewer.port) as connection:
+        connection.settimeout(10)
+        try:
+            connection.sendall(request_text)
+            answer = connection.recv(4096)
+        except ConnectionError:
+            answer = b""
+    assert answer == b"" or re.match(rb"HTTP/1\.[01] 4\d\d ", answer), answer
+    assert viewer.get("/healthz").status == 200
+    assert "Traceback" not in viewer.program.complaints
+
+
+def test_its_own_words_do_not_give_the_token_away(guarded: Viewer, tmp_path: Path):
+    guarded.get(f"/nosuch?token={TOKEN}")
+    guarded.get(f"/stream?{TOPIC}&width=x&token={TOKEN}")
+    assert TOKEN not in guarded.program.complaints

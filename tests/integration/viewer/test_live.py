@@ -1,0 +1,277 @@
+"""``/live``, as the page uses it."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+import tomllib
+from collections.abc import Coroutine
+from typing import Any
+
+import aiohttp
+import cv2
+import msgpack
+import numpy as np
+import pytest
+
+from tests.integration.publishing import PlainCamera
+from tests.integration.routing import Router
+from tests.integration.viewer.browsing import IMAGE, Page, Viewer
+from tests.integration.waiting import wait_until
+
+EDGES = "vision/front/edges/compressed"
+TRUTH = "vision/front/truth"
+
+
+def run(test: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(asyncio.wait_for(test, 60))
+
+
+def test_a_page_learns_who_is_there_and_what_they_send(viewer: Viewer, service):
+    service("camera", "--rate", 15)
+    service("edge")
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            assert (await page.text("hello"))["server"] == "viewer"
+            streams = {each["key"]: each for each in await page.streams(IMAGE, EDGES, TRUTH)}
+            assert (streams[IMAGE]["kind"], streams[IMAGE]["type"]) == ("picture", "image/jpeg")
+            assert (streams[TRUTH]["kind"], streams[TRUTH]["type"]) == (
+                "message",
+                "vision.Tracks.v1",
+            )
+            assert streams[EDGES]["node"] == "edge_front"
+            health = await page.text("health", node="camera_front")
+            assert health["at_ns"].isdecimal()
+            assert health["diagnostics"]["counters"]["captured"] > 0
+        async with viewer.page() as page:  # a page that comes later is told all at once
+            await page.text("streams")
+            parameters = await page.text("parameters", node="edge_front")
+            low = next(each for each in parameters["parameters"] if each["name"] == "low")
+            assert (low["minimum"], low["type"]) == (0, "float")
+            nodes = [text for text in page.texts if text["op"] == "nodes"][-1]["nodes"]
+            assert {"camera_front", "edge_front", "viewer"} <= {each["node"] for each in nodes}
+            own = next(each for each in nodes if each["node"] == "viewer")
+            assert own["service"] == "viewer"
+            assert own["alive"]
+
+    run(test())
+
+
+def test_pictures_come_whole_identified_and_in_the_size_asked_for(viewer: Viewer, service):
+    service("camera", "--rate", 15, "--width", 640, "--height", 480)
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.streams(IMAGE)
+            await page.ask("watch", key=IMAGE)
+            heads = []
+            for _ in range(5):
+                head, payload = await page.picture()
+                assert head["bytes"] == len(payload)
+                assert (head["width"], head["height"], head["mime"]) == (640, 480, "image/jpeg")
+                assert head["header"]["epoch"].isdecimal()
+                assert 0 < head["age_ms"] < 1000
+                heads.append(head)
+            numbers = [head["header"]["seq"] for head in heads]
+            assert numbers == sorted(set(numbers))
+            await page.ask("watch", key=IMAGE, width=200, height=200)
+            while (found := await page.picture())[0]["width"] == 640:
+                pass
+            assert (found[0]["width"], found[0]["height"]) == (200, 150)
+            assert found[0]["header"]["width"] == 640
+            pixels = cv2.imdecode(np.frombuffer(found[1], np.uint8), cv2.IMREAD_COLOR)
+            assert pixels.shape == (150, 200, 3)
+
+    run(test())
+
+
+def test_without_shown_two_pictures_come_and_then_the_newest(viewer: Viewer, client):
+    camera = PlainCamera(client)
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.text("router", connected=True)
+            await page.ask("watch", key=IMAGE)
+            first, _ = await page.picture(shown=False)
+            await page.picture(shown=False)
+            seq = camera.seq
+            while camera.seq < seq + 40:
+                await asyncio.sleep(0.02)
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(page.picture(shown=False), 0.3)
+            await page.ask("shown", key=IMAGE)
+            head, _ = await page.picture(shown=False)
+            assert head["header"]["seq"] >= seq + 38, "not the newest"
+            assert head["skipped"] >= 38
+            assert first["skipped"] == head["lost"] == 0
+
+    with camera.at(60):
+        run(test())
+
+
+def test_messages_of_a_watched_stream_come_one_by_one(viewer: Viewer, service):
+    service("camera", "--rate", 15)
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.streams(TRUTH)
+            await page.ask("watch", key=TRUTH)
+            found = [await page.text("message", key=TRUTH) for _ in range(10)]
+            numbers = [each["header"]["seq"] for each in found]
+            assert numbers == list(range(numbers[0], numbers[0] + 10))
+            assert found[0]["body"]["tracks"][0]["box"]
+            await page.ask("unwatch", key=TRUTH)
+
+    run(test())
+
+
+def test_a_parameter_is_set_for_all_pages_and_a_refusal_says_why(viewer: Viewer, service):
+    service("camera", "--rate", 15)
+    service("edge")
+
+    async def test() -> None:
+        async with viewer.page() as page, viewer.page() as other:
+            await page.text("parameters", node="edge_front")
+            await other.text("parameters", node="edge_front")
+            await page.ask("set", id=1, node="edge_front", values={"low": 10.0, "high": 20})
+            reply = await page.text("reply", id=1)
+            assert reply["ok"]
+            assert reply["revision"] == 1
+            for _ in range(2):
+                changed = (await other.text("parameter", node="edge_front"))["parameter"]
+                assert (changed["name"], changed["value"]) in (("low", 10.0), ("high", 20.0))
+            await page.ask("set", id=2, node="edge_front", values={"low": 90.0, "sigma": 1.0})
+            refused = await page.text("reply", id=2)
+            assert not refused["ok"]
+            assert "low = 90 is above high = 20" in refused["error"]
+            assert refused["allowed"] == "low at most high"
+            await page.ask("set", id=3, node="nobody", values={"low": 1})
+            assert "does not answer" in (await page.text("reply", id=3))["error"]
+            await page.ask("dump", id=4, node="edge_front")
+            toml = tomllib.loads((await page.text("reply", id=4))["toml"])
+            assert (toml["low"], toml["high"], toml["sigma"]) == (10.0, 20.0, 1.4)
+            await page.ask("watch", key=EDGES)
+            while (await page.picture())[0]["header"]["revision"] != 1:
+                pass
+
+    run(test())
+
+
+def test_a_stream_that_stops_is_said_to_have_ended_and_goes_on_by_itself(
+    viewer: Viewer, service, router: Router
+):
+    camera = service("camera", "--rate", 15)
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.streams(IMAGE)
+            await page.ask("watch", key=IMAGE)
+            await page.picture()
+            camera.process.terminate()
+            ended = await until_ended(page)
+            assert abs(int(ended["since_ns"]) - time.time_ns()) < 5e9
+            streams = await page.text("streams")
+            while any(each["live"] for each in streams["streams"]):
+                streams = await page.text("streams")
+            service("camera", "--rate", 15)
+            head, _ = await page.picture()
+            router.kill()
+            assert not (await until(page, "router"))["connected"]
+            await until_ended(page)
+            router.start()
+            while (found := await page.picture())[0]["header"]["epoch"] < head["header"]["epoch"]:
+                pass
+            assert found[0]["age_ms"] < 1000
+            lines = [text["text"] for text in page.texts if text["op"] == "log"]
+            assert "the router is gone" in lines
+            assert "the router is there" in lines
+
+    run(test())
+
+
+async def until(page: Page, op: str) -> dict[str, Any]:
+    """Return the next text of this kind; pictures before it are taken."""
+    while True:
+        found = await page.next()
+        if isinstance(found, tuple):
+            await page.ask("shown", key=found[0]["key"])
+        elif found["op"] == op:
+            return found
+
+
+async def until_ended(page: Page) -> dict[str, Any]:
+    return await until(page, "ended")
+
+
+def test_what_makes_no_sense_is_said_and_the_rest_goes_on(viewer: Viewer, client):
+    camera = PlainCamera(client)
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            for text in ("{", '{"op":"watch","key":"**"}', '{"op":"watch","key":"other/a/b"}'):
+                await page.socket.send_str(text)
+                assert (await page.text("error"))["text"]
+            await page.ask("watch", key=IMAGE)
+            assert (await page.picture())[0]["key"] == IMAGE
+
+    with camera.at(15):
+        run(test())
+
+
+def test_more_than_32_watches_are_refused(viewer: Viewer):
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.text("streams")
+            for number in range(33):
+                await page.ask("watch", key=f"vision/front/x{number}/compressed")
+            assert "32 streams" in (await page.text("error"))["text"]
+
+    run(test())
+
+
+@pytest.mark.parametrize("kind", ["large", "fast", "binary"])
+def test_a_page_that_sends_too_much_is_closed_with_1008(viewer: Viewer, kind):
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.text("streams")
+            if kind == "large":
+                await page.socket.send_str('{"op":"' + "x" * 20_000 + '"}')
+            elif kind == "binary":
+                await page.socket.send_bytes(b"x")
+            else:
+                for _ in range(60):
+                    await page.ask("unwatch", key="a")
+            while (message := await page.socket.receive(10)).type == aiohttp.WSMsgType.TEXT:
+                pass
+            assert message.type == aiohttp.WSMsgType.CLOSE
+            assert message.data in (1008, 1009)
+
+    run(test())
+    assert viewer.get("/healthz").status == 200
+
+
+def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
+    camera = PlainCamera(client)
+
+    def send_both() -> None:
+        camera.put(b"no picture", msgpack.packb(camera.header()))
+        camera.send()
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.ask("watch", key=IMAGE, width=32, height=32)
+            for _ in range(10):
+                _, payload = await page.picture()
+                assert payload.startswith(b"\xff\xd8")
+            health = await page.text("health", node="viewer")
+            while not health["diagnostics"]["counters"].get("dropped.not_an_image"):
+                health = await page.text("health", node="viewer")
+            found = health["diagnostics"]["counters"]
+            dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
+            assert found["received"] == found["processed"] + dropped + found["pending"]
+            assert health["diagnostics"]["level"] == 1
+
+    with camera.at(15, send_both):
+        run(test())
+    wait_until(lambda: viewer.get("/healthz").status == 200)

@@ -1,0 +1,244 @@
+"""``/stream`` and ``/snapshot``: original bytes, one subscription, the newest only."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import time
+from contextlib import ExitStack
+from email.utils import parsedate_to_datetime
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+
+from common import images
+from tests.integration.listening import Listener
+from tests.integration.publishing import PlainCamera
+from tests.integration.routing import Router, free_port
+from tests.integration.viewer.browsing import IMAGE, Viewer, parts
+from tests.integration.waiting import wait_until
+from tests.processes import Program
+
+TOPIC = "topic=/front/image/compressed"
+COUNTERS = "@vision/diagnostics/viewer"
+
+
+def until_there(viewer: Viewer, topic: str = TOPIC) -> None:
+    wait_until(lambda: viewer.get(f"/snapshot?{topic}").status == 200, 20)
+
+
+def subscribers(session: zenoh.Session, key: str) -> int:
+    """How many entries the router's admin space has for subscriptions to a key: 0 or 1."""
+    found = list(session.get(f"@/*/router/subscriber/{key}", timeout=2.0))
+    return len([reply for reply in found if reply.ok])
+
+
+def counters(health: Listener) -> dict[str, int]:
+    """The viewer's newest counters; they balance."""
+    found: dict[str, int] = health.messages[-1].body["counters"]
+    dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
+    assert found["received"] == found["processed"] + dropped + found["pending"]
+    return found
+
+
+def test_the_cameras_bytes_are_passed_through_and_identified(viewer, service, client):
+    service("camera", "--rate", 15)
+    until_there(viewer)
+    sent = Listener(client, IMAGE)
+    with viewer.stream(TOPIC) as pictures:
+        shown = [next(pictures) for _ in range(10)]
+    by_seq = {message.header["seq"]: message for message in sent.messages}
+    compared = [part for part in shown if part.seq in by_seq]
+    assert len(compared) >= 5
+    for part in compared:
+        message = by_seq[part.seq]
+        assert part.body == message.payload
+        assert int(part.headers["x-epoch"]) == message.header["epoch"]
+        seconds, nanoseconds = part.headers["x-timestamp"].split(".")
+        assert int(seconds) * 10**9 + int(nanoseconds) == message.header["stamp_ns"]
+    assert [part.seq for part in shown] == sorted({part.seq for part in shown})
+
+
+@pytest.mark.parametrize(
+    ("query", "mime", "size"),
+    [
+        ("topic=/front/image&width=320&height=200", "image/jpeg", (200, 320)),
+        ("topic=vision/front/image/compressed&width=160", "image/jpeg", (120, 160)),
+        ("topic=/front/image&type=png", "image/png", (480, 640)),
+        ("topic=/front/image&quality=20&invert", "image/jpeg", (480, 640)),
+        ("topic=/front/image&default_transport=raw", "image/jpeg", (480, 640)),
+        ("topic=/front/edges", "image/jpeg", (480, 640)),
+        ("topic=/front/edges&type=ros_compressed", "image/png", (480, 640)),
+    ],
+)
+def test_pictures_come_in_the_form_that_is_asked_for(viewer, service, query, mime, size):
+    service("camera", "--rate", 15, "--width", 640, "--height", 480)
+    service("edge")
+    until_there(viewer, query.partition("&")[0])
+    with viewer.stream(query) as pictures:
+        part = next(pictures)
+    assert part.headers["content-type"] == mime
+    pixels = cv2.imdecode(np.frombuffer(part.body, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert pixels.shape[:2] == size
+    answer = viewer.get(f"/snapshot?{query}")
+    assert answer.headers["content-type"] == mime
+
+
+def test_twenty_clients_are_one_subscription_which_ends_with_the_last(viewer, service, client):
+    service("camera", "--rate", 15)
+    until_there(viewer)
+    wait_until(lambda: subscribers(client, IMAGE) == 0)
+    health = Listener(client, COUNTERS)
+    with ExitStack() as clients:
+        for index in range(20):
+            small = f"&width={160 if index % 2 else 320}"
+            pictures = clients.enter_context(viewer.stream(TOPIC + small))
+            next(pictures)
+        wait_until(lambda: subscribers(client, IMAGE) == 1)
+        reports = health.wait_for(3, after_s=time.monotonic())
+        received = [message.body["counters"]["received"] for message in reports]
+        stamps_ns = [message.body["stamp_ns"] for message in reports]
+        seconds = (stamps_ns[-1] - stamps_ns[0]) / 1e9
+        assert 5 < (received[-1] - received[0]) / seconds < 25, "20 clients of 15 Hz are 15 Hz"
+    wait_until(lambda: subscribers(client, IMAGE) == 0)
+    health.wait_for(1, after_s=time.monotonic())
+    assert counters(health)["pending"] == 0
+
+
+def test_the_tracker_draws_only_while_somebody_looks(viewer, service, client):
+    service("camera", "--rate", 15)
+    service("tracker")
+    key = "vision/front/tracked/compressed"
+    until_there(viewer, "topic=/front/tracked")
+    assert subscribers(client, key) == 0
+    with viewer.stream("topic=/front/tracked") as pictures:
+        assert next(pictures).seq < next(pictures).seq
+        wait_until(lambda: subscribers(client, key) == 1)
+    wait_until(lambda: subscribers(client, key) == 0)
+
+
+def test_a_client_that_stops_reading_delays_nobody_and_then_sees_the_newest(viewer, client):
+    noise = np.random.default_rng(1).integers(0, 255, (480, 640, 3), np.uint8)
+    picture = images.encode_jpeg(noise, "bgr8", 90)  # 300 kB: buffers fill soon
+    camera = PlainCamera(client, pictures=(picture,))
+    health = Listener(client, COUNTERS)
+    with (
+        camera.at(30),
+        socket.create_connection(("127.0.0.1", viewer.port)) as stalled,
+    ):
+        until_there(viewer)
+        stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+        stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        with viewer.stream(TOPIC) as pictures:
+            began_s, first = time.monotonic(), next(pictures).seq
+            while time.monotonic() - began_s < 4:
+                last = next(pictures).seq
+            received = last - first
+            assert received / 4 > 20, "the one that reads is held up"
+            # What the other gets when it reads on: what was in buffers, then the newest.
+            reader = http.client.HTTPResponse(stalled)
+            reader.begin()
+            found = parts(reader)
+            seen = [next(found).seq for _ in range(12)]
+    assert seen == sorted(set(seen))
+    assert max(b - a for a, b in pairwise(seen)) > 60, "4 s at 30 Hz were skipped"
+    health.wait_for(1, after_s=time.monotonic() - 0.5)
+    counters(health)
+
+
+def test_a_snapshot_says_which_frame_it_is_and_how_old(viewer, service):
+    service("camera", "--rate", 15)
+    until_there(viewer)
+    answer = viewer.get(f"/snapshot?{TOPIC}")
+    assert images.picture_size(answer.body) == (640, 480)
+    headers = answer.headers
+    assert headers["content-type"] == "image/jpeg"
+    assert 0 < float(headers["x-age-ms"]) < 2000
+    assert headers["x-camera"] == "front"
+    assert int(headers["x-epoch"]) <= int(headers["x-stamp-ns"]) <= time.time_ns()
+    modified = parsedate_to_datetime(headers["last-modified"]).timestamp()
+    assert abs(modified - int(headers["x-stamp-ns"]) / 1e9) <= 1
+    assert headers["cache-control"] == "no-store"
+    later = wait_until(
+        lambda: (
+            (new := viewer.get(f"/snapshot?{TOPIC}")).headers["x-seq"] != headers["x-seq"] and new
+        )
+    )
+    assert later.headers["etag"] != headers["etag"]
+
+
+def test_a_publisher_that_answers_nobody_is_shown_too(viewer, client):
+    camera = PlainCamera(client)
+    with camera.at(15):
+        until_there(viewer)
+        with viewer.stream(TOPIC) as pictures:
+            assert next(pictures).seq < next(pictures).seq
+
+
+def test_what_does_not_exist_is_404_with_what_does(viewer, service):
+    service("camera")
+    until_there(viewer)
+    wait_until(lambda: "there are" in viewer.get("/snapshot?topic=/front/nosuch").text, 20)
+    for path in ("stream", "snapshot"):
+        answer = viewer.get(f"/{path}?topic=/front/nosuch")
+        assert answer.status == 404
+        assert IMAGE in answer.text
+        assert answer.text.count("\n") == 1
+
+
+def test_what_is_wrong_with_a_url_is_said_in_a_line(viewer):
+    for path in ("stream", "snapshot", "stream_viewer"):
+        for query, said in (
+            ("", "topic is missing"),
+            ("topic=/front/*", "topic = '/front/*' is not allowed"),
+            (f"{TOPIC}&width=-3", "width = '-3' is not allowed; allowed: a whole number"),
+            (f"{TOPIC}&type=h264", "type = 'h264' is not allowed; allowed: mjpeg"),
+        ):
+            answer = viewer.get(f"/{path}?{query}")
+            assert answer.status == 400
+            assert answer.text.startswith(said)
+            assert answer.text.count("\n") == 1
+
+
+def test_a_page_with_one_stream_names_it_and_escapes_what_it_was_given(viewer):
+    answer = viewer.get(f"/stream_viewer?{TOPIC}&width=320&type=png")
+    assert answer.status == 200
+    source = "stream?topic=%2Ffront%2Fimage%2Fcompressed&amp;width=320&amp;type=png"
+    assert f'<img src="{source}"' in answer.text
+    assert viewer.get("/stream_viewer?topic=%22%3E%3Cscript%3E").status == 400
+
+
+def test_streams_go_on_when_camera_and_router_were_away(viewer, service, router: Router):
+    camera = service("camera", "--rate", 15)
+    until_there(viewer)
+    with viewer.stream(TOPIC) as pictures:
+        epoch = next(pictures).headers["x-epoch"]
+        camera.process.kill()
+        camera.process.wait(5)
+        service("camera", "--rate", 15)
+        while next(pictures).headers["x-epoch"] == epoch:
+            pass
+        router.kill()
+        router.start()
+        before_ns = time.time_ns()
+        while float(next(pictures).headers["x-timestamp"]) * 1e9 < before_ns:
+            pass
+
+
+def test_pages_are_served_before_there_is_a_router_and_it_ends_with_0(tmp_path):
+    nowhere = f"tcp/127.0.0.1:{free_port()}"
+    arguments = ["-m", "services", "view", "--port", "0", "--connect", nowhere]
+    with Program(arguments, tmp_path, "view") as program:
+        viewer = Viewer(program)
+        assert viewer.get("/").status == 200
+        assert viewer.get("/healthz").text == "ok\n"
+        answer = viewer.get(f"/snapshot?{TOPIC}")
+        assert answer.status == 503
+        assert "no router" in answer.text
+        began_s = time.monotonic()
+        assert program.interrupt() == 0
+        assert time.monotonic() - began_s < 2
+        assert program.complaints == ""

@@ -1,0 +1,115 @@
+"""Sizes and forms of pictures, without network or browser."""
+
+import cv2
+import numpy as np
+import pytest
+
+from common import images
+from common.errors import PayloadError
+from common.frame import Frame
+from common.messages import Header
+from services.viewer.rendering import Form, render
+
+
+def frame(pixels: np.ndarray, encoding: str, mime: str | None = "image/jpeg") -> Frame:
+    height, width = pixels.shape[:2]
+    header = Header(
+        camera="front", epoch=1, seq=0, stamp_ns=1, width=width, height=height, encoding=encoding
+    )
+    if mime is None:
+        return Frame(header, pixels=pixels)
+    if mime == "image/png":
+        return Frame(header, compressed=images.encode_png(pixels))
+    return Frame(header, compressed=images.encode_jpeg(pixels, encoding, 95))
+
+
+def halves() -> np.ndarray:
+    """A picture whose left half is blue and right half is red, 64x48."""
+    pixels = np.zeros((48, 64, 3), np.uint8)
+    pixels[:, :32, 0] = 255
+    pixels[:, 32:, 2] = 255
+    return pixels
+
+
+@pytest.mark.parametrize(
+    ("form", "size"),
+    [
+        (Form(), (640, 480)),
+        (Form(320), (320, 240)),  # the shape is kept
+        (Form(height=240), (320, 240)),
+        (Form(100, 100), (100, 100)),  # stretched, as in ROS
+        (Form(1280, 960), (1280, 960)),
+        (Form(100, 100, inside=True), (100, 75)),  # 100 / 640 = 0.156; 480 * 0.156 = 75
+        (Form(1280, 960, inside=True), (640, 480)),  # never enlarged
+        (Form(width=64, inside=True), (64, 48)),
+        (Form(1, 1, inside=True), (1, 1)),
+        (Form(height=7680), (7680, 7680)),  # 10240 would be too wide
+    ],
+)
+def test_the_size_follows_from_what_is_asked(form, size):
+    assert form.size(640, 480) == size
+
+
+@pytest.mark.parametrize(
+    ("form", "mime", "left"),
+    [
+        (Form(), "image/jpeg", True),
+        (Form(), "image/png", True),
+        (Form(format="jpeg"), "image/jpeg", True),
+        (Form(format="jpeg"), "image/png", False),
+        (Form(format="png"), "image/jpeg", False),
+        (Form(640, 480), "image/jpeg", True),
+        (Form(9999, 9999, inside=True), "image/jpeg", True),
+        (Form(320, 240), "image/jpeg", False),
+        (Form(quality=80), "image/jpeg", False),
+        (Form(quality=80), "image/png", True),
+        (Form(invert=True), "image/jpeg", False),
+    ],
+)
+def test_only_what_must_change_is_changed(form, mime, left):
+    assert form.leaves(mime, 640, 480) == left
+
+
+def test_inverted_is_turned_by_180_degrees():
+    payload, mime, width, height = render(frame(halves(), "bgr8"), Form(32, invert=True), 90)
+    assert (mime, width, height) == ("image/jpeg", 32, 24)
+    pixels = images.decode_jpeg(payload, "bgr8")
+    assert pixels.shape == (24, 32, 3)
+    assert pixels[12, 4, 2] > 200 > 50 > pixels[12, 4, 0]  # red is on the left now
+
+
+def test_sixteen_bits_become_eight_in_a_jpeg_and_stay_sixteen_in_a_png():
+    depth = np.full((48, 64), 0x8080, np.uint16)  # 0x8080 / 257 = 128
+    source = frame(depth, "mono16", "image/png")
+    payload, mime, _, _ = render(source, Form(format="jpeg"), 95)
+    assert mime == "image/jpeg"
+    assert abs(int(images.decode_jpeg(payload, "mono8")[5, 5]) - 128) <= 1
+    payload, mime, _, _ = render(source, Form(32), 95)
+    assert mime == "image/png"
+    small = cv2.imdecode(np.frombuffer(payload, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert (small.dtype, small.shape, small[5, 5]) == (np.uint16, (24, 32), 0x8080)
+
+
+@pytest.mark.parametrize("encoding", ["bgr8", "rgb8", "mono8", "bgra8"])
+def test_raw_pixels_of_each_encoding_are_shown_in_their_colours(encoding):
+    pixels = images.convert(halves(), "bgr8", encoding)
+    payload, mime, width, height = render(frame(pixels, encoding, None), Form(), 95)
+    assert (mime, width, height) == ("image/jpeg", 64, 48)
+    shown = images.decode_jpeg(payload, "bgr8")[24, 10].astype(int)
+    wanted = [29, 29, 29] if encoding == "mono8" else [255, 0, 0]  # luma of blue: 0.114 * 255
+    assert np.abs(shown - wanted).max() < 12
+
+
+def test_edges_as_jpeg_are_grey():
+    edges = np.zeros((48, 64), np.uint8)
+    edges[10] = 255
+    payload, mime, _, _ = render(frame(edges, "mono8", "image/png"), Form(format="jpeg"), 95)
+    assert mime == "image/jpeg"
+    assert images.decode_jpeg(payload, "mono8")[10].min() > 230
+
+
+def test_a_broken_picture_is_refused():
+    good = frame(halves(), "bgr8")
+    broken = Frame(good.header, compressed=good.compressed[:200])
+    with pytest.raises(PayloadError, match="corrupt"):
+        render(broken, Form(32), 80)
