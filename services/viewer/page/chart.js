@@ -87,7 +87,7 @@ function drawGrid(context, { x, y, ticks, span, width, height, look }) {
   for (let back = 0; back <= minutes; back += 1) {
     const at = x(span.to - back * 60_000);
     context.textAlign = back === 0 ? "right" : back === minutes ? "left" : "center";
-    context.fillText(back === 0 ? "now" : `−${back} min`, at, height - 4);
+    context.fillText(back === 0 ? "now" : `−${back}${back === minutes ? " min" : ""}`, at, height - 4);
   }
 }
 

@@ -2,12 +2,14 @@
 
 import { byId, element, mark, say, svg } from "./elements.js";
 import { layOut, ROW } from "./layering.js";
+import { topicName } from "./naming.js";
 
-const WIDTH = 620;
-const NODE_WIDTH = 132;
-const KEY_LEFT = 168;
-const KEY_RIGHT = 424;
-const RIGHT = WIDTH - NODE_WIDTH - 2;
+const NODE_WIDTH = 106;
+const KEY_LEFT = NODE_WIDTH + 14;
+const CURVE_WIDTH = 34;
+const NARROWEST = 356;
+const WIDEST = 600;
+const LONGEST_NAME = 15;
 
 export class GraphPanel {
   constructor(system, camera) {
@@ -18,6 +20,7 @@ export class GraphPanel {
     this._choice.addEventListener("change", () => this._draw());
     system.on("nodes", () => this._draw());
     system.on("streams", () => this._draw());
+    new ResizeObserver(() => this._draw()).observe(byId("graph"));
   }
 
   show(visible) {
@@ -38,11 +41,14 @@ export class GraphPanel {
       .filter((node) => !camera || !node.cameras?.length || node.cameras.includes(camera))
       .map((node) => ({ ...node, publishes: this._of(camera, node.publishes),
         subscribes: this._of(camera, node.subscribes) }));
-    const state = JSON.stringify([camera, nodes.map((node) => [node.node, node.alive,
+    const width = byId("graph").clientWidth - 28;
+    this._width = Math.min(WIDEST, Math.max(NARROWEST, width));
+    this._right = this._width - NODE_WIDTH - 1;
+    this._keyRight = this._right - CURVE_WIDTH;
+    const state = JSON.stringify([camera, this._width, nodes.map((node) => [node.node, node.alive,
       node.publishes, node.subscribes])]);
     if (state === this._state) return;
     this._state = state;
-    this._prefix = camera ? `${this._system.hello?.namespace ?? ""}/${camera}/` : "";
     const laid = layOut(nodes);
     byId("graph").replaceChildren(laid.rows.length ? this._drawing(laid, nodes)
       : element("p", { class: "empty" }, "No node publishes or subscribes yet."));
@@ -68,7 +74,7 @@ export class GraphPanel {
 
   _drawing({ rows, senders, receivers, height }, nodes) {
     const alive = new Map(nodes.map((node) => [node.node, node.alive !== false]));
-    const drawing = svg("svg", { viewBox: `0 -2 ${WIDTH} ${height + 4}`, width: WIDTH,
+    const drawing = svg("svg", { viewBox: `0 -2 ${this._width} ${height + 4}`, width: this._width,
       height: height + 4, role: "img", "aria-label": "Graph of nodes and keys",
       class: "graph-drawing" });
     const senderAt = new Map(senders.map((one) => [one.node, one]));
@@ -76,7 +82,7 @@ export class GraphPanel {
     for (const row of rows) drawing.append(...this._lines(row, senderAt, receiverAt));
     for (const row of rows) drawing.append(this._key(row));
     for (const one of senders) drawing.append(this._node(one, 1, alive.get(one.node)));
-    for (const one of receivers) drawing.append(this._node(one, RIGHT, alive.get(one.node)));
+    for (const one of receivers) drawing.append(this._node(one, this._right, alive.get(one.node)));
     for (const name of alive.keys()) this._highlight(drawing, name);
     return drawing;
   }
@@ -90,21 +96,24 @@ export class GraphPanel {
     }
     for (const name of row.receivers) {
       const to = receiverAt.get(name).y + ROW / 2;
-      const bend = (KEY_RIGHT + RIGHT) / 2;
+      const [from, end] = [this._keyRight, this._right];
+      const bend = (from + end) / 2;
       made.push(svg("path", { class: "wire", "data-nodes": name,
-        d: `M${KEY_RIGHT} ${middle} C${bend} ${middle} ${bend} ${to} ${RIGHT - 6} ${to}` }),
-      svg("path", { class: "head", d: `M${RIGHT - 7} ${to - 3.5} L${RIGHT} ${to} L${RIGHT - 7} ${
-        to + 3.5} Z` }));
+        d: `M${from} ${middle} C${bend} ${middle} ${bend} ${to} ${end - 6} ${to}` }),
+      svg("path", { class: "head", d: `M${end - 7} ${to - 3.5} L${end} ${to} l-7 3.5 Z` }));
     }
     return made;
   }
 
   _key({ key, y, receivers, sender }) {
-    const isPicture = this._system.stream(key)?.kind === "picture";
-    const short = key.startsWith(this._prefix) ? key.slice(this._prefix.length) : key;
-    const label = svg("text", { x: KEY_LEFT + 8, y: y + ROW / 2 + 4 }, short);
+    const stream = this._system.stream(key);
+    const isPicture = stream?.kind === "picture";
+    const name = stream ? topicName(stream) : key;
+    const label = svg("text", { x: KEY_LEFT + 5, y: y + ROW / 2 + 4 },
+      stream && !this._choice.value ? `${stream.camera}/${name}` : name);
     const kind = `key ${receivers.length ? "" : "unheard"} ${sender ? "" : "unsent"}`;
-    const box = svg("rect", { x: KEY_LEFT, y: y + 2, width: KEY_RIGHT - KEY_LEFT, height: ROW - 4 });
+    const box = svg("rect", { x: KEY_LEFT, y: y + 2, width: this._keyRight - KEY_LEFT,
+      height: ROW - 4 });
     const words = svg("title", {}, `${key}${receivers.length ? "" : " – nobody subscribes"}`);
     if (!isPicture) return svg("g", { class: kind }, words, box, label);
     return svg("a", { class: `${kind} picture`, href: `#${key}`, "aria-label": `Show ${key}` },
@@ -113,7 +122,7 @@ export class GraphPanel {
 
   _node({ node, y, height }, x, isAlive) {
     const text = svg("text", { x: x + 8, y: y + Math.min(height, ROW) / 2 + 4 },
-      node.length > 17 ? `${node.slice(0, 16)}…` : node);
+      node.length > LONGEST_NAME ? `${node.slice(0, LONGEST_NAME - 1)}…` : node);
     return svg("g", { class: isAlive ? "node" : "node gone", "data-node": node },
       svg("title", {}, `${node}${isAlive ? "" : " – gone"}`),
       svg("rect", { x, y: y + 1, width: NODE_WIDTH, height: height - 2 }), text);

@@ -55,16 +55,16 @@ export class HealthPanel {
 
   _newRow(node) {
     const cells = {};
-    for (const name of ["level", "rate", "p50", "p99", "drops", "uptime"]) {
+    for (const name of ["level", "rate", "p50", "p99", "drops"]) {
       cells[name] = element("span", { class: `cell-${name}` });
     }
     cells.message = element("p", { class: "message" });
     cells.counters = element("dl", { class: "counters" });
     cells.about = element("p", { class: "about" });
-    const { level, rate: hz, p50, p99, drops, uptime, message, counters, about } = cells;
+    const { level, rate: hz, p50, p99, drops, message, counters, about } = cells;
     const made = element("details", { "data-node": node.node }, element("summary", {},
-      element("i", { class: "lamp" }), element("b", {}, node.node), level, hz, p50, p99, drops,
-      uptime), message, about, counters);
+      element("i", { class: "lamp" }), element("b", {}, node.node), level, hz, p50, p99, drops),
+    message, about, counters);
     return { element: made, cells };
   }
 
@@ -78,9 +78,9 @@ export class HealthPanel {
     say(cells.p50, ms(diagnostics?.latency_ms?.p50));
     say(cells.p99, ms(diagnostics?.latency_ms?.p99));
     say(cells.drops, diagnostics ? count(dropped(diagnostics)) : "–");
-    say(cells.uptime, diagnostics ? duration(1000 * diagnostics.uptime_s) : "–");
     say(cells.message, message || "well");
-    say(cells.about, `${node.service} ${node.version}, ${node.host}, process ${node.pid}`);
+    say(cells.about, `${node.service} ${node.version} on ${node.host}, process ${node.pid}${
+      diagnostics ? `, up ${duration(1000 * diagnostics.uptime_s)}` : ""}`);
     if (!row.open) return;
     cells.counters.replaceChildren(...Object.entries(diagnostics?.counters ?? {}).flatMap(
       ([name, value]) => [element("dt", {}, name), element("dd", {}, count(value))]));

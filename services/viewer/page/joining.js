@@ -1,15 +1,15 @@
 // Which pictures and messages belong together: those of the same epoch and sequence number.
 //
-// One stream leads: the picture that is shown large. It waits for the other streams' parts of
-// the same frame, but not for ever: two frame times after it came, it is released without them.
-// It does not wait at all for what cannot come any more, because that stream is already further
-// on or has been silent. Frames are released in order; a newer one that is complete goes before
+// One stream leads: the picture that is shown large. It waits for its messages, but not for ever:
+// two frame times after it came, it is released without them. For pictures that stand beside it,
+// it waits longer. It does not wait at all for what cannot come any more, because that stream is
+// already further on or has been silent. Frames are released in order; a newer one that is complete goes before
 // older ones that are not, and those are dropped. No clock, no document: times are arguments.
 
 import { between } from "./wire.js";
 
-export const PATIENCE_FRAMES = 2;
-const PATIENCE_ONLY_COMPLETE = 12;
+const PATIENCE_FRAMES = 2;
+const PATIENCE_TOGETHER_FRAMES = 12; // where being of one frame matters more than being new
 const FIRST_GUESS_MS = 50;
 const SILENT_MS = 1000;
 const INTERVALS = 15;
@@ -29,6 +29,7 @@ export class Joiner {
   follow(pictures, messages, now) {
     for (const frame of this._frames?.values() ?? []) this._drop(frame);
     this._lead = pictures[0] ?? null;
+    this._hasOthers = pictures.length > 1;
     this._parts = new Map();
     for (const key of [...pictures.slice(1), ...messages]) {
       this._parts.set(key, { at: now, epoch: null, seq: -1, lag: null });
@@ -157,8 +158,8 @@ export class Joiner {
   }
 
   _patience() {
-    const frames = this.onlyComplete ? PATIENCE_ONLY_COMPLETE : PATIENCE_FRAMES;
-    return frames * this.frameTime;
+    const isTogether = this.onlyComplete || this._hasOthers;
+    return (isTogether ? PATIENCE_TOGETHER_FRAMES : PATIENCE_FRAMES) * this.frameTime;
   }
 
   /** Tell whether waiting longer for a frame's missing parts is over, or of no use. */

@@ -13,6 +13,7 @@ import { saveDrawn, saveOriginal } from "./saving.js";
 import { Zoom } from "./zooming.js";
 
 const TICK_MS = 200;
+const CAPTION_PX = 24;
 
 export class Large {
   constructor(system, watches, connection, go) {
@@ -189,7 +190,10 @@ export class Large {
       this._figures.add(performance.now(), isComplete);
     }
     const { width, height } = frame.header;
-    if (before && (before.width !== width || before.height !== height)) this._zoom.fit();
+    if (before?.width !== width || before.height !== height) {
+      this._zoom.fit();
+      this._resized();
+    }
     this._requestPaint();
   }
 
@@ -228,7 +232,19 @@ export class Large {
     this._requestPaint();
   }
 
+  /** As many columns as make the pictures largest. */
+  _layOut() {
+    const { clientWidth: width, clientHeight: height } = byId("panes");
+    const { width: frameWidth, height: frameHeight } = this._frame?.header ?? { width: 4, height: 3 };
+    const count = this._panes.length;
+    const scale = (columns) => Math.min(width / columns / frameWidth,
+      (height / Math.ceil(count / columns) - CAPTION_PX) / frameHeight);
+    const columns = [1, 2, 3, 4].reduce((best, each) => (scale(each) > scale(best) ? each : best));
+    byId("panes").style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
+  }
+
   _resized() {
+    this._layOut();
     for (const pane of this._panes) pane.fitToSurface();
     this._requestPaint();
   }
@@ -242,7 +258,9 @@ export class Large {
   _tellPixel() {
     const point = this._pointer;
     const zoom = this._zoom.view.scale;
-    say(byId("pixel"), point ? `${Math.floor(point.x)}, ${Math.floor(point.y)}` : "–");
+    const place = point ? `${Math.floor(point.x)}, ${Math.floor(point.y)}` : "–";
+    const isAlone = point && this._panes.length === 1;
+    say(byId("pixel"), isAlone ? `${place} = ${this._panes[0].value}` : place);
     say(byId("zoom"), `${zoom >= 1 ? Number(zoom.toFixed(2)) : Number(zoom.toPrecision(2))}×`);
   }
 

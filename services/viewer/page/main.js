@@ -52,6 +52,7 @@ function go(keys) {
 function route() {
   const keys = decodeURIComponent(location.hash.slice(1)).split("+").filter(Boolean);
   const before = document.body.dataset.view;
+  const hadFocus = byId("wall").contains(document.activeElement);
   const shown = large.isOpen ? large.key : null;
   mark(document.body, "view", keys.length ? "large" : "wall");
   byId("wall").hidden = keys.length > 0;
@@ -61,7 +62,7 @@ function route() {
   else large.close();
   document.title = keys.length ? `${keys[0]} – zenoh-vision` : "zenoh-vision";
   if (before === "large" && !keys.length) wall.focus(shown);
-  if (before === "wall" && keys.length) byId("pause").focus({ preventScroll: true });
+  if (hadFocus && keys.length) byId("pause").focus({ preventScroll: true });
   arrange();
 }
 

@@ -6,6 +6,7 @@ import { toPane } from "./viewport.js";
 export const CENTROID_COLOUR = "#00ff00"; // the tutorial's green
 const TRACK_COLOURS = ["#ffd400", "#ff6ad5", "#36c5ff", "#ff8a3c", "#b48cff", "#8affc1"];
 const OUTLINE = "rgba(0, 0, 0, 0.65)";
+const LONGEST_STEP = 0.06; // of the frame's width
 const DASHES = { lost: [4, 4], tentative: [2, 3] };
 
 /**
@@ -20,8 +21,12 @@ export function drawOverlay(context, frame, keys, trails, view, pane, ratio) {
   for (const key of keys) {
     const body = frame.items.get(key);
     if (!body) continue;
-    if (trails) drawTrails(context, trails.upTo(key, frame.header), view, pane, ratio);
-    for (const marked of marksOf(body)) {
+    const marks = marksOf(body);
+    if (trails) {
+      const paths = trails.upTo(key, frame.header);
+      for (const { id } of marks) drawTrail(context, id, paths.get(id) ?? [], frame, view, pane, ratio);
+    }
+    for (const marked of marks) {
       drawMark(context, marked, view, pane, ratio);
       drawn.push({ key, id: marked.id, box: marked.box, x: marked.x, y: marked.y });
     }
@@ -49,7 +54,9 @@ function drawMark(context, marked, view, pane, ratio) {
   context.setLineDash([]);
   disc(context, centre, 4.5 * ratio, OUTLINE);
   disc(context, centre, 3.5 * ratio, colour);
-  drawLabel(context, marked.label, from, colour, ratio);
+  // A centroid's numbers stand at its centre, so that its box may share a corner with a track's.
+  const corner = marked.id === "" ? { x: centre.x + 8 * ratio, y: centre.y - 4 * ratio } : from;
+  drawLabel(context, marked.label, corner, colour, ratio);
 }
 
 function disc(context, { x, y }, radius, colour) {
@@ -73,19 +80,21 @@ function drawLabel(context, text, corner, colour, ratio) {
   context.fillText(text, corner.x + 2 * ratio, top + size * 1.05);
 }
 
-function drawTrails(context, trails, view, pane, ratio) {
+/** A trail is broken where it jumps: the largest thing is then another one. */
+function drawTrail(context, id, points, { header }, view, pane, ratio) {
+  const longest = header.width * LONGEST_STEP;
   context.lineWidth = 1.5 * ratio;
   context.lineJoin = "round";
-  for (const [id, points] of trails) {
-    context.strokeStyle = colourOf(id);
-    context.globalAlpha = 0.8;
-    context.beginPath();
-    points.forEach(([x, y], index) => {
-      const at = toPane(view, pane, { x, y });
-      if (index) context.lineTo(at.x, at.y);
-      else context.moveTo(at.x, at.y);
-    });
-    context.stroke();
-  }
+  context.strokeStyle = colourOf(id);
+  context.globalAlpha = 0.85;
+  context.beginPath();
+  points.forEach(([x, y], index) => {
+    const at = toPane(view, pane, { x, y });
+    const before = points[index - 1];
+    const isStep = before && Math.hypot(x - before[0], y - before[1]) < longest;
+    if (isStep) context.lineTo(at.x, at.y);
+    else context.moveTo(at.x, at.y);
+  });
+  context.stroke();
   context.globalAlpha = 1;
 }

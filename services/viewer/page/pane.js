@@ -22,6 +22,7 @@ export class Pane {
       element("span"));
     this._value = element("output", { class: "pane-value" });
     this._behind = element("span", { class: "pane-behind" });
+    this.badge("", false);
     this.surface = element("div", { class: "pane-surface" }, this._picture, this._overlay,
       this._badge, this._state);
     this.element = element("figure", { class: "pane", "data-key": this.key }, this.surface,
@@ -69,7 +70,6 @@ export class Pane {
     const { header } = frame;
     const corner = toPane(view, this.size, { x: 0, y: 0 });
     picture.imageSmoothingEnabled = view.scale < PIXELS_FROM_SCALE;
-    picture.imageSmoothingQuality = "high";
     picture.drawImage(this._item.bitmap, corner.x, corner.y, header.width * view.scale,
       header.height * view.scale);
     const isSame = this.seq === frame.seq;
@@ -77,13 +77,13 @@ export class Pane {
       ? drawOverlay(marks, frame, overlay.keys, overlay.trails, view, this.size, ratio) : [];
     if (pointer) this._cross(marks, toPane(view, this.size, pointer), ratio);
     this._tell(frame, view, overlay, drawn);
-    this.point(pointer, header);
+    this._point(pointer, header);
   }
 
-  /** Say the value under a point of the frame; null for none. */
-  point(pointer, header) {
-    const value = pointer && this._item ? this._valueAt(pointer, header) : null;
-    say(this._value, value ?? "");
+  /** Say the value under a point of the frame, or nothing. */
+  _point(pointer, header) {
+    this.value = pointer ? this._valueAt(pointer, header) : "";
+    say(this._value, this.value);
   }
 
   /** The frame's point at a point of the surface, or null outside of the frame. */

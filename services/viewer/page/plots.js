@@ -13,7 +13,7 @@ const POINTS_DRAWN = 1200;
 const CHARTS = [
   { name: "rate", title: "Rate", unit: "Hz", fields: [["rate"]] },
   { name: "latency", title: "Latency from capture", unit: "ms", fields: [["p50"], ["p99", [3, 3]]],
-    note: "line p50, dashes p99" },
+    note: "p50, dashed p99" },
   { name: "drops", title: "Drops", unit: "per s", fields: [["drops"]] },
   { name: "x", title: "Centroid x", unit: "pixels" },
   { name: "y", title: "Centroid y", unit: "pixels" },
@@ -115,7 +115,7 @@ export class PlotsPanel {
     const nodes = this._system.nodes.filter((node) => node.cameras?.includes(this._choice.value)
       && this._system.histories.has(node.node));
     return nodes.flatMap((node, index) => chart.fields.map(([field, dash]) => ({
-      name: chart.fields.length > 1 ? `${node.service} ${field}` : node.service,
+      name: node.service,
       colour: style.getPropertyValue(`--series-${(index % 6) + 1}`),
       dash,
       points: this._system.histories.get(node.node)
@@ -139,15 +139,18 @@ export class PlotsPanel {
   /** The legend: each line's name, and its value at the cursor or now. */
   _tell(chart, lines) {
     const at = this._cursor ?? Infinity;
-    const words = lines.map(({ name, points }) => {
-      const found = points.findLast((point) => point.at <= at);
-      return `${name} ${found?.value === null || !found ? "–" : number(found.value, 1)}`;
-    });
+    const named = lines.filter((line) => !line.dash);
+    const valueOf = ({ points }) => {
+      const value = points.findLast((point) => point.at <= at)?.value ?? null;
+      return value === null ? "–" : number(value, 1);
+    };
+    const words = named.map((line) => [line.name, lines.filter(({ name }) => name === line.name)
+      .map(valueOf).join(" / ")].join(" "));
     const state = JSON.stringify([words, this._cursor === null]);
     if (chart.state === state) return;
     chart.state = state;
-    chart.legend.replaceChildren(...lines.map((line, index) => {
-      const key = element("i", { class: line.dash ? "key dashed" : "key" });
+    chart.legend.replaceChildren(...named.map((line, index) => {
+      const key = element("i", { class: "key" });
       key.style.color = line.colour;
       return element("span", {}, key, words[index]);
     }));

@@ -11,6 +11,8 @@ const PICTURES_PER_SECOND = 150;
 const FASTEST_HZ = 30;
 const SLOWEST_HZ = 4;
 const TICK_MS = 250;
+const LARGEST_TILE = 640;
+const SMALLEST_TILE = 260;
 
 export class Wall {
   constructor(system, watches, connection) {
@@ -75,6 +77,7 @@ export class Wall {
       : `${shown.length === all.length ? all.length : `${shown.length} of ${all.length}`} streams, ${
         cameras} ${cameras === 1 ? "camera" : "cameras"}`);
     byId("wall-empty").hidden = all.length > 0;
+    this._setSize();
     byId("wall-none").hidden = all.length === 0 || shown.length > 0;
   }
 
@@ -140,19 +143,37 @@ export class Wall {
     this._arrange();
   }
 
-  /** The slider for the tiles' width. */
+  /** The slider for the tiles' width; until it is touched, all tiles are to fit on the screen. */
   _sizes() {
-    const slider = byId("tile-size");
-    slider.value = recall("tileSize", slider.value);
-    const apply = () => this._list.style.setProperty("--tile", `${slider.value}px`);
-    slider.addEventListener("input", () => {
-      apply();
-      remember("tileSize", slider.value);
+    this._size = recall("tileSize", null);
+    byId("tile-size").addEventListener("input", ({ target }) => {
+      this._size = Number(target.value);
+      remember("tileSize", this._size);
+      this._setSize();
     });
-    apply();
+  }
+
+  _setSize() {
+    const size = this._size ?? this._fitting();
+    byId("tile-size").value = size;
+    this._list.style.setProperty("--tile", `${size}px`);
+  }
+
+  /** The largest width at which all tiles are seen without scrolling, or a small one. */
+  _fitting() {
+    const { clientWidth: width, clientHeight: height } = this._list;
+    for (let columns = 1; columns <= this._tiles.size; columns += 1) {
+      const each = Math.floor((width - 14 - 10 * columns) / columns);
+      const rows = Math.ceil(this._tiles.size / columns);
+      if (each <= LARGEST_TILE && rows * (each * 0.75 + 40) + 14 <= height) {
+        return Math.max(each, SMALLEST_TILE);
+      }
+    }
+    return SMALLEST_TILE;
   }
 
   _resize() {
+    this._setSize();
     clearTimeout(this._resizeTimer);
     this._resizeTimer = setTimeout(() => {
       for (const tile of this._tiles.values()) tile.resize();

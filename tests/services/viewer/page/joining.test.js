@@ -102,6 +102,13 @@ test("pictures of several streams are released together", () => {
   assert.deepEqual([...joiner.take(120).items.values()], ["picture 10", "mask 10"]);
 });
 
+test("a picture waits longer for those that stand beside it", () => {
+  const { joiner } = practised([CAMERA, MASK], []);
+  joiner.offer(CAMERA, header(10), "picture 10", 100);
+  assert.equal(joiner.take(100 + 11 * FRAME_MS), null);
+  assert.deepEqual(joiner.take(100 + 12 * FRAME_MS).missing, [MASK]);
+});
+
 test("a new epoch begins with its first picture, whatever its numbers", () => {
   const { joiner } = practised();
   joiner.offer(CENTROID, header(0, "2"), "new centroid 0", 100);
