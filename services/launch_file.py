@@ -56,9 +56,7 @@ class NodeTable(Table):
     service: Annotated[str, Field(description=f"one of {', '.join(NODE_SERVICES)}")]
     camera: Annotated[
         CameraName,
-        Field(
-            description="camera it belongs to; its name is {service}_{camera}; not for a viewer"
-        ),
+        Field(description="camera it belongs to; its name is {service}_{camera}; not for a viewer"),
     ] = DEFAULT_CAMERA
     config: Annotated[
         str | None, Field(description="TOML file of its options, beside the launch file")

@@ -1,18 +1,18 @@
 // Who wants to be told of what.
 
 export class Events {
-  constructor() {
-    this._listeners = new Map();
-  }
+	constructor() {
+		this.listeners = new Map();
+	}
 
-  /** Call `listener` with each `name`; returns a function that ends it. */
-  on(name, listener) {
-    if (!this._listeners.has(name)) this._listeners.set(name, new Set());
-    this._listeners.get(name).add(listener);
-    return () => this._listeners.get(name).delete(listener);
-  }
+	/** Call `listener` with each `name`; returns a function that ends it. */
+	on(name, listener) {
+		if (!this.listeners.has(name)) this.listeners.set(name, new Set());
+		this.listeners.get(name).add(listener);
+		return () => this.listeners.get(name).delete(listener);
+	}
 
-  emit(name, fact) {
-    for (const listener of this._listeners.get(name) ?? []) listener(fact);
-  }
+	emit(name, fact) {
+		for (const listener of this.listeners.get(name) ?? []) listener(fact);
+	}
 }

@@ -7,58 +7,59 @@ import { milliseconds } from "./wire.js";
 const SHARE_MS = 1000;
 
 export class Figures {
-  constructor() {
-    this._shown = [];
-  }
+	constructor() {
+		this.shown = [];
+	}
 
-  /** Count one frame that was shown, with its overlay or without. */
-  add(now, isComplete) {
-    this._shown.push({ now, isComplete });
-    while (now - this._shown[0].now > SHARE_MS) this._shown.shift();
-  }
+	add(now, isComplete) {
+		this.shown.push({ now, isComplete });
+		while (now - this.shown[0].now > SHARE_MS) this.shown.shift();
+	}
 
-  clear() {
-    this._shown = [];
-  }
+	clear() {
+		this.shown = [];
+	}
 
-  /** Write the line of figures. */
-  write(frame, feed, leadKey, isPaused, isLive) {
-    const now = performance.now();
-    const meter = feed.meter(leadKey);
-    const picture = frame?.items.get(leadKey)?.picture;
-    const age = picture ? picture.ageMs + now - picture.at : null;
-    say(byId("figure-age"), isPaused || isLive ? duration(age) : "–");
-    say(byId("figure-rate"), rate(meter.rate(now)));
-    say(byId("figure-lost"), picture ? count(meter.lost) : "–");
-    say(byId("figure-skipped"), picture ? count(meter.skipped) : "–");
-    say(byId("figure-size"), picture
-      ? `${picture.header.width}×${picture.header.height} · ${size(picture.data.byteLength)}` : "–");
-    say(byId("figure-frame"), frame ? String(frame.seq) : "–");
-    say(byId("figure-time"), frame ? precise(frame.header.stamp_ns) : "–");
-    byId("figure-frame").title = frame ? `epoch ${frame.epoch}` : "";
-  }
+	write(frame, feed, leadKey, isPaused, isLive) {
+		const now = performance.now();
+		const meter = feed.meter(leadKey);
+		const picture = frame?.items.get(leadKey)?.picture;
+		const age = picture ? picture.ageMs + now - picture.at : null;
+		const { header, data } = picture ?? {};
+		const figures = {
+			age: isPaused || isLive ? duration(age) : "–",
+			rate: rate(meter.rate(now)),
+			lost: picture ? count(meter.lost) : "–",
+			skipped: picture ? count(meter.skipped) : "–",
+			size: picture ? `${header.width}×${header.height} · ${size(data.byteLength)}` : "–",
+			frame: frame ? String(frame.seq) : "–",
+			time: frame ? precise(frame.header.stamp_ns) : "–",
+		};
+		for (const [name, text] of Object.entries(figures)) say(byId(`figure-${name}`), text);
+		byId("figure-frame").title = frame ? `epoch ${frame.epoch}` : "";
+	}
 
-  /** Say how the overlay joins: {words, isWithout}; empty words if all is well. */
-  joining(frame, feed, overlayKeys) {
-    if (!frame || !overlayKeys.length) return { words: "", isWithout: false };
-    const missing = frame.missing.filter((key) => overlayKeys.includes(key));
-    const complete = this._shown.filter((one) => one.isComplete).length;
-    if (complete === this._shown.length && !missing.length) return { words: "", isWithout: false };
-    const isWithout = missing.length > 0;
-    if (complete > 0) {
-      return { words: `overlay on ${complete} of ${this._shown.length} frames`, isWithout };
-    }
-    const names = missing.map((key) => key.split("/").at(-1)).join(" and ");
-    const lag = Math.max(...missing.map((key) => feed.joiner.lag(key) ?? -1));
-    const wait = 2 * feed.joiner.frameTime;
-    const why = lag > wait
-      ? ` – comes ${number(lag, 0)} ms after its picture, which waits ${number(wait, 0)} ms` : "";
-    return { words: `without ${names}${why}`, isWithout };
-  }
+	/** Say how the overlay joins: {words, isWithout}; empty words if all is well. */
+	joining(frame, feed, overlayKeys) {
+		if (!frame || !overlayKeys.length) return { words: "", isWithout: false };
+		const missing = frame.missing.filter((key) => overlayKeys.includes(key));
+		const complete = this.shown.filter((one) => one.isComplete).length;
+		if (complete === this.shown.length && !missing.length) return { words: "", isWithout: false };
+		const isWithout = missing.length > 0;
+		if (complete > 0) {
+			return { words: `overlay on ${complete} of ${this.shown.length} frames`, isWithout };
+		}
+		const names = missing.map((key) => key.split("/").at(-1)).join(" and ");
+		const lag = Math.max(...missing.map((key) => feed.joiner.lag(key) ?? -1));
+		const wait = 2 * feed.joiner.frameTime;
+		const why = lag > wait
+			? ` – comes ${number(lag, 0)} ms after its picture, which waits ${number(wait, 0)} ms` : "";
+		return { words: `without ${names}${why}`, isWithout };
+	}
 }
 
 /** "14:03:22.123": when a frame was captured, by the camera's clock. */
 function precise(stamp) {
-  const ms = milliseconds(stamp);
-  return `${clock(ms)}.${String(Math.floor(ms % 1000)).padStart(3, "0")}`;
+	const ms = milliseconds(stamp);
+	return `${clock(ms)}.${String(Math.floor(ms % 1000)).padStart(3, "0")}`;
 }

@@ -8,95 +8,91 @@ import { Meter } from "./meter.js";
 import { Trails } from "./trails.js";
 import { milliseconds } from "./wire.js";
 
-/** Free what a frame's item holds. */
 export function release(item) {
-  item?.bitmap?.close();
+	item?.bitmap?.close();
 }
 
 export class FrameFeed extends Events {
-  constructor(watches, connection) {
-    super();
-    this.joiner = new Joiner(release);
-    this.trails = new Trails();
-    this.pictures = [];
-    this.messages = [];
-    this._watches = watches;
-    this._stops = [];
-    this._meters = new Map();
-    this.endedSince = null;
-    this.lastFrameAt = null;
-    connection.on("ended", ({ key, since_ns: since }) => {
-      if (key === this.pictures[0]) this.endedSince = milliseconds(since);
-    });
-    connection.on("close", () => {
-      this.lastFrameAt = null;
-    });
-  }
+	constructor(watches, connection) {
+		super();
+		this.joiner = new Joiner(release);
+		this.trails = new Trails();
+		this.pictures = [];
+		this.messages = [];
+		this.watches = watches;
+		this.stops = [];
+		this.meters = new Map();
+		this.endedSince = null;
+		this.lastFrameAt = null;
+		connection.on("ended", ({ key, since_ns: since }) => {
+			if (key === this.pictures[0]) this.endedSince = milliseconds(since);
+		});
+		connection.on("close", () => {
+			this.lastFrameAt = null;
+		});
+	}
 
-  /** Begin to follow these keys; the first picture leads. */
-  follow(pictures, messages) {
-    this.close();
-    this.pictures = pictures;
-    this.messages = messages;
-    this.joiner.follow(pictures, messages, performance.now());
-    for (const key of pictures) this._followPicture(key);
-    for (const key of messages) this._stops.push(this._watches.messages(key, (m) => this._take(m)));
-  }
+	follow(pictures, messages) {
+		this.close();
+		this.pictures = pictures;
+		this.messages = messages;
+		this.joiner.follow(pictures, messages, performance.now());
+		for (const key of pictures) this.followPicture(key);
+		for (const key of messages) this.stops.push(this.watches.messages(key, (m) => this.take(m)));
+	}
 
-  close() {
-    for (const stop of this._stops) stop();
-    this._stops = [];
-    clearTimeout(this._timer);
-    this.joiner.follow([], [], 0);
-    this.trails.forget();
-    this._meters.clear();
-    this.endedSince = null;
-    this.lastFrameAt = null;
-    this.pictures = [];
-    this.messages = [];
-  }
+	close() {
+		for (const stop of this.stops) stop();
+		this.stops = [];
+		clearTimeout(this.timer);
+		this.joiner.follow([], [], 0);
+		this.trails.forget();
+		this.meters.clear();
+		this.endedSince = null;
+		this.lastFrameAt = null;
+		this.pictures = [];
+		this.messages = [];
+	}
 
-  /** The figures of one of the followed pictures. */
-  meter(key) {
-    if (!this._meters.has(key)) this._meters.set(key, new Meter());
-    return this._meters.get(key);
-  }
+	meter(key) {
+		if (!this.meters.has(key)) this.meters.set(key, new Meter());
+		return this.meters.get(key);
+	}
 
-  /** Tell whether frames come now. */
-  isLive(now) {
-    if (this.lastFrameAt === null || this.endedSince !== null) return false;
-    const longest = Math.max(1000, 3 * this.joiner.frameTime);
-    return now - this.lastFrameAt <= longest && this.meter(this.pictures[0]).isLive(now);
-  }
+	isLive(now) {
+		if (this.lastFrameAt === null || this.endedSince !== null) return false;
+		const longest = Math.max(1000, 3 * this.joiner.frameTime);
+		return now - this.lastFrameAt <= longest && this.meter(this.pictures[0]).isLive(now);
+	}
 
-  _followPicture(key) {
-    const decoder = new NewestDecoder((picture, bitmap) => {
-      this.joiner.offer(key, picture.header, { picture, bitmap }, performance.now());
-      this._advance();
-    }, () => this.emit("broken", key));
-    const stop = this._watches.picture(key, null, (picture, taken) => {
-      this.meter(key).add(performance.now(), picture);
-      if (key === this.pictures[0]) this.endedSince = null;
-      decoder.offer(picture, taken);
-    });
-    this._stops.push(stop, () => decoder.close());
-  }
+	followPicture(key) {
+		const decoder = new NewestDecoder((picture, bitmap) => {
+			this.joiner.offer(key, picture.header, { picture, bitmap }, performance.now());
+			this.advance();
+		}, () => this.emit("broken", key));
+		const stop = this.watches.picture(key, null, (picture, taken) => {
+			this.meter(key).add(performance.now(), picture);
+			if (key === this.pictures[0]) this.endedSince = null;
+			decoder.offer(picture, taken);
+		});
+		this.stops.push(stop, () => decoder.close());
+	}
 
-  _take({ key, header, body }) {
-    this.trails.add(key, header, body);
-    this.joiner.offer(key, header, body, performance.now());
-    this._advance();
-  }
+	take({ key, header, body }) {
+		this.trails.add(key, header, body);
+		this.joiner.offer(key, header, body, performance.now());
+		this.advance();
+	}
 
-  _advance() {
-    clearTimeout(this._timer);
-    const now = performance.now();
-    const frame = this.joiner.take(now);
-    if (frame) {
-      this.lastFrameAt = now;
-      this.emit("frame", frame);
-    }
-    const due = this.joiner.due();
-    if (due !== null) this._timer = setTimeout(() => this._advance(), Math.max(1, due - now));
-  }
+	advance() {
+		clearTimeout(this.timer);
+		const now = performance.now();
+		const frame = this.joiner.take(now);
+		if (frame) {
+			this.lastFrameAt = now;
+			this.emit("frame", frame);
+		}
+		const due = this.joiner.due();
+		if (due !== null) this.timer = setTimeout(() => this.advance(), Math.max(1, due - now));
+	}
 }

@@ -6,49 +6,30 @@ import { clock } from "./format.js";
 const AT_END_PX = 24;
 
 export class LogPanel {
-  constructor(system) {
-    this._system = system;
-    this._visible = false;
-    this._list = byId("log-lines");
-    this._filter = byId("log-filter");
-    this._filter.addEventListener("input", () => this._fill());
-    system.on("log", (line) => (line ? this._append(line) : this._fill()));
-  }
+	constructor(system) {
+		this.system = system;
+		this.list = byId("log-lines");
+		system.on("log", (line) => this.write(line ? [line] : null));
+	}
 
-  show(visible) {
-    this._visible = visible;
-    if (visible) this._fill();
-  }
+	show(visible) {
+		this.visible = visible;
+		this.write(null);
+	}
 
-  _fill() {
-    if (!this._visible) return;
-    const words = this._filter.value.toLowerCase();
-    this._list.replaceChildren(...this._system.lines
-      .filter((line) => textOf(line).toLowerCase().includes(words)).map(row));
-    byId("no-lines").hidden = this._list.children.length > 0;
-    this._list.scrollTop = this._list.scrollHeight;
-  }
-
-  /** Add one line; follow it only if the end was seen. */
-  _append() {
-    if (!this._visible) return;
-    const line = this._system.lines.at(-1);
-    if (!textOf(line).toLowerCase().includes(this._filter.value.toLowerCase())) return;
-    const { scrollTop, scrollHeight, clientHeight } = this._list;
-    const atEnd = scrollHeight - scrollTop - clientHeight < AT_END_PX;
-    this._list.append(row(line));
-    byId("no-lines").hidden = true;
-    if (this._list.children.length > 1000) this._list.firstChild.remove();
-    if (atEnd) this._list.scrollTop = this._list.scrollHeight;
-  }
+	/** Add lines, or write all anew; the list follows only if its end was seen. */
+	write(added) {
+		if (!this.visible) return;
+		const { scrollTop, scrollHeight, clientHeight } = this.list;
+		const atEnd = !added || scrollHeight - scrollTop - clientHeight < AT_END_PX;
+		if (added) this.list.append(...added.map(row));
+		else this.list.replaceChildren(...this.system.lines.map(row));
+		byId("no-lines").hidden = this.list.children.length > 0;
+		if (atEnd) this.list.scrollTop = this.list.scrollHeight;
+	}
 }
 
-function textOf(line) {
-  return `${line.level} ${line.node ?? ""} ${line.text}`;
-}
-
-function row(line) {
-  return element("li", { "data-level": line.level }, element("time", {}, clock(line.at)),
-    element("span", { class: "level" }, line.level),
-    element("b", {}, line.node ?? ""), element("span", { class: "text" }, line.text));
+function row({ at, level, node, text }) {
+	return element("li", { "data-level": level }, element("time", {}, clock(at)),
+		element("span", { class: "level" }, level), element("b", {}, node ?? ""), text);
 }

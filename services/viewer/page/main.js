@@ -30,75 +30,63 @@ const parameters = new ParametersPanel(system, connection, camera);
 const plots = new PlotsPanel(system, watches, camera);
 const graph = new GraphPanel(system, camera);
 const panels = new Panels({
-  parameters: {},
-  plots,
-  graph,
-  health: new HealthPanel(system),
-  log: new LogPanel(system),
+	parameters: {},
+	plots,
+	graph,
+	health: new HealthPanel(system),
+	log: new LogPanel(system),
 });
 new Status(system, connection);
 
-/** Show these streams: none for the wall. */
 function go(keys) {
-  const hash = keys.join("+");
-  if (hash === location.hash.slice(1)) return;
-  if (hash) location.hash = hash;
-  else {
-    history.pushState(null, "", location.pathname + location.search);
-    route();
-  }
+	const hash = keys.join("+");
+	if (hash === location.hash.slice(1)) return;
+	if (hash) location.hash = hash;
+	else {
+		history.pushState(null, "", location.pathname + location.search);
+		route();
+	}
 }
 
 function route() {
-  const keys = decodeURIComponent(location.hash.slice(1)).split("+").filter(Boolean);
-  const before = document.body.dataset.view;
-  const hadFocus = byId("wall").contains(document.activeElement);
-  const shown = large.isOpen ? large.key : null;
-  mark(document.body, "view", keys.length ? "large" : "wall");
-  byId("wall").hidden = keys.length > 0;
-  byId("large").hidden = !keys.length;
-  wall.show(!keys.length);
-  if (keys.length) large.open(keys);
-  else large.close();
-  document.title = keys.length ? `${keys[0]} – zenoh-vision` : "zenoh-vision";
-  if (before === "large" && !keys.length) wall.focus(shown);
-  if (hadFocus && keys.length) byId("pause").focus({ preventScroll: true });
-  arrange();
+	const keys = decodeURIComponent(location.hash.slice(1)).split("+").filter(Boolean);
+	const before = document.body.dataset.view;
+	const hadFocus = byId("wall").contains(document.activeElement);
+	const shown = large.isOpen ? large.key : null;
+	mark(document.body, "view", keys.length ? "large" : "wall");
+	byId("wall").hidden = keys.length > 0;
+	byId("large").hidden = !keys.length;
+	wall.show(!keys.length);
+	if (keys.length) large.open(keys);
+	else large.close();
+	document.title = keys.length ? `${keys[0]} – zenoh-vision` : "zenoh-vision";
+	if (before === "large" && !keys.length) wall.focus(shown);
+	if (hadFocus && keys.length) byId("pause").focus({ preventScroll: true });
+	arrange();
 }
 
-/** Panels put the camera that is looked at first. */
 function arrange() {
-  parameters.arrange();
-  plots.arrange();
-  graph.arrange();
+	parameters.arrange();
+	plots.arrange();
+	graph.arrange();
 }
 
 let seen = null;
 system.on("streams", () => {
-  if (large.camera !== seen) arrange();
-  seen = large.camera;
+	if (large.camera !== seen) arrange();
+	seen = large.camera;
 });
 
-const acts = {
-  pause: () => large.togglePause(),
-  "step-back": () => large.step(-1),
-  "step-on": () => large.step(1),
-  fit: () => large.fit(),
-  actual: () => large.actual(),
-  "zoom-out": () => large.zoom(0.8),
-  "zoom-in": () => large.zoom(1.25),
-  "overlay-toggle": () => large.toggleOverlay(),
-  save: () => large.save(),
-  "save-drawn": () => large.saveDrawn(),
-  "full-screen": () => large.fullScreen(),
-  theme: nextTheme,
-};
-for (const [id, act] of Object.entries(acts)) byId(id).addEventListener("click", act);
+byId("theme").addEventListener("click", nextTheme);
+for (const button of document.querySelectorAll("[data-act]")) {
+	const { act, by } = button.dataset;
+	button.addEventListener("click", () => large[act](by === undefined ? by : Number(by)));
+}
 for (const link of document.querySelectorAll('a[href="#"]')) {
-  link.addEventListener("click", (event) => {
-    event.preventDefault();
-    go([]);
-  });
+	link.addEventListener("click", (event) => {
+		event.preventDefault();
+		go([]);
+	});
 }
 listenToKeyboard({ wall, large, panels, go, theme: nextTheme });
 addEventListener("hashchange", route);

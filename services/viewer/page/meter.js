@@ -5,47 +5,46 @@ const LEAST_SILENCE_MS = 1000;
 const FRAMES_OF_SILENCE = 3;
 
 export class Meter {
-  constructor() {
-    this._samples = [];
-    this.lost = 0;
-    this.skipped = 0;
-    this.lastAt = null;
-  }
+	constructor() {
+		this.samples = [];
+		this.lost = 0;
+		this.skipped = 0;
+		this.lastAt = null;
+	}
 
-  /** Count one picture that came at `now`, ms; `skipped` others were not sent to this page. */
-  add(now, { skipped = 0, lost = 0 } = {}) {
-    this._samples.push({ now, frames: 1 + skipped });
-    while (now - this._samples[0].now > WINDOW_MS && this._samples.length > 2) {
-      this._samples.shift();
-    }
-    this.lost = lost;
-    this.skipped += skipped;
-    this.lastAt = now;
-  }
+	/** Count one picture that came at `now`, ms; `skipped` others were not sent to this page. */
+	add(now, { skipped = 0, lost = 0 } = {}) {
+		this.samples.push({ now, frames: 1 + skipped });
+		while (now - this.samples[0].now > WINDOW_MS && this.samples.length > 2) {
+			this.samples.shift();
+		}
+		this.lost = lost;
+		this.skipped += skipped;
+		this.lastAt = now;
+	}
 
-  /** Milliseconds between two frames of the stream; null before the second. */
-  get frameTime() {
-    if (this._samples.length < 2) return null;
-    const frames = this._samples.slice(1).reduce((sum, sample) => sum + sample.frames, 0);
-    return (this._samples.at(-1).now - this._samples[0].now) / frames;
-  }
+	get frameTime() {
+		if (this.samples.length < 2) return null;
+		const frames = this.samples.slice(1).reduce((sum, sample) => sum + sample.frames, 0);
+		return (this.samples.at(-1).now - this.samples[0].now) / frames;
+	}
 
-  /** Frames a second that the stream has, shown here or not; null before the second. */
-  rate(now) {
-    const each = this.frameTime;
-    if (each === null || !this.isLive(now)) return null;
-    return 1000 / Math.max(each, 0.1);
-  }
+	/** Frames a second that the stream has, shown here or not; null before the second. */
+	rate(now) {
+		const each = this.frameTime;
+		if (each === null || !this.isLive(now)) return null;
+		return 1000 / Math.max(each, 0.1);
+	}
 
-  /** Tell whether a picture came within a second or three frame times. */
-  isLive(now) {
-    if (this.lastAt === null) return false;
-    const longest = Math.max(LEAST_SILENCE_MS, FRAMES_OF_SILENCE * this._pictureTime());
-    return now - this.lastAt <= longest;
-  }
+	/** Tell whether a picture came within a second or three frame times. */
+	isLive(now) {
+		if (this.lastAt === null) return false;
+		const longest = Math.max(LEAST_SILENCE_MS, FRAMES_OF_SILENCE * this.pictureTime());
+		return now - this.lastAt <= longest;
+	}
 
-  _pictureTime() {
-    if (this._samples.length < 2) return 0;
-    return (this._samples.at(-1).now - this._samples[0].now) / (this._samples.length - 1);
-  }
+	pictureTime() {
+		if (this.samples.length < 2) return 0;
+		return (this.samples.at(-1).now - this.samples[0].now) / (this.samples.length - 1);
+	}
 }

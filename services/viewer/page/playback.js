@@ -2,57 +2,87 @@
 
 import { decode } from "./decoding.js";
 import { release } from "./frames.js";
-import { RecentFrames } from "./recent.js";
+
+const MOST_BYTES = 32_000_000;
+const MOST_FRAMES = 300;
 
 export class Playback {
-  /** `display(frame, isNew)` shows a frame and owns its bitmaps. */
-  constructor(display) {
-    this._display = display;
-    this._recent = new RecentFrames();
-    this.reset();
-  }
+	/** `display(frame, isNew)` shows a frame and owns its bitmaps. */
+	constructor(display) {
+		this.display = display;
+		this.recent = new RecentFrames();
+		this.reset();
+	}
 
-  reset() {
-    this._recent.clear();
-    this.paused = false;
-    this._index = null;
-    this._wantsOne = false;
-  }
+	reset() {
+		this.recent.clear();
+		this.paused = false;
+		this.index = null;
+		this.wantsOne = false;
+	}
 
-  /** A frame came. */
-  arrived(frame) {
-    if (this.paused && !this._wantsOne) {
-      for (const item of frame.items.values()) release(item);
-      return;
-    }
-    this._wantsOne = false;
-    this._recent.add(frame);
-    if (this.paused) this._index = this._recent.length - 1;
-    this._display(frame, true);
-  }
+	arrived(frame) {
+		if (this.paused && !this.wantsOne) {
+			for (const item of frame.items.values()) release(item);
+			return;
+		}
+		this.wantsOne = false;
+		this.recent.add(frame);
+		if (this.paused) this.index = this.recent.frames.length - 1;
+		this.display(frame, true);
+	}
 
-  toggle() {
-    this.paused = !this.paused;
-    this._index = this.paused ? this._recent.length - 1 : null;
-    this._wantsOne = false;
-  }
+	toggle() {
+		this.paused = !this.paused;
+		this.index = this.paused ? this.recent.frames.length - 1 : null;
+		this.wantsOne = false;
+	}
 
-  /** Show the frame before (-1) or after (1) the one that stands; past the newest, the next. */
-  async step(by) {
-    const index = this._index + by;
-    if (index < 0) return;
-    if (index >= this._recent.length) {
-      this._wantsOne = true;
-      return;
-    }
-    this._index = index;
-    const kept = this._recent.at(index);
-    const items = new Map(kept.items);
-    for (const [key, item] of items) {
-      if (!item?.picture) continue;
-      items.set(key, { picture: item.picture, bitmap: await decode(item.picture) });
-    }
-    if (this.paused && this._index === index) this._display({ ...kept, items }, false);
-    else for (const item of items.values()) release(item);
-  }
+	/** Show the frame before (-1) or after (1) the one that stands; past the newest, the next. */
+	async step(by) {
+		const index = this.index + by;
+		if (index < 0) return;
+		if (index >= this.recent.frames.length) {
+			this.wantsOne = true;
+			return;
+		}
+		this.index = index;
+		const kept = this.recent.frames[index];
+		const items = new Map(kept.items);
+		for (const [key, item] of items) {
+			if (!item?.picture) continue;
+			items.set(key, { picture: item.picture, bitmap: await decode(item.picture) });
+		}
+		if (this.paused && this.index === index) this.display({ ...kept, items }, false);
+		else for (const item of items.values()) release(item);
+	}
+}
+
+/** The last frames as they came, undecoded. */
+class RecentFrames {
+	constructor() {
+		this.clear();
+	}
+
+	clear() {
+		this.frames = [];
+		this.bytes = 0;
+	}
+
+	/** Keep a joined frame: its pictures' bytes and its messages, not its bitmaps. */
+	add(frame) {
+		const items = new Map();
+		let bytes = 0;
+		for (const [key, item] of frame.items) {
+			const isPicture = item?.bitmap !== undefined;
+			items.set(key, isPicture ? { picture: item.picture } : item);
+			if (isPicture) bytes += item.picture.data.byteLength;
+		}
+		this.frames.push({ ...frame, items, bytes });
+		this.bytes += bytes;
+		while (this.frames.length > 1
+				&& (this.bytes > MOST_BYTES || this.frames.length > MOST_FRAMES)) {
+			this.bytes -= this.frames.shift().bytes;
+		}
+	}
 }

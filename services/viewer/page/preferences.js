@@ -2,21 +2,19 @@
 
 const PREFIX = "zv.";
 
-/** Return what was kept under a name, or the fallback. */
 export function recall(name, fallback) {
-  try {
-    const text = localStorage.getItem(PREFIX + name);
-    return text === null ? fallback : JSON.parse(text);
-  } catch {
-    return fallback;
-  }
+	try {
+		const text = localStorage.getItem(PREFIX + name);
+		return text === null ? fallback : JSON.parse(text);
+	} catch {
+		return fallback;
+	}
 }
 
-/** Keep a value that JSON can hold. */
 export function remember(name, value) {
-  try {
-    localStorage.setItem(PREFIX + name, JSON.stringify(value));
-  } catch {
-    // Private windows and full disks: the choice then holds until the page is closed.
-  }
+	try {
+		localStorage.setItem(PREFIX + name, JSON.stringify(value));
+	} catch {
+		// Private windows and full disks: the choice then holds until the page is closed.
+	}
 }

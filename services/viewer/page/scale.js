@@ -10,41 +10,32 @@ const WIDE = 1000;
 
 /** The exponent of a parameter's slider: 1 for a straight one. */
 export function bend({ minimum, maximum, default: usual }) {
-  const share = typeof usual === "number" ? (usual - minimum) / (maximum - minimum) : 0;
-  if (share <= 0 || share >= 1) return maximum - minimum > WIDE ? 3 : 1;
-  if (share > 0.1) return 1;
-  return Math.min(MOST_BENT, Math.log(share) / Math.log(DEFAULT_AT));
+	const share = typeof usual === "number" ? (usual - minimum) / (maximum - minimum) : 0;
+	if (share <= 0 || share >= 1) return maximum - minimum > WIDE ? 3 : 1;
+	if (share > 0.1) return 1;
+	return Math.min(MOST_BENT, Math.log(share) / Math.log(DEFAULT_AT));
 }
 
-/** The value at a place of the slider, 0 to STEPS. */
 export function valueAt(parameter, place) {
-  const { minimum, maximum, type } = parameter;
-  const value = minimum + (maximum - minimum) * (place / STEPS) ** bend(parameter);
-  if (type === "int") return Math.round(value);
-  const fine = Number(value.toPrecision(3));
-  return Math.min(maximum, Math.max(minimum, fine));
+	const { minimum, maximum, type } = parameter;
+	const value = minimum + (maximum - minimum) * (place / STEPS) ** bend(parameter);
+	if (type === "int") return Math.round(value);
+	const fine = Number(value.toPrecision(3));
+	return Math.min(maximum, Math.max(minimum, fine));
 }
 
-/** The place of a value on the slider. */
 export function placeOf(parameter, value) {
-  const { minimum, maximum } = parameter;
-  if (typeof value !== "number") return 0;
-  const share = Math.min(1, Math.max(0, (value - minimum) / (maximum - minimum)));
-  return Math.round(STEPS * share ** (1 / bend(parameter)));
-}
-
-/** The value next to this one, by a step that fits its size; for a number field's arrows. */
-export function stepOf({ type, minimum, maximum }) {
-  if (type === "int") return 1;
-  if (maximum - minimum <= 1) return 0.01;
-  return "any";
+	const { minimum, maximum } = parameter;
+	if (typeof value !== "number") return 0;
+	const share = Math.min(1, Math.max(0, (value - minimum) / (maximum - minimum)));
+	return Math.round(STEPS * share ** (1 / bend(parameter)));
 }
 
 /** A text from a control as the parameter's type; null for an empty one that may be unset. */
 export function typed(parameter, text) {
-  if (text === "" && parameter.default === null) return null;
-  if (parameter.type === "int" || parameter.type === "float") {
-    return text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text);
-  }
-  return text;
+	if (text === "" && parameter.default === null) return null;
+	if (parameter.type === "int" || parameter.type === "float") {
+		return text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text);
+	}
+	return text;
 }

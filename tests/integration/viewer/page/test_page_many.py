@@ -20,9 +20,10 @@ def guarded(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 def test_twelve_cameras_are_all_live_at_once(browser: Any, guarded: Running) -> None:
-    with publish_cameras(guarded.router.endpoint, 12, rate_hz=5), tab(
-        browser, guarded.address, viewport={"width": 1920, "height": 1080}
-    ) as shown:
+    with (
+        publish_cameras(guarded.router.endpoint, 12, rate_hz=5),
+        tab(browser, guarded.address, viewport={"width": 1920, "height": 1080}) as shown,
+    ):
         shown.open()
         shown.wait("document.querySelectorAll('.tile[data-state=live]').length === 12")
         assert shown.complaints == []

@@ -23,7 +23,9 @@ def publish_cameras(endpoint: str, count: int, rate_hz: float) -> Iterator[tuple
     """Publish from so many cameras until the end; yield their names."""
     names = tuple(f"bay_{number:02d}" for number in range(1, count + 1))
     stop = threading.Event()
-    with Node("camera", camera=names, connection=Connection(endpoint), publishes=[IMAGE, RAW]) as node:
+    with Node(
+        "camera", camera=names, connection=Connection(endpoint), publishes=[IMAGE, RAW]
+    ) as node:
         thread = threading.Thread(target=_publish, args=(node, rate_hz, stop))
         thread.start()
         try:
