@@ -7,9 +7,7 @@ import { recall, remember } from "./preferences.js";
 export class Choices {
 	/** `changed()` is called after each choice; `beside(keys)` with what shall stand beside. */
 	constructor(system, changed, beside) {
-		this.system = system;
-		this.changed = changed;
-		this.beside = beside;
+		Object.assign(this, { system, changed, beside });
 		this.drawn = recall("overlays", {});
 		this.isOn = recall("overlayOn", true);
 		this.trails = recall("trails", true);
@@ -32,23 +30,22 @@ export class Choices {
 	write(keys, camera) {
 		const overlays = overlayStreams(this.system.streams, camera);
 		const others = inOrder(this.system.streams).filter((stream) => stream.camera === camera);
-		const state = JSON.stringify([keys, overlays.map((s) => [s.key, s.live]), this.drawn,
-			others.map((s) => [s.key, s.live]), this.isOn, this.trails, this.onlyComplete]);
+		const state = JSON.stringify([keys, [...overlays, ...others].map((one) => one.key),
+			this.drawn, this.trails, this.onlyComplete]);
 		if (state === this.state) return;
 		this.state = state;
 		fill(byId("overlay-menu"), [
 			...overlays.map((stream) => check(stream.topic, this.isDrawn(stream),
-				(on) => this.draw(stream, on), stream.live ? "" : "gone")),
+				(on) => this.draw(stream, on))),
 			overlays.length ? null : element("p", {}, "This camera has no centroid and no tracks."),
 			element("hr"),
 			check("trails of 2 s", this.trails, (on) => this.set("trails", on)),
 			check("only frames with their overlay", this.onlyComplete,
-				(on) => this.set("onlyComplete", on), "",
+				(on) => this.set("onlyComplete", on),
 				"The picture then waits longer for its messages, and is dropped if they do not come"),
 		]);
 		fill(byId("beside-menu"), others.map((stream) => check(topicName(stream),
-			keys.includes(stream.key), (on) => this.stand(keys, stream.key, on),
-			stream.live ? "" : "gone")));
+			keys.includes(stream.key), (on) => this.stand(keys, stream.key, on))));
 	}
 
 	/** Unless the user chose: the centroid, and of the tracks the tracker's before the truth. */
@@ -79,11 +76,11 @@ export class Choices {
 	}
 }
 
-function check(words, checked, chosen, remark = "", title = null) {
+function check(words, checked, chosen, title = null) {
 	return element("label", { title },
 		element("input", { type: "checkbox", checked, "data-choice": words,
 			onchange: (event) => chosen(event.target.checked) }),
-		element("span", {}, words), remark ? element("small", {}, remark) : null);
+		element("span", {}, words));
 }
 
 function fill(menu, rows) {

@@ -10,6 +10,7 @@ const CURVE_WIDTH = 34;
 const NARROWEST = 356;
 const WIDEST = 600;
 const LONGEST_NAME = 15;
+const LETTER_WIDTH = 6.7;
 
 export class GraphPanel {
 	constructor(system, camera) {
@@ -64,20 +65,25 @@ export class GraphPanel {
 		const placeOf = new Map(receivers.map((one) => [one.node, one.y + ROW / 2]));
 		return svg("svg", { viewBox: `0 -2 ${width} ${height + 4}`, width, height: height + 4,
 			role: "img", "aria-label": "Graph of nodes and keys", class: "graph-drawing" },
-		rows.flatMap((row) => lines(row, placeOf, right - CURVE_WIDTH, right)),
+		rows.flatMap((row) => lines(row, placeOf, this.name(row.key), right - CURVE_WIDTH, right)),
 		rows.map((row) => this.key(row)),
 		senders.map((one) => nodeBox(one, 1, gone)),
 		receivers.map((one) => nodeBox(one, right, gone)));
 	}
 
+	/** A key in short: its topic, with the camera where there are several. */
+	name(key) {
+		const stream = this.system.stream(key);
+		if (!stream) return key;
+		return this.choice.value ? topicName(stream) : `${stream.camera}/${topicName(stream)}`;
+	}
+
 	key({ key, y, receivers, sender }) {
 		const stream = this.system.stream(key);
-		const name = stream ? topicName(stream) : key;
 		const kind = `key ${receivers.length ? "" : "unheard"} ${sender ? "" : "unsent"}`;
 		const parts = [
 			svg("title", {}, `${key}${receivers.length ? "" : " – nobody subscribes"}`),
-			svg("text", { x: KEY_LEFT + 5, y: y + ROW / 2 + 4 },
-				stream && !this.choice.value ? `${stream.camera}/${name}` : name),
+			svg("text", { x: KEY_LEFT + 5, y: y + ROW / 2 + 4 }, this.name(key)),
 		];
 		return stream?.kind === "picture"
 			? svg("a", { class: `${kind} picture`, href: `#${key}` }, parts)
@@ -86,14 +92,15 @@ export class GraphPanel {
 }
 
 /** The lines of a key: from who sends it, to all who hear it. */
-function lines({ y, sender, receivers }, placeOf, from, end) {
+function lines({ y, sender, receivers }, placeOf, name, from, end) {
 	const middle = y + ROW / 2;
 	const bend = (from + end) / 2;
+	const begin = Math.min(from, KEY_LEFT + 10 + LETTER_WIDTH * name.length);
 	return [
 		sender && svg("path", { class: "wire", d: `M${NODE_WIDTH + 1} ${middle} H${KEY_LEFT}` }),
-		...receivers.map((name) => placeOf.get(name)).flatMap((to) => [
+		...receivers.map((one) => placeOf.get(one)).flatMap((to) => [
 			svg("path", { class: "wire",
-				d: `M${from} ${middle} C${bend} ${middle} ${bend} ${to} ${end - 6} ${to}` }),
+				d: `M${begin} ${middle} H${from} C${bend} ${middle} ${bend} ${to} ${end - 6} ${to}` }),
 			svg("path", { class: "head", d: `M${end - 7} ${to - 3.5} L${end} ${to} l-7 3.5 Z` }),
 		]),
 	];

@@ -14,9 +14,7 @@ const TICK_MS = 200;
 export class Large extends PaneView {
 	constructor(system, watches, connection, go) {
 		super();
-		this.system = system;
-		this.connection = connection;
-		this.go = go;
+		Object.assign(this, { system, connection, go });
 		this.feed = new FrameFeed(watches, connection);
 		this.playback = new Playback((frame, isNew) => this.display(frame, isNew));
 		this.figures = new Figures();

@@ -17,7 +17,7 @@ export function streamName(stream) {
 	return `${stream.camera} / ${topicName(stream)}`;
 }
 
-/** Picture streams as the wall shows them: all cameras first, then what is made of them. */
+/** Picture streams as the wall shows them: all cameras, what is made of them, what is gone. */
 export function inOrder(streams) {
 	const place = (stream) => {
 		const at = ORDER.indexOf(topicName(stream));
@@ -25,7 +25,7 @@ export function inOrder(streams) {
 	};
 	return streams
 		.filter((stream) => stream.kind === "picture")
-		.sort((a, b) => place(a) - place(b)
+		.sort((a, b) => b.live - a.live || place(a) - place(b)
 			|| topicName(a).localeCompare(topicName(b)) || a.camera.localeCompare(b.camera));
 }
 

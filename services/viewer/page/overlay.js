@@ -15,6 +15,7 @@ const DASHES = { lost: [4, 4], tentative: [2, 3] };
  */
 export function drawOverlay(context, frame, keys, trails, view, pane, ratio) {
 	const drawn = [];
+	const labels = []; // last, so that no line crosses them
 	for (const key of keys) {
 		const body = frame.items.get(key);
 		if (!body) continue;
@@ -26,10 +27,11 @@ export function drawOverlay(context, frame, keys, trails, view, pane, ratio) {
 			}
 		}
 		for (const marked of marks) {
-			drawMark(context, marked, view, pane, ratio);
+			labels.push(drawMark(context, marked, view, pane, ratio));
 			drawn.push({ key, id: marked.id, box: marked.box, x: marked.x, y: marked.y });
 		}
 	}
+	for (const [text, corner, colour] of labels) drawLabel(context, text, corner, colour, ratio);
 	return drawn;
 }
 
@@ -54,7 +56,7 @@ function drawMark(context, marked, view, pane, ratio) {
 	disc(context, centre, 3.5 * ratio, colour);
 	// A centroid's numbers stand at its centre, so that its box may share a corner with a track's.
 	const corner = marked.id === "" ? { x: centre.x + 8 * ratio, y: centre.y - 4 * ratio } : from;
-	drawLabel(context, marked.label, corner, colour, ratio);
+	return [marked.label, corner, colour];
 }
 
 function disc(context, { x, y }, radius, colour) {

@@ -8,9 +8,7 @@ import { saveText } from "./saving.js";
 export class ParametersPanel {
 	/** `camera()` returns the camera that is looked at, or null. */
 	constructor(system, connection, camera) {
-		this.system = system;
-		this.connection = connection;
-		this.camera = camera;
+		Object.assign(this, { system, connection, camera });
 		this.sections = new Map();
 		this.list = byId("parameters");
 		system.on("parameters", ({ node }) => this.rebuild(node));

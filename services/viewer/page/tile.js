@@ -13,9 +13,7 @@ export class Tile {
 	/** `pace()`: least ms between two pictures; `serverNow()`: its clock, ms since 1970. */
 	constructor(stream, watches, pace, serverNow) {
 		this.key = stream.key;
-		this.watches = watches;
-		this.pace = pace;
-		this.serverNow = serverNow;
+		Object.assign(this, { watches, pace, serverNow });
 		this.stop = null;
 		this._ended = null;
 		this.width = null;

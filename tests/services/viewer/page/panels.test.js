@@ -67,7 +67,7 @@ test("key expressions match as Zenoh's do", () => {
 
 const STREAMS = ["mask/compressed", "image/compressed", "edges/smoothed/compressed", "image"]
   .flatMap((topic) => ["rear", "front"].map((camera) => ({ kind: "picture", topic, camera,
-    type: "image/jpeg", key: `v/${camera}/${topic}` })));
+    live: true, type: "image/jpeg", key: `v/${camera}/${topic}` })));
 
 test("the wall begins with all cameras, then what is made of them", () => {
   assert.deepEqual(inOrder(STREAMS).map((stream) => `${stream.camera} ${topicName(stream)}`), [
