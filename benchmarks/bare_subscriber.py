@@ -6,8 +6,8 @@ import itertools
 import sys
 import threading
 
+from common.connection import Connection
 from common.session import direct, open_session
-from common.zenoh_config import Connection
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from benchmarks.material import MemorySource, frames
-from common.zenoh_config import Connection
+from common.connection import Connection
 from services.camera.service import run
 from services.camera.settings import CameraSettings
 

@@ -9,8 +9,8 @@ import json
 import sys
 import time
 
+from common.connection import Connection
 from common.node import Node
-from common.zenoh_config import Connection
 
 WARM_UP = 30
 

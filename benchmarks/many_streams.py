@@ -6,11 +6,11 @@ import sys
 import time
 
 from benchmarks.material import frames
+from common.connection import Connection
 from common.images import encode_jpeg
 from common.messages import Header
 from common.publishing import FRAME_DELIVERY
 from common.session import open_session
-from common.zenoh_config import Connection
 
 QUALITY = 80
 

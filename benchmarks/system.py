@@ -12,8 +12,8 @@ from typing import Self
 import psutil
 import zenoh
 
+from common.connection import Connection
 from common.session import open_session
-from common.zenoh_config import Connection
 
 
 def free_endpoint() -> str:

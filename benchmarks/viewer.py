@@ -19,7 +19,7 @@ WIDTH, HEIGHT, RATE_HZ = 640, 480, 15.0
 CLIENTS = (1, 10, 50)
 QUERY = "/stream?topic=/front/image/compressed"
 FORMS = {"original": "", "320x240": "&width=320&height=240"}
-NAIVE = f"""
+NAIVE = """
 import asyncio, json, sys
 import cv2, numpy as np, zenoh
 from aiohttp import web
@@ -42,8 +42,8 @@ async def stream(request):
         await answer.prepare(request)
         while True:
             jpeg = await queue.get()
-            head = f"--b\\r\\nContent-Type: image/jpeg\\r\\nContent-Length: {{len(jpeg)}}\\r\\n\\r\\n"
-            await answer.write(head.encode() + jpeg + b"\\r\\n")
+            head = b"--b\\r\\nContent-Type: image/jpeg\\r\\nContent-Length: %d\\r\\n\\r\\n"
+            await answer.write(head % len(jpeg) + jpeg + b"\\r\\n")
     finally:
         kept.undeclare()
 cv2.setNumThreads(1)

@@ -103,6 +103,20 @@ class Frame:
                 self._gray = self._eight_bits("mono8")
             return self._gray
 
+    def reduced(self, encoding: str, width: int, height: int) -> Pixels:
+        """Return the pixels in an 8-bit encoding, no smaller than a size but perhaps larger.
+
+        A JPEG that was not decoded yet is decoded at a reduced scale, and not kept.
+
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        with self._lock:
+            jpeg = self._compressed
+            if self._pixels is None and jpeg is not None and jpeg.startswith(images.JPEG_START):
+                return images.decode_jpeg(jpeg, encoding, (width, height))
+            return self._eight_bits(encoding)
+
     @property
     def raw(self) -> bytes:
         """Pixel rows in ``header.encoding`` without padding."""

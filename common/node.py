@@ -21,6 +21,7 @@ import zenoh
 
 from common import keys, parameter_server
 from common.codec import Message
+from common.connection import Connection
 from common.description import description
 from common.errors import ConfigurationError, PayloadError
 from common.frame import Form, Frame
@@ -37,7 +38,6 @@ from common.receiving import FrameReceiver
 from common.serving import QueryServer, answer_schemas
 from common.session import close_session, open_session
 from common.signals import StopSignals
-from common.zenoh_config import Connection
 
 POLL_S = 0.1
 

@@ -15,8 +15,9 @@ from typing import Any
 
 import zenoh
 
+from common.connection import Connection
 from common.errors import RouterUnreachable, ToldToStop
-from common.zenoh_config import Connection, client_config, connected_to, insert, not_stated, plain
+from common.zenoh_config import client_config, connected_to, insert, not_stated, plain
 
 POLL_S = 0.1
 CLOSE_S = 1.0

@@ -11,38 +11,20 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import zenoh
 
+from common.connection import Connection
 from common.errors import ConfigurationError
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 2000
 RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
 WAIT_BEFORE_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
 WAIT_BEFORE_CLOSE_US = 1_000_000
 """How long the router waits for a client that reads nothing. With Zenoh's 5 s it outlives the
 lease, and closing that client's link then holds up everybody's frames until the wait is over."""
-
-
-@dataclass(frozen=True, slots=True)
-class Connection:
-    """Where a node or tool finds its router.
-
-    Attributes:
-        connect: Zenoh endpoint, ``tcp/HOST:PORT``.
-        namespace: First chunk of every key expression.
-        zenoh_config: JSON5 file that the session starts from, for TLS and the like.
-        timeout_s: Give up after so long without a router; None waits for ever.
-    """
-
-    connect: str = DEFAULT_ENDPOINT
-    namespace: str = "vision"
-    zenoh_config: str | None = None
-    timeout_s: float | None = None
 
 
 def client_config(connection: Connection) -> zenoh.Config:

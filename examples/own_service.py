@@ -7,11 +7,11 @@ import sys
 from contextlib import suppress
 from typing import ClassVar
 
+from common.connection import Connection
 from common.errors import ToldToStop
 from common.keys import message_topic
 from common.messages import Stamped
 from common.node import Node
-from common.zenoh_config import Connection
 
 
 class Brightness(Stamped):

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from common.connection import DEFAULT_ENDPOINT
 from common.errors import ConfigurationError
 from common.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
 from common.settings import (
@@ -19,7 +20,6 @@ from common.settings import (
     read_toml,
     unknown,
 )
-from common.zenoh_config import DEFAULT_ENDPOINT
 from services.catalogue import SERVICES, model_of
 
 NODE_SERVICES = tuple(name for name in SERVICES if name != "router")

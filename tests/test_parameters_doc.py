@@ -35,7 +35,7 @@ from pydantic import Field
 from common.live import LiveSettings
 from common.node import Node
 from common.parameters import Live
-from common.zenoh_config import Connection
+from common.connection import Connection
 from common.settings import ServiceSettings
 """
 

@@ -6,12 +6,12 @@ import logging
 import time
 from collections.abc import Callable
 
+from common.connection import Connection
 from common.diagnostics import ERROR, OK
 from common.errors import PayloadError
 from common.live import LiveSettings
 from common.messages import Header, Tracks
 from common.node import Node
-from common.zenoh_config import Connection
 from services.camera.capture import Capture
 from services.camera.choice import rate_to_reach
 from services.camera.conversion import Converter, mirrored

@@ -14,10 +14,10 @@ from pydantic import Field
 from pydantic.fields import FieldInfo
 from rich.markup import escape
 
+from common.connection import DEFAULT_ENDPOINT, Connection
 from common.keys import DEFAULT_NAMESPACE, NAME
 from common.settings import Settings, allowed, choices, load_settings
 from common.signals import SIGNALS
-from common.zenoh_config import DEFAULT_ENDPOINT, Connection
 from services.cli.logs import LogLine
 from services.tools.options import Argument, Letter
 

@@ -13,9 +13,9 @@ from typing import Annotated, Any
 
 import typer
 
+from common.connection import Connection
 from common.settings import load_settings
 from common.signals import SIGNALS
-from common.zenoh_config import Connection
 from services.cli.lazy import group
 from services.cli.options import (
     ConnectionSettings,

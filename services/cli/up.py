@@ -11,9 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
+from common.connection import Connection
 from common.errors import ConfigurationError
 from common.settings import load_settings
-from common.zenoh_config import Connection
 from services.cli.options import (
     NOT_GIVEN,
     ConnectionSettings,

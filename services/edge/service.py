@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.connection import Connection
 from common.frame import Frame
 from common.live import LiveSettings
 from common.node import Node
-from common.zenoh_config import Connection
 from services.edge.canny import detect_edges
 from services.edge.settings import EdgeSettings
 

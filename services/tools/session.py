@@ -10,10 +10,11 @@ from typing import Any, Self
 
 import zenoh
 
+from common.connection import Connection
 from common.errors import ConfigurationError
 from common.session import close_session, direct, open_session
 from common.signals import StopSignals
-from common.zenoh_config import Connection, plain
+from common.zenoh_config import plain
 
 POLL_S = 0.05
 CONDITION_POLL_S = 0.02

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
+from common.connection import Connection
 from common.frame import Frame
 from common.live import LiveSettings
 from common.messages import Centroid
 from common.node import Node
-from common.zenoh_config import Connection
 from services.tracker.drawing import draw
 from services.tracker.largest import LargestObject, MovingObject, Numbers
 from services.tracker.settings import TrackerSettings

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common import keys
-from common.zenoh_config import Connection
+from common.connection import Connection
 from services.launch_file import Plan
 from services.up.browsers import addresses
 

@@ -13,10 +13,11 @@ from types import FrameType
 import zenoh
 from rich.console import Console
 
+from common.connection import Connection
 from common.errors import ToldToStop
 from common.heartbeat import Heartbeat
 from common.session import open_session
-from common.zenoh_config import Connection, client_config, router_config
+from common.zenoh_config import client_config, router_config
 from services.figures.board import HealthBoard
 from services.figures.display import Display, LiveTable, PlainLines
 from services.figures.meter import Meter

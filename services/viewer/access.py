@@ -18,6 +18,7 @@ log = logging.getLogger("viewer")
 
 COOKIE = "zv_token"
 TOKEN_BYTES = 24
+NAME = re.compile(r"[a-z0-9_.-]{1,100}")
 TOKEN = re.compile(r"[A-Za-z0-9_.~-]{16,128}")
 
 SECURITY_HEADERS = {
@@ -67,10 +68,8 @@ class Access:
         name = host_name(host or "")
         if name in self.names or is_address(name):
             return
-        raise Refused(
-            403,
-            f"host {host!r} is not served here; --allow-host {name or 'NAME'} would allow it",
-        )
+        shown = name if NAME.fullmatch(name) else "NAME"
+        raise Refused(403, f"host {host!r} is not served here; --allow-host {shown} would allow it")
 
     def check_origin(self, origin: str | None, host: str | None) -> None:
         """Refuse what a page of another site asks for; who is no browser sends no origin.
@@ -82,8 +81,8 @@ class Access:
         Raises:
             Refused: 403.
         """
-        if origin is not None and urlsplit(origin).netloc.lower() != (host or "").lower():
-            raise Refused(403, f"a page of {origin!r} may not ask this; allowed: http://{host}")
+        if origin is not None and place_of(origin) != (host or "").lower():
+            raise Refused(403, f"a page of {origin!r} may not ask this; allowed: one of {host!r}")
 
     def check_token(self, given: Mapping[str, str | None]) -> None:
         """Refuse one who does not know the token.
@@ -107,7 +106,16 @@ class Access:
         """Tell whether a text is the token, in a time that says nothing about it."""
         if self.token is None or text is None:
             return False
-        return hmac.compare_digest(text.encode(), self.token.encode())
+        given = text.encode(errors="surrogateescape")  # a header may hold any byte
+        return hmac.compare_digest(given, self.token.encode())
+
+
+def place_of(origin: str) -> str:
+    """Return host and port of an ``Origin`` header, in lower case; nothing if it has none."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return ""
 
 
 def host_name(host: str) -> str:

@@ -6,6 +6,9 @@ import asyncio
 import hashlib
 import html
 import time
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from dataclasses import replace
 from email.utils import formatdate
 from urllib.parse import quote, urlencode
 
@@ -16,8 +19,9 @@ from services.viewer.hub import Hub, TooMany
 from services.viewer.latest import Latest
 from services.viewer.pictures import Feed
 from services.viewer.queries import NAMES, BadQuery, StreamQuery, stream_query
+from services.viewer.rendering import Form, ended
 from services.viewer.system import System
-from services.viewer.topics import meant
+from services.viewer.topics import kind_of, meant
 from services.viewer.wire import Picture
 
 BOUNDARY = "zenoh-vision-picture"
@@ -26,6 +30,16 @@ STALLED_S = 20.0
 
 NEVER_CACHED = {"Cache-Control": "no-store", "Pragma": "no-cache"}
 MOST_LISTED = 20
+ENDED_POLL_S = 0.5
+
+
+class Multipart(web.StreamResponse):
+    """An answer that ends with its connection, and is not cut into chunks until then.
+
+    Readers of such streams are often a few lines that know nothing of chunks.
+    """
+
+    _length_check = False
 
 
 class Compatible:
@@ -48,20 +62,18 @@ class Compatible:
         if key not in self._system.streams and not await self._comes(key, query):
             raise self._unknown(query.topic)
         feed = self._watch(key, query)
-        response = web.StreamResponse(
+        response = Multipart(
             headers={
                 "Content-Type": f"multipart/x-mixed-replace;boundary={BOUNDARY}",
-                "Connection": "close",
                 **NEVER_CACHED,
             }
         )
+        response.force_close()
         try:
             await response.prepare(request)
             await response.write(f"--{BOUNDARY}\r\n".encode())
-            while True:
-                picture = await feed.next()
-                assert picture is not None
-                await response.write(part(picture))
+            async for data in self._parts(feed):
+                await response.write(data)
                 await asyncio.wait_for(request.writer.drain(), STALLED_S)
         except (ConnectionError, TimeoutError):
             if request.transport is not None:
@@ -121,6 +133,23 @@ class Compatible:
         except PayloadError:
             return True
 
+    async def _parts(self, feed: Feed) -> AsyncIterator[bytes]:
+        """Yield the newest picture again and again; when the stream ends, one that says so."""
+        last: Picture | None = None
+        while True:
+            picture = await feed.next(ENDED_POLL_S)
+            if picture is not None:
+                last = picture
+                yield part(picture)
+            elif last is not None and feed.stream.silent_s and feed.rendition.form != Form():
+                since_ns = feed.stream.arrived_ns
+                picture, last = last, None
+                with suppress(PayloadError):
+                    payload = await self._hub.loop.run_in_executor(
+                        self._hub.pool, ended, picture.payload, since_ns
+                    )
+                    yield _part(replace(picture, payload=payload, part=b""), since_ns)
+
     def _watch(self, key: str, query: StreamQuery) -> Feed:
         try:
             return self._hub.watch(key, query.form)
@@ -133,7 +162,7 @@ class Compatible:
         return web.HTTPNotFound(text=f"there is no stream {topic[:200]!r}{self._listed()}\n")
 
     def _listed(self) -> str:
-        found = [key for key in self._system.streams if meant(key, self._system.namespace, [key])]
+        found = [key for key in self._system.streams if kind_of(key).picture]
         more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
         return f"; there are: {', '.join(found[:MOST_LISTED])}{more}" if found else ""
 
@@ -141,14 +170,21 @@ class Compatible:
 def part(picture: Picture) -> bytes:
     """Return one picture of a multipart stream, with the boundary that ends it.
 
-    Browsers show a picture when the boundary behind it is there.
+    Browsers show a picture when the boundary behind it is there. It is made once for all.
     """
+    if not picture.part:
+        picture.part = _part(picture)
+    return picture.part
+
+
+def _part(picture: Picture, ended_ns: int | None = None) -> bytes:
     seconds, nanoseconds = divmod(picture.header.stamp_ns, 10**9)
     head = (
         f"Content-Type: {picture.mime}\r\nContent-Length: {len(picture.payload)}\r\n"
         f"X-Timestamp: {seconds}.{nanoseconds:09d}\r\n"
-        f"X-Epoch: {picture.header.epoch}\r\nX-Seq: {picture.header.seq}\r\n\r\n"
+        f"X-Epoch: {picture.header.epoch}\r\nX-Seq: {picture.header.seq}\r\n"
     )
+    head += "\r\n" if ended_ns is None else f"X-Ended-Ns: {ended_ns}\r\n\r\n"
     return b"".join((head.encode(), picture.payload, f"\r\n--{BOUNDARY}\r\n".encode()))
 
 

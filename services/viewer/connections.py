@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from typing import cast
 
@@ -71,6 +72,7 @@ class Connection(asyncio.Protocol):
         self._inner = inner
         self._transport: asyncio.Transport | None = None
         self._deadline: asyncio.TimerHandle | None = None
+        self._stalled_since_s: float | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Count it and start the clock."""
@@ -96,12 +98,20 @@ class Connection(asyncio.Protocol):
         return self._inner.eof_received()
 
     def pause_writing(self) -> None:
-        """Pass it on."""
+        """Pass it on, and take note that the client does not take what is sent."""
+        self._stalled_since_s = time.monotonic()
         self._inner.pause_writing()
 
     def resume_writing(self) -> None:
-        """Pass it on."""
+        """Pass it on: the client has taken all."""
+        self._stalled_since_s = None
         self._inner.resume_writing()
+
+    @property
+    def stalled_s(self) -> float:
+        """For how long the client has not taken what was sent; 0 if it has."""
+        since_s = self._stalled_since_s
+        return 0.0 if since_s is None else time.monotonic() - since_s
 
     def begin(self) -> None:
         """Take note that a request is here and is being answered."""

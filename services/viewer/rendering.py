@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from datetime import UTC, datetime
+from typing import Literal, cast
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from common.frame import Frame
 from common.images import Pixels
 
 MAX_SIDE = 7680
+DIM = 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +77,49 @@ def render(frame: Frame, form: Form, quality: int) -> tuple[bytes, str, int, int
     encoding = header.encoding or "bgr8"
     sixteen = encoding == "mono16" and as_png
     gray = encoding.startswith("mono")
-    pixels: Pixels = frame.pixels if sixteen else frame.gray if gray else frame.bgr
+    shown = "mono8" if gray else "bgr8"
+    pixels: Pixels = frame.pixels if sixteen else frame.reduced(shown, *size)
     pixels = fitted(pixels, size, invert=form.invert)
     width, height = size
     if as_png:
         return images.encode_png(pixels), "image/png", width, height
-    jpeg = images.encode_jpeg(pixels, "mono8" if gray else "bgr8", form.quality or quality)
+    jpeg = images.encode_jpeg(pixels, shown, form.quality or quality)
     return jpeg, "image/jpeg", width, height
+
+
+def ended(payload: bytes, since_ns: int) -> bytes:
+    """Return a stream's last picture as it looks when nothing comes any more: dim, grey, dated.
+
+    Args:
+        payload: JPEG or PNG.
+        since_ns: When the stream ended, ns since 1970.
+
+    Returns:
+        A picture of the same size and kind.
+
+    Raises:
+        PayloadError: ``corrupt``: it cannot be decoded.
+    """
+    width, height = images.picture_size(payload)
+    png = payload.startswith(images.PNG_START)
+    if png:
+        pixels = images.decode_png(payload)
+        found = {2: "mono8", 3: "bgr8"}.get(pixels.ndim, "bgr8")
+        if pixels.dtype == np.uint16:
+            pixels = images.eight_bits(pixels)
+        if pixels.ndim == 3 and pixels.shape[2] == 4:
+            found = "bgra8"
+        gray = images.convert(pixels, found, "mono8")
+    else:
+        gray = images.decode_jpeg(payload, "mono8")
+    dim = np.asarray(gray * np.float32(DIM), np.uint8)
+    clock = datetime.fromtimestamp(since_ns / 1e9, UTC).strftime("%H:%M:%S UTC")
+    words = f"no picture since {clock}"
+    (wide, _), _ = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 2)
+    scale = min(1.5, 0.9 * width / wide)
+    place = (round(0.05 * width), height // 2)
+    cv2.putText(dim, words, place, cv2.FONT_HERSHEY_SIMPLEX, scale, 255, 1 + round(scale))
+    return images.encode_png(dim) if png else images.encode_jpeg(dim, "mono8", 80)
 
 
 def fitted(pixels: Pixels, size: tuple[int, int], *, invert: bool) -> Pixels:
@@ -90,6 +128,5 @@ def fitted(pixels: Pixels, size: tuple[int, int], *, invert: bool) -> Pixels:
     if (width, height) != size:
         smaller = size[0] * size[1] < width * height
         how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-        resized = cv2.resize(pixels, size, interpolation=how)
-        pixels = np.asarray(resized, np.uint16 if pixels.dtype == np.uint16 else np.uint8)
-    return np.ascontiguousarray(pixels[::-1, ::-1]) if invert else pixels
+        pixels = cast("Pixels", cv2.resize(pixels, size, interpolation=how))
+    return cast("Pixels", np.ascontiguousarray(pixels[::-1, ::-1])) if invert else pixels

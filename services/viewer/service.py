@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import time
 
+from common.connection import Connection
 from common.live import LiveSettings
 from common.node import Node
-from common.zenoh_config import Connection
 from services.viewer.access import Access, own_names, token_for
 from services.viewer.listening import listen, url
 from services.viewer.serving import WebServer

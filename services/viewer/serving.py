@@ -131,6 +131,7 @@ class WebServer:
         runner = web.AppRunner(
             application.app,
             access_log=None,
+            handler_cancellation=True,  # who leaves is not waited for until the next picture
             keepalive_timeout=KEEP_ALIVE_S,
             max_line_size=MAX_LINE_BYTES,
             max_headers=MAX_HEADERS,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Hashable
 
@@ -24,6 +25,8 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 NO_TOKEN = ("/healthz",)
 MAX_BODY_BYTES = 1024
 COOKIE_S = 30 * 86400
+STALLED_S = 2.0
+"""A client that has taken nothing for so long gives its place to one that has none."""
 
 
 class Application:
@@ -35,7 +38,6 @@ class Application:
         watcher: The system.
         compatible: The handlers of streams.
         max_clients: How many pages and streams at once.
-        trouble: Tells why what is served is not true; empty when it is.
     """
 
     def __init__(
@@ -53,7 +55,7 @@ class Application:
         self._max_clients = max_clients
         self._files = page_files()
         self._pages: set[Page] = set()
-        self.clients = 0
+        self._clients: dict[object, Connection | None] = {}
         self.app = web.Application(middlewares=[self._guard], client_max_size=MAX_BODY_BYTES)
         self.app.on_response_prepare.append(_add_headers)
         self.app.router.add_get("/", self._index)
@@ -75,9 +77,8 @@ class Application:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Let in who may ask, and mark the connection as busy meanwhile."""
-        transport = request.transport
-        connection = transport.get_protocol() if transport is not None else None
-        if isinstance(connection, Connection):
+        connection = _connection(request)
+        if connection is not None:
             connection.begin()
         try:
             self._check(request)
@@ -90,8 +91,14 @@ class Application:
             return response
         except web.HTTPException as error:
             return web.Response(status=error.status, text=error.text, headers=_kept(error.headers))
+        except (OSError, asyncio.CancelledError):
+            raise  # the client is gone
+        except Exception as error:
+            log.exception("%s could not be answered", request.path[:100])
+            words = f"unexpected {type(error).__name__}: this is a fault in zv\n"
+            return web.Response(status=500, text=words)
         finally:
-            if isinstance(connection, Connection):
+            if connection is not None:
                 connection.finish()
 
     def _check(self, request: web.Request) -> None:
@@ -114,19 +121,35 @@ class Application:
 
         async def serve(request: web.Request) -> web.StreamResponse:
             most = self._max_clients()
-            if self.clients >= most:
+            if len(self._clients) >= most and not self._make_room():
                 raise web.HTTPServiceUnavailable(
                     text=f"{most} clients are served already, which is the most allowed "
                     "(--max-clients)\n",
                     headers={"Retry-After": "5"},
                 )
-            self.clients += 1
+            client = object()
+            self._clients[client] = _connection(request)
             try:
                 return await handler(request)
             finally:
-                self.clients -= 1
+                self._clients.pop(client, None)
 
         return serve
+
+    def _make_room(self) -> bool:
+        """Leave the client that has taken nothing for longest; return whether there is one."""
+        stalled_s = {
+            client: connection.stalled_s
+            for client, connection in self._clients.items()
+            if connection is not None
+        }
+        slowest = max(stalled_s, key=lambda client: stalled_s[client], default=None)
+        if slowest is None or stalled_s[slowest] < STALLED_S:
+            return False
+        connection = self._clients.pop(slowest)
+        if connection is not None:
+            connection.abort()
+        return True
 
     # Handlers
 
@@ -187,6 +210,12 @@ async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
     for name, value in SECURITY_HEADERS.items():
         response.headers.setdefault(name, value)
     response.headers["Server"] = "zenoh-vision"
+
+
+def _connection(request: web.Request) -> Connection | None:
+    transport = request.transport
+    found = transport.get_protocol() if transport is not None else None
+    return found if isinstance(found, Connection) else None
 
 
 def _served(file: PageFile) -> web.Response:

@@ -69,6 +69,7 @@ class Picture:
         height: Of this picture, pixels.
         number: How many had come on the key up to it.
         missed: How many had not, by their sequence numbers.
+        part: What ``/stream`` makes of it, for all its clients.
     """
 
     key: str
@@ -79,6 +80,7 @@ class Picture:
     height: int
     number: int
     missed: int
+    part: bytes = field(default=b"", repr=False)
     _head: str = field(default="", repr=False)
 
     def age_ms(self, now_ns: int) -> float:

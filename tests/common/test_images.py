@@ -203,3 +203,15 @@ def test_a_bilevel_png_is_exact_and_one_bit_deep():
 def test_pixels_that_no_png_can_hold_are_a_programming_error():
     with pytest.raises((ValueError, cv2.error)):
         images.encode_png(np.zeros((0, 4), np.uint8))
+
+
+def test_a_jpeg_is_decoded_at_the_smallest_scale_that_is_large_enough():
+    pixels = np.zeros((480, 640, 3), np.uint8)
+    pixels[:, 320:] = 200
+    jpeg = images.encode_jpeg(pixels, "bgr8", 95)
+    assert images.decode_jpeg(jpeg, "bgr8").shape == (480, 640, 3)
+    half = images.decode_jpeg(jpeg, "bgr8", (320, 200))
+    assert half.shape == (240, 320, 3)
+    assert (int(half[100, 50, 0]), int(half[100, 300, 0])) == (0, 200)
+    assert images.decode_jpeg(jpeg, "mono8", (70, 50)).shape == (60, 80)  # an eighth is enough
+    assert images.decode_jpeg(jpeg, "mono8", (9999, 9999)).shape == (480, 640)

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 import zenoh
 
+from common.connection import Connection
 from common.errors import ConfigurationError
 from common.zenoh_config import (
     LEASE_MS,
     RETRY,
-    Connection,
     client_config,
     connected_to,
     listened_on,

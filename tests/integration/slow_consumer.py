@@ -3,8 +3,8 @@
 import sys
 import time
 
+from common.connection import Connection
 from common.node import Node
-from common.zenoh_config import Connection
 
 with Node("slow", connection=Connection(sys.argv[1], sys.argv[2])) as node:
     for _ in node.frames("image", want="gray"):

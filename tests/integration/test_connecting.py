@@ -10,9 +10,9 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
+from common.connection import Connection
 from common.errors import RouterUnreachable
 from common.session import close_session, open_session
-from common.zenoh_config import Connection
 from tests.integration.routing import Router
 from tests.integration.waiting import wait_until
 

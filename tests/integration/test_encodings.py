@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from common.connection import Connection
 from common.frame import Frame
 from common.messages import Header
 from common.node import Node
-from common.zenoh_config import Connection
 from tests.integration.listening import Listener, Message, newest
 from tests.integration.pictures import HEIGHT, WIDTH, scene
 from tests.integration.publishing import Paced

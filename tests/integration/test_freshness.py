@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import zenoh
 
+from common.connection import Connection
 from common.node import Node
-from common.zenoh_config import Connection
 from tests.integration.listening import Listener, balance, newest, open_client, wait_for_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.waiting import in_time, wait_until

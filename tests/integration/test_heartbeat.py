@@ -11,9 +11,9 @@ import psutil
 import pytest
 import zenoh
 
+from common.connection import Connection
 from common.health import STUCK_S
 from common.node import Node
-from common.zenoh_config import Connection
 from services.figures.board import Report
 from services.up.health import trouble_of
 from services.up.processes import Child

@@ -12,10 +12,10 @@ import pytest
 import zenoh
 
 from common import images
+from common.connection import Connection
 from common.frame import Frame
 from common.messages import Header
 from common.node import Node
-from common.zenoh_config import Connection
 from tests.integration.listening import Listener, Message, ask, newest, wait_for_nodes
 from tests.integration.pictures import HEIGHT, WIDTH, scene
 from tests.integration.publishing import PlainCamera

@@ -13,8 +13,8 @@ import psutil
 import pytest
 import zenoh
 
+from common.connection import Connection
 from common.session import open_session
-from common.zenoh_config import Connection
 from tests import processes
 from tests.integration.listening import Listener, living_nodes, open_client
 from tests.integration.terminal import Terminal

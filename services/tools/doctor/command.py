@@ -6,8 +6,8 @@ import difflib
 from collections import Counter
 from collections.abc import Iterator
 
+from common.connection import Connection
 from common.errors import ConfigurationError, ExpectationNotMet, RouterUnreachable
-from common.zenoh_config import Connection
 from services.tools.doctor import nodes, router, streams
 from services.tools.doctor.files import file_findings
 from services.tools.doctor.finding import Diagnosis, Finding

@@ -9,12 +9,12 @@ from functools import partial
 
 import zenoh
 
+from common.connection import Connection
 from common.diagnostics import Complaints
 from common.errors import PayloadError
 from common.keys import diagnostics_key, node_key
 from common.messages import Diagnostics, NodeDescription
 from common.session import direct
-from common.zenoh_config import Connection
 from services.tools.metrics.board import Board
 from services.tools.metrics.collector import NodeCollector
 from services.tools.metrics.options import MetricsOptions

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from typing import Any
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet
 from common.messages import Parameter
-from common.zenoh_config import Connection
 from services.tools.facts import duration, facts
 from services.tools.namespaces import nobody_here
 from services.tools.nearest import nothing_matches

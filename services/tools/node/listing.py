@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet
-from common.zenoh_config import Connection
 from services.tools.facts import duration, facts
 from services.tools.namespaces import nobody_here
 from services.tools.node.options import ListOptions

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from common.connection import Connection
 from common.errors import SourceError
 from common.messages import ParameterList
 from common.parameter_text import may_be, plain, toml_file, toml_line
 from common.settings import read_toml
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.param.options import (
     DumpOptions,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 import json
 
+from common.connection import Connection
 from common.keys import TOPICS
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.schema.options import SchemaOptions
 from services.tools.types import MESSAGES, message_named, schema_of, short_name

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
+import threading
 from pathlib import Path
 
+from common.connection import Connection
 from common.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.snapshot.forms import encoded, encoded_pixels, frame_of, wanted_form
@@ -14,6 +16,9 @@ from services.tools.snapshot.joining import Pair, join
 from services.tools.snapshot.options import STDOUT, SnapshotOptions
 from services.tools.snapshot.shot import Shot, shot_of
 from services.tools.survey import survey
+
+COMPRESSED = "/compressed"
+"""How keys of pictures end that can be saved as they come."""
 
 ANSWER_S = 2.0
 PATIENCE_S = 5.0
@@ -30,6 +35,9 @@ def run(options: SnapshotOptions, connection: Connection, output: Output) -> Non
     if options.output == STDOUT and output.as_json:
         raise ConfigurationError("-o - and --json both want standard output: give one")
     key = key_expression(options.key)
+    if options.draw or not key.endswith(COMPRESSED):
+        # OpenCV takes a tenth of a second to load; meanwhile the picture is on its way.
+        threading.Thread(target=importlib.import_module, args=("cv2",), daemon=True).start()
     with ToolSession(connection) as session:
         if options.draw:
             pair = join(session, key, connection.timeout_s or PATIENCE_S)

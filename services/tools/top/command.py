@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections import Counter
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet
-from common.zenoh_config import Connection
 from services.figures.display import Display, LiveTable, PlainLines, table_of
 from services.figures.row import LEVELS
 from services.tools.namespaces import nobody_here

@@ -7,8 +7,8 @@ from collections import deque
 
 import zenoh
 
+from common.connection import Connection
 from common.errors import ConfigurationError, ExpectationNotMet
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import survey

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import survey

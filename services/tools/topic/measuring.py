@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import zenoh
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet
 from common.keys import IMAGE
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import survey

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 
+from common.connection import Connection
 from common.errors import ConfigurationError
 from common.publishing import FRAME_DELIVERY, MESSAGE_DELIVERY
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.session import ToolSession, key_expression
 from services.tools.survey import survey

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 import zenoh
 
-from common.zenoh_config import Connection
+from common.connection import Connection
 from services.tools.options import ToolOptions
 from services.tools.output import Output
 from services.tools.topic import echo, info, listing, measuring, pub

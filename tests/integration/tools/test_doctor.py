@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 import zenoh
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet, RouterUnreachable, VisionError
-from common.zenoh_config import Connection
 from services.tools.doctor.command import run
 from services.tools.doctor.options import DoctorOptions
 from services.tools.output import Output

@@ -13,7 +13,7 @@ import jsonschema
 import msgpack
 import pytest
 
-from common.zenoh_config import Connection
+from common.connection import Connection
 from services.tools.output import Output
 from services.tools.schema import printing
 from services.tools.schema.options import SchemaOptions

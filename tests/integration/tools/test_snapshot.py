@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 import zenoh
 
+from common.connection import Connection
 from common.errors import ConfigurationError, ExpectationNotMet, SourceError
-from common.zenoh_config import Connection
 from services.tools.output import Output
 from services.tools.snapshot import saving
 from services.tools.snapshot.options import SnapshotOptions

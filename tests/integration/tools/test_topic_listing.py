@@ -11,9 +11,9 @@ import msgpack
 import pytest
 import zenoh
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet
 from common.messages import NodeDescription
-from common.zenoh_config import Connection
 from services.tools.session import ToolSession
 from services.tools.survey import survey
 from services.tools.topic.options import (

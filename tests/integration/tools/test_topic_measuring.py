@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import pytest
 
+from common.connection import Connection
 from common.errors import ConfigurationError, ExpectationNotMet
-from common.zenoh_config import Connection
 from services.tools.session import ToolSession
 from services.tools.topic.arrivals import Arrivals
 from services.tools.topic.options import (

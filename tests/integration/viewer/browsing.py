@@ -6,7 +6,7 @@ import http.client
 import json
 import struct
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
@@ -77,15 +77,10 @@ class Viewer:
     def stream(self, query: str) -> Iterator[Iterator[Part]]:
         """Begin a stream; what is entered yields its pictures."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=DEADLINE_S)
-        try:
-            connection.request("GET", f"/stream?{query}")
-            answer = connection.getresponse()
+        connection.request("GET", f"/stream?{query}")
+        with closing(connection), connection.getresponse() as answer:
             assert answer.status == 200, (answer.status, answer.read())
             yield parts(answer)
-        finally:
-            if connection.sock is not None:
-                connection.sock.close()
-            connection.close()
 
     @asynccontextmanager
     async def page(self, **options: Any) -> AsyncIterator[Page]:

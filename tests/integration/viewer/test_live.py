@@ -171,9 +171,8 @@ def test_a_stream_that_stops_is_said_to_have_ended_and_goes_on_by_itself(
             camera.process.terminate()
             ended = await until_ended(page)
             assert abs(int(ended["since_ns"]) - time.time_ns()) < 5e9
-            streams = await page.text("streams")
-            while any(each["live"] for each in streams["streams"]):
-                streams = await page.text("streams")
+            streams = [text for text in page.texts if text["op"] == "streams"][-1]["streams"]
+            assert {each["key"]: each["live"] for each in streams}[IMAGE] is False
             service("camera", "--rate", 15)
             head, _ = await page.picture()
             router.kill()
@@ -251,6 +250,30 @@ def test_a_page_that_sends_too_much_is_closed_with_1008(viewer: Viewer, kind):
     assert viewer.get("/healthz").status == 200
 
 
+def test_broken_pictures_of_a_made_up_run_do_not_silence_the_camera(viewer: Viewer, client):
+    camera = PlainCamera(client)
+    rogue = PlainCamera(client, epoch=time.time_ns() + 3600 * 10**9)
+    broken = camera_jpeg(camera)[:400]
+
+    def send_both() -> None:
+        rogue.put(broken, msgpack.packb(rogue.header(camera_jpeg(camera), seq=camera.seq)))
+        camera.send()
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.ask("watch", key=IMAGE)
+            for _ in range(20):
+                head, _ = await page.picture()
+                assert head["header"]["epoch"] == str(camera.epoch)
+
+    with camera.at(30, send_both):
+        run(test())
+
+
+def camera_jpeg(camera: PlainCamera) -> bytes:
+    return camera._pictures[0]
+
+
 def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
     camera = PlainCamera(client)
 
@@ -275,3 +298,45 @@ def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
     with camera.at(15, send_both):
         run(test())
     wait_until(lambda: viewer.get("/healthz").status == 200)
+
+
+def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: Viewer, client):
+    camera = PlainCamera(client)
+
+    async def test() -> None:
+        async with viewer.page() as deaf, viewer.page() as page:
+            await deaf.ask("watch", key=IMAGE)
+            # It says of thousands of pictures that it took them, and reads none.
+            transport = deaf.socket.get_extra_info("socket")
+            assert transport is not None
+            await page.ask("watch", key=IMAGE)
+            numbers = []
+            for _ in range(60):
+                await deaf.ask("shown", key=IMAGE)
+                numbers.append((await page.picture())[0]["header"]["seq"])
+            assert numbers[-1] - numbers[0] < 80, "held up"
+
+    with camera.at(30):
+        run(test())
+
+
+def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(viewer: Viewer, service):
+    camera = service("camera", "--rate", 15)
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.streams(IMAGE)
+            await page.ask("watch", key=IMAGE)
+            await page.picture()
+            own = (await page.text("nodes"))["nodes"]
+            while not any(IMAGE in each.get("subscribes", ()) for each in own):
+                own = (await page.text("nodes"))["nodes"]
+            camera.process.kill()
+            nodes = await until(page, "nodes")
+            while all(each["alive"] for each in nodes["nodes"]):
+                nodes = await until(page, "nodes")
+            gone = next(each for each in nodes["nodes"] if not each["alive"])
+            assert gone["node"] == "camera_front"
+            assert gone["since_ns"].isdecimal()
+
+    run(test())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import signal
 import socket
 import time
 from contextlib import ExitStack
@@ -15,14 +16,15 @@ import pytest
 import zenoh
 
 from common import images
-from tests.integration.listening import Listener
+from tests.integration.listening import Listener, living_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.routing import Router, free_port
-from tests.integration.viewer.browsing import IMAGE, Viewer, parts
+from tests.integration.viewer.browsing import IMAGE, Part, Viewer, parts
 from tests.integration.waiting import wait_until
 from tests.processes import Program
 
 TOPIC = "topic=/front/image/compressed"
+NODE = "@vision/node/viewer"
 COUNTERS = "@vision/diagnostics/viewer"
 
 
@@ -34,6 +36,10 @@ def subscribers(session: zenoh.Session, key: str) -> int:
     """How many entries the router's admin space has for subscriptions to a key: 0 or 1."""
     found = list(session.get(f"@/*/router/subscriber/{key}", timeout=2.0))
     return len([reply for reply in found if reply.ok])
+
+
+def pixels_of(part: Part) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(part.body, np.uint8), cv2.IMREAD_GRAYSCALE)
 
 
 def counters(health: Listener) -> dict[str, int]:
@@ -186,6 +192,7 @@ def test_what_does_not_exist_is_404_with_what_does(viewer, service):
         answer = viewer.get(f"/{path}?topic=/front/nosuch")
         assert answer.status == 404
         assert IMAGE in answer.text
+        assert "truth" not in answer.text  # which is no picture
         assert answer.text.count("\n") == 1
 
 
@@ -215,9 +222,16 @@ def test_streams_go_on_when_camera_and_router_were_away(viewer, service, router:
     camera = service("camera", "--rate", 15)
     until_there(viewer)
     with viewer.stream(TOPIC) as pictures:
-        epoch = next(pictures).headers["x-epoch"]
+        before = next(pictures)
+        epoch = before.headers["x-epoch"]
         camera.process.kill()
         camera.process.wait(5)
+        while "x-ended-ns" not in (last := next(pictures)).headers:
+            before = last
+        assert last.seq == before.seq
+        assert pixels_of(last).shape == pixels_of(before).shape
+        assert pixels_of(last).mean() < pixels_of(before).mean() / 2
+        assert abs(int(last.headers["x-ended-ns"]) - time.time_ns()) < 5e9
         service("camera", "--rate", 15)
         while next(pictures).headers["x-epoch"] == epoch:
             pass
@@ -242,3 +256,35 @@ def test_pages_are_served_before_there_is_a_router_and_it_ends_with_0(tmp_path):
         assert program.interrupt() == 0
         assert time.monotonic() - began_s < 2
         assert program.complaints == ""
+
+
+def test_told_to_stop_it_ends_with_0_whatever_its_clients_do(viewer, client):
+    camera = PlainCamera(client)
+    with camera.at(15), ExitStack() as clients:
+        until_there(viewer)
+        for _ in range(5):
+            next(clients.enter_context(viewer.stream(TOPIC)))
+            stalled = clients.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
+            stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        began_s = time.monotonic()
+        assert viewer.program.interrupt() == 0
+        assert time.monotonic() - began_s < 2
+    assert viewer.program.complaints == ""
+
+
+def test_a_viewer_that_was_frozen_shows_the_newest_again(viewer, service, client):
+    service("camera", "--rate", 15)
+    until_there(viewer)
+    with viewer.stream(TOPIC) as pictures:
+        next(pictures)
+        viewer.program.process.send_signal(signal.SIGSTOP)
+        try:
+            wait_until(lambda: NODE not in living_nodes(client), 15)
+        finally:
+            viewer.program.process.send_signal(signal.SIGCONT)
+        before_ns = time.time_ns()
+        while float(next(pictures).headers["x-timestamp"]) * 1e9 < before_ns:
+            pass
+        wait_until(lambda: NODE in living_nodes(client))
+        answer = viewer.get(f"/snapshot?{TOPIC}")
+        assert float(answer.headers["x-age-ms"]) < 2000

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from common.connection import Connection
 from common.errors import RouterUnreachable
 from common.node import Node
-from common.zenoh_config import Connection
 from services.camera import service
 from services.camera.settings import CameraSettings
 

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
+from common.connection import Connection
 from common.errors import ExpectationNotMet
-from common.zenoh_config import Connection
 from services.tools import catalogue
 from services.tools.nearest import nothing_matches
 from services.tools.options import SECONDS, SHARE, Argument, Letter, ToolOptions

@@ -20,7 +20,16 @@ from services.cli.reference import Entry, entries
 from tests.integration.terminal import Terminal
 from tests.processes import ROOT, START_S, environment
 
-HEAVY = {"cv2", "numpy", "av", "psutil", "prometheus_client", "pydantic_settings", "simplejpeg"}
+HEAVY = {
+    "av",
+    "cv2",
+    "numpy",
+    "prometheus_client",
+    "psutil",
+    "pydantic_settings",
+    "simplejpeg",
+    "zenoh",
+}
 """What takes long to load, and what no help needs."""
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*\b(3[0-7]|9[0-7]|38;[0-9;]+)m")

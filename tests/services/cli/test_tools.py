@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from common.connection import Connection
 from common.signals import SIGNALS
-from common.zenoh_config import Connection
 from services.cli.main import COMMANDS
 from services.cli.tools import run_tool
 from services.tools import catalogue

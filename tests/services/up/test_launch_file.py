@@ -1,5 +1,6 @@
 """The launch file: what it may say, and what is said of a wrong one."""
 
+import socket
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from common.errors import ConfigurationError
 from services.cli.services import load
 from services.launch_file import read_launch_file
+from services.up.browsers import addresses, prepared
 from services.up.command import command_of
 
 ROOT = Path(__file__).parent.parent.parent.parent
@@ -132,3 +134,37 @@ def test_the_command_line_of_a_node_means_the_same_settings(tmp_path, monkeypatc
     arguments, _ = command_of(node)
     load("camera").main(arguments[1:], standalone_mode=False)
     assert understood == [node.settings]
+
+
+def test_a_viewer_belongs_to_no_camera(tmp_path):
+    path = launch(tmp_path, '[[node]]\nservice = "viewer"\ncamera = "front"\n')
+    with pytest.raises(ConfigurationError, match=r"node\[0\]\.camera = 'front' is not allowed"):
+        read_launch_file(path)
+    path = launch(tmp_path, '[[node]]\nservice = "viewer"\nsettings = { port = 0 }\n')
+    (node,) = prepared(read_launch_file(path)).nodes
+    assert node.name == "viewer"
+    assert node.settings.port > 0
+    assert command_of(node) == (["view", "--port", str(node.settings.port)], {})
+
+
+def test_a_token_goes_by_the_environment_and_into_the_address(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    path = launch(
+        tmp_path, '[[node]]\nservice = "viewer"\nsettings = { host = "0.0.0.0", port = 0 }\n'
+    )
+    plan = prepared(read_launch_file(path))
+    flags, secret = command_of(plan.nodes[0])
+    (token,) = secret.values()
+    assert list(secret) == ["ZV_VIEWER_TOKEN"]
+    assert token not in " ".join(flags)
+    (address,) = addresses(plan)
+    assert address.endswith(f"/?token={token}")
+    assert "0.0.0.0" not in address
+
+
+def test_a_viewers_port_that_is_taken_is_named_with_the_way_out(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        path = launch(tmp_path, f'[[node]]\nservice = "viewer"\nsettings = {{ port = {port} }}\n')
+        with pytest.raises(ConfigurationError, match=f"viewer: port {port} on .*ZV_VIEWER_PORT"):
+            prepared(read_launch_file(path))

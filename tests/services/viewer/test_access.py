@@ -60,6 +60,8 @@ def test_the_refusal_says_how_to_allow_the_name():
         ("http://evil.example", False),
         ("null", False),
         ("", False),
+        ("http://[", False),
+        ("\udcff", False),
     ],
 )
 def test_a_page_of_another_site_is_refused(origin, right):
@@ -70,7 +72,7 @@ def test_a_page_of_another_site_is_refused(origin, right):
 def test_the_token_is_taken_from_each_place(place):
     access = Access(TOKEN, NAMES)
     assert allowed(access.check_token, {place: TOKEN})
-    for wrong in (TOKEN[:-1], TOKEN + "x", "", "ä"):
+    for wrong in (TOKEN[:-1], TOKEN + "x", "", "ä", "\udcff"):
         assert not allowed(access.check_token, {place: wrong})
     assert not allowed(access.check_token, {})
 

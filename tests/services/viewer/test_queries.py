@@ -55,7 +55,7 @@ def test_parameters_against_caches_are_no_mistake():
         ({"type": "h264"}, "type = 'h264' is not allowed; allowed: mjpeg, ros_compressed, png"),
         ({"invert": "maybe"}, "invert = 'maybe' is not allowed; allowed: true, false"),
         ({"default_transport": "x"}, "default_transport = 'x' is not allowed; allowed: raw, com"),
-        ({"hight": "3"}, "unknown parameter 'hight'; did you mean height?"),
+        ({"heights": "3"}, "unknown parameter 'heights'; did you mean height?"),
     ],
     ids=lambda value: str(value)[:30],
 )

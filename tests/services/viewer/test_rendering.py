@@ -8,7 +8,7 @@ from common import images
 from common.errors import PayloadError
 from common.frame import Frame
 from common.messages import Header
-from services.viewer.rendering import Form, render
+from services.viewer.rendering import Form, ended, render
 
 
 def frame(pixels: np.ndarray, encoding: str, mime: str | None = "image/jpeg") -> Frame:
@@ -113,3 +113,21 @@ def test_a_broken_picture_is_refused():
     broken = Frame(good.header, compressed=good.compressed[:200])
     with pytest.raises(PayloadError, match="corrupt"):
         render(broken, Form(32), 80)
+
+
+@pytest.mark.parametrize("kind", ["jpeg", "png", "depth", "alpha"])
+def test_the_picture_of_an_ended_stream_is_dim_grey_and_as_large(kind):
+    white = np.full((240, 320, 3), 250, np.uint8)
+    pictures = {
+        "jpeg": lambda: images.encode_jpeg(white, "bgr8", 90),
+        "png": lambda: images.encode_png(white),
+        "depth": lambda: images.encode_png(np.full((240, 320), 64000, np.uint16)),
+        "alpha": lambda: images.encode_png(np.full((240, 320, 4), 250, np.uint8)),
+    }
+    before = pictures[kind]()
+    after = ended(before, 1_790_000_000_000_000_000)
+    assert after[:3] == before[:3]
+    pixels = cv2.imdecode(np.frombuffer(after, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert pixels.shape == (240, 320)
+    assert 80 < np.median(pixels) < 95  # 250 * 0.35 = 87
+    assert pixels.max() > 200  # the words

@@ -9,14 +9,8 @@ import pytest
 
 from common.errors import ConfigurationError
 from common.messages import Parameter, ParameterList
-from services.tools.param.values import (
-    assignments,
-    described,
-    may_be,
-    plain,
-    toml_file,
-    value_of,
-)
+from common.parameter_text import may_be, plain, toml_file
+from services.tools.param.values import assignments, described, value_of
 
 
 def parameter(kind: str, default: Any = None, **fields: Any) -> Parameter:

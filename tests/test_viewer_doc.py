@@ -1,0 +1,74 @@
+"""docs/viewer.md is true: its messages, parameters and limits are those of the code."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from services.viewer import (
+    compatible,
+    connections,
+    hub,
+    listening,
+    live,
+    messages,
+    queries,
+    requests,
+    web,
+)
+from services.viewer.access import COOKIE
+
+ROOT = Path(__file__).parent.parent
+TEXT = (ROOT / "docs" / "viewer.md").read_text()
+FOLDER = ROOT / "services" / "viewer"
+
+
+def section(title: str) -> str:
+    return TEXT.partition(f"### {title}\n")[2].partition("\n#")[0]
+
+
+def test_what_a_page_may_say_is_all_there():
+    said = set(re.findall(r'^\| `\{"op":"(\w+)"', section("From the page"), re.MULTILINE))
+    known = set(re.findall(r'op: Literal\["(\w+)"\]', (FOLDER / "requests.py").read_text()))
+    assert said == known
+    assert len(known) == 5
+
+
+def test_what_a_page_is_told_is_all_there():
+    said = set(re.findall(r'^\| `\{"op":"(\w+)"', section("To the page"), re.MULTILINE))
+    code = "".join(path.read_text() for path in FOLDER.glob("*.py"))
+    assert said == set(re.findall(r'(?:wire\.)?text\(\s*"(\w+)",', code))
+
+
+def test_the_parameters_of_a_stream_are_all_there():
+    table = TEXT.partition("| parameter |")[2].partition("\n\n")[0]
+    assert set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?) \|", table, re.M)))) == set(
+        queries.NAMES
+    )
+
+
+def test_the_addresses_are_all_there():
+    table = TEXT.partition("| address |")[2].partition("\n\n")[0]
+    said = {path.partition("?")[0] for path in re.findall(r"^\| `(\S+?)`", table, re.M)}
+    code = (FOLDER / "web.py").read_text()
+    served = set(re.findall(r'add_get\(\s*"([^"]+)"', code))
+    assert said == served - {"/page/{name}", "/favicon.ico"}
+
+
+def test_the_limits_are_those_of_the_code():
+    for words in (
+        f"{requests.MAX_BYTES >> 10} kB in a message, {requests.MAX_RATE_HZ} messages a second",
+        f"watches at most {live.MAX_WATCHES} streams",
+        f"{messages.QUEUE} wait for a page",
+        f"At most {live.AHEAD} are sent ahead",
+        f"the kernel's buffer ({listening.SEND_BUFFER_BYTES >> 10} kB)",
+        f"is left after {compatible.STALLED_S:.0f} s",
+        f"reads nothing for {live.STALLED_S:.0f} s",
+        f"does not say within {connections.FIRST_REQUEST_S:.0f} s",
+        f"at most {connections.MAX_IDLE} stay",
+        f"if that is {web.STALLED_S:.0f} s or more",
+        f"cookie `{COOKIE}`",
+    ):
+        assert words in TEXT, words
+    assert web.NO_TOKEN == ("/healthz",)
+    assert hub.MAX_KEYS > live.MAX_WATCHES
