@@ -69,8 +69,8 @@ export class System extends Events {
 		this.emit("log");
 	}
 
-	setClock(nowNs) {
-		this.clockOffset = milliseconds(nowNs) - performance.now();
+	setClock(now) {
+		this.clockOffset = milliseconds(now) - performance.now();
 	}
 
 	meet(nodes) {
