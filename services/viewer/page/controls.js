@@ -20,10 +20,6 @@ export class Control {
 		if (!this.busy) this.show();
 	}
 
-	get value() {
-		return this.parameter.value;
-	}
-
 	build() {
 		const { node, name, unit, description } = this.parameter;
 		const id = `parameter-${node}-${name}`;

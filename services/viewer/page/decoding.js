@@ -8,10 +8,9 @@ export function decode(picture) {
 }
 
 export class NewestDecoder {
-	/** `decoded(picture, bitmap)` owns the bitmap; `failed(picture, error)`. */
-	constructor(decoded, failed = () => {}) {
+	/** `decoded(picture, bitmap)` owns the bitmap. */
+	constructor(decoded) {
 		this.decoded = decoded;
-		this.failed = failed;
 		this.busy = false;
 		this.next = null;
 		this.closed = false;
@@ -35,14 +34,10 @@ export class NewestDecoder {
 		while (this.next) {
 			const { picture, taken } = this.next;
 			this.next = null;
-			try {
-				const bitmap = await decode(picture);
-				if (this.closed) bitmap.close();
-				else this.decoded(picture, bitmap);
-			} catch (error) {
-				this.failed(picture, error);
-			}
+			const bitmap = await decode(picture).catch(() => null); // a broken one is no picture
 			taken();
+			if (this.closed) bitmap?.close();
+			else if (bitmap) this.decoded(picture, bitmap);
 		}
 		this.busy = false;
 	}

@@ -45,16 +45,14 @@ export class Figures {
 		const missing = frame.missing.filter((key) => overlayKeys.includes(key));
 		const complete = this.shown.filter((one) => one.isComplete).length;
 		if (complete === this.shown.length && !missing.length) return { words: "", isWithout: false };
-		const isWithout = missing.length > 0;
-		if (complete > 0) {
-			return { words: `overlay on ${complete} of ${this.shown.length} frames`, isWithout };
-		}
-		const names = missing.map((key) => key.split("/").at(-1)).join(" and ");
-		const lag = Math.max(...missing.map((key) => feed.joiner.lag(key) ?? -1));
+		const lag = Math.max(...overlayKeys.map((key) => feed.joiner.lag(key) ?? -1));
 		const wait = 2 * feed.joiner.frameTime;
 		const why = lag > wait
-			? ` – comes ${number(lag, 0)} ms after its picture, which waits ${number(wait, 0)} ms` : "";
-		return { words: `without ${names}${why}`, isWithout };
+			? ` – they come ${number(lag, 0)} ms after it, it waits ${number(wait, 0)} ms` : "";
+		const names = missing.map((key) => key.split("/").at(-1)).join(" and ");
+		const words = complete ? `overlay on ${complete} of ${this.shown.length} frames`
+			: `without ${names || "overlay"}`;
+		return { words: words + why, isWithout: missing.length > 0 };
 	}
 }
 

@@ -1,5 +1,5 @@
 // The large view's supply: watches pictures and messages, decodes, joins, and hands over frames.
-// Emits "frame" with {epoch, seq, header, items, missing, waited}; who gets it owns its bitmaps.
+// Emits "frame" with {epoch, seq, header, items, missing}; who gets it owns its bitmaps.
 
 import { NewestDecoder } from "./decoding.js";
 import { Events } from "./events.js";
@@ -69,7 +69,7 @@ export class FrameFeed extends Events {
 		const decoder = new NewestDecoder((picture, bitmap) => {
 			this.joiner.offer(key, picture.header, { picture, bitmap }, performance.now());
 			this.advance();
-		}, () => this.emit("broken", key));
+		});
 		const stop = this.watches.picture(key, null, (picture, taken) => {
 			this.meter(key).add(performance.now(), picture);
 			if (key === this.pictures[0]) this.endedSince = null;

@@ -55,7 +55,7 @@ export class Joiner {
 		else this.discard(item);
 	}
 
-	/** Return the next frame to show, or null: {epoch, seq, header, items, missing, waited}. */
+	/** Return the next frame to show, or null: {epoch, seq, header, items, missing}. */
 	take(now) {
 		const waiting = this.waiting();
 		const complete = waiting.filter((frame) => !this.missing(frame).length);
@@ -69,7 +69,7 @@ export class Joiner {
 			return null;
 		}
 		const { epoch, seq, header, items } = chosen;
-		return { epoch, seq, header, items, missing, waited: now - chosen.at };
+		return { epoch, seq, header, items, missing };
 	}
 
 	/** When `take` should be asked again though nothing came; null if nothing waits. */

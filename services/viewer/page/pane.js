@@ -33,14 +33,13 @@ export class Pane {
 		return { width: this.picture.width, height: this.picture.height };
 	}
 
-	/** Make the canvases as large as the pane is. Returns whether that changed anything. */
+	/** Make the canvases as large as the pane is. */
 	fitToSurface() {
 		const ratio = devicePixelRatio || 1;
 		const width = Math.max(1, Math.round(this.surface.clientWidth * ratio));
 		const height = Math.max(1, Math.round(this.surface.clientHeight * ratio));
-		if (this.picture.width === width && this.picture.height === height) return false;
+		if (this.picture.width === width && this.picture.height === height) return;
 		for (const canvas of [this.picture, this.overlay]) Object.assign(canvas, { width, height });
-		return true;
 	}
 
 	/** Take over this pane's picture of a frame; without one, the one before stays, marked. */

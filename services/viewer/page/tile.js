@@ -93,8 +93,7 @@ export class Tile {
 	watch() {
 		if (this.stop) return;
 		this.width = this.wantedWidth();
-		this.decoder = new NewestDecoder((picture, bitmap) => this.decoded(picture, bitmap),
-			() => mark(this.canvas, "broken", true));
+		this.decoder = new NewestDecoder((picture, bitmap) => this.decoded(picture, bitmap));
 		const decoder = this.decoder;
 		const size = { width: this.width, quality: QUALITY };
 		this.stop = this.watches.picture(this.key, size, (picture, taken) => {

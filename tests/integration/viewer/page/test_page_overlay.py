@@ -6,6 +6,7 @@ from typing import Any
 
 from tests.integration.listening import Listener, open_client
 from tests.integration.viewer.page.browsing import CAMERA, TRUTH, Open, Running, Tab
+from tests.integration.viewer.page.twelve import publish_cameras
 from tests.integration.waiting import wait_until
 
 WITHIN_PIXELS = 3
@@ -57,6 +58,17 @@ def test_at_30_hz_each_frame_has_the_boxes_of_its_truth(open_tab: Open, system: 
         tab = _with_truth(open_tab)
         assert sum(_frames(tab, truth, 30)) > 0, "no box in 30 frames"
         assert tab.wait("parseFloat(document.querySelector('#figure-rate').textContent) > 25")
+
+
+def test_under_load_boxes_are_on_their_frames_too(open_tab: Open, system: Running) -> None:
+    with (
+        publish_cameras(system.router.endpoint, 12, rate_hz=10),
+        open_client(system.router.endpoint) as session,
+    ):
+        truth = Listener(session, TRUTH)
+        wall = open_tab()
+        wall.wait("document.querySelectorAll('.tile[data-state=live]').length > 12")
+        assert _frames(_with_truth(open_tab), truth, 10)
 
 
 def test_the_lines_on_the_canvas_are_within_3_pixels_of_the_truth(

@@ -56,7 +56,9 @@ def test_a_camera_that_is_stopped_and_started_is_greyed_and_comes_back(
     tab.wait_until_live(side)
 
 
-def test_a_viewer_that_is_gone_leaves_nothing_live(open_tab: Open, system: Running) -> None:
+def test_without_its_viewer_nothing_is_live_until_there_is_one_again(
+    open_tab: Open, system: Running
+) -> None:
     viewer = system.service("view", "--port", 0)
     tab = open_tab()
     tab.address = viewer.lines(r"http://\S+")[0][0]
@@ -65,6 +67,10 @@ def test_a_viewer_that_is_gone_leaves_nothing_live(open_tab: Open, system: Runni
     tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 3.0)
     assert "not connected" in tab.page.inner_text(".pane-state")
     assert tab.page.get_attribute("#link", "data-state") == "down"
+    port = tab.address.rstrip("/").rpartition(":")[2]
+    system.service("view", "--port", port)
+    tab.wait_until_live(CAMERA)
+    assert tab.page.is_hidden("#banner")
 
 
 def test_the_page_complains_of_nothing_and_asks_no_other_host(

@@ -35,7 +35,6 @@ test("a picture is released with the message of its own frame", () => {
   assert.equal(frame.seq, 10);
   assert.equal(frame.items.get(CENTROID), "centroid 10");
   assert.deepEqual(frame.missing, []);
-  assert.equal(frame.waited, 20);
 });
 
 test("a message that comes before its picture is kept for it", () => {
