@@ -17,9 +17,9 @@ from aiohttp import web
 from common.errors import PayloadError
 from services.viewer.hub import Hub, TooMany
 from services.viewer.latest import Latest
-from services.viewer.pictures import Feed
 from services.viewer.queries import NAMES, BadQuery, StreamQuery, stream_query
 from services.viewer.rendering import Form, ended
+from services.viewer.renditions import Feed
 from services.viewer.system import System
 from services.viewer.topics import kind_of, meant
 from services.viewer.wire import Picture

@@ -11,8 +11,9 @@ from common.health import Health
 from common.ledger import Ledger
 from services.viewer.messages import MessageFeed, Messages
 from services.viewer.network import Network
-from services.viewer.pictures import Feed, Pictures
+from services.viewer.pictures import Pictures
 from services.viewer.rendering import Form
+from services.viewer.renditions import Feed
 from services.viewer.settings import ViewerSettings
 
 MAX_KEYS = 256

@@ -15,7 +15,7 @@ from services.viewer import wire
 from services.viewer.hub import Hub
 from services.viewer.messages import MessageFeed
 from services.viewer.outbox import Outbox
-from services.viewer.pictures import Feed
+from services.viewer.renditions import Feed
 from services.viewer.requests import (
     MAX_BYTES,
     MAX_RATE_HZ,

@@ -51,8 +51,8 @@ def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_
         with client:
             Listener(client, "vision/front/centroid").wait_for(5, 20)
             Listener(client, "vision/front/edges/compressed").wait_for(5)
-        lines = program.lines(r"(\w+) +running .*", 5)
-        assert {line[1] for line in lines} == NODES
+        running_ones = re.compile(r"^(\w+) +running ", re.MULTILINE)
+        wait_until(lambda: set(running_ones.findall(program.output)) == NODES, 20)
         started = children(program)
         assert sorted(map(service_of, started)) == ["camera", "edge", "router", "tracker", "view"]
         begun_s = time.monotonic()

@@ -16,7 +16,7 @@ from common.health import Health
 from common.ledger import Ledger
 from common.messages import Header
 from common.receiving import Arrival
-from services.viewer import pictures
+from services.viewer import pictures, renditions
 from services.viewer.pictures import Pictures
 from services.viewer.rendering import Form
 
@@ -74,13 +74,13 @@ class Source:
 def rendered(monkeypatch) -> list[int]:
     """The numbers of the frames that were rendered, as it happens."""
     found: list[int] = []
-    real = pictures.render
+    real = renditions.render
 
     def render(frame: Frame, form: Form, quality: int) -> Any:
         found.append(frame.header.seq)
         return real(frame, form, quality)
 
-    monkeypatch.setattr(pictures, "render", render)
+    monkeypatch.setattr(renditions, "render", render)
     return found
 
 
