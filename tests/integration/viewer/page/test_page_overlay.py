@@ -67,7 +67,7 @@ def test_under_load_boxes_are_on_their_frames_too(open_tab: Open, system: Runnin
     ):
         truth = Listener(session, TRUTH)
         wall = open_tab()
-        wall.wait("document.querySelectorAll('.tile[data-state=live]').length > 12")
+        wall.wait("document.querySelectorAll('.tile[data-state=live]').length >= 10")
         assert _frames(_with_truth(open_tab), truth, 10)
 
 
