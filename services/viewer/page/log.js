@@ -31,5 +31,5 @@ export class LogPanel {
 
 function row({ at, level, node, text }) {
 	return element("li", { "data-level": level }, element("time", {}, clock(at)),
-		element("span", { class: "level" }, level), element("b", {}, node ?? ""), text);
+		element("span", { class: "level" }, level), node ? element("b", {}, node) : null, text);
 }
