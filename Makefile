@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 FILE ?= configs/up.toml
 ARGS ?=
 
-.PHONY: up test check tests test-compose soak coverage wheel bench configs clean
+.PHONY: up test check tests test-compose soak coverage wheel bench configs screenshots clean
 
 ifdef SOURCE
 export ZV_CAMERA_SOURCE := $(SOURCE)
@@ -54,6 +54,10 @@ bench: $(VENV)/.dev
 ## configs: write configs/*.toml, docs/configuration.md and docs/cli.md anew from options and commands
 configs: $(VENV)/.dev
 	$(BIN)/python -m services.cli.defaults
+
+## screenshots: write docs/images/viewer.png anew (needs Debian's chromium)
+screenshots: $(VENV)/.dev
+	$(BIN)/python docs/images/make_viewer.py
 
 clean:
 	rm -rf $(VENV) dist build

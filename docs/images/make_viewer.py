@@ -1,0 +1,90 @@
+"""Render docs/images/viewer.png: the page of the viewer as Chromium shows it.
+
+Starts a router, the synthetic camera, tracker, edge detector and viewer on free ports, opens the
+page at one stream with the edges beside it, and keeps what it shows. Run it from the top of the
+repository, with Debian's chromium installed:
+
+    make screenshots
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import cv2
+import numpy as np
+from playwright.sync_api import Page, sync_playwright
+
+TARGET = Path(__file__).parent / "viewer.png"
+IMAGE = "vision/front/image/compressed"
+EDGES = "vision/front/edges/compressed"
+SIZE = {"width": 1280, "height": 660}
+LEVELS = 64
+"""Of each colour: the textures of the room make a picture of 256 too large for a README."""
+
+SHOWN_FRAME = 420
+LIVE = f"""() => document.querySelectorAll(".pane[data-step=true][data-live=true]").length === 2
+    && document.querySelector("canvas.picture").dataset.overlay === "joined"
+    && Number(document.querySelector("canvas.picture").dataset.seq) >= {SHOWN_FRAME}"""
+
+
+def main() -> None:
+    """Start the system, wait for the frame, write the file."""
+    chromium = os.environ.get("ZV_TEST_CHROMIUM") or shutil.which("chromium")
+    if chromium is None:
+        raise SystemExit("no chromium; on Debian: apt-get install chromium")
+    endpoint, port = f"tcp/127.0.0.1:{_free_port()}", _free_port()
+    with ExitStack() as stack, sync_playwright() as playwright:
+        for command in (
+            ["router", "--listen", endpoint],
+            ["camera", "--connect", endpoint, "--noise", "0"],
+            ["tracker", "--connect", endpoint],
+            ["edge", "--connect", endpoint],
+        ):
+            _start(stack, command)
+        viewer = _start(stack, ["view", "--connect", endpoint, "--port", str(port)])
+        assert viewer.stdout is not None
+        address = viewer.stdout.readline().decode().strip()
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport=SIZE, color_scheme="dark")
+        page.goto(f"{address}#{IMAGE}+{EDGES}")
+        _keep(page)
+        browser.close()
+
+
+def _keep(page: Page) -> None:
+    page.keyboard.press("e")
+    page.wait_for_function(LIVE, timeout=60_000)
+    shown = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    step = 256 // LEVELS
+    coarse = (shown // step * step).astype(np.uint8)
+    cv2.imwrite(str(TARGET), coarse, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    print(f"{TARGET}: {TARGET.stat().st_size / 1000:.0f} kB")
+
+
+def _start(stack: ExitStack, command: list[str]) -> subprocess.Popen[bytes]:
+    process = subprocess.Popen(  # noqa: S603 - our own
+        [sys.executable, "-m", "services", *command],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+    )
+    stack.callback(process.wait, 10)
+    stack.callback(process.terminate)
+    return process
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""One browser and one system for each module of tests of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from tests.integration.viewer.page.browsing import Open, Running, Tab, running, start_chromium, tab
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Chromium, or the test is skipped."""
+    yield from start_chromium()
+
+
+@pytest.fixture(scope="module")
+def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A synthetic camera with tracker and edge detector; one for all tests of a module."""
+    with running(tmp_path_factory.mktemp("system")) as found:
+        for service in ("camera", "tracker", "edge"):
+            found.service(service)
+        yield found
+
+
+@pytest.fixture
+def open_tab(browser: Any, system: Running) -> Iterator[Open]:
+    """``open_tab("vision/front/image/compressed")`` opens the page there."""
+    with ExitStack() as stack:
+
+        def opened(place: str = "", **context: Any) -> Tab:
+            return stack.enter_context(tab(browser, system.address, **context)).open(place)
+
+        yield opened

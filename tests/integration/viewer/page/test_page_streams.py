@@ -1,0 +1,94 @@
+"""The page shows what is there, moving, and nothing that is gone as if it were there."""
+
+from __future__ import annotations
+
+from tests.integration.viewer.page.browsing import CAMERA, EDGES, MASK, Open, Running, Tab
+from tests.integration.waiting import wait_until
+
+
+def test_every_stream_has_a_tile_that_moves(open_tab: Open) -> None:
+    tab = open_tab()
+    for key in (CAMERA, MASK, EDGES):
+        tab.wait_until_live(key)
+    before = tab.pixels(CAMERA)
+    _wait_for_other_pixels(tab, CAMERA, before)
+
+
+def test_one_stream_large_moves_and_is_as_it_came(open_tab: Open) -> None:
+    tab = open_tab(CAMERA)
+    tab.wait_until_live(CAMERA)
+    before = tab.pixels(CAMERA)
+    _wait_for_other_pixels(tab, CAMERA, before)
+    assert tab.page.inner_text("#figure-size").startswith("640")
+    assert tab.page.inner_text("#large-state") == "live"
+
+
+def test_a_deep_link_shows_several_streams_of_the_same_frame(open_tab: Open) -> None:
+    tab = open_tab(f"{CAMERA}+{MASK}+{EDGES}")
+    for _ in range(5):
+        frames = tab.wait(
+            """(() => {
+                const seen = [...document.querySelectorAll("canvas.picture")];
+                const steps = [...document.querySelectorAll(".pane")].map((p) => p.dataset.step);
+                if (seen.length !== 3 || steps.some((step) => step !== "true")) return null;
+                return seen.map((canvas) => `${canvas.dataset.epoch} ${canvas.dataset.seq}`);
+            })()"""
+        )
+        assert len(set(frames)) == 1, frames
+        tab.wait(
+            f"document.querySelector('canvas.picture').dataset.seq !== '{frames[0].split()[1]}'"
+        )
+
+
+def test_a_camera_that_is_stopped_and_started_is_greyed_and_comes_back(
+    open_tab: Open, system: Running
+) -> None:
+    camera = system.service("camera", "--camera", "side")
+    tab = open_tab()
+    side = "vision/side/image/compressed"
+    tab.wait_until_live(side)
+    camera.process.kill()
+    tile = f".tile[data-key='{side}']"
+    tab.wait(f"document.querySelector(\"{tile}\").dataset.state === 'stopped'")
+    assert "since" in tab.wait(f'document.querySelector("{tile} .tile-state").textContent')
+    assert tab.page.get_attribute(f"{tile} canvas", "data-live") == "false"
+    system.service("camera", "--camera", "side")
+    tab.wait_until_live(side)
+
+
+def test_without_its_viewer_nothing_is_live_until_there_is_one_again(
+    open_tab: Open, system: Running
+) -> None:
+    viewer = system.service("view", "--port", 0)
+    tab = open_tab()
+    tab.address = viewer.lines(r"http://\S+")[0][0]
+    tab.open(CAMERA).wait_until_live(CAMERA)
+    viewer.process.kill()
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 3.0)
+    assert "not connected" in tab.page.inner_text(".pane-state")
+    assert tab.page.get_attribute("#link", "data-state") == "down"
+    port = tab.address.rstrip("/").rpartition(":")[2]
+    system.service("view", "--port", port)
+    tab.wait_until_live(CAMERA)
+    assert tab.page.is_hidden("#banner")
+
+
+def test_the_page_complains_of_nothing_and_asks_no_other_host(
+    open_tab: Open, system: Running
+) -> None:
+    tab = open_tab()
+    tab.wait_until_live(CAMERA)
+    for panel in ("parameters", "plots", "graph", "health", "log"):
+        tab.page.click(f"#panels [data-panel={panel}]")
+        assert tab.page.is_visible(f"#panel-{panel}")
+    tab.page.click(f".tile[data-key='{CAMERA}'] a")
+    tab.wait_until_live(CAMERA)
+    assert tab.complaints == []
+    assert tab.hosts == {system.address.split("/")[2]}
+
+
+def _wait_for_other_pixels(tab: Tab, key: str, before: list[int]) -> None:
+    def moved() -> bool:
+        return max(abs(a - b) for a, b in zip(before, tab.pixels(key), strict=True)) > 20
+
+    wait_until(moved, 10)
