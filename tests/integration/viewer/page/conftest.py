@@ -11,9 +11,13 @@ import pytest
 from tests.integration.viewer.page.browsing import Open, Running, Tab, running, start_chromium, tab
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """Chromium, or the test is skipped."""
+    """Chromium, or the test is skipped.
+
+    Not for the whole session: while it is open, playwright's loop runs in this thread, and no
+    other test could run one.
+    """
     yield from start_chromium()
 
 
