@@ -73,7 +73,7 @@ def test_without_its_viewer_nothing_is_live_until_there_is_one_again(
     port = tab.address.rstrip("/").rpartition(":")[2]
     system.service("view", "--port", port)
     tab.wait_until_live(CAMERA)
-    assert tab.page.is_hidden("#banner")
+    tab.wait("document.querySelector('#banner').hidden")
 
 
 def test_a_viewer_that_freezes_is_given_up_and_found_again_when_it_thaws(
