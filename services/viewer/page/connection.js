@@ -6,7 +6,7 @@ import { readPicture } from "./wire.js";
 
 const FIRST_DELAY_MS = 250;
 const LONGEST_DELAY_MS = 2000;
-const SILENCE_MS = 6000; // the server says something every 2 s
+const SILENCE_MS = 6000;
 const BURST = 20;
 const TEXTS_PER_SECOND = 25; // the server allows 50 in any second
 const REPLY_MS = 5000;
@@ -21,9 +21,8 @@ export class Connection extends Events {
 		this.credit = BURST;
 		this.replies = new Map();
 		this.nextId = 1;
-		this.ticks = false;
-		this.on("tick", () => {
-			this.ticks = true;
+		this.on("router", ({ connected }) => {
+			this.hearsReports = connected; // then at least the viewer's own, each second
 		});
 		this.on("reply", (reply) => this.settle(reply.id, reply));
 		setInterval(() => this.refill(), 1000 / TEXTS_PER_SECOND);
@@ -65,7 +64,7 @@ export class Connection extends Events {
 		const socket = new WebSocket(this.address);
 		socket.binaryType = "arraybuffer";
 		this.socket = socket;
-		this.ticks = false;
+		this.hearsReports = false;
 		this.heardAt = performance.now();
 		socket.onopen = () => {
 			this.isOpen = true;
@@ -106,7 +105,7 @@ export class Connection extends Events {
 	/** A connection whose other end vanished stays "open" for minutes; nothing comes on it. */
 	giveUpIfSilent() {
 		const opening = this.socket.readyState === WebSocket.CONNECTING;
-		if (this.timer || !(this.ticks || opening)) return;
+		if (this.timer || !(this.hearsReports || opening)) return;
 		if (performance.now() - this.heardAt < SILENCE_MS) return;
 		const socket = this.socket;
 		socket.close();

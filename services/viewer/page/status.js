@@ -2,6 +2,8 @@
 
 import { byId, mark, say } from "./elements.js";
 
+const REFUSAL_MS = 8000;
+
 export class Status {
 	constructor(system, connection) {
 		this.system = system;
@@ -12,7 +14,10 @@ export class Status {
 			this.write();
 		});
 		connection.on("close", () => this.closed());
-		connection.on("error", ({ text }) => this.banner(text, "refused"));
+		connection.on("error", ({ text }) => {
+			this.banner(text, "refused");
+			setTimeout(() => this.write(), REFUSAL_MS);
+		});
 		system.on("router", () => this.write());
 		system.on("hello", () => this.write());
 	}

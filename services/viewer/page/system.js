@@ -20,7 +20,6 @@ export class System extends Events {
 		this.routerConnected = null;
 		this.clockOffset = null;
 		connection.on("hello", (hello) => this.greet(hello));
-		connection.on("tick", (tick) => this.setClock(tick.now_ns));
 		connection.on("streams", ({ streams }) => {
 			this.streams = streams.map((stream) => ({ ...stream, since: milliseconds(stream.since_ns) }));
 			this.emit("streams");

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 from tests.integration.viewer.page.browsing import CAMERA, EDGES, MASK, Open, Running, Tab
 from tests.integration.waiting import wait_until
 
@@ -64,13 +67,28 @@ def test_without_its_viewer_nothing_is_live_until_there_is_one_again(
     tab.address = viewer.lines(r"http://\S+")[0][0]
     tab.open(CAMERA).wait_until_live(CAMERA)
     viewer.process.kill()
-    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 3.0)
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 8)
     assert "not connected" in tab.page.inner_text(".pane-state")
     assert tab.page.get_attribute("#link", "data-state") == "down"
     port = tab.address.rstrip("/").rpartition(":")[2]
     system.service("view", "--port", port)
     tab.wait_until_live(CAMERA)
-    assert tab.page.is_hidden("#banner")
+    tab.wait("document.querySelector('#banner').hidden")
+
+
+def test_a_viewer_that_freezes_is_given_up_and_found_again_when_it_thaws(
+    open_tab: Open, system: Running
+) -> None:
+    viewer = system.service("view", "--port", 0)
+    tab = open_tab()
+    tab.address = viewer.lines(r"http://\S+")[0][0]
+    tab.open(CAMERA).wait_until_live(CAMERA)
+    os.kill(viewer.process.pid, signal.SIGSTOP)
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 8)
+    tab.wait("document.querySelector('#link').dataset.state === 'down'")
+    os.kill(viewer.process.pid, signal.SIGCONT)
+    # The viewer has to find its router again, and Chromium delays attempts after failed ones.
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'true'", 40)
 
 
 def test_the_page_complains_of_nothing_and_asks_no_other_host(
