@@ -152,7 +152,7 @@ def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
         wait_until(lambda: "tracker_front" in program.output, 30)
         wait_until(lambda: says(health) == "ok\n", 20)
         children = psutil.Process(program.process.pid).children()
-        assert len(children) == 4
+        assert len(children) == 5  # router, camera, tracker, edge detector, viewer
         assert not [child for child in children if "ZV_HEALTH_FILE" in child.environ()]
         assert program.interrupt() == 0
 
