@@ -8,6 +8,9 @@ from dataclasses import dataclass
 UNWANTED = "no_subscriber"
 """Frames that nobody wanted are no loss."""
 
+UNWATCHED = "unwatched"
+"""Nor are those at a viewer whose last client has just left."""
+
 MISSED = "missed"
 """Stands outside the balance: frames that never arrived, known from gaps in their numbers."""
 
@@ -62,5 +65,6 @@ def losses(counters: Mapping[str, int]) -> dict[str, int]:
         for name, count in counters.items()
         if (name.startswith("dropped.") or name == MISSED) and count
     }
-    found.pop(UNWANTED, None)
+    for reason in (UNWANTED, UNWATCHED):
+        found.pop(reason, None)
     return dict(sorted(found.items(), key=lambda item: -item[1]))

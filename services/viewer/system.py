@@ -179,6 +179,10 @@ class System:
                 self._texts[op] = text
                 self._say(text, op)
 
+    def tick(self) -> None:
+        """Let the pages know that the connection is there."""
+        self._say(wire.text("tick", now_ns=wire.now_ns()), "tick")
+
     def _router_text(self) -> str:
         return wire.text("router", connected=self.connected)
 

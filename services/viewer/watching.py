@@ -20,6 +20,9 @@ from services.viewer.system import System
 log = logging.getLogger("viewer")
 
 TICK_S = 0.5
+TELL_EVERY = 4
+"""Ticks: so often pages hear that the connection is there."""
+
 DESCRIBE_EVERY = 10
 """Ticks: descriptions are asked for anew, since a node's subscriptions change."""
 
@@ -68,6 +71,8 @@ class Watcher:
             described = not self.system.undescribed()
             if turn % (DESCRIBE_EVERY if described else 2) == 0 and (self.pages or not described):
                 self._ask("*")
+            if turn % TELL_EVERY == 0:
+                self.system.tick()
             self.system.forget()
             await asyncio.sleep(TICK_S)
 

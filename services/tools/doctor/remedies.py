@@ -55,6 +55,7 @@ REMEDIES: Final = {
     "no_header": Remedy("a second publisher without headers: " + SENDER),
     "wrong_camera": Remedy("their header names another camera than the key: " + SENDER),
     "corrupt": Remedy("the source or a foreign publisher damages them: " + SENDER),
+    "not_rendered": Remedy("the viewer's log says which pictures it cannot make, and why"),
     "too_large": Remedy("make the pictures smaller: width and height", "width", "camera"),
     "unsupported_encoding": Remedy("choose one that is known", "encoding", "camera"),
     **{
@@ -62,7 +63,7 @@ REMEDIES: Final = {
         for reason in ("bad_header", "wrong_size", "empty", "not_an_image", "bad_message")
     },
 }
-"""By the reasons of docs/messages.md; ``no_subscriber`` is no loss."""
+"""By the reasons of docs/messages.md; ``no_subscriber`` and ``unwatched`` are no loss."""
 
 CHEAPER: Final = {"tracker": ("closing", "median"), "edge": ("sigma",)}
 """Parameters that cost a service the most time: smaller is cheaper."""

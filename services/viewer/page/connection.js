@@ -21,9 +21,6 @@ export class Connection extends Events {
 		this.credit = BURST;
 		this.replies = new Map();
 		this.nextId = 1;
-		this.on("router", ({ connected }) => {
-			this.hearsReports = connected; // then at least the viewer's own, each second
-		});
 		this.on("reply", (reply) => this.settle(reply.id, reply));
 		setInterval(() => this.refill(), 1000 / TEXTS_PER_SECOND);
 		setInterval(() => this.giveUpIfSilent(), 1000);
@@ -64,7 +61,6 @@ export class Connection extends Events {
 		const socket = new WebSocket(this.address);
 		socket.binaryType = "arraybuffer";
 		this.socket = socket;
-		this.hearsReports = false;
 		this.heardAt = performance.now();
 		socket.onopen = () => {
 			this.isOpen = true;
@@ -102,11 +98,9 @@ export class Connection extends Events {
 		if (!this.isOpen && this.timer) this.open();
 	}
 
-	/** A connection whose other end vanished stays "open" for minutes; nothing comes on it. */
+	/** A connection whose other end vanished stays "open" for minutes; not even ticks come on it. */
 	giveUpIfSilent() {
-		const opening = this.socket.readyState === WebSocket.CONNECTING;
-		if (this.timer || !(this.hearsReports || opening)) return;
-		if (performance.now() - this.heardAt < SILENCE_MS) return;
+		if (this.timer || performance.now() - this.heardAt < SILENCE_MS) return;
 		const socket = this.socket;
 		socket.close();
 		this.closed(socket);

@@ -58,6 +58,19 @@ def test_a_page_learns_who_is_there_and_what_they_send(viewer: Viewer, service):
     run(test())
 
 
+def test_a_page_hears_a_tick_also_while_there_is_no_router(viewer: Viewer, router: Router):
+    router.kill()
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.text("router", connected=False)
+            ticks = [await page.text("tick") for _ in range(2)]
+            apart_s = (int(ticks[1]["now_ns"]) - int(ticks[0]["now_ns"])) / 1e9
+            assert 1 < apart_s < 5  # the page gives up after 6
+
+    run(test())
+
+
 def test_pictures_come_whole_identified_and_in_the_size_asked_for(viewer: Viewer, service):
     service("camera", "--rate", 15, "--width", 640, "--height", 480)
 
