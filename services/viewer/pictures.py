@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from collections import deque
 from typing import TYPE_CHECKING
@@ -105,7 +106,9 @@ class Pictures:
     def silent_s(self) -> float:
         """For how long nothing has come, beyond what is usual; 0 while it comes."""
         since_s = time.monotonic() - self._arrived_s
-        usual_s = max([SILENT_S, *(SILENT_FRAMES * each for each in self._intervals)])
+        # The median: one gap behind which the camera came back is not what is usual.
+        frame_s = statistics.median(self._intervals) if self._intervals else 0.0
+        usual_s = max(SILENT_S, SILENT_FRAMES * frame_s)
         return since_s if since_s > usual_s else 0.0
 
     @property
@@ -154,7 +157,10 @@ class Pictures:
             self.hub.ledger.drop("overwritten")
         now_s = time.monotonic()
         if self.newest is not None:
-            self._intervals.append(now_s - self._arrived_s)
+            if self.newest[0].header.epoch != taken[0].header.epoch:
+                self._intervals.clear()
+            else:
+                self._intervals.append(now_s - self._arrived_s)
         self._arrived_s, self.arrived_ns = now_s, time.time_ns()
         self.newest, self._pending = taken, True
         for rendition in list(self._forms.values()):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from services.viewer.rendering import MAX_SIDE, Form
+from services.viewer.rendering import MAX_PIXELS, MAX_SIDE, Form
 
 TYPES = ("mjpeg", "ros_compressed", "png")
 YES = ("", "1", "true", "yes", "on")
@@ -68,6 +68,10 @@ def stream_query(given: Mapping[str, str], *, one: bool = False) -> StreamQuery:
         )
     raw = transport == "raw"
     width, height = number("width", given, MAX_SIDE), number("height", given, MAX_SIDE)
+    if width and height and width * height > MAX_PIXELS:
+        raise BadQuery(
+            f"width x height = {width * height} pixels are not allowed; allowed: {MAX_PIXELS}"
+        )
     quality, invert = number("quality", given, 100), _invert(given)
     if kind == "ros_compressed":  # the bytes that the camera sent, whatever else is asked
         return StreamQuery(topic, Form(), raw)

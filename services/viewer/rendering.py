@@ -14,6 +14,8 @@ from common.frame import Frame
 from common.images import Pixels
 
 MAX_SIDE = 7680
+MAX_PIXELS = 4096 * 2304
+"""Of what is made larger for a client: memory and time are everybody's."""
 DIM = 0.35
 
 
@@ -47,9 +49,9 @@ class Form:
             return max(1, round(width * scale)), max(1, round(height * scale))
         if self.width is None:
             assert self.height is not None
-            return max(1, min(MAX_SIDE, round(width * self.height / height))), self.height
+            return _bounded(width * self.height / height, self.height)
         if self.height is None:
-            return self.width, max(1, min(MAX_SIDE, round(height * self.width / width)))
+            return _bounded(self.width, height * self.width / width)
         return self.width, self.height
 
     def leaves(self, mime: str, width: int, height: int) -> bool:
@@ -58,6 +60,12 @@ class Form:
         if self.quality is not None and mime == "image/jpeg":
             return False
         return same and self.format in (None, mime.removeprefix("image/"))
+
+
+def _bounded(width: float, height: float) -> tuple[int, int]:
+    """Return a size in its shape, with no more pixels and no longer sides than are allowed."""
+    least = min(1.0, (MAX_PIXELS / (width * height)) ** 0.5, MAX_SIDE / width, MAX_SIDE / height)
+    return max(1, round(width * least)), max(1, round(height * least))
 
 
 def render(frame: Frame, form: Form, quality: int) -> tuple[bytes, str, int, int]:

@@ -27,6 +27,7 @@ class Known:
         since_ns: Since when it is so.
         description: What it says of itself; kept when it is gone.
         health: Its newest report.
+        health_ns: When that came, by this machine's clock: a node's own may be wrong.
         parameters: By name.
     """
 
@@ -35,6 +36,7 @@ class Known:
     since_ns: int
     description: NodeDescription | None = None
     health: Diagnostics | None = None
+    health_ns: int = 0
     parameters: dict[str, Parameter] = field(default_factory=dict)
 
 
@@ -63,7 +65,7 @@ class System:
         found += [self._nodes_text(), self._streams_text()]
         for node in self._nodes.values():
             if node.health is not None:
-                found.append(self._health_text(node.name, node.health))
+                found.append(self._health_text(node.name, node.health, node.health_ns))
             if node.alive and node.parameters:
                 found.append(self._parameters_text(node))
         return found
@@ -122,8 +124,9 @@ class System:
         node = self._nodes.get(report.node)
         if node is None or not node.alive:
             return
-        before, node.health = node.health, report
-        self._say(self._health_text(node.name, report), ("health", node.name))
+        before, node.health, node.health_ns = node.health, report, time.time_ns()
+        text = self._health_text(node.name, report, node.health_ns)
+        self._say(text, ("health", node.name))
         was = (before.level, _words(before.message)) if before else (0, _words("ok"))
         if (report.level, _words(report.message)) != was:
             self.log(LEVELS[report.level], node.name, report.message)
@@ -186,8 +189,8 @@ class System:
     def _router_text(self) -> str:
         return wire.text("router", connected=self.connected)
 
-    def _health_text(self, name: str, report: Diagnostics) -> str:
-        return wire.text("health", node=name, diagnostics=report.to_map(), at_ns=report.stamp_ns)
+    def _health_text(self, name: str, report: Diagnostics, at_ns: int) -> str:
+        return wire.text("health", node=name, diagnostics=report.to_map(), at_ns=at_ns)
 
     def _parameters_text(self, node: Known) -> str:
         found = [each.to_map() for each in node.parameters.values()]

@@ -4,6 +4,7 @@ import { byId, element } from "./elements.js";
 import { clock } from "./format.js";
 
 const AT_END_PX = 24;
+const LINES_SHOWN = 1000;
 
 export class LogPanel {
 	constructor(system) {
@@ -24,6 +25,7 @@ export class LogPanel {
 		const atEnd = !added || scrollHeight - scrollTop - clientHeight < AT_END_PX;
 		if (added) this.list.append(...added.map(row));
 		else this.list.replaceChildren(...this.system.lines.map(row));
+		while (this.list.children.length > LINES_SHOWN) this.list.firstChild.remove();
 		byId("no-lines").hidden = this.list.children.length > 0;
 		if (atEnd) this.list.scrollTop = this.list.scrollHeight;
 	}

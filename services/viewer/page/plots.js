@@ -3,7 +3,6 @@
 import { drawChart } from "./chart.js";
 import { byId, element } from "./elements.js";
 import { number } from "./format.js";
-import { milliseconds } from "./wire.js";
 
 const SPAN_MS = 5 * 60 * 1000;
 const DRAW_MS = 500;
@@ -67,8 +66,8 @@ export class PlotsPanel {
 		this.followed = key;
 		if (!key) return;
 		if (this.centroids.key !== key) this.centroids = Object.assign([], { key });
-		this.stop = this.watches.messages(key, ({ header, body: { x, y } }) => {
-			this.centroids.push({ at: milliseconds(header.stamp_ns), x, y });
+		this.stop = this.watches.messages(key, ({ body: { x, y } }) => {
+			this.centroids.push({ at: this.system.now, x, y }); // the camera's clock may differ
 			if (this.centroids.length > POINTS_KEPT) this.centroids.shift();
 		});
 	}

@@ -50,6 +50,7 @@ def test_parameters_against_caches_are_no_mistake():
         ({"height": "1e3"}, "height = '1e3'"),
         ({"width": "٣"}, "width = "),
         ({"width": "9" * 5000}, "width = '999"),
+        ({"width": "7680", "height": "7680"}, "width x height = 58982400 pixels are not allowed"),
         ({"quality": "101"}, "quality = '101' is not allowed; allowed: a whole number from 1 to"),
         ({"quality": "-5"}, "quality = '-5'"),
         ({"type": "h264"}, "type = 'h264' is not allowed; allowed: mjpeg, ros_compressed, png"),

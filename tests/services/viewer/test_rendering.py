@@ -43,7 +43,9 @@ def halves() -> np.ndarray:
         (Form(1280, 960, inside=True), (640, 480)),  # never enlarged
         (Form(width=64, inside=True), (64, 48)),
         (Form(1, 1, inside=True), (1, 1)),
-        (Form(height=7680), (7680, 7680)),  # 10240 would be too wide
+        # 10240 x 7680 has too many pixels: of 9437184 in the shape 4:3, the height is
+        # sqrt(9437184 * 3 / 4) = 2660.4 and the width 4 / 3 of it.
+        (Form(height=7680), (3547, 2660)),
     ],
 )
 def test_the_size_follows_from_what_is_asked(form, size):
