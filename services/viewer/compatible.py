@@ -73,8 +73,9 @@ class Compatible:
             await response.prepare(request)
             await response.write(f"--{BOUNDARY}\r\n".encode())
             async for data in self._parts(feed):
-                await response.write(data)
-                await asyncio.wait_for(request.writer.drain(), STALLED_S)
+                async with asyncio.timeout(STALLED_S):  # what is large waits in `write` already
+                    await response.write(data)
+                    await request.writer.drain()
         except (ConnectionError, TimeoutError):
             if request.transport is not None:
                 request.transport.abort()

@@ -193,10 +193,14 @@ class Page:
             while True:
                 await self._wake.wait()
                 self._wake.clear()
-                while await self._send_some():
-                    pass
+                more = True
+                while more:
+                    async with asyncio.timeout(STALLED_S):
+                        more = await self._send_some()
         except (ConnectionError, TimeoutError):
-            return  # the page is gone, which the receiver hears too
+            # The page is gone or takes nothing; the receiver hears of it.
+            if self._request.transport is not None:
+                self._request.transport.abort()
 
     async def _send_some(self) -> bool:
         """Send what waits: all texts, some messages, a picture of each stream."""
@@ -228,15 +232,9 @@ class Page:
         return sent
 
     async def _drain(self) -> None:
-        """Wait until all is sent; leave a page that takes nothing."""
-        if not self._request.protocol.writing_paused:
-            return
-        try:
-            await asyncio.wait_for(self._request.writer.drain(), STALLED_S)
-        except TimeoutError:
-            if self._request.transport is not None:
-                self._request.transport.abort()
-            raise
+        """Wait until all is sent."""
+        if self._request.protocol.writing_paused:
+            await self._request.writer.drain()
 
     async def _look_for_ends(self) -> None:
         """Say of each stream when nothing comes any more."""

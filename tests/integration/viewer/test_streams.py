@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import json
 import signal
 import socket
 import time
@@ -153,6 +154,32 @@ def test_a_client_that_stops_reading_delays_nobody_and_then_sees_the_newest(view
     assert max(b - a for a, b in pairwise(seen)) > 60, "4 s at 30 Hz were skipped"
     health.wait_for(1, after_s=time.monotonic() - 0.5)
     counters(health)
+
+
+@pytest.mark.parametrize("by_page", [False, True], ids=["stream", "page"])
+def test_a_client_that_takes_nothing_any_more_is_left_and_its_subscription_ends(
+    quick_service, client, by_page
+):
+    viewer = Viewer(quick_service("view", "--port", 0))  # which leaves after 2 s instead of 20
+    noise = np.random.default_rng(1).integers(0, 255, (720, 1280, 3), np.uint8)
+    camera = PlainCamera(client, pictures=(images.encode_jpeg(noise, "bgr8", 95),))  # > 1 MB
+    with camera.at(15), ExitStack() as clients:
+        until_there(viewer)
+        stalled = clients.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
+        stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+        if by_page:
+            stalled.sendall(
+                b"GET /live HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\n"
+                b"Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+                b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+            )
+            text = json.dumps({"op": "watch", "key": IMAGE}).encode()
+            # One masked frame of text, the mask being 0.
+            stalled.sendall(bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text)
+        else:
+            stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        wait_until(lambda: subscribers(client, IMAGE) == 1)
+        wait_until(lambda: subscribers(client, IMAGE) == 0, 15)
 
 
 def test_a_snapshot_says_which_frame_it_is_and_how_old(viewer, service):
