@@ -14,7 +14,7 @@ RUN python3 -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb")
         >requirements.txt \
     && /opt/pip/bin/pip --python /opt/venv/bin/python install --no-cache-dir \
         -c constraints.txt -r requirements.txt \
-    && find /opt/venv \( -type d -name tests -o -type d -name test -o -name conftest.py -o -name test_cases.py \) \
+    && find /opt/venv \( -type d -name tests -o -type d -name test -o -name conftest.py -o -name test_cases.py -o -name test_utils.py \) \
         -prune -exec rm -rf {} +
 
 # The project itself, in a folder of its own, so that a change of code copies nothing else.

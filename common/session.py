@@ -1,7 +1,7 @@
 """Opening and closing a session.
 
 A session is waited for as long as its connection allows; an attempt to connect that is not
-answered ends after half a second, so that flows are back within a second of the router's return.
+answered ends after 0.3 s, so that flows are back within a second of the router's return.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Patience:
     handshake_ms: int
 
 
-BRISK = Patience(open_ms=800, handshake_ms=500)
+BRISK = Patience(open_ms=800, handshake_ms=300)
 PATIENT = Patience(open_ms=1500, handshake_ms=1500)
-"""For links with round trips of more than 0.15 s; three of them open a session over TCP."""
+"""For links with round trips of more than 0.1 s; three of them open a session over TCP."""
 
 PATIENT_EVERY = 4
 

@@ -109,7 +109,7 @@ def open_client(endpoint: str) -> zenoh.Session:
             "period_increase_factor": 2,
         },
         # An attempt that nothing answers must not take Zenoh's 10 s (docs/deploy.md).
-        "transport/unicast/open_timeout": 500,
+        "transport/unicast/open_timeout": 300,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,

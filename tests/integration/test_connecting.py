@@ -17,7 +17,7 @@ from tests.integration.routing import Router
 from tests.integration.waiting import wait_until
 
 ONE_WAY_S = 0.14
-"""Four ways, for the two questions of Zenoh's handshake, are more than the brisk 0.5 s."""
+"""Four ways, for the two questions of Zenoh's handshake, are more than the brisk 0.3 s."""
 
 
 @contextmanager
