@@ -121,7 +121,7 @@ def test_two_cameras_each_with_its_tracker(new_stack):
     names = run(
         "docker", "ps", "-q", "--filter", f"label=com.docker.compose.project={stack.project}"
     )
-    assert len(names.split()) == 6
+    assert len(names.split()) == 7  # router, viewer, edge detector, and two of camera and tracker
 
 
 def test_curl_gets_the_newest_frame_from_the_rest_port(new_stack, tmp_path: Path):
