@@ -16,8 +16,6 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
-import zenoh
-
 from common import keys, parameter_server
 from common.codec import Message
 from common.connection import Connection
@@ -26,6 +24,7 @@ from common.frame import Form, Frame
 from common.health import Health
 from common.keys import Topic
 from common.ledger import Ledger
+from common.link import Link
 from common.live import LiveSettings
 from common.messages import Diagnostics, NodeDescription
 from common.parameter_server import ParameterServer
@@ -33,7 +32,6 @@ from common.receiving import FrameReceiver
 from common.results import Results
 from common.self_report import SelfReport
 from common.serving import QueryServer, answer_schemas
-from common.session import close_session, open_session
 from common.signals import StopSignals
 
 POLL_S = 0.1
@@ -101,23 +99,23 @@ class Node(Results):
         """Open the session, waiting for the router; declare what the node offers."""
         self._signals.catch()
         try:
-            self._session = open_session(self.connection, self._waiting_is_over)
+            self._link = Link(self.connection, self._waiting_is_over)
         except BaseException:
             self._signals.release()
             raise
         self._server = QueryServer(self._report.send)
         namespace = self.connection.namespace
-        self._declare_publishers(self._session, namespace, self._server)
-        self._report.declare(self._session, namespace, self._server)
+        self._declare_publishers(self._link, namespace, self._server)
+        self._report.declare(self._link, namespace, self._server)
         self._server.declare(
-            self._session,
+            self._link,
             keys.schema_key(namespace, "*"),
             answer_schemas(namespace, self._messages),
         )
         if self.parameters is not None:
             answers = ParameterServer(self.parameters, namespace, self.name)
-            answers.publish_to(self._session)
-            self._server.declare(self._session, answers.key, answers.answer)
+            answers.publish_to(self._link)
+            self._server.declare(self._link, answers.key, answers.answer)
         self._report.show()
         self._server.start()
         return self
@@ -131,7 +129,7 @@ class Node(Results):
         """Say goodbye and close the session, in bounded time whatever the router does."""
         self._stopping = True
         self._server.close()
-        close_session(self._session)
+        self._link.close()
         self._signals.release()
 
     @property
@@ -145,9 +143,12 @@ class Node(Results):
         return self._camera(None)
 
     @property
-    def session(self) -> zenoh.Session:
-        """Its Zenoh session, for what a service does besides; open inside the ``with``."""
-        return self._session
+    def link(self) -> Link:
+        """Its link to the router, for what a service declares, puts and asks besides.
+
+        Open inside the ``with``.
+        """
+        return self._link
 
     @property
     def stopping(self) -> bool:
@@ -195,7 +196,7 @@ class Node(Results):
             return max_age_s() if callable(max_age_s) else max_age_s
 
         receiver = FrameReceiver(
-            self._session,
+            self._link,
             row.key(self.connection.namespace, whose),
             camera=whose,
             raw=row.encoding == keys.RAW_IMAGE,

@@ -10,6 +10,7 @@ import zenoh
 from common import keys
 from common.codec import Message, unpack
 from common.errors import ParameterRefused, PayloadError
+from common.link import Link
 from common.live import Change, LiveSettings, Revision
 from common.messages import Parameter, ParameterList, Refusal
 from common.parameters import live_fields, no_parameter, parameter
@@ -50,7 +51,7 @@ class ParameterServer:
         }
         self._log = logging.getLogger(node)
 
-    def publish_to(self, session: zenoh.Session) -> None:
+    def publish_to(self, link: Link) -> None:
         """Publish and log each change from now on."""
         congestion_control, priority = MESSAGE_DELIVERY
 
@@ -58,7 +59,7 @@ class ParameterServer:
             self._say(change)
             for key, name in self._names.items():
                 if name in change.names:
-                    session.put(
+                    link.session.put(
                         key,
                         self._parameter(name, change.after).to_bytes(),
                         encoding=keys.msgpack_of(Parameter.schema_name),

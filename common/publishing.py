@@ -11,6 +11,7 @@ import zenoh
 from common import images
 from common.images import Pixels
 from common.keys import JPEG, PNG, Topic
+from common.link import Link
 from common.messages import Header
 from common.session import direct
 
@@ -68,7 +69,7 @@ class StreamPublisher:
     """Publishes one key and remembers its newest sample.
 
     Args:
-        session: An open session.
+        link: To the router.
         topic: Row of the topic table.
         key: Full key expression.
         ask: Called on Zenoh's thread with each query on the key; must return at once.
@@ -76,7 +77,7 @@ class StreamPublisher:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        link: Link,
         topic: Topic,
         key: str,
         ask: Callable[[zenoh.Query, Callable[[zenoh.Query], None]], None],
@@ -86,21 +87,25 @@ class StreamPublisher:
         congestion_control, priority = (
             FRAME_DELIVERY if topic.delivery == "frame" else MESSAGE_DELIVERY
         )
-        self._publisher = session.declare_publisher(
-            key,
-            encoding=topic.encoding,
-            congestion_control=congestion_control,
-            priority=priority,
-        )
         self._newest: Once | None = None
-        self._queryable = session.declare_queryable(
-            key, direct(lambda query: ask(query, self.answer)), complete=True
+        self._publisher = link.declare(
+            lambda session: session.declare_publisher(
+                key,
+                encoding=topic.encoding,
+                congestion_control=congestion_control,
+                priority=priority,
+            )
+        )
+        self._queryable = link.declare(
+            lambda session: session.declare_queryable(
+                key, direct(lambda query: ask(query, self.answer)), complete=True
+            )
         )
 
     @property
     def wanted(self) -> bool:
         """Whether someone subscribes to the key."""
-        return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
+        return bool(self._publisher.now.matching_status.matching)  # type: ignore[attr-defined]
 
     def offer(self, make: Callable[[], Sample]) -> bool:
         """Make ``make()`` the key's newest sample and put it if it is wanted.
@@ -113,7 +118,9 @@ class StreamPublisher:
         if self.topic.lazy and not self.wanted:
             return False
         sample = once()
-        self._publisher.put(sample.payload, encoding=sample.encoding, attachment=sample.attachment)
+        self._publisher.now.put(
+            sample.payload, encoding=sample.encoding, attachment=sample.attachment
+        )
         return True
 
     def answer(self, query: zenoh.Query) -> None:

@@ -14,6 +14,7 @@ from common.age import AgeGauge
 from common.errors import PayloadError
 from common.frame import Form, Frame
 from common.ledger import Ledger
+from common.link import Link
 from common.messages import Header
 from common.session import direct
 from common.slot import Slot
@@ -46,7 +47,7 @@ class FrameReceiver:
     Everything on Zenoh's thread is cheap (header, size, order); decoding is the taker's.
 
     Args:
-        session: An open session.
+        link: To the router.
         key: Key expression of the stream.
         camera: Whose frames it carries.
         raw: The payload is raw pixels instead of JPEG or PNG.
@@ -59,7 +60,7 @@ class FrameReceiver:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        link: Link,
         key: str,
         *,
         camera: str,
@@ -82,7 +83,9 @@ class FrameReceiver:
         self._number = 0
         self._missed = 0
         self._slot = Slot[Arrival](lambda _: ledger.drop("overwritten"))
-        self._subscriber = session.declare_subscriber(key, direct(self._on_sample))
+        self._subscriber = link.declare(
+            lambda session: session.declare_subscriber(key, direct(self._on_sample))
+        )
 
     @property
     def clock_offset_ns(self) -> int | None:
@@ -139,7 +142,7 @@ class FrameReceiver:
             unread: The reason under which frames that nobody took are dropped; None leaves
                 them pending, for a node that ends with its receiver.
         """
-        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+        self._subscriber.undeclare()
         while unread and self._slot.take(0) is not None:
             self._ledger.drop(unread)
 

@@ -6,12 +6,11 @@ import itertools
 import time
 from collections.abc import Callable, Iterable, Sequence
 
-import zenoh
-
 from common import keys
 from common.frame import Frame
 from common.images import Pixels
 from common.keys import Topic
+from common.link import Link
 from common.messages import Header, Stamped
 from common.publishing import Sample, StreamPublisher, picture_sample
 from common.serving import QueryServer
@@ -42,12 +41,10 @@ class Results:
         """The keys it publishes, once it is open."""
         return [publisher.key for publisher in self._publishers.values()]
 
-    def _declare_publishers(
-        self, session: zenoh.Session, namespace: str, server: QueryServer
-    ) -> None:
+    def _declare_publishers(self, link: Link, namespace: str, server: QueryServer) -> None:
         for topic, camera in itertools.product(self._topics, self.cameras):
             self._publishers[topic.name, camera] = StreamPublisher(
-                session, topic, topic.key(namespace, camera), server.ask
+                link, topic, topic.key(namespace, camera), server.ask
             )
 
     def header(self, frame: Frame, encoding: str | None = None) -> Header:

@@ -11,6 +11,7 @@ from common import keys
 from common.description import description
 from common.health import Health
 from common.heartbeat import Heartbeat
+from common.link import Link
 from common.messages import Diagnostics, NodeDescription
 from common.publishing import Sample, StreamPublisher
 from common.serving import QueryServer
@@ -51,21 +52,21 @@ class SelfReport:
         """Say that it waits for a router, which is to be well."""
         self._heartbeat.beat()
 
-    def declare(self, session: zenoh.Session, namespace: str, server: QueryServer) -> None:
+    def declare(self, link: Link, namespace: str, server: QueryServer) -> None:
         """Declare what answers and what is sent; ``show`` comes when all else is there."""
-        self._session = session
+        self._link = link
         self._key = keys.node_key(namespace, self._node)
         self._diagnostics = StreamPublisher(
-            session,
+            link,
             keys.message_topic("diagnostics", Diagnostics.schema_name),
             keys.diagnostics_key(namespace, self._node),
             server.ask,
         )
-        server.declare(session, self._key, self._describe)
+        server.declare(link, self._key, self._describe)
 
     def show(self) -> None:
         """Show the token: whoever sees it may ask for all that the node offers."""
-        self._token = self._session.liveliness().declare_token(self._key)
+        self._link.declare(lambda session: session.liveliness().declare_token(self._key))
 
     def send(self) -> None:
         """Send the diagnostics, and say in the heartbeat's file how it does."""

@@ -14,6 +14,7 @@ import zenoh
 
 from common import keys
 from common.codec import Message
+from common.link import Link
 from common.messages import Header
 from common.session import direct
 
@@ -37,7 +38,6 @@ class QueryServer:
         self._waiting: queue.Queue[tuple[zenoh.Query, Answer] | None] = queue.Queue(
             MAX_WAITING_QUERIES
         )
-        self._queryables: list[zenoh.Queryable[None]] = []
         self._thread = threading.Thread(target=self._serve, name="queries and health", daemon=True)
 
     def start(self) -> None:
@@ -52,10 +52,10 @@ class QueryServer:
             with query:
                 query.reply_err(b"busy: too many queries are waiting", encoding="text/plain")
 
-    def declare(self, session: zenoh.Session, key: str, answer: Answer) -> None:
+    def declare(self, link: Link, key: str, answer: Answer) -> None:
         """Answer queries on a key."""
         handler = direct(lambda query: self.ask(query, answer))
-        self._queryables.append(session.declare_queryable(key, handler))
+        link.declare(lambda session: session.declare_queryable(key, handler))
 
     def close(self) -> None:
         """Finish the query in work, tick once more, end the thread."""

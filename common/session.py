@@ -87,6 +87,19 @@ def open_session(
     )
 
 
+def open_patiently(
+    connection: Connection, stopping: Callable[[], bool] = lambda: False
+) -> zenoh.Session | None:
+    """Try once to open a session, also over a link that has got too slow for the brisk way.
+
+    Returns:
+        None if there is no router.
+    """
+    give_up_s = time.monotonic() + 2 * PATIENT.open_ms / 1000
+    session = _attempt(connection, PATIENT, give_up_s, stopping, [])
+    return session and _brisker(connection, session, give_up_s, stopping)
+
+
 def _brisker(
     connection: Connection,
     patient: zenoh.Session,

@@ -6,10 +6,9 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-import zenoh
-
 from common.errors import PayloadError
 from common.keys import diagnostics_key
+from common.link import Link
 from common.messages import Diagnostics
 from common.session import direct
 
@@ -29,14 +28,16 @@ class HealthBoard:
     """Subscribes to the health of all nodes.
 
     Args:
-        session: An open session.
+        link: To the router.
         namespace: First chunk of the keys.
     """
 
-    def __init__(self, session: zenoh.Session, namespace: str) -> None:
+    def __init__(self, link: Link, namespace: str) -> None:
         self._newest: dict[str, Report] = {}
-        self._subscriber = session.declare_subscriber(
-            diagnostics_key(namespace, "*"), direct(self._on_sample)
+        link.declare(
+            lambda session: session.declare_subscriber(
+                diagnostics_key(namespace, "*"), direct(self._on_sample)
+            )
         )
 
     def of(self, node: str) -> Report | None:

@@ -75,13 +75,13 @@ class Presence:
 
 def every_answer_on(session: ToolSession, key: str, timeout_s: float = ANSWER_S) -> Question:
     """Return a query that all nodes may answer, equal names or not."""
-    return lambda handler: session.zenoh.get(key, handler, timeout=timeout_s, **EVERY_ANSWER)
+    return lambda handler: session.link.session.get(key, handler, timeout=timeout_s, **EVERY_ANSWER)
 
 
 def tokens_of(session: ToolSession, namespace: str, node: str = "*") -> Question:
     """Return the question which nodes show their token."""
     key = keys.node_key(namespace, node)
-    return lambda handler: session.zenoh.liveliness().get(key, handler, timeout=ANSWER_S)
+    return lambda handler: session.link.session.liveliness().get(key, handler, timeout=ANSWER_S)
 
 
 def present(session: ToolSession, living: Collection[str] | None = None) -> list[Presence]:

@@ -11,7 +11,8 @@ import zenoh
 
 from common.connection import Connection
 from common.errors import ConfigurationError
-from common.session import close_session, direct, open_session
+from common.link import Declaration, Link
+from common.session import direct
 from common.signals import StopSignals
 from common.zenoh_config import plain
 from services.tools.asking import EVERY_ANSWER, POLL_S, Answer, Question, answers_to
@@ -44,7 +45,7 @@ class ToolSession:
     def __enter__(self) -> Self:
         self._signals.catch()
         try:
-            self.zenoh = open_session(self.connection, lambda: self._stopping)
+            self.link = Link(self.connection, lambda: self._stopping)
         except BaseException:
             self._signals.release()
             raise
@@ -57,7 +58,7 @@ class ToolSession:
         traceback: TracebackType | None,
     ) -> None:
         """Close the session, in bounded time whatever the router does."""
-        close_session(self.zenoh)
+        self.link.close()
         self._signals.release()
 
     @property
@@ -68,7 +69,7 @@ class ToolSession:
     @property
     def connected(self) -> bool:
         """Whether a router is there at the moment."""
-        return bool(list(self.zenoh.info.routers_zid()))
+        return self.link.connected
 
     def stop(self) -> None:
         """End the waits; safe in a signal handler and from any thread."""
@@ -90,12 +91,12 @@ class ToolSession:
 
     def subscribe(
         self, key: str, on_sample: Callable[[zenoh.Sample], None]
-    ) -> zenoh.Subscriber[None]:
+    ) -> Declaration[zenoh.Subscriber[None]]:
         """Subscribe; the callback runs on Zenoh's thread and must be quick.
 
         The subscription ends with the session, or when what this returns is undeclared.
         """
-        return self.zenoh.declare_subscriber(key, direct(on_sample))
+        return self.link.declare(lambda session: session.declare_subscriber(key, direct(on_sample)))
 
     def ask(
         self, key: str, payload: bytes | None = None, *, timeout_s: float = ANSWER_S, **options: Any
@@ -111,7 +112,7 @@ class ToolSession:
         how = {**EVERY_ANSWER, "payload": payload, **options}
 
         def question(handler: Any) -> object:
-            return self.zenoh.get(key, handler, timeout=timeout_s, **how)
+            return self.link.session.get(key, handler, timeout=timeout_s, **how)
 
         (answers,) = answers_to([question], lambda: self._stopping)
         return [answer.reply for answer in answers]

@@ -83,7 +83,7 @@ def survey(session: ToolSession) -> Survey:
     ]
     asked = [node_key(session.namespace, "*"), ROUTERS, *selectors]
     described, admin, *declared = session.gather(*(every_answer_on(session, key) for key in asked))
-    own = str(session.zenoh.zid())
+    own = str(session.link.session.zid())
     found = {
         kind: _sessions(declared[2 * index] + declared[2 * index + 1], kind, own)
         for index, kind in enumerate(KINDS)

@@ -10,13 +10,12 @@ import threading
 import time
 from types import FrameType
 
-import zenoh
 from rich.console import Console
 
 from common.connection import Connection
 from common.errors import ToldToStop
 from common.heartbeat import Heartbeat
-from common.session import open_session
+from common.link import Link
 from common.zenoh_config import client_config, router_config
 from services.figures.board import HealthBoard
 from services.figures.display import LINE_PERIOD_S, Display, LiveTable, PlainLines
@@ -79,26 +78,26 @@ class System:
         Returns:
             The exit status: 0, or that of a router whose configuration is wrong.
         """
-        session = None
+        link = None
         try:
             # All at once: they wait for the router themselves, and loading takes the longest.
             for child in self._children():
                 child.start()
-            session = self._open()
-            if session is not None:
-                self._watch(session, HealthBoard(session, self._connection.namespace))
+            link = self._open()
+            if link is not None:
+                self._watch(link, HealthBoard(link, self._connection.namespace))
         finally:
-            self._end(session)
+            self._end(link)
         return WRONG_CONFIGURATION if self._router_failed() else 0
 
-    def _open(self) -> zenoh.Session | None:
+    def _open(self) -> Link | None:
         """Wait for the router; None if it cannot start or we are told to stop."""
         try:
-            return open_session(self._connection, self._waiting_is_over)
+            return Link(self._connection, self._waiting_is_over)
         except ToldToStop:
             return None
 
-    def _watch(self, session: zenoh.Session, board: HealthBoard) -> None:
+    def _watch(self, link: Link, board: HealthBoard) -> None:
         for line in how_to_subscribe(self._plan, self._connection, own=self._router is not None):
             self._display.announce(line)
         while not self._to_end():
@@ -112,7 +111,7 @@ class System:
                     child.heard()
             router = self._router
             settled = router is not None and router.age_s > SETTLED_S
-            if router and settled and list(session.info.routers_zid()):
+            if router and settled and link.connected:
                 router.heard()
             troubles = (trouble_of(child, board.of(child.name)) for child in self._children())
             self._heartbeat.beat("; ".join(filter(None, troubles)))
@@ -139,10 +138,10 @@ class System:
     def _children(self) -> list[Child]:
         return [*([self._router] if self._router else []), *self._nodes]
 
-    def _end(self, session: zenoh.Session | None) -> None:
+    def _end(self, link: Link | None) -> None:
         """End the nodes, then the router that they say goodbye through."""
         began_s = time.monotonic()
-        closing = threading.Thread(target=_close, args=(session,), daemon=True)
+        closing = threading.Thread(target=_close, args=(link,), daemon=True)
         closing.start()  # a router that hangs must not hold us up
         for group, allowed_s in ((self._nodes, NODES_END_S), (self._children(), ALL_END_S)):
             for child in group:
@@ -173,9 +172,9 @@ class System:
         return Child(ROUTER, flags, say=self._display.say)
 
 
-def _close(session: zenoh.Session | None) -> None:
-    if session is not None:
-        session.close()  # type: ignore[no-untyped-call]
+def _close(link: Link | None) -> None:
+    if link is not None:
+        link.close()
 
 
 def run(

@@ -11,6 +11,7 @@ import zenoh
 
 from common.codec import unpack
 from common.errors import PayloadError
+from common.link import Declaration, Link
 from common.session import direct
 from services.viewer import wire
 
@@ -35,7 +36,7 @@ class Messages:
         self.key = key
         self.hub = hub
         self._feeds: set[MessageFeed] = set()
-        self._subscriber: zenoh.Subscriber[None] | None = None
+        self._subscriber: Declaration[zenoh.Subscriber[None]] | None = None
         self._arrived: deque[bytes] = deque()
         self._woken = False
         self._ended = False
@@ -49,14 +50,16 @@ class Messages:
         self._ended = True
         self.hub.network.do(lambda _: self._undeclare())
 
-    def _declare(self, session: zenoh.Session) -> None:
+    def _declare(self, link: Link) -> None:
         if not self._ended and self._subscriber is None:
-            self._subscriber = session.declare_subscriber(self.key, direct(self._on_sample))
+            self._subscriber = link.declare(
+                lambda session: session.declare_subscriber(self.key, direct(self._on_sample))
+            )
 
     def _undeclare(self) -> None:
         subscriber, self._subscriber = self._subscriber, None
         if subscriber is not None:
-            subscriber.undeclare()  # type: ignore[no-untyped-call]
+            subscriber.undeclare()
 
     def feed(self, ready: Callable[[], None]) -> MessageFeed:
         """Return what one more client gets its messages from."""

@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 
 import zenoh
 
+from common.link import Link
 from common.zenoh_config import plain
 
 log = logging.getLogger("viewer")
@@ -21,7 +22,7 @@ V = TypeVar("V")
 
 
 class Network:
-    """Does things to a session one after the other, on a thread of its own.
+    """Does things to a link one after the other, on a thread of its own.
 
     Declaring and asking may wait for a link; the loop that serves browsers must not.
 
@@ -31,19 +32,19 @@ class Network:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop
-        self.session: zenoh.Session | None = None
+        self.link: Link | None = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="network")
 
-    def do(self, work: Callable[[zenoh.Session], None]) -> None:
-        """Do something as soon as what was asked before is done; nothing without a session."""
-        session = self.session
-        if session is not None:
-            self._worker.submit(self._guarded, work, session)
+    def do(self, work: Callable[[Link], None]) -> None:
+        """Do something as soon as what was asked before is done; nothing without a link."""
+        link = self.link
+        if link is not None:
+            self._worker.submit(self._guarded, work, link)
 
     async def ask(
         self, key: str, *, payload: bytes | None = None, timeout_s: float = 1.0
     ) -> list[zenoh.Reply]:
-        """Return the replies to a query, refusals too; none without a session or an answer."""
+        """Return the replies to a query, refusals too; none without a link or an answer."""
         done: asyncio.Future[list[zenoh.Reply]] = self.loop.create_future()
         replies: list[zenoh.Reply] = []
 
@@ -51,11 +52,11 @@ class Network:
             if not done.done():
                 done.set_result([reply for reply in replies if not _is_timeout(reply)])
 
-        def query(session: zenoh.Session) -> None:
+        def query(link: Link) -> None:
             handler = zenoh.handlers.Callback(
                 replies.append, lambda: self._to_loop(finish), indirect=False
             )
-            session.get(
+            link.session.get(
                 key,
                 handler,
                 payload=payload,
@@ -66,7 +67,7 @@ class Network:
             )
 
         self.do(query)
-        if self.session is None:
+        if self.link is None:
             return []
         # A session that closes forgets what was asked.
         self.loop.call_later(timeout_s + 0.5, finish)
@@ -74,7 +75,7 @@ class Network:
 
     def close(self) -> None:
         """Do no more; what is in work is not waited for."""
-        self.session = None
+        self.link = None
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _to_loop(self, call: Callable[[], None]) -> None:
@@ -84,9 +85,9 @@ class Network:
             log.debug("an answer came after the end")
 
     @staticmethod
-    def _guarded(work: Callable[[zenoh.Session], None], session: zenoh.Session) -> None:
+    def _guarded(work: Callable[[Link], None], link: Link) -> None:
         try:
-            work(session)
+            work(link)
         except zenoh.ZError as error:
             log.warning("Zenoh: %s", plain(error))
         except Exception:

@@ -7,10 +7,9 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
-import zenoh
-
 from common.errors import PayloadError
 from common.frame import Frame
+from common.link import Link
 from common.receiving import Arrival, FrameReceiver
 from services.viewer.rendering import Form
 from services.viewer.renditions import Feed, Rendition
@@ -59,11 +58,11 @@ class Pictures:
             self._pending = False
             self.hub.ledger.drop("unwatched")
 
-    def _declare(self, session: zenoh.Session) -> None:
+    def _declare(self, link: Link) -> None:
         if self._ended or self._receiver is not None:
             return
         self._receiver = FrameReceiver(
-            session,
+            link,
             self.key,
             camera=camera_of(self.key),
             raw=kind_of(self.key).raw,

@@ -35,7 +35,7 @@ def run(settings: ViewerSettings, connection: Connection) -> None:
         with contextlib.suppress(OSError):  # who read our output may be gone
             print(address, flush=True)
         with node:
-            server.begin(node.session)
+            server.begin(node.link)
             while not node.stopping:
                 live.take()
                 time.sleep(POLL_S)

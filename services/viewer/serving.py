@@ -11,9 +11,9 @@ import threading
 from types import TracebackType
 from typing import Self
 
-import zenoh
 from aiohttp import web
 
+from common.link import Link
 from common.live import LiveSettings
 from common.node import Node
 from services.viewer.access import Access
@@ -85,9 +85,9 @@ class WebServer:
         self.stop()
         self._thread.join(2 * END_S)
 
-    def begin(self, session: zenoh.Session) -> None:
-        """Go on to serve what comes over a session."""
-        self._loop.call_soon_threadsafe(self._begin, session)
+    def begin(self, link: Link) -> None:
+        """Go on to serve what comes over a link."""
+        self._loop.call_soon_threadsafe(self._begin, link)
 
     def stop(self) -> None:
         """Begin to end; from any thread."""
@@ -164,8 +164,8 @@ class WebServer:
             self._node.health.turn()
             await asyncio.sleep(TICK_S)
 
-    def _begin(self, session: zenoh.Session) -> None:
-        self._network.session = session
+    def _begin(self, link: Link) -> None:
+        self._network.link = link
         self._watcher.begin()
         self._hub.begin()
 

@@ -6,12 +6,14 @@ import asyncio
 import logging
 from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import msgpack
 import zenoh
 
 from common import keys
 from common.errors import ParameterRefused, PayloadError
+from common.link import Link
 from common.messages import Diagnostics, NodeDescription, Parameter, ParameterList, Refusal
 from common.session import direct
 from services.viewer.network import Mailbox, Network
@@ -55,7 +57,6 @@ class Watcher:
             "health": Diagnostics,
             "parameter": Parameter,
         }
-        self._declared: list[object] = []
         self._asking: set[asyncio.Task[None]] = set()
 
     def begin(self) -> None:
@@ -119,21 +120,18 @@ class Watcher:
 
     # On the network's and Zenoh's threads
 
-    def _declare(self, session: zenoh.Session) -> None:
-        namespace = self._namespace
+    def _declare(self, link: Link) -> None:
+        tokens = keys.node_key(self._namespace, "*")
         on_token = direct(partial(self._on_sample, "token"))
-        self._declared = [
-            session.liveliness().declare_subscriber(
-                keys.node_key(namespace, "*"), on_token, history=True
-            ),
-            session.declare_subscriber(
-                keys.diagnostics_key(namespace, "*"), direct(partial(self._on_sample, "health"))
-            ),
-            session.declare_subscriber(
-                keys.parameter_key(namespace, "*", "*"),
-                direct(partial(self._on_sample, "parameter")),
-            ),
-        ]
+        link.declare(
+            lambda session: session.liveliness().declare_subscriber(tokens, on_token, history=True)
+        )
+        for kind, key in (
+            ("health", keys.diagnostics_key(self._namespace, "*")),
+            ("parameter", keys.parameter_key(self._namespace, "*", "*")),
+        ):
+            handler = direct(partial(self._on_sample, kind))
+            link.declare(partial(_subscribe, key, handler))
 
     def _on_sample(self, kind: str, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
@@ -142,8 +140,8 @@ class Watcher:
         elif len(sample.payload) <= MAX_BYTES:
             self._box.put((kind, key), sample.payload.to_bytes())
 
-    def _look_for_router(self, session: zenoh.Session) -> None:
-        connected = bool(list(session.info.routers_zid()))
+    def _look_for_router(self, link: Link) -> None:
+        connected = link.connected
         if connected != self.system.connected:
             self._box.put(("router", ""), b"1" if connected else None)
 
@@ -197,3 +195,7 @@ class Watcher:
                     log.debug("%s: %s", reply.ok.key_expr, error)
                     continue
                 self.system.parameters(found.node, list(found.parameters))
+
+
+def _subscribe(key: str, handler: Any, session: zenoh.Session) -> zenoh.Subscriber[None]:
+    return session.declare_subscriber(key, handler)

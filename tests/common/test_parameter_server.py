@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import msgpack
@@ -188,7 +189,7 @@ class Session:
 
 def test_each_value_that_changed_is_published_with_its_revision(lamp: Lamp):
     session = Session()
-    lamp.server.publish_to(session)  # type: ignore[arg-type]
+    lamp.server.publish_to(SimpleNamespace(session=session))  # type: ignore[arg-type]
     lamp.set(ALL, {"low": 0.5, "power": 50, "high": 7})
     lamp.set(f"{ALL}/power", 500)
     lamp.set(f"{ALL}/power", 51)

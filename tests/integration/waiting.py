@@ -37,6 +37,7 @@ def wait_until(
 def in_time(node: Node, frames: Iterator[Frame], deadline_s: float = 15.0) -> Iterator[Frame]:
     """Yield a node's frames, but stop the node after the deadline, so that no test hangs."""
     alarm = threading.Timer(deadline_s, node.stop)
+    alarm.daemon = True
     alarm.start()
     try:
         yield from frames

@@ -103,7 +103,7 @@ def survey(session: ToolSession, for_s: float) -> Survey:
         if time.monotonic() >= end_s:
             break
         session.wait(LOOK_S)
-    found.reached = tuple(map(str, session.zenoh.info.routers_zid()))
+    found.reached = tuple(map(str, session.link.session.info.routers_zid()))
     # One that answered before is busy at the most.
     found.nodes = [
         answered[each.name][-1] if each.description is None and each.name in answered else each

@@ -71,12 +71,13 @@ class Exporter:
     def listen(self, session: ToolSession) -> None:
         """Listen to the tokens and the health of all nodes."""
         namespace = session.namespace
-        self._tokens = session.zenoh.liveliness().declare_subscriber(
-            node_key(namespace, "*"), direct(partial(self._guarded, self._on_token)), history=True
+        on_token = direct(partial(self._guarded, self._on_token))
+        session.link.declare(
+            lambda opened: opened.liveliness().declare_subscriber(
+                node_key(namespace, "*"), on_token, history=True
+            )
         )
-        self._reports = session.subscribe(
-            diagnostics_key(namespace, "*"), partial(self._guarded, self._on_report)
-        )
+        session.subscribe(diagnostics_key(namespace, "*"), partial(self._guarded, self._on_report))
         self._session = session
 
     def trouble(self) -> str:

@@ -58,8 +58,10 @@ class Tokens:
     def __init__(self, session: ToolSession) -> None:
         self.changed = threading.Event()
         self._names: frozenset[str] = frozenset()
-        self._subscriber = session.zenoh.liveliness().declare_subscriber(
-            node_key(session.namespace, "*"), direct(self._on_sample), history=True
+        session.link.declare(
+            lambda opened: opened.liveliness().declare_subscriber(
+                node_key(session.namespace, "*"), direct(self._on_sample), history=True
+            )
         )
 
     def take(self) -> frozenset[str]:

@@ -146,7 +146,7 @@ class Arrivals:
     def close(self) -> None:
         """Stop to listen."""
         for subscriber in self._subscribers:
-            subscriber.undeclare()  # type: ignore[no-untyped-call]
+            subscriber.undeclare()
 
     def _taker(self, earlier: Sequence[str]) -> Callable[[zenoh.Sample], None]:
         append, monotonic_ns, time_ns = self._waiting.append, time.monotonic_ns, time.time_ns

@@ -107,7 +107,7 @@ def observe(
     session.wait(window_s)
     end_s = time.monotonic()
     for subscriber in subscribers:
-        subscriber.undeclare()  # type: ignore[no-untyped-call]
+        subscriber.undeclare()
     for at_s, key, encoding, attachment in samples:
         record = seen.setdefault(key, Seen())
         record.times_s.append(at_s)

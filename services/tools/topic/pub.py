@@ -46,15 +46,17 @@ def _send(session: ToolSession, key: str, composer: Composer, options: PubOption
     topic = topic_of(key)
     frame = topic is not None and topic.delivery == "frame"
     congestion_control, priority = FRAME_DELIVERY if frame else MESSAGE_DELIVERY
-    publisher = session.zenoh.declare_publisher(
-        key, congestion_control=congestion_control, priority=priority
+    publisher = session.link.declare(
+        lambda opened: opened.declare_publisher(
+            key, congestion_control=congestion_control, priority=priority
+        )
     )
     count = options.count or (1 if options.rate is None else None)
     period_s = 1 / (options.rate or 1.0)
     begun_s, epoch, sent = time.monotonic(), time.time_ns(), 0
     while count is None or sent < count:
         sample = composer.make(sent, epoch)
-        publisher.put(sample.payload, encoding=sample.encoding, attachment=sample.attachment)
+        publisher.now.put(sample.payload, encoding=sample.encoding, attachment=sample.attachment)
         sent += 1
         due_s = begun_s + sent * period_s
         if sent != count and not session.wait(due_s - time.monotonic()):
