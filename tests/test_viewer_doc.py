@@ -8,6 +8,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from aiohttp import WSCloseCode
 
 from services.viewer import (
     compatible,
@@ -82,6 +83,8 @@ def test_the_addresses_are_all_there():
 def test_the_limits_are_those_of_the_code():
     for words in (
         f"{requests.MAX_BYTES >> 10} kB in a message, {requests.MAX_RATE_HZ} messages a second",
+        f"Too large: the connection is closed with code {WSCloseCode.MESSAGE_TOO_BIG:d}",
+        f"or other than text: with {WSCloseCode.POLICY_VIOLATION:d}",
         f"watches at most {live.MAX_WATCHES} streams",
         f"{messages.QUEUE} wait for a page",
         f"At most {live.AHEAD} are sent ahead",

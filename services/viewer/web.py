@@ -178,7 +178,10 @@ class Application:
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         socket = web.WebSocketResponse(
-            heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_BYTES, timeout=1.0
+            heartbeat=HEARTBEAT_S,
+            compress=False,
+            max_msg_size=MAX_BYTES + 1,  # aiohttp refuses what is as large as this
+            timeout=1.0,
         )
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text="/live is a WebSocket\n")

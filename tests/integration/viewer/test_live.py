@@ -14,6 +14,7 @@ import msgpack
 import numpy as np
 import pytest
 
+from services.viewer.requests import MAX_BYTES, MAX_RATE_HZ
 from tests.integration.publishing import PlainCamera
 from tests.integration.routing import Router
 from tests.integration.viewer.browsing import IMAGE, Page, Viewer
@@ -242,25 +243,41 @@ def test_more_than_32_watches_are_refused(viewer: Viewer):
     run(test())
 
 
-@pytest.mark.parametrize("kind", ["large", "fast", "binary"])
-def test_a_page_that_sends_too_much_is_closed_with_1008(viewer: Viewer, kind):
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [("large", 1009), ("fast", 1008), ("binary", 1008)],
+)
+def test_a_page_that_sends_too_much_is_closed(viewer: Viewer, kind: str, code: int):
     async def test() -> None:
         async with viewer.page() as page:
             await page.text("streams")
             if kind == "large":
-                await page.socket.send_str('{"op":"' + "x" * 20_000 + '"}')
+                await page.socket.send_str("x" * (MAX_BYTES + 1))
             elif kind == "binary":
                 await page.socket.send_bytes(b"x")
             else:
-                for _ in range(60):
+                for _ in range(MAX_RATE_HZ + 10):
                     await page.ask("unwatch", key="a")
             while (message := await page.socket.receive(10)).type == aiohttp.WSMsgType.TEXT:
                 pass
             assert message.type == aiohttp.WSMsgType.CLOSE
-            assert message.data in (1008, 1009)
+            assert message.data == code
 
     run(test())
     assert viewer.get("/healthz").status == 200
+
+
+def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(viewer: Viewer):
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.socket.send_str("x" * MAX_BYTES)
+            assert (await page.text("error"))["text"]
+            for _ in range(20 * MAX_RATE_HZ):
+                await page.ask("shown", key=IMAGE)
+            await page.ask("watch", key="**")
+            assert "'**' is no stream" in (await page.text("error"))["text"]
+
+    run(test())
 
 
 def test_broken_pictures_of_a_made_up_run_do_not_silence_the_camera(viewer: Viewer, client):
