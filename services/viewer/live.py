@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import deque
 from collections.abc import Hashable
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -17,11 +16,10 @@ from services.viewer.messages import MessageFeed
 from services.viewer.outbox import Outbox
 from services.viewer.renditions import Feed
 from services.viewer.requests import (
-    MAX_BYTES,
     MAX_RATE_HZ,
-    MAX_SHOWN_HZ,
     Dump,
     Malformed,
+    Quota,
     Set,
     Shown,
     Unwatch,
@@ -39,7 +37,6 @@ HEARTBEAT_S = 15.0
 STALLED_S = 20.0
 ENDED_POLL_S = 0.2
 MESSAGES_AT_ONCE = 16
-RATE_WINDOW_S = 1.0
 
 
 class Watching:
@@ -73,8 +70,7 @@ class Page:
         self._pictures: dict[str, Watching] = {}
         self._messages: dict[str, MessageFeed] = {}
         self._asked: set[asyncio.Task[None]] = set()
-        self._times: deque[float] = deque()
-        self._shown: deque[float] = deque()
+        self._quota = Quota()
 
     def tell(self, text: str, replaces: Hashable | None = None) -> None:
         """Leave a text for the page; one that does not read for too long is left."""
@@ -100,29 +96,28 @@ class Page:
 
     async def _receive(self) -> None:
         async for message in self._socket:
-            if message.type != WSMsgType.TEXT or len(message.data) > MAX_BYTES:
-                await self._socket.close(
-                    code=WSCloseCode.POLICY_VIOLATION, message=b"text of at most 16 kB, please"
-                )
+            if message.type != WSMsgType.TEXT:
+                await self._refuse("texts only, please")
                 return
-            if self._too_fast(message.data):
-                words = f"at most {MAX_RATE_HZ} messages a second".encode()
-                await self._socket.close(code=WSCloseCode.POLICY_VIOLATION, message=words)
+            asked: Watch | Unwatch | Shown | Set | Dump | Malformed
+            try:
+                asked = request_of(message.data)
+            except Malformed as error:
+                asked = error
+            # Counted by what it is, not by the words in it.
+            if self._quota.is_exceeded(asked, time.monotonic()):
+                await self._refuse(f"at most {MAX_RATE_HZ} messages a second")
                 return
             try:
-                self._do(request_of(message.data))
+                if isinstance(asked, Malformed):
+                    raise asked
+                self._do(asked)
             except (Malformed, VisionError) as error:
                 self.tell(wire.text("error", text=str(error)))
 
-    def _too_fast(self, message: str) -> bool:
-        """Tell whether too many came in the last second; ``shown`` comes once a picture."""
-        now_s = time.monotonic()
-        shown = '"shown"' in message
-        times, most = (self._shown, MAX_SHOWN_HZ) if shown else (self._times, MAX_RATE_HZ)
-        times.append(now_s)
-        while times[0] < now_s - RATE_WINDOW_S:
-            times.popleft()
-        return len(times) > most
+    async def _refuse(self, why: str) -> None:
+        """Close the connection, unless aiohttp has, as for a message that is too large."""
+        await self._socket.close(code=WSCloseCode.POLICY_VIOLATION, message=why.encode())
 
     def _do(self, request: Watch | Unwatch | Shown | Set | Dump) -> None:
         if isinstance(request, Shown):

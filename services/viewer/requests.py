@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -13,6 +14,8 @@ MAX_BYTES = 16 << 10
 MAX_RATE_HZ = 50
 MAX_SHOWN_HZ = 4000
 """Of ``shown``, which comes once a picture: 32 streams at 120 Hz."""
+
+RATE_WINDOW_S = 1.0
 
 Key = Annotated[str, Field(min_length=1, max_length=200)]
 Name = Annotated[str, Field(min_length=1, max_length=128, pattern=r"^[a-z0-9_]+$")]
@@ -98,3 +101,25 @@ def request_of(text: str) -> Watch | Unwatch | Shown | Set | Dump:
         place = ".".join(str(part) for part in first["loc"]) or "request"
         raise Malformed(f"{place}: {first['msg']}") from None
     return found
+
+
+class Quota:
+    """How much one page has sent in the last second."""
+
+    def __init__(self) -> None:
+        self._others: deque[float] = deque()
+        self._shown: deque[float] = deque()
+
+    def is_exceeded(self, asked: Request | Malformed, now_s: float) -> bool:
+        """Count one more message, and tell whether that is too many.
+
+        Args:
+            asked: What it asks, or that it makes no sense.
+            now_s: When it came, monotonic.
+        """
+        shown = isinstance(asked, Shown)
+        times, most = (self._shown, MAX_SHOWN_HZ) if shown else (self._others, MAX_RATE_HZ)
+        times.append(now_s)
+        while times[0] < now_s - RATE_WINDOW_S:
+            times.popleft()
+        return len(times) > most

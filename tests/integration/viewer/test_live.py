@@ -245,7 +245,7 @@ def test_more_than_32_watches_are_refused(viewer: Viewer):
 
 @pytest.mark.parametrize(
     ("kind", "code"),
-    [("large", 1009), ("fast", 1008), ("binary", 1008)],
+    [("large", 1009), ("fast", 1008), ("fast_by_the_word", 1008), ("binary", 1008)],
 )
 def test_a_page_that_sends_too_much_is_closed(viewer: Viewer, kind: str, code: int):
     async def test() -> None:
@@ -257,7 +257,7 @@ def test_a_page_that_sends_too_much_is_closed(viewer: Viewer, kind: str, code: i
                 await page.socket.send_bytes(b"x")
             else:
                 for _ in range(MAX_RATE_HZ + 10):
-                    await page.ask("unwatch", key="a")
+                    await page.ask("unwatch", key="shown" if kind == "fast_by_the_word" else "a")
             while (message := await page.socket.receive(10)).type == aiohttp.WSMsgType.TEXT:
                 pass
             assert message.type == aiohttp.WSMsgType.CLOSE
