@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
-from common.codec import unpack
+from common.codec import Message, unpack
 from common.errors import PayloadError
 from common.link import Declaration, Link
+from common.messages import CameraInfo, Centroid, TrackEvent, Tracks
 from common.session import direct
 from services.viewer import wire
+from services.viewer.topics import kind_of
 
 if TYPE_CHECKING:
     from services.viewer.hub import Hub
@@ -22,6 +24,9 @@ QUEUE = 64
 """Messages that wait for one client; the oldest gives way."""
 
 MAX_BYTES = 256 << 10
+CLASSES: dict[str, type[Message]] = {
+    message.schema_name: message for message in (Centroid, Tracks, TrackEvent, CameraInfo)
+}
 
 
 class Messages:
@@ -37,7 +42,7 @@ class Messages:
         self.hub = hub
         self._feeds: set[MessageFeed] = set()
         self._subscriber: Declaration[zenoh.Subscriber[None]] | None = None
-        self._arrived: deque[bytes] = deque()
+        self._arrived: deque[tuple[bytes, str]] = deque()
         self._woken = False
         self._ended = False
 
@@ -80,7 +85,7 @@ class Messages:
         if sample.kind != zenoh.SampleKind.PUT or len(sample.payload) > MAX_BYTES:
             ledger.drop("bad_message")
             return
-        self._arrived.append(sample.payload.to_bytes())
+        self._arrived.append((sample.payload.to_bytes(), str(sample.encoding)))
         while len(self._arrived) > QUEUE:
             try:
                 self._arrived.popleft()
@@ -98,14 +103,14 @@ class Messages:
         self._woken = False
         while True:
             try:
-                payload = self._arrived.popleft()
+                payload, encoding = self._arrived.popleft()
             except IndexError:
                 return
             if not self._feeds:
                 self.hub.ledger.drop("unwatched")
                 continue
             try:
-                text, stamp_ns = message_text(self.key, payload)
+                text, stamp_ns = message_text(self.key, payload, encoding)
             except PayloadError as error:
                 self.hub.ledger.drop(error.reason)
                 self.hub.health.complain(error)
@@ -145,15 +150,26 @@ class MessageFeed:
         self.stream.leave(self)
 
 
-def message_text(key: str, payload: bytes) -> tuple[str, int | None]:
+def message_text(key: str, payload: bytes, encoding: str = "") -> tuple[str, int | None]:
     """Return a message as a page gets it, and its frame's capture time, ns since 1970.
 
+    What it must be is said by the key, if that is in the topic table, else by its encoding; a
+    message of another's class may be any map. Fields that its class does not know are passed on.
+
+    Args:
+        key: Full key expression.
+        payload: The msgpack map.
+        encoding: Of the sample, as Zenoh spells it.
+
     Raises:
-        PayloadError: ``bad_message``: it is no msgpack map.
+        PayloadError: ``bad_message``: it is no msgpack map, or none of its class.
     """
     fields = unpack(payload)
     if not isinstance(fields, dict):
         raise PayloadError("bad_message", f"{type(fields).__name__} instead of a map")
+    expected = CLASSES.get(kind_of(key).type or encoding.partition(";")[2])
+    if expected is not None:
+        expected.from_map(fields)
     header = fields.get("header")
     body = {name: value for name, value in fields.items() if name != "header"}
     stamp_ns = header.get("stamp_ns") if isinstance(header, dict) else None

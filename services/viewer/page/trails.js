@@ -43,18 +43,14 @@ export class Trails {
 }
 
 /** What a message marks in its frame: [{id, label, x, y, box, state}]; id "" is a centroid. */
-export function marksOf(body) {
-	if (Array.isArray(body.tracks)) {
-		return body.tracks.map((track) => ({
-			id: track.id,
-			label: track.state === "confirmed" ? `${track.id}` : `${track.id} ${track.state}`,
-			x: track.x,
-			y: track.y,
-			box: track.box,
-			state: track.state,
-		}));
-	}
-	if (body.x === null || body.x === undefined || !body.box) return [];
-	const { x, y, box } = body;
-	return [{ id: "", label: `${x}, ${y}`, x, y, box, state: "confirmed" }];
+export function marksOf({ tracks, x, y, box }) {
+	const marks = Array.isArray(tracks) ? tracks.map((track) => ({ ...track,
+		label: track?.state === "confirmed" ? `${track.id}` : `${track?.id} ${track?.state}` }))
+		: [{ id: "", label: `${x}, ${y}`, x, y, box, state: "confirmed" }];
+	return marks.filter(isPlaced);
+}
+
+/** What the server passes on of fields that it does not know may be anything. */
+function isPlaced({ x, y, box }) {
+	return Array.isArray(box) && box.length === 4 && [x, y, ...box].every(Number.isFinite);
 }

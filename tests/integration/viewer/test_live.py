@@ -13,6 +13,7 @@ import cv2
 import msgpack
 import numpy as np
 import pytest
+import zenoh
 
 from services.viewer.requests import MAX_BYTES, MAX_RATE_HZ
 from tests.integration.publishing import PlainCamera
@@ -328,6 +329,34 @@ def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
     with camera.at(15, send_both):
         run(test())
     wait_until(lambda: viewer.get("/healthz").status == 200)
+
+
+def test_a_message_that_is_none_of_its_class_reaches_no_page_and_is_counted(
+    viewer: Viewer, client: zenoh.Session
+):
+    camera = PlainCamera(client)
+    good = msgpack.packb({"header": camera.header(), "tracks": []})
+    bad = msgpack.packb({"header": camera.header(), "tracks": [None]})
+
+    def send_both() -> None:
+        for payload in (bad, b"no msgpack", good):
+            client.put(TRUTH, payload, encoding="application/msgpack;vision.Tracks.v1")
+
+    async def test() -> None:
+        async with viewer.page() as page:
+            await page.ask("watch", key=TRUTH)
+            for _ in range(10):
+                assert (await page.text("message"))["body"] == {"tracks": []}
+            health = await page.text("health", node="viewer")
+            while not health["diagnostics"]["counters"].get("processed"):
+                health = await page.text("health", node="viewer")
+            found = health["diagnostics"]["counters"]
+            assert found["dropped.bad_message"] >= 2 * found["processed"] - 2
+            dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
+            assert found["received"] == found["processed"] + dropped + found["pending"]
+
+    with camera.at(15, send_both):
+        run(test())
 
 
 def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: Viewer, client):

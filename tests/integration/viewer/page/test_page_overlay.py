@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgpack
+
 from tests.integration.listening import Listener, open_client
 from tests.integration.viewer.page.browsing import CAMERA, TRUTH, Open, Running, Tab
 from tests.integration.viewer.page.twelve import publish_cameras
 from tests.integration.waiting import wait_until
 
+CENTROID = "vision/front/centroid"
 WITHIN_PIXELS = 3
 CHOICES = """
     localStorage.setItem("zv.overlays", '{"centroid": false, "truth": true}');
@@ -50,6 +53,20 @@ GAPS = """([left, top, boxWidth, boxHeight]) => {
     return [gap(left, down, 1, 0), gap(left + boxWidth, down, 1, 0),
         gap(across, top + boxHeight, 0, 1)];
 }"""
+
+PLACE = {"x": 1, "y": 2, "box": [3, 4, 5, 6], "area": 7.0}
+STRANGE: list[dict[str, Any]] = [
+    {},
+    {"header": None},
+    {"header": {"epoch": "x", "seq": None, "stamp_ns": "y"}},
+    {"tracks": None, "x": "1", "y": [2], "box": 3},
+    {"tracks": [None, 5, {}, {"box": None}, {"box": {"length": 4}}]},
+    PLACE | {"box": [3, 4]},
+    PLACE | {"y": None},
+    # These are centroids, with more in them than the page knows.
+    PLACE | {"tracks": [None, PLACE | {"box": "abcd"}, {"box": [1]}]},
+    PLACE | {"tracks": "none", "id": {}, "state": 5},
+]
 
 
 def test_at_30_hz_each_frame_has_the_boxes_of_its_truth(open_tab: Open, system: Running) -> None:
@@ -124,6 +141,32 @@ def test_without_its_tracker_a_picture_is_shown_at_once_and_says_so(
     tab.wait(f"{joined} === 'without'")
     tab.wait("document.querySelector('canvas.picture').dataset.live === 'true'")
     tab.wait("document.querySelector('.pane-badge').textContent.includes('without centroid')")
+
+
+def test_messages_that_are_none_are_not_drawn_and_nothing_complains_of_them(
+    open_tab: Open, system: Running
+) -> None:
+    tab = _with_truth(open_tab)
+    tab.page.evaluate("localStorage.removeItem('zv.trails')")
+    tab.page.evaluate("localStorage.removeItem('zv.overlays')")
+    tab.page.reload()
+    tab.wait_until_live(CAMERA)
+    tab.page.keyboard.press("p")  # the plots hear the centroid, too
+    with open_client(system.router.endpoint) as session:
+        frames = Listener(session, CAMERA)
+        for _ in range(10):
+            before = len(frames.messages)
+            wait_until(lambda count=before: len(frames.messages) > count)
+            header = frames.messages[-1].header
+            for body in STRANGE:
+                for key in (TRUTH, CENTROID):
+                    session.put(key, msgpack.packb({"header": header} | body))
+        seq = frames.messages[-1].header["seq"]
+    for _ in range(5):
+        shown = tab.wait(f"(() => {{ const one = {SHOWN}; return one?.seq > {seq} && one; }})()")
+        assert len({mark["id"] for mark in shown["boxes"]}) == len(shown["boxes"])
+        seq = shown["seq"]
+    assert tab.complaints == []
 
 
 def _with_truth(open_tab: Open) -> Tab:

@@ -82,3 +82,22 @@ test("a trail ends with its frame and is two seconds long", () => {
 test("a centroid of nothing marks nothing", () => {
   assert.deepEqual(marksOf({ x: null, y: null, box: null, area: null }), []);
 });
+
+const TRACK = { id: 7, state: "lost", x: 1.5, y: 2, box: [0, 0, 3, 4] };
+
+test("a centroid and tracks mark their boxes", () => {
+  assert.deepEqual(marksOf({ x: 3, y: 4, box: [1, 2, 5, 6], area: 9 }),
+    [{ id: "", label: "3, 4", x: 3, y: 4, box: [1, 2, 5, 6], state: "confirmed" }]);
+  assert.deepEqual(marksOf({ tracks: [TRACK, { ...TRACK, id: 8, state: "confirmed" }] })
+    .map(({ id, label }) => [id, label]), [[7, "7 lost"], [8, "8"]]);
+});
+
+test("what is no place marks nothing and does not stop the rest", () => {
+  for (const box of [null, 5, {}, { length: 4 }, "abcd", [1, 2, 3], [1, 2, 3, null], [1, 2, 3, "4"]]) {
+    assert.deepEqual(marksOf({ x: 3, y: 4, box }), []);
+    assert.deepEqual(marksOf({ tracks: [{ ...TRACK, box }, null, 5, "x", TRACK] }).length, 1);
+  }
+  for (const body of [{}, { x: 3, y: 4 }, { x: "3", y: 4, box: [1, 2, 3, 4] }, { tracks: {} }]) {
+    assert.deepEqual(marksOf(body), []);
+  }
+});
