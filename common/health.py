@@ -95,7 +95,7 @@ class Health:
         else:  # a rate that is low because of that needs no words of its own
             self.bounds.restart()
         for receiver in self.receivers:
-            since_s = now_s - (receiver.arrived_s or self._started_s)
+            since_s = now_s - (receiver.arrived_s or receiver.begun_s)
             if since_s > SILENT_S:
                 found.append((STALE, f"no frame on {receiver.key} for {since_s:.0f} s"))
             elif (late_s := now_s - (receiver.late_since_s or now_s)) > SILENT_S:

@@ -56,6 +56,10 @@ class FrameReceiver:
         ledger: Counts what arrives and what becomes of it.
         complain: Called with each drop, for the log.
         arrived: Called on Zenoh's thread when there is one to take; must be quick.
+
+    Attributes:
+        begun_s: When it was made, monotonic.
+        arrived_s: When the last good frame arrived, monotonic; None before the first.
     """
 
     def __init__(
@@ -71,6 +75,7 @@ class FrameReceiver:
         arrived: Callable[[], None] = lambda: None,
     ) -> None:
         self.key = key
+        self.begun_s = time.monotonic()
         self.age = AgeGauge(int(max_age_s() * 1e9))
         self.arrived_s: float | None = None
         self._max_age_s = max_age_s

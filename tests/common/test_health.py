@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from common import health as health_module
-from common.diagnostics import ERROR, OK, WARN
+from common.diagnostics import ERROR, OK, STALE, WARN
 from common.errors import PayloadError
 from common.health import Health
 from common.ledger import Ledger
@@ -44,6 +44,17 @@ class Camera:
             self._clock.now_s += 1.0
             said = self.health.diagnostics()
         return said.level, said.message
+
+
+@dataclass
+class Receiver:
+    """What ``Health`` looks at of a receiver."""
+
+    begun_s: float
+    arrived_s: float | None = None
+    late_since_s: float | None = None
+    clock_offset_ns: int | None = None
+    key: str = "vision/front/image/compressed"
 
 
 @pytest.fixture
@@ -97,3 +108,14 @@ def test_the_histogram_counts_what_the_percentiles_have_forgotten(camera: Camera
     assert said.latency_ms.p50 is None
     assert said.latency_histogram_ms is not None
     assert (said.latency_histogram_ms.counts[-1], said.latency_histogram_ms.sum) == (1, 4.0)
+
+
+def test_a_key_is_silent_since_one_listens_to_it_and_not_since_the_node_began(camera: Camera):
+    camera.run(3600, 0)
+    receiver = Receiver(begun_s=3700.0)
+    camera.health.receivers.append(receiver)  # type: ignore[arg-type]
+    assert camera.run(2, 0) == (OK, "ok")
+    assert camera.run(1, 0) == (STALE, f"no frame on {receiver.key} for 3 s")
+    receiver.arrived_s = 3703.0
+    assert camera.run(1, 0) == (OK, "ok")
+    assert camera.run(5, 0) == (STALE, f"no frame on {receiver.key} for 6 s")

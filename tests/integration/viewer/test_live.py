@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 import tomllib
 from collections.abc import Coroutine
@@ -357,6 +358,23 @@ def test_a_message_that_is_none_of_its_class_reaches_no_page_and_is_counted(
 
     with camera.at(15, send_both):
         run(test())
+
+
+def test_a_key_without_frames_is_silent_for_as_long_as_it_is_watched(viewer: Viewer):
+    async def test() -> None:
+        async with viewer.page() as page:
+            while (await page.text("health", node="viewer"))["diagnostics"]["uptime_s"] < 6:
+                pass
+            await page.ask("watch", key=IMAGE)
+            found = None
+            while found is None:
+                health = await page.text("health", node="viewer")
+                found = re.match(
+                    rf"no frame on {IMAGE} for (\d+) s", health["diagnostics"]["message"]
+                )
+            assert int(found[1]) < 5
+
+    run(test())
 
 
 def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: Viewer, client):
