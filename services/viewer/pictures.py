@@ -39,7 +39,7 @@ class Pictures:
         self._receiver: FrameReceiver | None = None
         self._ended = False
         self._woken = False
-        self._pending = False
+        self._pending: dict[int, int] = {}  # frames that no client got yet: number, stamp_ns
         self._arrived_s = time.monotonic()
         self.arrived_ns = time.time_ns()
         self._intervals: deque[float] = deque(maxlen=INTERVALS)
@@ -54,9 +54,7 @@ class Pictures:
         """Unsubscribe, and forget the newest."""
         self._ended = True
         self.hub.network.do(lambda _: self._undeclare())
-        if self._pending:
-            self._pending = False
-            self.hub.ledger.drop("unwatched")
+        self._drop(list(self._pending), "unwatched")
 
     def _declare(self, link: Link) -> None:
         if self._ended or self._receiver is not None:
@@ -98,6 +96,7 @@ class Pictures:
             del self._forms[rendition.form]
         if not self._forms and not self._ended:
             self.hub.forget(self)
+        self.settle()
 
     # Pictures
 
@@ -115,20 +114,31 @@ class Pictures:
         """How many of the camera's frames never came here."""
         return 0 if self.newest is None else self.newest[0].missed
 
-    def given(self) -> None:
-        """Take note that a client got the newest."""
-        if self._pending and self.newest is not None:
-            self._pending = False
-            self._done(self.newest[0].header.stamp_ns)
+    def given(self, number: int) -> None:
+        """Take note that a client got a frame; only the first one's counts."""
+        stamp_ns = self._pending.pop(number, None)
+        if stamp_ns is not None:
+            self._done(stamp_ns)
 
     def failed(self, number: int, error: PayloadError) -> None:
         """Take note that a picture could not be made into another form."""
         self.hub.health.complain(error)
-        if self._pending and self.newest is not None and self.newest[0].number == number:
-            self._pending = False
-            self.hub.ledger.drop(error.reason)
+        if number in self._pending:
+            self._drop([number], error.reason)
         else:
             self.hub.ledger.note("not_rendered")
+
+    def settle(self) -> None:
+        """Drop the frames that no client can get any more, as there are newer ones."""
+        held = {number for rendition in self._forms.values() for number in rendition.held}
+        if self.newest is not None:
+            held.add(self.newest[0].number)
+        self._drop([number for number in self._pending if number not in held], "overwritten")
+
+    def _drop(self, numbers: list[int], reason: str) -> None:
+        for number in numbers:
+            del self._pending[number]
+            self.hub.ledger.drop(reason)
 
     def _done(self, stamp_ns: int) -> None:
         self.hub.ledger.finish()
@@ -152,8 +162,6 @@ class Pictures:
         if self._ended:
             self.hub.ledger.drop("unwatched")
             return
-        if self._pending:
-            self.hub.ledger.drop("overwritten")
         now_s = time.monotonic()
         if self.newest is not None:
             if self.newest[0].header.epoch != taken[0].header.epoch:
@@ -161,6 +169,8 @@ class Pictures:
             else:
                 self._intervals.append(now_s - self._arrived_s)
         self._arrived_s, self.arrived_ns = now_s, time.time_ns()
-        self.newest, self._pending = taken, True
+        self.newest = taken
+        self._pending[taken[0].number] = taken[0].header.stamp_ns
         for rendition in list(self._forms.values()):
             rendition.offer()
+        self.settle()

@@ -36,6 +36,12 @@ class Rendition:
         self._tried = 0
         self._shown_s = 0.0
 
+    @property
+    def held(self) -> set[int]:
+        """The numbers of the frames that clients may yet get in this form."""
+        found = {self._tried} if self._busy else set()
+        return found if self.picture is None else found | {self.picture.number}
+
     def offer(self) -> None:
         """Make the newest frame into this form, unless it is made or nobody is ready."""
         newest = self.stream.newest
@@ -71,6 +77,7 @@ class Rendition:
             found = error if isinstance(error, PayloadError) else _unforeseen(error)
             self.stream.failed(arrival.number, found)
         self.offer()  # a newer one may have come meanwhile
+        self.stream.settle()
 
     def _show(self, arrival: Arrival, payload: bytes, mime: str, width: int, height: int) -> None:
         self.picture = Picture(
@@ -143,7 +150,7 @@ class Feed:
         self._event.clear()
         self.skipped = picture.number - self._taken - 1 if self._taken else 0
         self._taken = picture.number
-        self.stream.given()
+        self.stream.given(picture.number)
         return picture
 
     def lost(self, picture: Picture) -> int:

@@ -1,6 +1,7 @@
 """Fan-out of one stream: newest only, each form at most once a frame, nothing for nobody."""
 
 import asyncio
+import threading
 import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
@@ -228,6 +229,84 @@ def test_a_picture_that_cannot_be_decoded_is_dropped_and_the_next_is_shown(rende
     hub = run(test)
     counters = balance(hub)
     assert (counters["processed"], counters["dropped.corrupt"]) == (1, 1)
+
+
+class HeldUp:
+    """A renderer that waits for each frame until the test lets it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._go = threading.Semaphore(0)
+        self._real = renditions.render
+        monkeypatch.setattr(renditions, "render", self._render)
+
+    def _render(self, frame: Frame, form: Form, quality: int) -> Any:
+        assert self._go.acquire(timeout=5)
+        return self._real(frame, form, quality)
+
+    def let(self, frames: int = 1) -> None:
+        self._go.release(frames)
+
+
+def test_a_frame_that_was_given_after_the_next_had_come_is_the_one_that_counts(monkeypatch):
+    renderer = HeldUp(monkeypatch)
+
+    async def test(hub: Hub, source: Source) -> None:
+        feed = source.stream.feed(SMALL)
+        feed.want()
+        source.comes()
+        for _ in range(3):
+            source.comes()  # while the first is being made
+        assert balance(hub)["pending"] == 2  # the first and the newest
+        renderer.let()
+        first = await feed.next(5)
+        assert first is not None
+        assert first.header.seq == 1
+        counters = balance(hub)
+        assert (counters["processed"], counters["dropped.overwritten"]) == (1, 2)
+        assert counters["pending"] == 1  # the newest: nobody has got it
+        renderer.let()
+        last = await feed.next(5)
+        assert last is not None
+        assert last.header.seq == 4
+
+    counters = balance(run(test))
+    assert (counters["processed"], counters["pending"]) == (2, 0)
+
+
+def test_a_frame_that_several_clients_get_late_and_in_several_forms_counts_once(monkeypatch):
+    renderer = HeldUp(monkeypatch)
+
+    async def test(hub: Hub, source: Source) -> None:
+        original, small = source.stream.feed(Form()), source.stream.feed(SMALL)
+        small.want()
+        source.comes()
+        assert (await original.next(5)) is not None
+        source.comes()
+        renderer.let()
+        assert (await small.next(5)) is not None
+        counters = balance(hub)
+        assert (counters["processed"], counters["pending"]) == (1, 1)
+        small.close()
+        renderer.let(9)
+
+    run(test)
+
+
+def test_what_was_made_and_not_taken_is_dropped_when_its_form_is_wanted_no_more(monkeypatch):
+    async def test(hub: Hub, source: Source) -> None:
+        source.stream.feed(Form())
+        small = source.stream.feed(SMALL)
+        small.want()
+        source.comes()
+        while source.stream.newest is None or not small.waiting:
+            await asyncio.sleep(0.01)
+        source.comes()
+        assert balance(hub)["pending"] == 2
+        small.close()
+        counters = balance(hub)
+        assert (counters["dropped.overwritten"], counters["pending"]) == (1, 1)
+
+    run(test)
 
 
 def test_the_last_clients_leave_ends_the_stream():
