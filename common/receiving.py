@@ -105,22 +105,24 @@ class FrameReceiver:
 
         A frame handed out is pending until the caller reports it to the ledger.
         """
-        taken = self.take_arrival(timeout_s, want)
-        return None if taken is None else taken[1]
+        arrival = self.arrival(timeout_s)
+        return None if arrival is None else self.accept(arrival, want)
 
-    def take_arrival(
-        self, timeout_s: float, want: Form | None = None
-    ) -> tuple[Arrival, Frame] | None:
-        """Return the newest frame as ``take`` does, with what is known of its arrival.
+    def arrival(self, timeout_s: float) -> Arrival | None:
+        """Return the newest that arrived; None if there is none in time.
+
+        It is pending until ``accept``, which must be asked of each, one after the other.
+        """
+        return self._slot.take(timeout_s)
+
+    def accept(self, arrival: Arrival, want: Form | None = None) -> Frame | None:
+        """Return the frame of an arrival; None if it is stale or no picture, which is counted.
 
         Args:
-            timeout_s: How long to wait for one.
-            want: None for who passes it on as it is: it is decoded then only if it must prove
-                a new epoch.
+            arrival: The newest.
+            want: The form to decode. None for who passes it on as it is: it is decoded then
+                only if it is a challenger, which must prove its epoch.
         """
-        arrival = self._slot.take(timeout_s)
-        if arrival is None:
-            return None
         self.age.max_age_ns = int(self._max_age_s() * 1e9)
         header = arrival.header
         try:
@@ -138,7 +140,7 @@ class FrameReceiver:
         except PayloadError as error:
             self._drop(error)
             return None
-        return arrival, frame
+        return frame
 
     def close(self, unread: str | None = None) -> None:
         """Stop receiving.

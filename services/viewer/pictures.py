@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import statistics
 import time
 from collections import deque
@@ -12,7 +13,7 @@ from common.frame import Frame
 from common.link import Link
 from common.receiving import Arrival, FrameReceiver
 from services.viewer.rendering import Form
-from services.viewer.renditions import Feed, Rendition
+from services.viewer.renditions import Feed, Rendition, unforeseen
 from services.viewer.topics import camera_of, kind_of
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ class Pictures:
         self._receiver: FrameReceiver | None = None
         self._ended = False
         self._woken = False
+        self._proving = False
         self._pending: dict[int, int] = {}  # frames that no client got yet: number, stamp_ns
         self._arrived_s = time.monotonic()
         self.arrived_ns = time.time_ns()
@@ -156,21 +158,49 @@ class Pictures:
     def _take(self) -> None:
         self._woken = False
         receiver = self._receiver
-        taken = None if receiver is None else receiver.take_arrival(0)
-        if taken is None:
+        if receiver is None or self._proving:
+            return
+        arrival = receiver.arrival(0)
+        if arrival is None:
+            return
+        if not arrival.challenger:
+            self._come(arrival, receiver.accept(arrival))
+            return
+        # It is decoded, which may take long: not where all browsers are served. What comes
+        # meanwhile waits in its slot, so that the order is kept and the newest is next.
+        self._proving = True
+        work = self.hub.loop.run_in_executor(self.hub.pool, receiver.accept, arrival)
+        work.add_done_callback(lambda done: self._proven(arrival, done))
+
+    def _proven(self, arrival: Arrival, done: asyncio.Future[Frame | None]) -> None:
+        self._proving = False
+        if done.cancelled():
+            return
+        error = done.exception()
+        if error is None:
+            self._come(arrival, done.result())
+        else:
+            found = unforeseen(error)
+            self.hub.ledger.drop(found.reason)
+            self.hub.health.complain(found)
+        self._take()
+
+    def _come(self, arrival: Arrival, frame: Frame | None) -> None:
+        """Make a frame the newest and offer it; None is what was found to be none."""
+        if frame is None:
             return
         if self._ended:
             self.hub.ledger.drop("unwatched")
             return
         now_s = time.monotonic()
         if self.newest is not None:
-            if self.newest[0].header.epoch != taken[0].header.epoch:
+            if self.newest[0].header.epoch != arrival.header.epoch:
                 self._intervals.clear()
             else:
                 self._intervals.append(now_s - self._arrived_s)
         self._arrived_s, self.arrived_ns = now_s, time.time_ns()
-        self.newest = taken
-        self._pending[taken[0].number] = taken[0].header.stamp_ns
+        self.newest = arrival, frame
+        self._pending[arrival.number] = arrival.header.stamp_ns
         for rendition in list(self._forms.values()):
             rendition.offer()
         self.settle()

@@ -74,7 +74,7 @@ class Rendition:
         if error is None:
             self._show(arrival, *done.result())
         else:
-            found = error if isinstance(error, PayloadError) else _unforeseen(error)
+            found = error if isinstance(error, PayloadError) else unforeseen(error)
             self.stream.failed(arrival.number, found)
         self.offer()  # a newer one may have come meanwhile
         self.stream.settle()
@@ -174,5 +174,6 @@ class Feed:
         self.stream.leave(self)
 
 
-def _unforeseen(error: BaseException) -> PayloadError:
+def unforeseen(error: BaseException) -> PayloadError:
+    """Return what a picture is dropped under that failed as none should."""
     return PayloadError("not_rendered", f"{type(error).__name__}: {error}")

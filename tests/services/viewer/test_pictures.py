@@ -17,6 +17,7 @@ from common.health import Health
 from common.ledger import Ledger
 from common.messages import Header
 from common.receiving import Arrival
+from common.slot import Slot
 from services.viewer import pictures, renditions
 from services.viewer.pictures import Pictures
 from services.viewer.rendering import Form
@@ -46,28 +47,39 @@ class Hub:
 
 
 class Source:
-    """A stream whose frames come when the test says so."""
+    """A stream whose frames come when the test says so, and a receiver that believes them all."""
 
     def __init__(self, hub: Hub) -> None:
         self.stream = Pictures(KEY, hub)  # type: ignore[arg-type]
         self.stream._receiver = self  # type: ignore[assignment]
-        self._hub = hub
-        self._next: tuple[Arrival, Frame] | None = None
         self.number = 0
+        self.believe = threading.Event()  # challengers wait for it
+        self.believe.set()
+        self.accepted: list[tuple[int, str]] = []
+        self._hub = hub
+        self._slot = Slot[Arrival](lambda _: hub.ledger.drop("overwritten"))
 
-    def take_arrival(self, _: float) -> tuple[Arrival, Frame] | None:
-        found, self._next = self._next, None
-        return found
+    def arrival(self, timeout_s: float) -> Arrival | None:
+        return self._slot.take(timeout_s)
 
-    def comes(self, payload: bytes = JPEG, missed: int = 0) -> None:
+    def accept(self, arrival: Arrival) -> Frame:
+        self.accepted.append((arrival.number, threading.current_thread().name))
+        if arrival.challenger:
+            assert self.believe.wait(5)
+        if arrival.payload == b"unforeseen":
+            raise MemoryError
+        return Frame(arrival.header, compressed=arrival.payload)
+
+    def comes(self, payload: bytes = JPEG, missed: int = 0, challenger: bool = False) -> None:
         self.number += 1
         header = Header(
             camera="front", epoch=1, seq=self.number, stamp_ns=time.time_ns(),
             width=64, height=48, encoding="bgr8",
         )  # fmt: skip
-        arrival = Arrival(header, payload, False, time.monotonic_ns(), False, self.number, missed)
-        self._next = (arrival, Frame(header, compressed=payload))
+        now_ns = time.monotonic_ns()
+        arrival = Arrival(header, payload, False, now_ns, challenger, self.number, missed)
         self._hub.ledger.arrive()
+        self._slot.put(arrival, challenger=challenger)
         self.stream._take()
 
 
@@ -307,6 +319,55 @@ def test_what_was_made_and_not_taken_is_dropped_when_its_form_is_wanted_no_more(
         assert (counters["dropped.overwritten"], counters["pending"]) == (1, 1)
 
     run(test)
+
+
+def test_the_first_frame_of_a_run_is_decoded_elsewhere_and_before_those_that_follow():
+    async def test(hub: Hub, source: Source) -> None:
+        feed = source.stream.feed(Form())
+        feed.want()
+        source.believe.clear()
+        source.comes(challenger=True)
+        for _ in range(4):
+            source.comes()
+        assert await feed.next(0.1) is None  # the loop goes round meanwhile
+        assert balance(hub)["dropped.overwritten"] == 3
+        source.believe.set()
+        newest = await feed.next(5)
+        assert newest is not None
+        assert newest.header.seq == 5
+        (first, elsewhere), (second, here) = source.accepted
+        assert (first, second) == (1, 5)
+        assert elsewhere != here == threading.current_thread().name
+
+    counters = balance(run(test))
+    assert (counters["processed"], counters["dropped.overwritten"]) == (1, 4)
+
+
+def test_a_first_frame_that_is_decoded_after_all_have_left_was_for_nobody():
+    async def test(hub: Hub, source: Source) -> None:
+        feed = source.stream.feed(Form())
+        source.believe.clear()
+        source.comes(challenger=True)
+        feed.close()
+        source.believe.set()
+        while balance(hub)["pending"]:
+            await asyncio.sleep(0.01)
+
+    assert balance(run(test))["dropped.unwatched"] == 1
+
+
+def test_a_first_frame_that_fails_as_none_should_does_not_hold_up_the_next():
+    async def test(hub: Hub, source: Source) -> None:
+        feed = source.stream.feed(Form())
+        feed.want()
+        source.comes(b"unforeseen", challenger=True)
+        source.comes(challenger=True)
+        picture = await feed.next(5)
+        assert picture is not None
+        assert picture.header.seq == 2
+
+    counters = balance(run(test))
+    assert (counters["processed"], counters["dropped.not_rendered"]) == (1, 1)
 
 
 def test_the_last_clients_leave_ends_the_stream():
