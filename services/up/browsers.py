@@ -10,6 +10,9 @@ from services.viewer.access import token_for
 from services.viewer.listening import free_port, url
 from services.viewer.settings import ViewerSettings
 
+WAY_OUT = "ZV_VIEWER_PORT=PORT, or port = PORT in the settings of its [[node]]"
+"""Both go over a file that the node names as its config."""
+
 
 def prepared(plan: Plan) -> Plan:
     """Return a plan in which every viewer has a port that is free, and its token.
@@ -34,7 +37,7 @@ def _prepared(plan: Plan, node: PlannedNode) -> PlannedNode:
     if not isinstance(settings, ViewerSettings):
         return node
     try:
-        port = free_port(settings.host, settings.port)
+        port = free_port(settings.host, settings.port, WAY_OUT)
     except ConfigurationError as error:
         raise ConfigurationError(f"{plan.place}: {node.name}: {error}") from None
     known = {"port": port, "token": token_for(settings.host, settings.token)}

@@ -16,17 +16,19 @@ SEND_BUFFER_BYTES = 256 << 10
 UNSENT_BYTES = 16 << 10
 """What the kernel takes before it has sent the rest, so that the next picture is a new one."""
 
+FLAG = "--port PORT, or ZV_VIEWER_PORT=PORT"
 ANY = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 ELSEWHERE = ("192.0.2.1", 9)
 """An address of the documentation's; nothing is sent to it."""
 
 
-def listen(host: str, port: int) -> socket.socket:
+def listen(host: str, port: int, way_out: str = FLAG) -> socket.socket:
     """Return a socket that listens.
 
     Args:
         host: Name or address.
         port: 0 for one that is free.
+        way_out: How whoever started this sets another port.
 
     Raises:
         ConfigurationError: That is not possible; says why and the way out.
@@ -37,7 +39,7 @@ def listen(host: str, port: int) -> socket.socket:
         )[0]
         listening = socket.socket(family, socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
-        raise ConfigurationError(_why_not(host, port, error)) from None
+        raise ConfigurationError(_why_not(host, port, way_out, error)) from None
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         # Every connection inherits these.
@@ -50,17 +52,22 @@ def listen(host: str, port: int) -> socket.socket:
         listening.setblocking(False)
     except OSError as error:
         listening.close()
-        raise ConfigurationError(_why_not(host, port, error)) from None
+        raise ConfigurationError(_why_not(host, port, way_out, error)) from None
     return listening
 
 
-def free_port(host: str, port: int) -> int:
+def free_port(host: str, port: int, way_out: str = FLAG) -> int:
     """Return the port if it can be listened on, or one that is free for 0.
+
+    Args:
+        host: As for ``listen``, as are the others.
+        port: The same.
+        way_out: The same.
 
     Raises:
         ConfigurationError: It cannot.
     """
-    with listen(host, port) as probe:
+    with listen(host, port, way_out) as probe:
         found: int = probe.getsockname()[1]
         return found
 
@@ -95,13 +102,13 @@ def address_of_this_machine() -> str:
         return address
 
 
-def _why_not(host: str, port: int, error: OSError | UnicodeError) -> str:
+def _why_not(host: str, port: int, way_out: str, error: OSError | UnicodeError) -> str:
     if getattr(error, "errno", None) == errno.EADDRINUSE:
         return (
             f"port {port} on {host} is taken, perhaps by another viewer; serve on another with "
-            "--port PORT, or ZV_VIEWER_PORT=PORT"
+            f"{way_out}"
         )
     if getattr(error, "errno", None) == errno.EACCES:
-        return f"port {port} on {host} is not permitted; allowed: --port 1024 or above"
+        return f"port {port} on {host} is not permitted; allowed: 1024 or above, with {way_out}"
     said = getattr(error, "strerror", None) or error
     return f"host = {host!r} is not possible: {said}; allowed: an address of this machine"

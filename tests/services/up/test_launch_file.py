@@ -162,9 +162,19 @@ def test_a_token_goes_by_the_environment_and_into_the_address(tmp_path, monkeypa
     assert "0.0.0.0" not in address
 
 
-def test_a_viewers_port_that_is_taken_is_named_with_the_way_out(tmp_path):
+def test_a_viewers_port_that_is_taken_is_named_with_the_ways_out_that_there_are(
+    tmp_path, monkeypatch
+):
+    table = '[[node]]\nservice = "viewer"\nsettings = { port = %d }\n'
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        path = launch(tmp_path, f'[[node]]\nservice = "viewer"\nsettings = {{ port = {port} }}\n')
-        with pytest.raises(ConfigurationError, match=f"viewer: port {port} on .*ZV_VIEWER_PORT"):
+        path = launch(tmp_path, table % port)
+        with pytest.raises(ConfigurationError) as refused:
             prepared(read_launch_file(path))
+        assert str(refused.value) == (
+            f"{path}: viewer: port {port} on 127.0.0.1 is taken, perhaps by another viewer; serve "
+            "on another with ZV_VIEWER_PORT=PORT, or port = PORT in the settings of its [[node]]"
+        )
+        assert prepared(read_launch_file(launch(tmp_path, table % 0)))  # one way out
+        monkeypatch.setenv("ZV_VIEWER_PORT", "0")  # the other
+        assert prepared(read_launch_file(launch(tmp_path, table % port)))

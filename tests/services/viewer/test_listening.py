@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import socket
+
 import pytest
 
-from services.viewer.listening import url
+from common.errors import ConfigurationError
+from services.viewer.listening import free_port, url
 from services.viewer.settings import ViewerSettings
 
 TOKEN = "t" * 16
@@ -30,3 +34,16 @@ def test_the_address_is_where_it_listens_or_what_the_settings_say(
 def test_an_address_that_no_browser_opens_is_refused(address: str):
     with pytest.raises(ValueError, match="address"):
         ViewerSettings(address=address)
+
+
+def test_a_port_that_only_root_may_serve_is_refused_with_the_way_out(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    def refuse(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(socket.socket, "bind", refuse)
+    with pytest.raises(ConfigurationError, match=r"allowed: 1024 or above, with --port PORT, or"):
+        free_port("127.0.0.1", 80)
+    with pytest.raises(ConfigurationError, match=r"allowed: 1024 or above, with port = PORT$"):
+        free_port("127.0.0.1", 80, "port = PORT")
