@@ -21,7 +21,7 @@ from services.viewer import (
     requests,
     web,
 )
-from services.viewer.access import COOKIE
+from services.viewer.access import cookie_name
 from tests.integration.routing import free_port
 from tests.pages import Page
 from tests.processes import Program
@@ -94,7 +94,8 @@ def test_the_limits_are_those_of_the_code():
         f"does not say within {connections.FIRST_REQUEST_S:.0f} s",
         f"at most {connections.MAX_IDLE} stay",
         f"if that is {web.STALLED_S:.0f} s or more",
-        f"cookie `{COOKIE}`",
+        f"cookie `{cookie_name('localhost:8080').replace('8080', 'PORT')}`",
+        f"(`{cookie_name('localhost')}` where the address has no port",
     ):
         assert words in TEXT, words
     assert web.NO_TOKEN == ("/healthz",)

@@ -20,6 +20,7 @@ COOKIE = "zv_token"
 TOKEN_BYTES = 24
 NAME = re.compile(r"[a-z0-9_.-]{1,100}")
 TOKEN = re.compile(r"[A-Za-z0-9_.~-]{16,128}")
+PORT = re.compile(r":([0-9]{1,5})$")
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -124,6 +125,20 @@ def host_name(host: str) -> str:
     if host.startswith("["):
         return host[1:].partition("]")[0]
     return host.partition(":")[0].removesuffix(".")
+
+
+def cookie_name(host: str | None) -> str:
+    """Return the name of the cookie that holds the token of the viewer at a host and port.
+
+    Browsers send a host's cookies to all its ports, so that two viewers on one machine would
+    take each other's away if they had one name. The port is the one that the browser knows, not
+    ours: it differs outside of a container.
+
+    Args:
+        host: The ``Host`` header.
+    """
+    port = PORT.search((host or "").strip())
+    return f"{COOKIE}_{port[1]}" if port else COOKIE
 
 
 def is_address(name: str) -> bool:

@@ -10,7 +10,7 @@ from aiohttp import web
 
 from common.description import installed_version
 from services.viewer import wire
-from services.viewer.access import COOKIE, SECURITY_HEADERS, Access, Refused
+from services.viewer.access import SECURITY_HEADERS, Access, Refused, cookie_name
 from services.viewer.compatible import Compatible
 from services.viewer.connections import Connection
 from services.viewer.hub import Hub
@@ -111,7 +111,7 @@ class Application:
             self._access.check_token(
                 {
                     "query": request.query.get("token"),
-                    "cookie": request.cookies.get(COOKIE),
+                    "cookie": request.cookies.get(cookie_name(host)),
                     "bearer": _bearer(request.headers.get("Authorization")),
                 }
             )
@@ -157,8 +157,9 @@ class Application:
         response = _served(self._files[INDEX])
         token = request.query.get("token")
         if self._access.knows(token):
+            name = cookie_name(request.headers.get("Host"))
             response.set_cookie(
-                COOKIE, str(token), max_age=COOKIE_S, httponly=True, samesite="Strict", path="/"
+                name, str(token), max_age=COOKIE_S, httponly=True, samesite="Strict", path="/"
             )
         return response
 

@@ -129,9 +129,19 @@ def test_the_token_in_the_address_becomes_a_cookie_that_is_enough(guarded):
     pair = cookie.partition(";")[0]
     assert guarded.get("/", Cookie=pair).status == 200
     assert guarded.get(f"/snapshot?{TOPIC}", Cookie=pair).status == 404  # there is no camera
-    assert guarded.get("/", Cookie="zv_token=wrong").status == 401
+    assert guarded.get("/", Cookie=f"{pair.partition('=')[0]}=wrong").status == 401
     assert guarded.get("/", Authorization=f"Bearer {TOKEN}").status == 200
     assert guarded.get("/", Authorization="Bearer wrong").status == 401
+
+
+def test_two_viewers_on_one_host_do_not_log_each_other_out(guarded: Viewer, service: Service):
+    other = Viewer(service("view", "--port", 0, "--token", TOKEN[::-1]))
+    kept: dict[str, str] = {}  # as a browser does: by name, whatever the port
+    for viewer in (guarded, other):
+        opened = viewer.get(viewer.url.partition(str(viewer.port))[2])
+        kept |= [opened.headers["set-cookie"].partition(";")[0].split("=", 1)]
+    cookies = "; ".join(f"{name}={value}" for name, value in kept.items())
+    assert [viewer.get("/", Cookie=cookies).status for viewer in (guarded, other)] == [200, 200]
 
 
 def test_any_other_address_than_loopback_gets_a_token_of_its_own(tmp_path, router, monkeypatch):

@@ -5,7 +5,7 @@ import stat
 
 import pytest
 
-from services.viewer.access import Access, Refused, own_names, token_for
+from services.viewer.access import Access, Refused, cookie_name, own_names, token_for
 
 TOKEN = "0123456789abcdef-secret"
 NAMES = own_names("127.0.0.1", "robot.example,door")
@@ -75,6 +75,24 @@ def test_the_token_is_taken_from_each_place(place):
     for wrong in (TOKEN[:-1], TOKEN + "x", "", "ä", "\udcff"):
         assert not allowed(access.check_token, {place: wrong})
     assert not allowed(access.check_token, {})
+
+
+@pytest.mark.parametrize(
+    ("host", "name"),
+    [
+        ("localhost:8080", "zv_token_8080"),
+        ("[::1]:8081 ", "zv_token_8081"),
+        ("192.0.2.7:80", "zv_token_80"),
+        ("robot.example", "zv_token"),
+        ("[::1]", "zv_token"),
+        ("localhost:", "zv_token"),
+        ("localhost:8080; x=y", "zv_token"),
+        ("localhost:123456", "zv_token"),
+        (None, "zv_token"),
+    ],
+)
+def test_each_port_has_a_cookie_of_its_own(host, name):
+    assert cookie_name(host) == name
 
 
 def test_without_a_token_nobody_is_asked_for_one():
