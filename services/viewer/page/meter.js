@@ -3,17 +3,27 @@
 const WINDOW_MS = 3000;
 const LEAST_SILENCE_MS = 1000;
 const FRAMES_OF_SILENCE = 3;
+const INTERVALS = 8;
 
 export class Meter {
 	constructor() {
-		this.samples = [];
+		this.begin();
 		this.lost = 0;
 		this.skipped = 0;
 		this.lastAt = null;
 	}
 
+	/** What was usual is not of a new epoch. */
+	begin(epoch) {
+		Object.assign(this, { epoch, samples: [], intervals: [] });
+	}
+
 	/** Count one picture that came at `now`, ms; `skipped` others were not sent to this page. */
-	add(now, { skipped = 0, lost = 0 } = {}) {
+	add(now, { skipped = 0, lost = 0, header } = {}) {
+		if (header?.epoch !== this.epoch) this.begin(header?.epoch);
+		if (this.samples.length) {
+			this.intervals = [now - this.lastAt, ...this.intervals].slice(0, INTERVALS);
+		}
 		this.samples.push({ now, frames: 1 + skipped });
 		while (now - this.samples[0].now > WINDOW_MS && this.samples.length > 2) {
 			this.samples.shift();
@@ -43,8 +53,9 @@ export class Meter {
 		return now - this.lastAt <= longest;
 	}
 
+	/** The median: one gap behind which the stream came back is not what is usual. */
 	pictureTime() {
-		if (this.samples.length < 2) return 0;
-		return (this.samples.at(-1).now - this.samples[0].now) / (this.samples.length - 1);
+		const { intervals } = this;
+		return [...intervals].sort((a, b) => a - b)[(intervals.length - 1) >> 1] ?? 0;
 	}
 }

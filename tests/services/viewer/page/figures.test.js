@@ -28,6 +28,37 @@ test("a slow stream is live for three of its frame times", () => {
   assert.equal(meter.isLive(10_001), false);
 });
 
+/** A meter that saw ten pictures of epoch 1 in a second. */
+function practised() {
+  const meter = new Meter();
+  for (let now = 0; now < 1000; now += 100) meter.add(now, { header: { epoch: "1" } });
+  return meter;
+}
+
+test("one picture after a gap does not make the next gap usual", () => {
+  const meter = practised();
+  meter.add(60_900, { header: { epoch: "1" } });
+  assert.equal(meter.isLive(61_900), true);
+  assert.equal(meter.isLive(61_901), false);
+});
+
+test("nor does it where few pictures came before", () => {
+  const meter = new Meter();
+  for (const now of [0, 100, 60_100]) meter.add(now);
+  assert.equal(meter.isLive(61_101), false);
+});
+
+test("a new epoch begins with no rate and nothing usual", () => {
+  const meter = new Meter();
+  for (const now of [0, 9000, 18_000]) meter.add(now, { header: { epoch: "1" } });
+  assert.equal(meter.isLive(40_000), true);
+  meter.add(40_000, { header: { epoch: "2" } });
+  assert.equal(meter.rate(40_000), null);
+  assert.equal(meter.isLive(41_001), false);
+  meter.add(40_100, { header: { epoch: "2" } });
+  assert.equal(meter.rate(40_100), 10);
+});
+
 test("durations have few digits and a unit", () => {
   assert.deepEqual([null, 0.4, 12.3, 1340, 42_000, 250_000, 3_900_000, 90_000_000].map(duration),
     ["–", "0 ms", "12 ms", "1.3 s", "42 s", "4 min 10 s", "1 h 05 min", "1 d 1 h"]);
