@@ -1,9 +1,11 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
+import { Events } from "./events.js";
 import { layOut, matches } from "./layering.js";
 import { inOrder, overlayStreams, topicName } from "./naming.js";
 import { bend, placeOf, STEPS, typed, valueAt } from "./scale.js";
+import { System } from "./system.js";
 
 const LOW = { type: "float", minimum: 0, maximum: 100_000, default: 40 };
 const QUALITY = { type: "int", minimum: 1, maximum: 100, default: 80 };
@@ -83,4 +85,15 @@ test("overlays are the centroid and all tracks of the same camera", () => {
     message("rear", "centroid", "vision.Centroid.v1")];
   assert.deepEqual(overlayStreams(streams, "front").map((stream) => stream.topic),
     ["centroid", "truth"]);
+});
+
+test("of the log the last 1000 lines are kept, and none from before a new greeting", () => {
+  const connection = new Events();
+  const system = new System(connection);
+  const line = (number) => ({ at_ns: String(number), level: "INFO", node: "", text: `${number}` });
+  for (let number = 0; number < 1500; number += 1) connection.emit("log", line(number));
+  assert.equal(system.lines.length, 1000);
+  assert.deepEqual([system.lines[0].text, system.lines.at(-1).text], ["500", "1499"]);
+  connection.emit("hello", { version: "0", now_ns: "0" });
+  assert.deepEqual(system.lines, []);
 });

@@ -1,0 +1,151 @@
+"""What the panels do with all that a server says: how much they keep, and when it was."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from tests.integration.viewer.page.browsing import Running, Tab, running, tab
+from tests.integration.waiting import wait_until
+
+CENTROID = "vision/front/centroid"
+LINES = 1000
+MINUS = "\u2212"
+NOW_NS = time.time_ns()
+MINUTE_NS = 60 * 10**9
+
+# What is written on the charts and where, kept as it happens: of a canvas, only pixels are left.
+KEEP_TEXTS = """
+    const write = CanvasRenderingContext2D.prototype.fillText;
+    CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+        (this.canvas.texts ??= {})[text] = x;
+        write.call(this, text, x, y);
+    };
+"""
+
+# How many seconds before "now" the first line of a chart is seen, one number for each column.
+AGES = """(title => {
+    const canvas = document.querySelector(`canvas[aria-label^="${title}"]`);
+    const colour = document.createElement("canvas").getContext("2d");
+    colour.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--series-1");
+    colour.fillRect(0, 0, 1, 1);
+    const wanted = colour.getImageData(0, 0, 1, 1).data;
+    const { width, height } = canvas;
+    const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas, 0, 0);
+    const { data } = copy.getImageData(0, 0, width, height);
+    const isLine = (at) => data[at + 3] > 120
+        && [0, 1, 2].every((part) => Math.abs(data[at + part] - wanted[part]) < 40);
+    const columns = [...Array(width).keys()].filter((x) =>
+        [...Array(height).keys()].some((y) => isLine(4 * (y * width + x))));
+    const { now, "\u22121": before } = canvas.texts;
+    return columns.map((x) => 60 * (now - x) / (now - (before - 8)));
+})"""
+
+
+class Server:
+    """The other end of ``/live``, which says what the test wants, and nothing else."""
+
+    def __init__(self, page: Any) -> None:
+        self.asked: list[dict[str, Any]] = []
+        self._socket: Any = None
+        page.route_web_socket(re.compile("/live$"), self._serve)
+
+    def _serve(self, socket: Any) -> None:
+        socket.on_message(lambda text: self.asked.append(json.loads(text)))
+        self._socket = socket
+        self.greet(NOW_NS)
+        stream = {"key": CENTROID, "kind": "message", "camera": "front", "topic": "centroid"}
+        about = {"type": "vision.Centroid.v1", "node": "tracker_front", "live": True}
+        self.tell("streams", streams=[stream | about | {"since_ns": None}])
+
+    def greet(self, now_ns: int) -> None:
+        """Say what time it is here."""
+        facts = {"version": "0", "namespace": "vision", "server": "viewer"}
+        self.tell("hello", **facts, now_ns=str(now_ns))
+
+    def tell(self, op: str, **fields: object) -> None:
+        self._socket.send(json.dumps({"op": op, **fields}))
+
+
+@pytest.fixture(scope="module")
+def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A viewer alone: of it the pages come, and from the test what they are told."""
+    with running(tmp_path_factory.mktemp("system")) as found:
+        yield found
+
+
+@pytest.fixture
+def opened(browser: Any, system: Running) -> Iterator[tuple[Tab, Server]]:
+    """The page, and who talks to it."""
+    with tab(browser, system.address) as found:
+        found.page.add_init_script(KEEP_TEXTS)
+        server = Server(found.page)
+        found.open()
+        found.wait("document.querySelector('#link').dataset.state === 'up'")
+        yield found, server
+        assert found.complaints == []
+
+
+def test_the_log_keeps_the_last_1000_lines_whether_it_was_open_or_not(
+    opened: tuple[Tab, Server],
+) -> None:
+    tab, server = opened
+    tab.page.keyboard.press("l")
+    for number in range(LINES + 500):
+        at_ns = str(NOW_NS + number * 10**6)
+        server.tell("log", at_ns=at_ns, level="INFO", node="", text=f"line {number}")
+    texts = "[...document.querySelectorAll('#log-lines li')].map((one) => one.lastChild.data)"
+    last = f"line {LINES + 499}"
+    tab.wait(f"{texts}.at(-1) === '{last}'")
+    kept = [f"line {number}" for number in range(500, LINES + 500)]
+    assert tab.page.evaluate(texts) == kept
+    from_end = "(({ scrollHeight: all, scrollTop: top, clientHeight: seen }) => all - top - seen)"
+    assert tab.page.evaluate(f"{from_end}(document.querySelector('#log-lines'))") < 2
+    tab.page.keyboard.press("l")
+    server.tell("log", at_ns=str(NOW_NS), level="INFO", node="", text="unseen")
+    tab.page.keyboard.press("l")
+    tab.wait(f"{texts}.at(-1) === 'unseen'")
+    assert tab.page.evaluate(texts) == [*kept[1:], "unseen"]
+
+
+def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
+    opened: tuple[Tab, Server],
+) -> None:
+    tab, server = opened
+    tab.page.keyboard.press("p")
+    wait_until(lambda: tab.page.evaluate("true") and _is_watched(server))
+    _tell_centroids(server)
+    ages = f"{AGES}('Centroid x')"
+    assert max(tab.wait(f"(() => {{ const ages = {ages}; return ages.length && ages; }})()")) < 10
+    server.greet(NOW_NS + 2 * MINUTE_NS)  # as if two minutes had passed
+    tab.wait(f"Math.min(...{ages}) > 100")
+    _tell_centroids(server)
+    tab.wait(f"Math.min(...{ages}) < 10")
+    found = tab.page.evaluate(ages)
+    assert {round(age / 60) for age in found} == {0, 2}
+    assert all(min(age % 120, -age % 120) < 10 for age in found), found  # and none between
+    texts = tab.page.evaluate("document.querySelector('canvas[aria-label^=\"Centroid x\"]').texts")
+    places = [texts["now"], *(texts[f"{MINUS}{back}"] - 8 for back in range(1, 6))]
+    steps = [right - left for right, left in pairwise(places)]
+    assert min(steps) > 20
+    assert max(steps) - min(steps) < 0.01
+
+
+def _is_watched(server: Server) -> bool:
+    return any(one["op"] == "watch" and one["key"] == CENTROID for one in server.asked)
+
+
+def _tell_centroids(server: Server) -> None:
+    """Tell of a centroid that jumps, by a camera whose clock is an hour behind."""
+    for seq in range(10):
+        header = {"camera": "front", "epoch": "1", "seq": seq, "width": 640, "height": 480}
+        stamp_ns = str(NOW_NS - 60 * MINUTE_NS)
+        place = {"x": 400 if seq % 2 else 100, "y": 200, "box": [90, 190, 20, 20], "area": 400.0}
+        server.tell("message", key=CENTROID, header=header | {"stamp_ns": stamp_ns}, body=place)
