@@ -1,10 +1,12 @@
-"""A viewer at a router, for each test."""
+"""A viewer at a router, for each test; and one for a module's tests that leave no trace in it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 
-from tests.integration.conftest import Service
+from tests.integration.conftest import Service, a_router, some_services
 from tests.integration.viewer.browsing import Viewer
 
 
@@ -12,3 +14,17 @@ from tests.integration.viewer.browsing import Viewer
 def viewer(service: Service) -> Viewer:
     """The real ``zv view`` on a free port."""
     return Viewer(service("view", "--port", 0))
+
+
+@pytest.fixture(scope="module")
+def standing_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """As ``service``, for all tests of a module."""
+    folder = tmp_path_factory.mktemp("standing")
+    with a_router(folder) as router, some_services(router.endpoint, folder) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def standing_viewer(standing_service: Service) -> Viewer:
+    """A viewer for all tests of a module, without a camera."""
+    return Viewer(standing_service("view", "--port", 0))

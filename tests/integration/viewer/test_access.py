@@ -63,35 +63,44 @@ def guarded(service: Service) -> Viewer:
     return Viewer(service("view", "--port", 0, "--token", TOKEN))
 
 
-def test_a_foreign_host_and_a_foreign_page_are_refused(viewer):
-    assert viewer.get("/", Host="evil.example").status == 403
-    assert "--allow-host evil.example" in viewer.get("/", Host="evil.example:8080").text
-    here = f"localhost:{viewer.port}"
+@pytest.fixture(scope="module")
+def standing_guarded(standing_service: Service) -> Viewer:
+    """One that asks for a token, for all tests that leave no trace in it."""
+    return Viewer(standing_service("view", "--port", 0, "--token", TOKEN))
+
+
+def test_a_foreign_host_and_a_foreign_page_are_refused(standing_viewer):
+    assert standing_viewer.get("/", Host="evil.example").status == 403
+    assert "--allow-host evil.example" in standing_viewer.get("/", Host="evil.example:8080").text
+    here = f"localhost:{standing_viewer.port}"
     # An <img> of a ROS page is a GET from there: it gets its picture, or here that there is none.
-    assert viewer.get(f"/snapshot?{TOPIC}", Host=here, Origin="http://ros.example").status == 404
-    for origin in ("http://evil.example", "null", f"http://localhost:{viewer.port + 1}"):
-        assert viewer.get("/live", Host=here, Origin=origin, **LIVE).status == 403
-        assert viewer.get("/", "POST", Host=here, Origin=origin).status == 403
+    assert (
+        standing_viewer.get(f"/snapshot?{TOPIC}", Host=here, Origin="http://ros.example").status
+        == 404
+    )
+    for origin in ("http://evil.example", "null", f"http://localhost:{standing_viewer.port + 1}"):
+        assert standing_viewer.get("/live", Host=here, Origin=origin, **LIVE).status == 403
+        assert standing_viewer.get("/", "POST", Host=here, Origin=origin).status == 403
     for method in ("POST", "PUT", "DELETE", "OPTIONS", "TRACE"):
-        assert viewer.get("/", method, Host=here).status == 405
+        assert standing_viewer.get("/", method, Host=here).status == 405
 
 
-def test_the_page_may_open_its_websocket_and_another_sites_may_not(viewer):
+def test_the_page_may_open_its_websocket_and_another_sites_may_not(standing_viewer):
     async def opened(origin: str) -> int:
         try:
-            async with viewer.page(headers={"Origin": origin}) as page:
+            async with standing_viewer.page(headers={"Origin": origin}) as page:
                 assert (await page.text("hello"))["namespace"] == "vision"
                 return 101
         except aiohttp.WSServerHandshakeError as error:
             return error.status
 
-    assert asyncio.run(opened(f"http://127.0.0.1:{viewer.port}")) == 101
+    assert asyncio.run(opened(f"http://127.0.0.1:{standing_viewer.port}")) == 101
     assert asyncio.run(opened("http://evil.example")) == 403
 
 
-def test_every_answer_carries_what_keeps_browsers_safe(viewer):
+def test_every_answer_carries_what_keeps_browsers_safe(standing_viewer):
     for path in ("/", "/nosuch", "/snapshot", "/healthz", "/stream_viewer?" + TOPIC):
-        headers = viewer.get(path).headers
+        headers = standing_viewer.get(path).headers
         policy = headers["content-security-policy"]
         assert policy.startswith("default-src 'none'; script-src 'self';")
         assert "frame-ancestors 'none'" in policy
@@ -101,37 +110,39 @@ def test_every_answer_carries_what_keeps_browsers_safe(viewer):
         assert "aiohttp" not in headers["server"]
 
 
-def test_no_path_leads_to_the_disk(viewer):
+def test_no_path_leads_to_the_disk(standing_viewer):
     for path in PATHS:
-        answer = viewer.get(path)
+        answer = standing_viewer.get(path)
         assert answer.status in (400, 404), path
         assert "pydantic" not in answer.text
         assert "root:" not in answer.text
 
 
-def test_without_the_token_nothing_is_served_but_the_health(guarded):
+def test_without_the_token_nothing_is_served_but_the_health(standing_guarded):
     for path in ("/", f"/snapshot?{TOPIC}", f"/stream?{TOPIC}", "/page/index.html", "/nosuch"):
-        answer = guarded.get(path)
+        answer = standing_guarded.get(path)
         assert answer.status == 401
         assert "token" in answer.text
-    assert guarded.get("/live", **LIVE).status == 401
-    assert guarded.get("/?token=wrong").status == 401
-    assert guarded.get("/healthz").status == 200
+    assert standing_guarded.get("/live", **LIVE).status == 401
+    assert standing_guarded.get("/?token=wrong").status == 401
+    assert standing_guarded.get("/healthz").status == 200
 
 
-def test_the_token_in_the_address_becomes_a_cookie_that_is_enough(guarded):
-    assert guarded.url.endswith(f"/?token={TOKEN}")
-    opened = guarded.get(f"/?token={TOKEN}")
+def test_the_token_in_the_address_becomes_a_cookie_that_is_enough(standing_guarded):
+    assert standing_guarded.url.endswith(f"/?token={TOKEN}")
+    opened = standing_guarded.get(f"/?token={TOKEN}")
     assert opened.status == 200
     cookie = opened.headers["set-cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
     pair = cookie.partition(";")[0]
-    assert guarded.get("/", Cookie=pair).status == 200
-    assert guarded.get(f"/snapshot?{TOPIC}", Cookie=pair).status == 404  # there is no camera
-    assert guarded.get("/", Cookie=f"{pair.partition('=')[0]}=wrong").status == 401
-    assert guarded.get("/", Authorization=f"Bearer {TOKEN}").status == 200
-    assert guarded.get("/", Authorization="Bearer wrong").status == 401
+    assert standing_guarded.get("/", Cookie=pair).status == 200
+    assert (
+        standing_guarded.get(f"/snapshot?{TOPIC}", Cookie=pair).status == 404
+    )  # there is no camera
+    assert standing_guarded.get("/", Cookie=f"{pair.partition('=')[0]}=wrong").status == 401
+    assert standing_guarded.get("/", Authorization=f"Bearer {TOKEN}").status == 200
+    assert standing_guarded.get("/", Authorization="Bearer wrong").status == 401
 
 
 def test_two_viewers_on_one_host_do_not_log_each_other_out(guarded: Viewer, service: Service):
@@ -274,9 +285,9 @@ def is_closed(connection: socket.socket) -> bool:
         return True
 
 
-def test_what_is_no_request_is_refused_and_the_next_one_served(viewer):
+def test_what_is_no_request_is_refused_and_the_next_one_served(standing_viewer):
     for text in NO_REQUESTS:
-        with connected(viewer.port) as connection:
+        with connected(standing_viewer.port) as connection:
             connection.settimeout(10)
             try:
                 connection.sendall(text)
@@ -284,8 +295,8 @@ def test_what_is_no_request_is_refused_and_the_next_one_served(viewer):
             except ConnectionError:
                 answer = b""
         assert answer == b"" or re.match(rb"HTTP/1\.[01] 4\d\d ", answer), (text[:50], answer)
-        assert viewer.get("/healthz").status == 200
-    assert "Traceback" not in viewer.program.complaints
+        assert standing_viewer.get("/healthz").status == 200
+    assert "Traceback" not in standing_viewer.program.complaints
 
 
 def test_its_own_words_do_not_give_the_token_away(guarded: Viewer, tmp_path: Path):

@@ -234,9 +234,9 @@ def test_what_makes_no_sense_is_said_and_the_rest_goes_on(viewer: Viewer, client
         run(test())
 
 
-def test_more_than_32_watches_are_refused(viewer: Viewer):
+def test_more_than_32_watches_are_refused(standing_viewer: Viewer):
     async def test() -> None:
-        async with viewer.page() as page:
+        async with standing_viewer.page() as page:
             await page.text("streams")
             for number in range(33):
                 await page.ask("watch", key=f"vision/front/x{number}/compressed")
@@ -249,9 +249,9 @@ def test_more_than_32_watches_are_refused(viewer: Viewer):
     ("kind", "code"),
     [("large", 1009), ("fast", 1008), ("fast_by_the_word", 1008), ("binary", 1008)],
 )
-def test_a_page_that_sends_too_much_is_closed(viewer: Viewer, kind: str, code: int):
+def test_a_page_that_sends_too_much_is_closed(standing_viewer: Viewer, kind: str, code: int):
     async def test() -> None:
-        async with viewer.page() as page:
+        async with standing_viewer.page() as page:
             await page.text("streams")
             if kind == "large":
                 await page.socket.send_str("x" * (MAX_BYTES + 1))
@@ -266,12 +266,12 @@ def test_a_page_that_sends_too_much_is_closed(viewer: Viewer, kind: str, code: i
             assert message.data == code
 
     run(test())
-    assert viewer.get("/healthz").status == 200
+    assert standing_viewer.get("/healthz").status == 200
 
 
-def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(viewer: Viewer):
+def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(standing_viewer: Viewer):
     async def test() -> None:
-        async with viewer.page() as page:
+        async with standing_viewer.page() as page:
             await page.socket.send_str("x" * MAX_BYTES)
             assert (await page.text("error"))["text"]
             for _ in range(20 * MAX_RATE_HZ):

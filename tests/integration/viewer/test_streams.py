@@ -17,6 +17,7 @@ import pytest
 import zenoh
 
 from common import images
+from tests.integration.conftest import Service
 from tests.integration.listening import Listener, living_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.routing import Router, free_port
@@ -51,6 +52,14 @@ def counters(health: Listener) -> dict[str, int]:
     return found
 
 
+@pytest.fixture(scope="module")
+def shown(standing_service: Service, standing_viewer: Viewer) -> Viewer:
+    """A viewer with a camera and its edges, for all tests that leave no trace in it."""
+    standing_service("camera", "--rate", 15, "--width", 640, "--height", 480)
+    standing_service("edge")
+    return standing_viewer
+
+
 def test_the_cameras_bytes_are_passed_through_and_identified(viewer, service, client):
     service("camera", "--rate", 15)
     until_there(viewer)
@@ -81,16 +90,14 @@ def test_the_cameras_bytes_are_passed_through_and_identified(viewer, service, cl
         ("topic=/front/edges&type=ros_compressed", "image/png", (480, 640)),
     ],
 )
-def test_pictures_come_in_the_form_that_is_asked_for(viewer, service, query, mime, size):
-    service("camera", "--rate", 15, "--width", 640, "--height", 480)
-    service("edge")
-    until_there(viewer, query.partition("&")[0])
-    with viewer.stream(query) as pictures:
+def test_pictures_come_in_the_form_that_is_asked_for(shown, query, mime, size):
+    until_there(shown, query.partition("&")[0])
+    with shown.stream(query) as pictures:
         part = next(pictures)
     assert part.headers["content-type"] == mime
     pixels = cv2.imdecode(np.frombuffer(part.body, np.uint8), cv2.IMREAD_UNCHANGED)
     assert pixels.shape[:2] == size
-    answer = viewer.get(f"/snapshot?{query}")
+    answer = shown.get(f"/snapshot?{query}")
     assert answer.headers["content-type"] == mime
 
 
@@ -182,10 +189,9 @@ def test_a_client_that_takes_nothing_any_more_is_left_and_its_subscription_ends(
         wait_until(lambda: subscribers(client, IMAGE) == 0, 15)
 
 
-def test_a_snapshot_says_which_frame_it_is_and_how_old(viewer, service):
-    service("camera", "--rate", 15)
-    until_there(viewer)
-    answer = viewer.get(f"/snapshot?{TOPIC}")
+def test_a_snapshot_says_which_frame_it_is_and_how_old(shown):
+    until_there(shown)
+    answer = shown.get(f"/snapshot?{TOPIC}")
     assert images.picture_size(answer.body) == (640, 480)
     headers = answer.headers
     assert headers["content-type"] == "image/jpeg"
@@ -197,7 +203,7 @@ def test_a_snapshot_says_which_frame_it_is_and_how_old(viewer, service):
     assert headers["cache-control"] == "no-store"
     later = wait_until(
         lambda: (
-            (new := viewer.get(f"/snapshot?{TOPIC}")).headers["x-seq"] != headers["x-seq"] and new
+            (new := shown.get(f"/snapshot?{TOPIC}")).headers["x-seq"] != headers["x-seq"] and new
         )
     )
     assert later.headers["etag"] != headers["etag"]
@@ -211,19 +217,18 @@ def test_a_publisher_that_answers_nobody_is_shown_too(viewer, client):
             assert next(pictures).seq < next(pictures).seq
 
 
-def test_what_does_not_exist_is_404_with_what_does(viewer, service):
-    service("camera")
-    until_there(viewer)
-    wait_until(lambda: "there are" in viewer.get("/snapshot?topic=/front/nosuch").text, 20)
+def test_what_does_not_exist_is_404_with_what_does(shown):
+    until_there(shown)
+    wait_until(lambda: "there are" in shown.get("/snapshot?topic=/front/nosuch").text, 20)
     for path in ("stream", "snapshot"):
-        answer = viewer.get(f"/{path}?topic=/front/nosuch")
+        answer = shown.get(f"/{path}?topic=/front/nosuch")
         assert answer.status == 404
         assert IMAGE in answer.text
         assert "truth" not in answer.text  # which is no picture
         assert answer.text.count("\n") == 1
 
 
-def test_what_is_wrong_with_a_url_is_said_in_a_line(viewer):
+def test_what_is_wrong_with_a_url_is_said_in_a_line(standing_viewer):
     for path in ("stream", "snapshot", "stream_viewer"):
         for query, said in (
             ("", "topic is missing"),
@@ -231,18 +236,18 @@ def test_what_is_wrong_with_a_url_is_said_in_a_line(viewer):
             (f"{TOPIC}&width=-3", "width = '-3' is not allowed; allowed: a whole number"),
             (f"{TOPIC}&type=h264", "type = 'h264' is not allowed; allowed: mjpeg"),
         ):
-            answer = viewer.get(f"/{path}?{query}")
+            answer = standing_viewer.get(f"/{path}?{query}")
             assert answer.status == 400
             assert answer.text.startswith(said)
             assert answer.text.count("\n") == 1
 
 
-def test_a_page_with_one_stream_names_it_and_escapes_what_it_was_given(viewer):
-    answer = viewer.get(f"/stream_viewer?{TOPIC}&width=320&type=png")
+def test_a_page_with_one_stream_names_it_and_escapes_what_it_was_given(standing_viewer):
+    answer = standing_viewer.get(f"/stream_viewer?{TOPIC}&width=320&type=png")
     assert answer.status == 200
     source = "stream?topic=%2Ffront%2Fimage%2Fcompressed&amp;width=320&amp;type=png"
     assert f'<img src="{source}"' in answer.text
-    assert viewer.get("/stream_viewer?topic=%22%3E%3Cscript%3E").status == 400
+    assert standing_viewer.get("/stream_viewer?topic=%22%3E%3Cscript%3E").status == 400
 
 
 def test_streams_go_on_when_camera_and_router_were_away(viewer, service, router: Router):
