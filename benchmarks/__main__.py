@@ -8,7 +8,7 @@ import platform
 
 import cv2
 
-from benchmarks import exporter, fleet, floor, parameters, stream, tools, viewer
+from benchmarks import exporter, fleet, floor, painted, parameters, stream, tools, viewer
 from benchmarks.material import frames
 
 SIZES = ((768, 576), (1920, 1080))
@@ -22,15 +22,19 @@ def main() -> None:
     parser.add_argument("--cameras", type=int, default=8, help="in the fleet")
     parser.add_argument("--only-tools", action="store_true", help="measure the tools, no more")
     parser.add_argument("--only-viewer", action="store_true", help="measure the viewer, no more")
+    parser.add_argument("--only-painted", action="store_true", help="measure to the painted pixel")
     options = parser.parse_args()
+    alone = options.only_tools or options.only_viewer or options.only_painted
     cv2.setNumThreads(1)
     print(f"# {platform.machine()}, Python {platform.python_version()}, OpenCV {cv2.__version__}")
-    if not options.only_tools and not options.only_viewer:
+    if not alone:
         measure_services(options)
-    if not options.only_viewer:
+    if options.only_tools or not alone:
         measure_tools(options.seconds)
-    if not options.only_tools:
+    if options.only_viewer or not alone:
         measure_viewer(options)
+    if options.only_painted or not alone:
+        measure_painted(options.seconds)
 
 
 def measure_services(options: argparse.Namespace) -> None:
@@ -73,6 +77,16 @@ def measure_viewer(options: argparse.Namespace) -> None:
     show(f"{name}, capture to client", viewer.ages(options.seconds))
     if options.memory_minutes:
         show(f"{name}, clients that come and go", viewer.memory(options.memory_minutes * 60))
+
+
+def measure_painted(seconds: float) -> None:
+    """Measure when a browser paints what a camera captured."""
+    reason = painted.why_not()
+    if reason:
+        print(f"# capture to painted pixel: not measured: {reason}", flush=True)
+        return
+    name = f"{viewer.WIDTH}x{viewer.HEIGHT} at {painted.RATE_HZ:g} Hz, capture to painted pixel"
+    show(name, painted.capture_to_painted(seconds * painted.SHARE))
 
 
 def show(name: str, figures: object) -> None:

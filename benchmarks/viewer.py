@@ -19,39 +19,6 @@ WIDTH, HEIGHT, RATE_HZ = 640, 480, 15.0
 CLIENTS = (1, 10, 50)
 QUERY = "/stream?topic=/front/image/compressed"
 FORMS = {"original": "", "320x240": "&width=320&height=240"}
-NAIVE = """
-import asyncio, json, sys
-import cv2, numpy as np, zenoh
-from aiohttp import web
-config = zenoh.Config()
-for key, value in (("mode", "client"), ("connect/endpoints", [sys.argv[1]])):
-    config.insert_json5(key, json.dumps(value))
-session = zenoh.open(config)
-async def stream(request):
-    loop, queue = asyncio.get_running_loop(), asyncio.Queue()
-    def on_sample(sample):
-        pixels = cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), 1)
-        if "width" in request.query:
-            pixels = cv2.resize(pixels, (int(request.query["width"]), int(request.query["height"])))
-        jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
-        loop.call_soon_threadsafe(queue.put_nowait, jpeg)
-    kept = session.declare_subscriber("vision/front/image/compressed", on_sample)
-    answer = web.StreamResponse()
-    answer.content_type = "multipart/x-mixed-replace"
-    try:
-        await answer.prepare(request)
-        while True:
-            jpeg = await queue.get()
-            head = b"--b\\r\\nContent-Type: image/jpeg\\r\\nContent-Length: %d\\r\\n\\r\\n"
-            await answer.write(head % len(jpeg) + jpeg + b"\\r\\n")
-    finally:
-        kept.undeclare()
-cv2.setNumThreads(1)
-app = web.Application()
-app.router.add_get("/stream", stream)
-web.run_app(app, host="127.0.0.1", port=int(sys.argv[2]), print=None)
-"""
-"""What web_video_server does: for every client a subscription and an encoding of each frame."""
 
 
 class Clients:
@@ -148,7 +115,7 @@ def start(system: System) -> dict[str, int]:
     system.start("camera", "-m", "benchmarks.camera", *shape, system.endpoint)
     ports = {name: int(free_endpoint().rpartition(":")[2]) for name in ("viewer", "naive")}
     system.service("viewer", "view", "--port", f"{ports['viewer']}")
-    system.start("naive", "-c", NAIVE, system.endpoint, f"{ports['naive']}")
+    system.start("naive", "-m", "benchmarks.naive", system.endpoint, f"{ports['naive']}")
     for port in ports.values():
         wait_for(lambda port=port: answers(port))
     wait_for(lambda: snapshot_status(ports["viewer"]) == 200)

@@ -126,4 +126,5 @@ def conditions_of(settings: CameraSettings) -> Conditions:
         noise=settings.noise,
         objects=settings.objects,
         faults=parse_faults(settings.faults),
+        numbered=settings.numbered,
     )

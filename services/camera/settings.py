@@ -112,6 +112,14 @@ class CameraSettings(ServiceSettings):
         Field(ge=0, le=16, description="moving objects in the synthetic picture"),
         Live(),
     ] = 4
+    numbered: Annotated[
+        bool,
+        Field(
+            description="each synthetic picture shows its seq, modulo 65536, as coloured blocks "
+            "in the corner, to measure by"
+        ),
+        Live(),
+    ] = False
     faults: Annotated[
         str,
         Field(

@@ -17,6 +17,7 @@ from aiohttp import web
 from common.errors import PayloadError
 from services.viewer.hub import Hub, TooMany
 from services.viewer.latest import Latest
+from services.viewer.multipart import BOUNDARY, Parts, parts_for
 from services.viewer.queries import NAMES, BadQuery, StreamQuery, stream_query
 from services.viewer.rendering import Form, ended
 from services.viewer.renditions import Feed
@@ -24,7 +25,6 @@ from services.viewer.system import System
 from services.viewer.topics import kind_of, meant
 from services.viewer.wire import Picture
 
-BOUNDARY = "zenoh-vision-picture"
 STALLED_S = 20.0
 """A client that takes nothing for so long is left."""
 
@@ -62,6 +62,7 @@ class Compatible:
         if key not in self._system.streams and not await self._comes(key, query):
             raise self._unknown(query.topic)
         feed = self._watch(key, query)
+        parts = parts_for(request.headers)
         response = Multipart(
             headers={
                 "Content-Type": f"multipart/x-mixed-replace;boundary={BOUNDARY}",
@@ -71,8 +72,8 @@ class Compatible:
         response.force_close()
         try:
             await response.prepare(request)
-            await response.write(f"--{BOUNDARY}\r\n".encode())
-            async for data in self._parts(feed):
+            await response.write(parts.begin())
+            async for data in self._sent(feed, parts):
                 async with asyncio.timeout(STALLED_S):  # what is large waits in `write` already
                     await response.write(data)
                     await request.writer.drain()
@@ -134,14 +135,14 @@ class Compatible:
         except PayloadError:
             return True
 
-    async def _parts(self, feed: Feed) -> AsyncIterator[bytes]:
+    async def _sent(self, feed: Feed, parts: Parts) -> AsyncIterator[bytes]:
         """Yield the newest picture again and again; when the stream ends, one that says so."""
         last: Picture | None = None
         while True:
             picture = await feed.next(ENDED_POLL_S)
             if picture is not None:
                 last = picture
-                yield part(picture)
+                yield parts.part(picture)
             elif last is not None and feed.stream.silent_s and feed.rendition.form != Form():
                 since_ns = feed.stream.arrived_ns
                 picture, last = last, None
@@ -149,7 +150,8 @@ class Compatible:
                     payload = await self._hub.loop.run_in_executor(
                         self._hub.pool, ended, picture.payload, since_ns
                     )
-                    yield _part(replace(picture, payload=payload, part=b""), since_ns)
+                    fresh = replace(picture, payload=payload, part=b"", browser_part=b"")
+                    yield parts.part(replace(fresh, ended_ns=since_ns))
 
     def _watch(self, key: str, query: StreamQuery) -> Feed:
         try:
@@ -166,27 +168,6 @@ class Compatible:
         found = [key for key in self._system.streams if kind_of(key).picture]
         more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
         return f"; there are: {', '.join(found[:MOST_LISTED])}{more}" if found else ""
-
-
-def part(picture: Picture) -> bytes:
-    """Return one picture of a multipart stream, with the boundary that ends it.
-
-    Browsers show a picture when the boundary behind it is there. It is made once for all.
-    """
-    if not picture.part:
-        picture.part = _part(picture)
-    return picture.part
-
-
-def _part(picture: Picture, ended_ns: int | None = None) -> bytes:
-    seconds, nanoseconds = divmod(picture.header.stamp_ns, 10**9)
-    head = (
-        f"Content-Type: {picture.mime}\r\nContent-Length: {len(picture.payload)}\r\n"
-        f"X-Timestamp: {seconds}.{nanoseconds:09d}\r\n"
-        f"X-Epoch: {picture.header.epoch}\r\nX-Seq: {picture.header.seq}\r\n"
-    )
-    head += "\r\n" if ended_ns is None else f"X-Ended-Ns: {ended_ns}\r\n\r\n"
-    return b"".join((head.encode(), picture.payload, f"\r\n--{BOUNDARY}\r\n".encode()))
 
 
 def identity(picture: Picture) -> dict[str, str]:

@@ -69,7 +69,9 @@ class Picture:
         height: Of this picture, pixels.
         number: How many had come on the key up to it.
         missed: How many had not, by their sequence numbers.
-        part: What ``/stream`` makes of it, for all its clients.
+        ended_ns: Since when nothing came behind it, ns since 1970, if it shows that; else None.
+        part: What ``/stream`` makes of it, for all programs.
+        browser_part: The same for all browsers.
     """
 
     key: str
@@ -80,7 +82,9 @@ class Picture:
     height: int
     number: int
     missed: int
+    ended_ns: int | None = None
     part: bytes = field(default=b"", repr=False)
+    browser_part: bytes = field(default=b"", repr=False)
     _head: str = field(default="", repr=False)
 
     def age_ms(self, now_ns: int) -> float:

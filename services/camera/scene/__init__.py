@@ -10,5 +10,6 @@ Nothing in here knows Zenoh, settings or clocks.
 ``figures``    what each kind of thing looks like in each pose
 ``sprite``     drawing, clipping and pasting of one small picture
 ``noise``      sensor noise
+``numbering``  a frame's number as coloured blocks, drawn and read
 ``faults``     faults on demand
 """

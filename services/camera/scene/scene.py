@@ -14,6 +14,7 @@ from services.camera.scene.backdrop import draw_room
 from services.camera.scene.cast import Actor, cast
 from services.camera.scene.itinerary import Motion
 from services.camera.scene.noise import SensorNoise
+from services.camera.scene.numbering import draw_number, extent
 from services.camera.scene.sprite import Sprite, overlap
 
 MIN_SIDE = 16
@@ -78,7 +79,7 @@ class Scene:
         return self._room.copy()
 
     def frame(
-        self, k: int, gain: float = 1.0, time_s: float | None = None
+        self, k: int, gain: float = 1.0, time_s: float | None = None, number: int | None = None
     ) -> tuple[Pixels, tuple[Track, ...]]:
         """Return frame k and the truth about it.
 
@@ -86,6 +87,7 @@ class Scene:
             k: Number of the frame, from 0.
             gain: Of the light in the room; above 1 bright places saturate.
             time_s: When in the scene's time it is; None for k / rate.
+            number: Drawn over the corner, free of light and noise (``numbering``); None: none.
 
         Returns:
             (height, width, 3) uint8 BGR, a new array; and each object of which at least one pixel
@@ -96,7 +98,11 @@ class Scene:
         if gain != 1.0:
             cv2.convertScaleAbs(bgr, dst=bgr, alpha=gain)
         self._noise.add(k, bgr)
-        return bgr, self._truth(placed)
+        if number is None:
+            return bgr, self._truth(placed)
+        draw_number(bgr, number)
+        height, width = bgr.shape[:2]
+        return bgr, self._truth(placed, extent(width, height))
 
     def render(self, k: int) -> Pixels:
         """Return frame k, (height, width, 3) uint8 BGR, a new array."""
@@ -155,7 +161,8 @@ class Scene:
                 one.sprite.paste(bgr, one.left, one.top)
         return bgr
 
-    def _truth(self, placed: list[_Placed]) -> tuple[Track, ...]:
+    def _truth(self, placed: list[_Placed], corner: tuple[int, int] = (0, 0)) -> tuple[Track, ...]:
+        """Return what can be seen of each object; nothing in a corner of so many pixels."""
         tracks = []
         for index, one in enumerate(placed):
             windows = overlap(self._room.shape, one.sprite.mask.shape, one.left, one.top)
@@ -170,6 +177,9 @@ class Scene:
                 if common is not None:
                     seen = seen.copy()
                     seen[common[0]] &= ~nearer.sprite.mask[common[1]]
+            if x0 < corner[0] and y0 < corner[1]:
+                seen = seen.copy()
+                seen[: corner[1] - y0, : corner[0] - x0] = 0
             area = cv2.countNonZero(seen)
             if not area:
                 continue

@@ -27,12 +27,14 @@ class Conditions:
         noise: Sensor noise, grey levels.
         objects: How many things move.
         faults: What goes wrong; where several overlap, each has its effect.
+        numbered: Whether each picture shows its number.
     """
 
     rate_hz: float = 30.0
     noise: float = 2.0
     objects: int = 4
     faults: tuple[Fault, ...] = ()
+    numbered: bool = False
 
 
 class SyntheticSource:
@@ -40,8 +42,9 @@ class SyntheticSource:
 
     Frame k is due at k / rate. A stall blocks ``read`` for its duration as a device would, and
     then goes on with the frame that is due by then; a drop goes on there at once. A frozen
-    picture comes with the truth of the moment it shows. At another rate the scene goes on from
-    where it is, at its own speed.
+    picture comes with the truth of the moment it shows, and with its number. The number of a
+    picture is how many this source gave before it: what the camera counts as ``seq``. At another
+    rate the scene goes on from where it is, at its own speed.
 
     Args:
         width: Pixels.
@@ -79,6 +82,7 @@ class SyntheticSource:
         self._max_frames = max_frames
         self._stop = threading.Event() if stop is None else stop
         self._k = 0
+        self._given = 0
         self._origin = (0, 0.0)  # a frame at the rate of now, and its time
         self._frozen: tuple[Fault, NDArray[np.uint8], tuple[Track, ...]] | None = None
 
@@ -147,6 +151,7 @@ class SyntheticSource:
     def _next(self) -> Picture:
         k, self._k = self._k, self._k + 1
         pixels, truth = self._view(k)
+        self._given += 1
         return Picture(
             encoding="bgr8",
             width=self._size[0],
@@ -169,4 +174,5 @@ class SyntheticSource:
 
     def _light(self, k: int) -> tuple[NDArray[np.uint8], tuple[Track, ...]]:
         brighter = fault_at(self._faults, k, ("lighting",)) is not None
-        return self._scene.frame(k, LIGHTING_GAIN if brighter else 1.0, self._time_s(k))
+        number = self._given if self._conditions.numbered else None
+        return self._scene.frame(k, LIGHTING_GAIN if brighter else 1.0, self._time_s(k), number)

@@ -28,10 +28,11 @@ OTHER: dict[str, Any] = {
     "seed": 9,
     "noise": 9.0,
     "objects": 1,
+    "numbered": True,
     "faults": "drop@1+1",
 }
 REOPENING = {"synthetic": {"width", "height", "seed"}, "device": {"width", "height", "fourcc"}}
-SHOWN = {"rate", "noise", "objects", "faults"}
+SHOWN = {"rate", "noise", "objects", "numbered", "faults"}
 
 
 def test_every_parameter_has_another_value_here():
@@ -99,7 +100,10 @@ def test_the_rate_that_the_reader_imposes(kind: Kind, rate: float | None, expect
 
 
 def test_the_conditions_of_a_scene_are_those_of_the_settings():
-    found = conditions_of(CameraSettings(rate=7, noise=1, objects=2, faults="drop@1+2"))
+    found = conditions_of(
+        CameraSettings(rate=7, noise=1, objects=2, numbered=True, faults="drop@1+2")
+    )
     assert (found.rate_hz, found.noise, found.objects) == (7.0, 1.0, 2)
+    assert found.numbered
     assert [str(fault) for fault in found.faults] == ["drop@1+2"]
     assert conditions_of(CameraSettings()).rate_hz == 30.0

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from common.messages import Track
+from services.camera.scene.numbering import extent, read_number
 from services.camera.scene.scene import Scene
 
 RATE_HZ = 30.0
@@ -329,6 +330,38 @@ def test_so_many_objects_appear_as_were_asked_for(objects: int) -> None:
 def test_an_impossible_scene_is_refused(wrong: dict[str, Any], complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         Scene(**wrong)
+
+
+def test_a_number_covers_the_corner_and_the_truth_says_what_can_still_be_seen() -> None:
+    scene = Scene(160, 120, RATE_HZ, noise=0.0, objects=16)
+    width, height = extent(160, 120)
+    covered = 0
+    for k in range(21, 60, 2):
+        found = seen_in_pictures(scene, k, objects=16)
+        plain, before = scene.frame(k)
+        bgr, truth = scene.frame(k, number=k)
+        assert read_number(bgr) == k
+        assert np.array_equal(bgr[height:], plain[height:])
+        assert np.array_equal(bgr[:, width:], plain[:, width:])
+        if found is None:
+            continue
+        seen = {which: pixels.copy() for which, pixels in found[1].items()}
+        for pixels in seen.values():
+            pixels[:height, :width] = False
+        assert {one.id: one.area for one in truth} == {
+            which: pixels.sum() for which, pixels in seen.items() if pixels.any()
+        }
+        for one in truth:
+            rows, columns = np.nonzero(seen[one.id])
+            assert one.box[:2] == (columns.min(), rows.min())
+        covered += truth != before
+    assert covered >= 3
+
+
+def test_a_number_is_free_of_light_and_noise() -> None:
+    bgr, _ = Scene(160, 120, noise=20.0).frame(5, gain=1.35, number=5)
+    width, height = extent(160, 120)
+    assert set(np.unique(bgr[:height, :width])) == {0, 255}
 
 
 # --- the same again ---

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from services.camera.scene.faults import parse_faults
+from services.camera.scene.numbering import read_number
 from services.camera.scene.scene import Scene
 from services.camera.sources.base import Foresighted, Picture, Source
 from services.camera.sources.synthetic import Conditions, SyntheticSource
@@ -260,6 +261,35 @@ def test_it_knows_when_the_next_picture_is_due_and_draws_it_by_what_holds_then()
     assert picture.due_s == pytest.approx(1.2)
     expected, _ = Scene(96, 72, 10.0, seed=5, noise=0.0, objects=4).frame(12)
     assert np.array_equal(pixels_of(picture), expected)
+
+
+def numbers(faults: str, count: int) -> list[int | None]:
+    """The numbers in the first pictures of a source with these faults."""
+    found = Conditions(10.0, faults=parse_faults(faults), numbered=True)
+    opened = SyntheticSource(
+        width=96, height=72, seed=5, conditions=lambda: found, stop=RecordedWaits()
+    )
+    return [read_number(pixels_of(picture)) for picture in taken(opened, count)]
+
+
+def test_the_number_counts_the_pictures_and_not_what_is_left_out_between_them() -> None:
+    assert numbers("drop@3+4,stall@9+2,lighting@12+2", 9) == list(range(9))
+
+
+def test_a_frozen_picture_shows_the_number_of_the_one_that_it_repeats() -> None:
+    assert numbers("frozen@3+3", 8) == [0, 1, 2, 3, 3, 3, 6, 7]
+
+
+def test_without_being_asked_for_there_is_no_number() -> None:
+    assert read_number(pixels_of(taken(source(), 1)[0])) is None
+
+
+def test_numbers_can_be_had_from_any_picture_on() -> None:
+    changing = Changing()
+    opened = changing.opened()
+    taken(opened, 2)
+    changing.now = Conditions(10.0, numbered=True)
+    assert [read_number(pixels_of(one)) for one in taken(opened, 2)] == [2, 3]
 
 
 def test_a_source_that_has_ended_says_that_nothing_is_due() -> None:
