@@ -9,14 +9,14 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any, Generic, Protocol, TypeVar
 
 import zenoh
 
 from common.connection import Connection
-from common.session import close_session, open_patiently, open_session
+from common.session import close_session, open_another, open_session
 from common.zenoh_config import plain
 
 log = logging.getLogger(__name__)
@@ -29,6 +29,7 @@ GRACE_S = 0.5
 """What another thread has just taken from the old session is used within it."""
 
 END_S = 1.0
+LONGEST_ATTEMPT_S = 1.7
 
 
 class Undeclarable(Protocol):
@@ -59,11 +60,12 @@ class Declaration(Generic[T]):
 
 
 class Link:
-    """A session that is replaced by another if it finds no router for 10 s.
+    """A session that is replaced by another if it reaches nobody for 10 s.
 
     Args:
         connection: Where the router is, and how long to wait for it now.
-        stopping: Ends the waiting for a router, now and later.
+        waiting_is_over: Asked again and again while it waits for the router now.
+        stopping: Whether to try no other session any more, since the end is near.
 
     Raises:
         RouterUnreachable: No router within the connection's time.
@@ -72,11 +74,14 @@ class Link:
     """
 
     def __init__(
-        self, connection: Connection, stopping: Callable[[], bool] = lambda: False
+        self,
+        connection: Connection,
+        waiting_is_over: Callable[[], bool] = lambda: False,
+        stopping: Callable[[], bool] = lambda: False,
     ) -> None:
         self._connection = connection
         self._stopping = stopping
-        self._session = open_session(connection, stopping)
+        self._session = open_session(connection, waiting_is_over)
         self._declared: list[Declaration[Any]] = []
         self._lock = threading.Lock()
         self._closed = threading.Event()
@@ -91,7 +96,7 @@ class Link:
     @property
     def connected(self) -> bool:
         """Whether a router is there at the moment."""
-        return _has_router(self._session)
+        return _any(self._session.info.routers_zid)
 
     def declare(self, make: Callable[[zenoh.Session], T]) -> Declaration[T]:
         """Declare something on this session, and on each that replaces it.
@@ -115,8 +120,13 @@ class Link:
     def close(self) -> None:
         """Close the session in bounded time, whatever the router does."""
         self._closed.set()
-        close_session(self._session)
-        self._thread.join(END_S)
+        if self._lock.acquire(timeout=END_S):  # it may be being replaced just now
+            self._lock.release()
+        closing = threading.Thread(target=close_session, args=(self._session,), daemon=True)
+        closing.start()
+        # An interpreter that ends while Zenoh opens a session on another thread aborts.
+        self._thread.join(LONGEST_ATTEMPT_S)
+        closing.join(END_S)
 
     def _ending(self) -> bool:
         return self._closed.is_set() or self._stopping()
@@ -124,17 +134,21 @@ class Link:
     def _look_after(self) -> None:
         seen_s = time.monotonic()
         while not self._closed.wait(LOOK_S):
-            if self.connected or self._stopping():
-                seen_s = time.monotonic()
-            elif time.monotonic() - seen_s > ANEW_AFTER_S:
-                self._try_another()
+            try:
+                if _reaches_somebody(self._session) or self._stopping():
+                    seen_s = time.monotonic()
+                elif time.monotonic() - seen_s > ANEW_AFTER_S:
+                    self._try_another()
+                    seen_s = time.monotonic()
+            except Exception:
+                log.exception("no other session to the router could be tried")
                 seen_s = time.monotonic()
 
     def _try_another(self) -> None:
-        another = open_patiently(self._connection, self._ending)
+        another = open_another(self._connection, self._ending)
         if another is None:
             return
-        if self.connected or not self._replace(another):
+        if _reaches_somebody(self._session) or not self._replace(another):
             close_session(another)
 
     def _replace(self, another: zenoh.Session) -> bool:
@@ -161,8 +175,13 @@ class Link:
         return True
 
 
-def _has_router(session: zenoh.Session) -> bool:
+def _reaches_somebody(session: zenoh.Session) -> bool:
+    """Tell whether a session is connected; to a peer too, which we do not look for."""
+    return _any(session.info.routers_zid) or _any(session.info.peers_zid)
+
+
+def _any(found: Callable[[], Iterable[object]]) -> bool:
     try:
-        return bool(list(session.info.routers_zid()))
+        return any(True for _ in found())
     except zenoh.ZError:
-        return False  # it is being closed
+        return False  # the session is being closed

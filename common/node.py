@@ -99,7 +99,7 @@ class Node(Results):
         """Open the session, waiting for the router; declare what the node offers."""
         self._signals.catch()
         try:
-            self._link = Link(self.connection, self._waiting_is_over)
+            self._link = Link(self.connection, self._waiting_is_over, lambda: self._stopping)
         except BaseException:
             self._signals.release()
             raise

@@ -17,6 +17,7 @@ import zenoh
 
 from common.connection import Connection
 from common.errors import RouterUnreachable, ToldToStop
+from common.reach import round_trip_s
 from common.zenoh_config import client_config, connected_to, insert, not_stated, plain
 
 POLL_S = 0.1
@@ -42,6 +43,8 @@ PATIENT = Patience(open_ms=1500, handshake_ms=1500)
 """For links with round trips of more than 0.1 s; three of them open a session over TCP."""
 
 PATIENT_EVERY = 4
+ANOTHER_MS = 700
+ROUND_TRIPS = 5  # with TLS; three without
 
 
 def direct(callback: Callable[[Any], None]) -> Any:
@@ -87,17 +90,22 @@ def open_session(
     )
 
 
-def open_patiently(
+def open_another(
     connection: Connection, stopping: Callable[[], bool] = lambda: False
 ) -> zenoh.Session | None:
     """Try once to open a session, also over a link that has got too slow for the brisk way.
 
+    Who is to stop waits for the attempt, so it is made only where something answers, and is
+    given no more time than the way there makes likely.
+
     Returns:
         None if there is no router.
     """
-    give_up_s = time.monotonic() + 2 * PATIENT.open_ms / 1000
-    session = _attempt(connection, PATIENT, give_up_s, stopping, [])
-    return session and _brisker(connection, session, give_up_s, stopping)
+    way_s = round_trip_s(connected_to(client_config(connection)), PATIENT.open_ms / 1000, stopping)
+    if way_s is None or stopping():
+        return None
+    enough_ms = min(PATIENT.open_ms, ANOTHER_MS + int(ROUND_TRIPS * way_s * 1000))
+    return _attempt(connection, Patience(enough_ms, enough_ms), float("inf"), stopping, [])
 
 
 def _brisker(

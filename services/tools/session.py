@@ -45,7 +45,7 @@ class ToolSession:
     def __enter__(self) -> Self:
         self._signals.catch()
         try:
-            self.link = Link(self.connection, lambda: self._stopping)
+            self.link = Link(self.connection, lambda: self._stopping, lambda: self._stopping)
         except BaseException:
             self._signals.release()
             raise

@@ -93,7 +93,7 @@ class System:
     def _open(self) -> Link | None:
         """Wait for the router; None if it cannot start or we are told to stop."""
         try:
-            return Link(self._connection, self._waiting_is_over)
+            return Link(self._connection, self._waiting_is_over, lambda: self._stopping)
         except ToldToStop:
             return None
 

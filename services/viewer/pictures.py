@@ -165,6 +165,7 @@ class Pictures:
             return
         if not arrival.challenger:
             self._come(arrival, receiver.accept(arrival))
+            self._wake()  # a challenger may wait behind it
             return
         # It is decoded, which may take long: not where all browsers are served. What comes
         # meanwhile waits in its slot, so that the order is kept and the newest is next.

@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-import socket
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import pytest
 
 from common.connection import Connection
@@ -15,31 +9,8 @@ from common.errors import RouterUnreachable
 from common.session import close_session, open_session
 from tests.integration.far import ONE_WAY_S, far
 from tests.integration.routing import Router
+from tests.integration.silence import silent_listener
 from tests.integration.waiting import wait_until
-
-
-@contextmanager
-def silent_listener(port: int = 0) -> Iterator[tuple[int, list[float]]]:
-    """Take connections and never say a word, like an address whose router is just away."""
-    accepted: list[float] = []
-    kept = []
-    with socket.create_server(("127.0.0.1", port)) as listener:
-
-        def accept() -> None:
-            while True:
-                try:
-                    kept.append(listener.accept())
-                except OSError:
-                    return
-                accepted.append(time.monotonic())
-
-        thread = threading.Thread(target=accept, daemon=True)
-        thread.start()
-        yield listener.getsockname()[1], accepted
-        listener.shutdown(socket.SHUT_RDWR)
-    thread.join(5)
-    for connection, _ in kept:
-        connection.close()
 
 
 def test_an_attempt_to_reconnect_that_is_not_answered_gives_way_to_the_next(router: Router) -> None:

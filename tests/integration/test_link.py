@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+import threading
+import time
+from pathlib import Path
 from typing import Any
 
 import msgpack
@@ -11,6 +14,7 @@ import zenoh
 
 from common import link
 from common.connection import Connection
+from common.errors import ConfigurationError
 from common.link import Link
 from common.live import LiveSettings
 from common.messages import Centroid
@@ -21,6 +25,7 @@ from tests.integration.far import ONE_WAY_S, far
 from tests.integration.listening import Listener, living_nodes, wait_for_nodes
 from tests.integration.publishing import PlainCamera
 from tests.integration.routing import Router
+from tests.integration.silence import silent_listener
 from tests.integration.waiting import in_time, wait_until
 
 
@@ -76,13 +81,13 @@ def test_a_router_that_was_only_away_is_found_again_and_nothing_is_there_twice(
     router: Router, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     attempts: list[zenoh.Session | None] = []
-    try_once = link.open_patiently
+    try_once = link.open_another
 
     def noted(*how: Any) -> zenoh.Session | None:
         attempts.append(try_once(*how))
         return attempts[-1]
 
-    monkeypatch.setattr(link, "open_patiently", noted)
+    monkeypatch.setattr(link, "open_another", noted)
     with Node("seer", connection=Connection(connect=router.endpoint, timeout_s=20)):
         wait_for_nodes(client, "seer_front")
         router.kill()
@@ -122,3 +127,84 @@ def test_what_was_undeclared_before_is_not_declared_on_the_next_session(
         assert ended == []
         between.close()
     assert not between.connected
+
+
+def test_closing_waits_for_an_attempt_that_is_not_answered_but_not_long(
+    router: Router,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An interpreter that ends while Zenoh opens a session aborts."""
+    monkeypatch.setattr(link, "ANEW_AFTER_S", 0.1)
+    between = Link(Connection(connect=router.endpoint, timeout_s=20))
+    router.kill()
+    with silent_listener(router.port):
+        wait_until(lambda: any("_try_open" in name for name in _threads()), 20)
+        began_s = time.monotonic()
+        between.close()
+        assert time.monotonic() - began_s < 1.5
+        assert not [name for name in _threads() if name == "link" or "_try_open" in name]
+
+
+def test_closed_while_another_session_takes_over_it_leaves_neither(
+    router: Router, client: zenoh.Session
+) -> None:
+    slow = threading.Event()
+    declaring = threading.Event()
+
+    def make(session: zenoh.Session) -> zenoh.LivelinessToken:
+        if slow.is_set():
+            declaring.set()
+            time.sleep(0.3)  # not to wait for something: declaring is to take long
+        return session.liveliness().declare_token("@vision/node/slow")
+
+    with far(router) as way:
+        between = Link(Connection(connect=way.endpoint, timeout_s=20))
+        between.declare(make)
+        slow.set()
+        way.delay_s = ONE_WAY_S
+        router.kill()
+        router.start()
+        assert declaring.wait(40)
+        between.close()
+        wait_until(lambda: not living_nodes(client), 5)
+
+
+def test_while_the_router_is_away_a_camera_that_is_gone_is_still_said_to_be(
+    router: Router, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "health"
+    monkeypatch.setenv("ZV_HEALTH_FILE", str(file))
+    with Node("seer", connection=Connection(connect=router.endpoint, timeout_s=20)) as node:
+        router.kill()
+        wait_until(lambda: not node.link.connected)
+        node.health.trouble = lambda: "the camera is gone"  # type: ignore[method-assign]
+        said: list[str] = []
+
+        def read() -> bool:
+            said.append(file.read_text())
+            return len(said) > 400
+
+        wait_until(lambda: "gone" in file.read_text(), 10)
+        wait_until(read, 10)
+        assert all("gone" in text for text in said)
+
+
+def test_what_goes_wrong_in_an_attempt_does_not_end_the_attempts(
+    router: Router, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link, "ANEW_AFTER_S", 0.1)
+    attempts: list[int] = []
+
+    def failing(*_: Any) -> None:
+        attempts.append(1)
+        raise ConfigurationError("the file is gone")
+
+    monkeypatch.setattr(link, "open_another", failing)
+    between = Link(Connection(connect=router.endpoint, timeout_s=20))
+    router.kill()
+    wait_until(lambda: len(attempts) > 1, 20)
+    between.close()
+
+
+def _threads() -> list[str]:
+    return [thread.name for thread in threading.enumerate()]
