@@ -158,8 +158,8 @@ class Pictures:
     def _take(self) -> None:
         self._woken = False
         receiver = self._receiver
-        if receiver is None or self._proving:
-            return
+        if receiver is None or self._proving or self._ended:
+            return  # what waits in the slot is dropped with the subscription
         arrival = receiver.arrival(0)
         if arrival is None:
             return
@@ -176,6 +176,7 @@ class Pictures:
     def _proven(self, arrival: Arrival, done: asyncio.Future[Frame | None]) -> None:
         self._proving = False
         if done.cancelled():
+            self.hub.ledger.drop("unwatched")
             return
         error = done.exception()
         if error is None:

@@ -103,6 +103,7 @@ def open_client(endpoint: str) -> zenoh.Session:
     for key, value in {
         "mode": "client",
         "connect/endpoints": [endpoint],
+        "connect/timeout_ms": 10_000,  # a busy machine may need more than one attempt
         "connect/retry": {
             "period_init_ms": 20,
             "period_max_ms": 50,

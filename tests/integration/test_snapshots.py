@@ -88,7 +88,9 @@ def test_derived_streams_answer_with_the_very_sample_that_was_published(
         snapshot = last_of(client, suffix, last)
         assert snapshot.encoding == encoding
         if subscribed:
-            published = listeners[suffix].messages[-1]
+            arrived = listeners[suffix].messages  # frames give way to answers on the wire
+            wait_until(lambda arrived=arrived: arrived[-1].header["seq"] == last)
+            published = arrived[-1]
             assert snapshot.payload == published.payload
             assert snapshot.attachment == published.attachment
             assert snapshot.encoding == published.encoding
