@@ -26,9 +26,9 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/codespell
 
-## tests: pytest on both cores (ARGS=... to choose); what fails beside another is run again alone
+## tests: pytest, three at a time, since most wait (ARGS=... to choose); what fails beside another is run again alone
 tests: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist worksteal $(ARGS) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(ARGS)
+	$(BIN)/pytest -n 3 --dist worksteal $(ARGS) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(ARGS)
 
 ## test-compose: start the containers and break them (needs Docker; about 15 minutes)
 test-compose: $(VENV)/.dev
@@ -41,7 +41,7 @@ soak: $(VENV)/.dev
 
 ## coverage: line coverage, the services' own processes included
 coverage: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist worksteal --cov --cov-report=term:skip-covered $(ARGS)
+	$(BIN)/pytest -n 3 --dist worksteal --cov --cov-report=term:skip-covered $(ARGS)
 
 ## wheel: build the wheel, install it in an empty environment, run it
 wheel: $(VENV)/.dev
