@@ -106,8 +106,8 @@ class Pictures:
     def silent_s(self) -> float:
         """For how long nothing has come, beyond what is usual; 0 while it comes."""
         since_s = time.monotonic() - self._arrived_s
-        # The median: one gap behind which the camera came back is not what is usual.
-        frame_s = statistics.median(self._intervals) if self._intervals else 0.0
+        # The lower median: one gap behind which the camera came back is not what is usual.
+        frame_s = statistics.median_low(self._intervals) if self._intervals else 0.0
         usual_s = max(SILENT_S, SILENT_FRAMES * frame_s)
         return since_s if since_s > usual_s else 0.0
 

@@ -31,7 +31,7 @@ from tests.integration.waiting import in_time, wait_until
 
 @pytest.fixture(autouse=True)
 def _tried_anew_soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link, "ANEW_AFTER_S", 1.0)
+    monkeypatch.setattr(link, "ANEW_AFTER_S", 0.3)
 
 
 def test_a_node_is_back_with_all_that_it_offers_where_its_link_got_slower(

@@ -363,7 +363,7 @@ def test_a_message_that_is_none_of_its_class_reaches_no_page_and_is_counted(
 def test_a_key_without_frames_is_silent_for_as_long_as_it_is_watched(viewer: Viewer):
     async def test() -> None:
         async with viewer.page() as page:
-            while (await page.text("health", node="viewer"))["diagnostics"]["uptime_s"] < 6:
+            while (await page.text("health", node="viewer"))["diagnostics"]["uptime_s"] < 4:
                 pass
             await page.ask("watch", key=IMAGE)
             found = None
@@ -372,7 +372,7 @@ def test_a_key_without_frames_is_silent_for_as_long_as_it_is_watched(viewer: Vie
                 found = re.match(
                     rf"no frame on {IMAGE} for (\d+) s", health["diagnostics"]["message"]
                 )
-            assert int(found[1]) < 5
+            assert int(found[1]) < 4
 
     run(test())
 
@@ -391,7 +391,7 @@ def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: 
             for _ in range(60):
                 await deaf.ask("shown", key=IMAGE)
                 numbers.append((await page.picture())[0]["header"]["seq"])
-            assert numbers[-1] - numbers[0] < 80, "held up"
+            assert numbers[-1] - numbers[0] < 120, "held up"
 
     with camera.at(30):
         run(test())
