@@ -160,15 +160,17 @@ class Pictures:
         receiver = self._receiver
         if receiver is None or self._proving or self._ended:
             return  # what waits in the slot is dropped with the subscription
-        arrival = receiver.arrival(0)
-        if arrival is None:
-            return
-        if not arrival.challenger:
+        while (arrival := receiver.arrival(0)) is not None:
+            if arrival.challenger:
+                self._prove(receiver, arrival)
+                return
             self._come(arrival, receiver.accept(arrival))
-            self._wake()  # a challenger may wait behind it
-            return
-        # It is decoded, which may take long: not where all browsers are served. What comes
-        # meanwhile waits in its slot, so that the order is kept and the newest is next.
+
+    def _prove(self, receiver: FrameReceiver, arrival: Arrival) -> None:
+        """Decode the first of a run, which may take long: not where all browsers are served.
+
+        What comes meanwhile waits in its slot, so that the order is kept and the newest is next.
+        """
         self._proving = True
         work = self.hub.loop.run_in_executor(self.hub.pool, receiver.accept, arrival)
         work.add_done_callback(lambda done: self._proven(arrival, done))

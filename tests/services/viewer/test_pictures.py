@@ -385,3 +385,18 @@ def test_the_last_clients_leave_ends_the_stream():
 
     hub = run(test)
     assert balance(hub)["dropped.unwatched"] == 1
+
+
+def test_a_challenger_that_waits_behind_a_frame_is_taken_without_another_to_come():
+    async def test(hub: Hub, source: Source) -> None:
+        source.stream.feed(Form()).want()
+        taken, source.stream._take = source.stream._take, lambda: None  # type: ignore[method-assign]
+        source.comes(challenger=True)
+        source.comes()
+        source.stream._take = taken  # type: ignore[method-assign]
+        source.stream._take()
+        while len(source.accepted) < 2:  # the deadline is run's
+            await asyncio.sleep(0.01)
+        assert [number for number, _ in source.accepted] == [2, 1]
+
+    run(test)
