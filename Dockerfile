@@ -1,7 +1,7 @@
 # One image for all nodes: `docker build -t zenoh-vision .`, then `docker run zenoh-vision camera`.
 ARG BASE=debian:bookworm-slim
 
-# Dependencies: built again only when pyproject.toml or constraints.txt change.
+# Dependencies: rebuilt only when pyproject.toml or constraints.txt change.
 FROM ${BASE} AS dependencies
 RUN apt-get update \
     && apt-get install -y --no-install-recommends python3-venv \
@@ -17,7 +17,7 @@ RUN python3 -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb")
     && find /opt/venv \( -type d -name tests -o -type d -name test -o -name conftest.py -o -name test_cases.py -o -name test_utils.py \) \
         -prune -exec rm -rf {} +
 
-# The project itself, in a folder of its own, so that a change of code copies nothing else.
+# The project itself, in its own folder, so that a change of the code copies nothing else.
 FROM dependencies AS project
 COPY README.md LICENSE ./
 COPY configs configs
@@ -47,13 +47,13 @@ ENV PATH=/opt/zenoh-vision/bin:/opt/venv/bin:$PATH \
     ZV_HEALTH_FILE=/tmp/zv-health
 USER zv
 WORKDIR /tmp
-# Every service keeps that file true to its work. This only reads it: no interpreter, no network.
-# (A time in the future is no proof of life either: clocks are set back.)
+# Every service writes its health to that file. The check only reads it, without interpreter and
+# network. (A time in the future does not count as healthy either, since clocks are set back.)
 HEALTHCHECK --interval=3s --timeout=3s --start-period=30s --retries=2 CMD \
     if ! find "$ZV_HEALTH_FILE" -newermt '5 seconds ago' ! -newermt '5 seconds' | grep -q .; \
     then echo "$ZV_HEALTH_FILE has not been written for 5 s"; exit 1; \
     fi; grep -q '^ok' "$ZV_HEALTH_FILE" || { cat "$ZV_HEALTH_FILE"; exit 1; }
 ENTRYPOINT ["zv"]
 CMD ["--help"]
-# Last, since it is what changes.
+# Last, since it changes most often.
 COPY --from=project /opt/zenoh-vision /opt/zenoh-vision

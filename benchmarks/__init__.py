@@ -1,1 +1,1 @@
-"""Speed, as ratios to a floor that is measured in the same run."""
+"""Measures speed as ratios to a minimum that is measured in the same run."""

@@ -1,4 +1,4 @@
-"""What a stream takes: ``python -m benchmarks.bandwidth [FILE|FOLDER|WIDTHxHEIGHT ...]``.
+"""Bandwidth of streams: ``python -m benchmarks.bandwidth [FILE|FOLDER|WIDTHxHEIGHT ...]``.
 
 Encodes pictures of the synthetic scene, or those of a file or folder, with each quality, and
 prints a Markdown table: kB (of 1000 bytes) a frame, and frames a second for each Mbit/s.
@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import VisionError
-from common.images import decode_jpeg, encode_jpeg
-from services.camera.scene.scene import Scene
-from services.camera.settings import CameraSettings
-from services.camera.sources import open_source
+from zenoh_vision.errors import VisionError
+from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
+from zv.camera.settings import CameraSettings
+from zv.camera.source_policy import open_source
+from zv.camera.synthetic.scene import Scene
 
 SIZES = ("320x240", "640x480", "1280x720", "1920x1080", "3840x2160")
 QUALITIES = (50, 65, 80, 90, 95)
@@ -38,16 +38,11 @@ def scene(width: int, height: int) -> list[NDArray[np.uint8]]:
 
 
 def material(source: str) -> list[NDArray[np.uint8]]:
-    """Return pictures of a file or folder, every so many."""
-    opened = open_source(
-        source,
-        width=None,
-        height=None,
-        rate_hz=None,
-        fourcc=None,
-        timeout_s=5.0,
-        synthetic=lambda: sys.exit("for the synthetic scene name sizes, or nothing"),
-    )
+    """Return some pictures of a file or folder, at equal distances."""
+    if source == "synthetic":
+        sys.exit("for the synthetic scene name sizes, or nothing")
+    settings = CameraSettings(source=source)
+    opened = open_source(settings, lambda: settings)
     pictures = islice(iter(opened.read, None), 0, FRAMES * APART, APART)
     return [
         decode_jpeg(picture.jpeg, "bgr8") if picture.pixels is None else picture.pixels
@@ -69,7 +64,7 @@ def frames_per_mbit(size_kb: float) -> float:
 
 
 def short(value: float, digits: int) -> str:
-    """Return a number with so many significant digits, and no exponent."""
+    """Return a number with this many significant digits, without exponent."""
     return f"{float(f'{value:.{digits}g}'):g}"
 
 

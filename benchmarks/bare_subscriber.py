@@ -1,4 +1,4 @@
-"""The least that a Python program can do with a stream: ENDPOINT KEY, counts until SIGTERM."""
+"""A minimal subscriber in Python, ENDPOINT KEY: counts samples until SIGTERM."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import itertools
 import sys
 import threading
 
-from common.connection import Connection
-from common.session import direct, open_session
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.session import direct, open_session
 
 
 def main() -> None:

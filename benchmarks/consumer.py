@@ -9,18 +9,18 @@ import json
 import sys
 import time
 
-from common.connection import Connection
-from common.node import Node
+from zenoh_vision.node.node import Node
+from zenoh_vision.transport.connection import Connection
 
 WARM_UP = 30
 
 
 def main() -> None:
-    """Take so many frames and report."""
+    """Receive the given number of frames and report."""
     wanted = int(sys.argv[2])
     ages: list[float] = []
     with Node("bench", connection=Connection(connect=sys.argv[1])) as node:
-        for count, frame in enumerate(node.frames("image", want="bgr")):
+        for count, frame in enumerate(node.frames("image/compressed", want="bgr")):
             now_ns = time.time_ns()
             if count == WARM_UP:
                 cpu_s, start_s = time.process_time(), time.monotonic()

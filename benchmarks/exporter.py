@@ -1,4 +1,4 @@
-"""``zv metrics``: what listening to many nodes and answering scrapes costs."""
+"""Measures the cost of ``zv metrics``: following many nodes and answering scrapes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 
 from benchmarks.stream import percentiles
 from benchmarks.system import System, free_endpoint
-from common.diagnostics import Pace
-from common.messages import Diagnostics, Latency
+from zenoh_vision.health.latency import LatencyMonitor
+from zenoh_vision.messages import Diagnostics, Latency
 
 BARE = """
 import json, sys, time, zenoh
@@ -33,11 +33,11 @@ SCRAPE_PERIOD_S = 1.0
 
 
 class Nodes:
-    """So many nodes that are tokens and a report a second each, as long as the ``with`` lasts.
+    """Simulated nodes, each a token and a report a second, within the ``with`` block.
 
     Args:
-        system: Where.
-        number: Of nodes.
+        system: The system under test.
+        number: Number of nodes.
     """
 
     def __init__(self, system: System, number: int) -> None:
@@ -76,17 +76,17 @@ def report(node: str) -> bytes:
         counters={**counters, "dropped.stale": 40, "pending": 0, "missed": 3},
         rate_hz=29.97,
         latency_ms=Latency(p50=8.5, p99=14.0),
-        latency_histogram_ms=Pace().histogram(),
+        latency_histogram_ms=LatencyMonitor().histogram(),
     )
     return health.to_bytes()
 
 
 def cost(number: int, seconds: float) -> dict[str, Any]:
-    """CPU of the exporter for so many nodes, unasked and scraped once a second.
+    """Measure the CPU time of the exporter, idle and scraped once a second.
 
     Args:
-        number: Of nodes, each with a report a second.
-        seconds: Of each of the two measurements.
+        number: Number of nodes, each with a report a second.
+        seconds: Duration of each of the two measurements.
     """
     with System() as system:
         system.start("bare", "-c", BARE, system.endpoint)
@@ -122,14 +122,14 @@ def cost(number: int, seconds: float) -> dict[str, Any]:
 
 
 def scrape(url: str) -> bytes:
-    """Return what is served."""
+    """Return the served metrics."""
     with urllib.request.urlopen(url, timeout=10) as answer:
         body: bytes = answer.read()
         return body
 
 
 def _served(url: str, number: int) -> bool:
-    """Tell whether the exporter is up and knows so many nodes."""
+    """Tell whether the exporter is up and knows this number of nodes."""
     try:
         return scrape(url).count(b"\nzenoh_vision_node_level{") >= number
     except OSError:
@@ -158,7 +158,7 @@ def help_times(runs: int = 7) -> dict[str, float]:
         times_s = []
         for _ in range(runs):
             began_s = time.perf_counter()
-            command = [sys.executable, "-m", "services", *words]
+            command = [sys.executable, "-m", "zv", *words]
             subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
             times_s.append(time.perf_counter() - began_s)
         found[" ".join(["zv", *words])] = round(min(times_s), 3)

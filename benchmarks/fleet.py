@@ -7,8 +7,8 @@ from typing import Any
 
 from benchmarks.stream import percentiles
 from benchmarks.system import System
-from common.messages import Centroid, Diagnostics
-from common.session import direct
+from zenoh_vision.messages import Centroid, Diagnostics
+from zenoh_vision.transport.session import direct
 
 
 def cameras(number: int, rate_hz: float, seconds: float, every_s: float = 10.0) -> dict[str, Any]:

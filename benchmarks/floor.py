@@ -1,4 +1,4 @@
-"""The floor: encode and decode of the same frames in one process, one thread, no network."""
+"""The minimum: encodes and decodes the same frames in one process, one thread, no network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from common.images import decode_jpeg, encode_jpeg
+from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Floor:
 
     @property
     def total_ms(self) -> float:
-        """What a frame costs at least between capture and decoded pixels."""
+        """The minimum time of a frame between capture and decoded pixels."""
         return self.encode_ms + self.decode_ms
 
 
@@ -48,7 +48,7 @@ def measure(pictures: list[NDArray[np.uint8]], rate_hz: float, seconds: float) -
         encode.append((between - before) * 1e3)
         decode.append((after - between) * 1e3)
         sizes.append(len(jpeg) / 1e3)
-    # In a pass of its own: in between, it would leave the caches colder than they are.
+    # In a separate pass, since in between it would evict data from the caches.
     opencv_s = [opencv_round_trip(picture) for picture in pictures]
     return Floor(
         statistics.median(encode),

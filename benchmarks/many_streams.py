@@ -6,11 +6,11 @@ import sys
 import time
 
 from benchmarks.material import frames
-from common.connection import Connection
-from common.images import encode_jpeg
-from common.messages import Header
-from common.publishing import FRAME_DELIVERY
-from common.session import open_session
+from zenoh_vision.image.codecs import encode_jpeg
+from zenoh_vision.messages import Header
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.publisher import FRAME_DELIVERY
+from zenoh_vision.transport.session import open_session
 
 QUALITY = 80
 

@@ -1,4 +1,4 @@
-"""What the benchmarks feed the system: real frames, held in memory, at a steady rate."""
+"""The input of the benchmarks: real frames, held in memory, at a steady rate."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.camera.sources.base import Picture
-from services.camera.sources.synthetic import Conditions, SyntheticSource
+from zv.camera.sources.base import Picture
+from zv.camera.synthetic.source import Conditions, SyntheticSource
 
 ROOT = Path(__file__).parent.parent
 FRAMES = 60
 
 
 def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
-    """Return frames of vtest.avi at a size; of the synthetic scene where the video is not there."""
+    """Return frames of vtest.avi at a size; of the synthetic scene if the video does not exist."""
     folder = Path(os.environ.get("ZV_TEST_DATA", ROOT.parent / "shared" / "data"))
     video = cv2.VideoCapture(str(folder / "vtest.avi"))
     found = []
@@ -27,14 +27,14 @@ def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
             break
         found.append(np.asarray(cv2.resize(frame, (width, height)), np.uint8))
     if not found:
-        source = SyntheticSource(width=width, height=height, seed=1, conditions=Conditions)
+        source = SyntheticSource((width, height), 1, Conditions)
         pictures = [source.read() for _ in range(FRAMES)]
         found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
     return found
 
 
 class MemorySource:
-    """Frames from memory, forth and back for ever, so that reading costs nothing.
+    """Frames from memory, forth and back forever, so that reading costs nothing.
 
     Args:
         pictures: (height, width, 3) uint8 BGR each.
@@ -61,4 +61,4 @@ class MemorySource:
         return Picture("bgr8", width, height, pixels=pixels, due_s=due_s)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is nothing to release."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.system import System
-from common.session import direct
+from zenoh_vision.transport.session import direct
 
 SIZES = ("640x480", "1280x720", "1920x1080", "3840x2160")
 RATE_HZ = 10
@@ -22,7 +22,7 @@ PICTURES = ("image/compressed", "tracked/compressed", "mask/compressed", "edges/
 
 
 def peak_mb(pid: int) -> float:
-    """Return the most memory that a process has held."""
+    """Return the peak memory of a process."""
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmHWM:"):
             return int(line.split()[1]) * 1024 / 1e6
@@ -30,7 +30,7 @@ def peak_mb(pid: int) -> float:
 
 
 def measure(width: int, height: int, frames: int = FRAMES) -> dict[str, float]:
-    """Return the peak of each process after so many centroids at this size."""
+    """Return the peak memory of each process after ``frames`` centroids at this size."""
     with System() as system:
         session = system.session()
         enough = threading.Event()
@@ -50,8 +50,8 @@ def measure(width: int, height: int, frames: int = FRAMES) -> dict[str, float]:
         system.service(
             "camera", "camera", f"--width={width}", f"--height={height}", f"--rate={RATE_HZ}"
         )
-        system.service("tracker", "tracker")
-        system.service("edge", "edge")
+        for service in ("tracker", "edge"):
+            system.service(service, service, f"--max-pixels={width * height}")
         if not enough.wait(60 + frames):
             raise SystemExit(f"{width}x{height}: {seen} of {frames} centroids")
         time.sleep(1)

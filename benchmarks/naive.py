@@ -1,9 +1,9 @@
-"""web_video_server's way, to compare with: each picture is decoded and encoded for every client.
+"""A server like web_video_server, for comparison: decodes and encodes pictures for every client.
 
 ENDPOINT PORT: serves ``/stream`` and, with it in an ``<img>``, ``/stream_viewer`` until SIGTERM. As
-there, each client gets the newest picture, encoded at quality 95, the boundary at once behind it,
-and the head of the next part with the next picture. The subscription alone is one for all, since
-in Python, other than there, 50 of them would wait for one another.
+in web_video_server, each client gets the newest picture, encoded at quality 95, directly followed
+by the boundary, and the header of the next part with the next picture. Unlike there, all clients
+share the subscription, since 50 of them would wait for one another in Python.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import numpy as np
 import zenoh
 from aiohttp import web
 
-from common import images
-from common.connection import Connection
-from common.session import direct, open_session
-from common.slot import Slot
+from zenoh_vision.image import codecs
+from zenoh_vision.stream.buffer import Buffer, latest
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.session import direct, open_session
 
 KEY = "vision/front/image/compressed"
 QUALITY = 95
@@ -33,11 +33,11 @@ class Encoder:
     """The pictures of one client, on a thread of its own: decoded, resized, encoded.
 
     Args:
-        size: Width and height of what the client gets, pixels; None for the camera's.
+        size: Width and height of the client's pictures, pixels; None for the camera's.
     """
 
     def __init__(self, size: tuple[int, int] | None) -> None:
-        self.newest = Slot[bytes](lambda _: None)
+        self.newest = Buffer[bytes](latest, lambda _: None)
         self.ready: asyncio.Queue[bytes] = asyncio.Queue(1)
         self._loop = asyncio.get_running_loop()
         self._size = size
@@ -53,7 +53,7 @@ class Encoder:
             payload = self.newest.take(POLL_S)
             if payload is None:
                 continue
-            pixels = images.decode_jpeg(payload, "bgr8")
+            pixels = codecs.decode_jpeg(payload, "bgr8")
             if self._size is not None:
                 pixels = np.asarray(cv2.resize(pixels, self._size), np.uint8)
             jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
@@ -67,7 +67,7 @@ class Encoder:
 
 
 def application(encoders: set[Encoder]) -> web.Application:
-    """Return the server; who watches is in ``encoders``."""
+    """Return the server; ``encoders`` has one entry for each client."""
 
     async def stream(request: web.Request) -> web.StreamResponse:
         query = request.query

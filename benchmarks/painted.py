@@ -1,4 +1,4 @@
-"""Capture to painted pixel in Chromium: our page, our ``/stream``, and web_video_server's way."""
+"""Time from capture to painted pixel in Chromium: the page, ``/stream``, and the naive server."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from typing import Any
 from benchmarks.stream import percentiles
 from benchmarks.system import System, free_endpoint
 from benchmarks.viewer import QUERY, Clients, answers, wait_for
-from common.messages import Header
-from common.session import direct
-from services.camera.scene.numbering import MODULUS
+from zenoh_vision.messages import Header
+from zenoh_vision.transport.session import direct
+from zv.camera.synthetic.frame_code import MODULUS
 
 RATE_HZ = 29.5
-"""Not 30: at half the rate of the screen, every picture would wait as long as the first did."""
+"""Not 30: at half the rate of the screen, every picture would wait as long as the first one."""
 OTHERS = (0, 20, 50)
-"""So many further clients read the same server's stream, and decode nothing."""
+"""Numbers of further clients that read the same server's stream without decoding."""
 
 SHARE = 0.5
 """Of the time of other measurements: there are nine here."""
@@ -56,7 +56,7 @@ FLOOR = """async ([address, count]) => {
     }
     return found;
 }"""
-"""The least: the JPEG is in the page, is decoded, and painted in the next frame of the screen."""
+"""The minimum: a JPEG in the page is decoded, and painted in the next frame of the screen."""
 
 
 class Stamps:
@@ -69,7 +69,7 @@ class Stamps:
     def __init__(self, session: Any) -> None:
         self.stamp_ns: dict[int, int] = {}
         self.epochs: set[int] = set()
-        # The truth is of every frame and small, so it tells of a frame at hardly any cost.
+        # The truth is sent for every frame and is small, so it is cheap to receive.
         self._subscriber = session.declare_subscriber("vision/front/truth", direct(self._note))
 
     def _note(self, sample: Any) -> None:
@@ -95,10 +95,10 @@ def chromium() -> str | None:
 
 
 def capture_to_painted(seconds: float) -> dict[str, Any]:
-    """Watch a numbered camera of 640x480 at 30 Hz in each way in turn, alone and among others.
+    """Watch a numbered camera of 640x480 at 30 Hz in each way in turn, with and without clients.
 
     Args:
-        seconds: For each way and number of clients, in ``ROUNDS`` parts.
+        seconds: Duration for each way and number of clients, in ``ROUNDS`` parts.
 
     Returns:
         Milliseconds from the header's stamp to the frame of the screen that has the picture, and
@@ -124,7 +124,7 @@ def capture_to_painted(seconds: float) -> dict[str, Any]:
             row = _turns(browser, ports, stamps, others, seconds / ROUNDS)
             found[f"{others} other clients"] = row
     if len(stamps.epochs) != 1:
-        sys.exit("the camera began anew during the measurement")
+        sys.exit("the camera restarted during the measurement")
     return found
 
 
@@ -161,7 +161,7 @@ def _turns(
             with Clients(ports[server], others, QUERY):
                 painted, elapsed_s = _painted(browser, address, selector, seconds)
             rates[way].append(len(painted) / elapsed_s)
-            # The first may have been painted before it was looked at.
+            # The first may have been painted before the observation began.
             ages[way] += [
                 at_ms - stamps.stamp_ns[number] / 1e6
                 for number, at_ms in painted
@@ -200,7 +200,7 @@ def _painted(
     finally:
         page.close()
     if abs(skew_ms) > MOST_SKEW_MS:
-        sys.exit(f"Chromium's clock is {skew_ms:.1f} ms beside that of the machine")
+        sys.exit(f"Chromium's clock differs from the machine's by {skew_ms:.1f} ms")
     return [(number, at_ms) for number, at_ms in painted], elapsed_s
 
 

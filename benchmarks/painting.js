@@ -1,4 +1,4 @@
-// Notes when each numbered picture is painted in this tab: services/camera/scene/numbering.py has
+// Notes when each numbered picture is painted in this tab: services/zv/camera/synthetic/frame_code.py has
 // the code. `selector` names the <img>, or the canvas that shows a 4:3 picture as large as fits.
 (selector) => {
 	const CHECK = 0xa5;

@@ -1,4 +1,4 @@
-"""From setting a parameter to the arrival of the first frame that was made with it."""
+"""Measures the time from setting a parameter to the first frame that was made with it."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import zenoh
 
 from benchmarks.stream import RATE_HZ, first_frame, percentiles
 from benchmarks.system import System
-from common.messages import Header, Parameter
-from common.session import direct
+from zenoh_vision.messages import Header, Parameter
+from zenoh_vision.transport.session import direct
 
 CASES: dict[str, tuple[str, str, tuple[object, object]]] = {
     "camera quality": ("camera_front/quality", "image/compressed", (60, 80)),
@@ -23,7 +23,7 @@ CASES: dict[str, tuple[str, str, tuple[object, object]]] = {
     "tracker threshold": ("tracker_front/threshold", "centroid", (100, 127)),
     "edge low": ("edge_front/low", "edges/compressed", (30.0, 40.0)),
 }
-"""Parameter, the stream whose frames are looked at, and two values that take turns."""
+"""Parameter, the stream whose frames are observed, and two alternating values."""
 
 WAIT_S = 5.0
 
@@ -69,8 +69,8 @@ def set_to_frame(seconds: float) -> dict[str, Any]:
 
     Returns:
         Per case, in times between two frames: p50, p99 and the largest; the time until the node
-        has answered, in milliseconds; and as the floor, in the same run, how long it is from any
-        moment to the next frame, whatever that was made with.
+        has answered, in milliseconds; and as the minimum, in the same run, the time from any
+        moment to the next frame of any revision.
     """
     found: dict[str, Any] = {}
     chance = random.Random(1)

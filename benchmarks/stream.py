@@ -1,4 +1,4 @@
-"""Capture to decoded frame, capture to centroid, CPU a frame, start-up, at one size."""
+"""Measures capture to decoded frame and to centroid, CPU per frame, and start-up, at one size."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.floor import Floor
 from benchmarks.system import System
-from common.messages import Centroid, Diagnostics
-from common.session import direct
+from zenoh_vision.messages import Centroid, Diagnostics
+from zenoh_vision.transport.session import direct
 
 RATE_HZ = 30.0
 

@@ -1,4 +1,4 @@
-"""The system under test: real processes, and what they cost."""
+"""The system under test: real processes, their CPU time and memory."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import socket
 import subprocess
 import sys
 import time
-from types import TracebackType
 from typing import Self
 
 import psutil
 import zenoh
 
-from common.connection import Connection
-from common.session import open_session
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.session import open_session
 
 
 def free_endpoint() -> str:
@@ -24,7 +23,7 @@ def free_endpoint() -> str:
 
 
 class System:
-    """A router and the processes that are started in it; all end with the ``with``."""
+    """A router and the processes that are started with it; all end with the ``with`` block."""
 
     def __init__(self) -> None:
         self.endpoint = free_endpoint()
@@ -32,16 +31,11 @@ class System:
         self._cpu_s: dict[str, float] = {}
 
     def __enter__(self) -> Self:
-        self.start("router", "-m", "services", "router", "--listen", self.endpoint)
+        self.start("router", "-m", "zv", "router", "--listen", self.endpoint)
         self.session().close()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         for name, process in reversed(self.processes.items()):
             process.terminate()
             try:
@@ -62,7 +56,7 @@ class System:
 
     def service(self, name: str, service: str, *flags: str) -> None:
         """Start ``zv SERVICE`` in this system."""
-        self.start(name, "-m", "services", service, "--connect", self.endpoint, *flags)
+        self.start(name, "-m", "zv", service, "--connect", self.endpoint, *flags)
 
     def begin(self) -> None:
         """Start to count CPU time."""

@@ -1,4 +1,4 @@
-"""What the tools cost: CPU beside a bare subscriber of the same streams; a snapshot's time."""
+"""Measures the tools: CPU compared with a bare subscriber; the time of a snapshot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import psutil
 
 from benchmarks.stream import percentiles
 from benchmarks.system import System
-from common.session import direct
+from zenoh_vision.transport.session import direct
 
 STREAMS = 20
 SETTLE_S = 3.0
@@ -43,7 +43,7 @@ def cpu_beside_bare(width: int, height: int, rate_hz: float, seconds: float) -> 
 
 
 def rates(system: System, seconds: float) -> dict[str, Any]:
-    """Return what ``zv topic hz`` says of the streams: a tool that misses half is cheap."""
+    """Return the rates by ``zv topic hz``, to check that the tool misses no samples."""
     words = zv(system, "topic", "hz", PICTURES, "--json", "--for", f"{seconds:g}")
     done = subprocess.run([sys.executable, *words], capture_output=True, check=True, text=True)
     found = [json.loads(line) for line in done.stdout.splitlines()]
@@ -96,7 +96,7 @@ def snapshot(times: int = 10) -> dict[str, Any]:
             taken = []
             for _ in range(times):
                 begun_s = time.monotonic()
-                command = [sys.executable, "-m", "services", "snapshot", key]
+                command = [sys.executable, "-m", "zv", "snapshot", key]
                 options = ["--connect", system.endpoint, *flags]
                 subprocess.run(
                     [*command, *options],
@@ -127,7 +127,7 @@ def bare(system: System, key: str) -> list[str]:
 
 def zv(system: System, *words: str) -> list[str]:
     """Return the command of a tool."""
-    return ["-m", "services", *words, "--connect", system.endpoint]
+    return ["-m", "zv", *words, "--connect", system.endpoint]
 
 
 def measured(command: list[str], seconds: float) -> float:

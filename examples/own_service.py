@@ -7,11 +7,7 @@ import sys
 from contextlib import suppress
 from typing import ClassVar
 
-from common.connection import Connection
-from common.errors import ToldToStop
-from common.keys import message_topic
-from common.messages import Stamped
-from common.node import Node
+from zenoh_vision import Connection, Node, Stamped, ToldToStop, message_topic
 
 
 class Brightness(Stamped):
@@ -22,7 +18,7 @@ class Brightness(Stamped):
     mean: float
 
 
-BRIGHTNESS = message_topic("brightness", Brightness.schema_name)
+BRIGHTNESS = message_topic("brightness", Brightness)
 
 
 def main() -> None:
@@ -31,10 +27,9 @@ def main() -> None:
         camera="front",
         connection=Connection(*sys.argv[1:2]),
         publishes=[BRIGHTNESS],
-        messages=[Brightness],
     )
-    with suppress(ToldToStop), node:  # Ctrl-C may come while there is no router yet
-        for frame in node.frames("image", want="gray"):
+    with suppress(ToldToStop), node:  # Ctrl-C may come before there is a router
+        for frame in node.frames("image/compressed", want="gray"):
             mean = float(frame.gray.mean())
             node.publish(BRIGHTNESS, Brightness(header=node.header(frame), mean=mean))
 

@@ -1,4 +1,4 @@
-"""Be a camera with nothing of ours: bare JPEGs on ``vision/front/image/compressed``.
+"""Publish bare JPEGs on ``vision/front/image/compressed``, without code of this project.
 
 python examples/publish_from_anything.py [tcp/127.0.0.1:7447] [--header] [FILE.jpg ...]
 
@@ -30,7 +30,7 @@ def drawn_pictures():
 
 
 def header_of(jpeg, epoch, seq):
-    """Return what says which frame this is: the attachment of a picture."""
+    """Return the attachment that identifies a picture's frame."""
     height, width = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR).shape[:2]
     identity = {"camera": "front", "epoch": epoch, "seq": seq, "stamp_ns": time.time_ns()}
     return msgpack.packb({**identity, "width": width, "height": height, "encoding": "bgr8"})
@@ -51,8 +51,8 @@ with suppress(KeyboardInterrupt), zenoh.open(config) as session:
         encoding="image/jpeg",
         congestion_control=zenoh.CongestionControl.BLOCK_FIRST,  # whole frames or none
     )
-    epoch = time.time_ns()  # this run of the camera
+    epoch = time.time_ns()  # identifies this run of the camera
     for seq, jpeg in enumerate(jpegs):
-        # Without a header receivers make one up on arrival and mark it as assumed.
+        # Without a header, receivers create one on arrival and mark it as assumed.
         publisher.put(jpeg, attachment=header_of(jpeg, epoch, seq) if with_header else None)
         time.sleep(1 / RATE_HZ)

@@ -1,4 +1,4 @@
-"""Save a camera's newest frame as it is on the wire: every stream also answers a query.
+"""Save a camera's newest frame unchanged, with a query, which every stream answers.
 
 python examples/save_frame.py FILE.jpg [tcp/127.0.0.1:7447] [KEY]
 """

@@ -1,4 +1,4 @@
-"""Print where the largest moving object is: plain zenoh and msgpack, nothing of ours.
+"""Print the position of the largest moving object, with zenoh and msgpack only.
 
 python examples/subscribe.py [tcp/127.0.0.1:7447]      Ctrl-C ends it
 """
@@ -16,7 +16,7 @@ config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
 with suppress(KeyboardInterrupt), zenoh.open(config) as session:
-    newest_only = zenoh.handlers.RingChannel(1)  # the default is a queue of 256, ever older
+    newest_only = zenoh.handlers.RingChannel(1)  # the default queues 256 samples, oldest first
     subscriber = session.declare_subscriber("vision/front/centroid", newest_only)
     for sample in subscriber:
         centroid = msgpack.unpackb(sample.payload.to_bytes())

@@ -15,13 +15,18 @@ trap 'rm -rf "$work"' EXIT
 "$work/venv/bin/python" -m pip install --quiet --disable-pip-version-check \
     -c "$here/constraints.txt" "$work"/dist/*.whl
 cd "$work"
+for name in common services; do # folders of a user's, here and on PYTHONPATH
+    mkdir $name && echo 'THEIRS = True' >$name/__init__.py
+done
+export PYTHONPATH="$work"
+"$work/venv/bin/python" -c 'import common; assert common.THEIRS; from zenoh_vision import Node'
 "$work/venv/bin/zv" --help >help.txt
 grep -q camera help.txt
 port=$("$work/venv/bin/python" -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')
 "$work/venv/bin/zv" up --plain --listen "tcp/127.0.0.1:$port" >out.txt 2>err.txt &
 up=$!
 status=0
-"$work/venv/bin/python" "$here/tests/first_centroid.py" "tcp/127.0.0.1:$port" || status=1
+"$work/venv/bin/python" "$here/tests/support/programs/first_centroid.py" "tcp/127.0.0.1:$port" || status=1
 kill -INT "$up"
 wait "$up" || status=1
 [ "$status" = 0 ] || { cat out.txt err.txt >&2; exit 1; }

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from common.settings import load_settings
-from services.catalogue import SERVICES, model_of
-from services.cli.defaults import files
+from zenoh_vision.config.settings import load_settings
+from zv.cli.generate import files
+from zv.registry import SERVICES, model_of
 
 ROOT = Path(__file__).parent.parent
 

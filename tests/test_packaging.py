@@ -1,4 +1,4 @@
-"""The distribution's two top-level names are plain ones: nothing else may ship them."""
+"""The distribution's import names are its own: no other distribution ships them."""
 
 import ast
 import subprocess
@@ -16,7 +16,7 @@ def test_no_other_installed_distribution_ships_our_top_level_names():
     for distribution in distributions():
         if distribution.metadata["Name"] != "zenoh-vision":
             tops = {path.parts[0].removesuffix(".py") for path in distribution.files or ()}
-            assert not tops & {"common", "services"}, distribution.metadata["Name"]
+            assert not tops & {"zenoh_vision", "zv"}, distribution.metadata["Name"]
 
 
 def test_opencv_is_installed_once_and_headless():
@@ -47,9 +47,9 @@ def test_help_imports_neither_cv2_nor_the_services(command: list[str]):
     program = (
         "import sys\n"
         f"sys.argv = ['zv', *{command!r}]\n"
-        "from services.cli.main import main\n"
+        "from zv.cli.main import main\n"
         "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
-        "print({'cv2', 'av', 'services.camera.service'} & set(sys.modules), file=sys.stderr)\n"
+        "print({'cv2', 'av', 'zv.camera.service'} & set(sys.modules), file=sys.stderr)\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT
@@ -61,7 +61,7 @@ def test_the_list_of_commands_needs_no_zenoh():
     program = (
         "import sys\n"
         "sys.argv = ['zv', '--help']\n"
-        "from services.cli.main import main\n"
+        "from zv.cli.main import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "assert 'zenoh' not in sys.modules and 'cv2' not in sys.modules\n"
     )

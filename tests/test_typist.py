@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import pytest
 
-from tests.processes import ROOT, environment
-from tests.typist import type_zv
+from tests.support.processes import run_program
+from tests.support.typist import type_zv
 
 
 @pytest.mark.parametrize(
@@ -18,14 +17,7 @@ from tests.typist import type_zv
 )
 def test_a_typed_command_is_what_a_new_interpreter_makes_of_it(arguments: list[str]):
     typed = type_zv(arguments)
-    begun = subprocess.run(
-        [sys.executable, "-m", "services", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env=environment(),
-        check=False,
-    )
+    begun = run_program([sys.executable, "-m", "zv", *arguments])
     assert (typed.returncode, typed.stdout, typed.stderr) == (
         begun.returncode,
         begun.stdout,

@@ -1,4 +1,4 @@
-"""Render docs/images/overview.png: what the streams of one camera show at one moment.
+"""Render docs/images/overview.png: the streams of one camera at one moment.
 
 The synthetic camera's pictures go through the same code as in the running system, without the
 network: JPEG, tracker, edge detector. Run it from the top of the repository:
@@ -14,16 +14,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from common.frame import Frame
-from common.messages import Header
-from services.camera.choice import open_by
-from services.camera.conversion import Converter
-from services.camera.settings import CameraSettings
-from services.edge.service import edges_of
-from services.edge.settings import EdgeSettings
-from services.tracker.drawing import draw
-from services.tracker.service import tracker_of
-from services.tracker.settings import TrackerSettings
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zv.camera.convert import Converter
+from zv.camera.settings import CameraSettings
+from zv.camera.source_policy import open_source
+from zv.edge.service import edges_of
+from zv.edge.settings import EdgeSettings
+from zv.tracker.pipelines.largest import LargestObject, draw
+from zv.tracker.service import parameters_of
+from zv.tracker.settings import TrackerSettings
 
 TARGET = Path(__file__).parent / "overview.png"
 SHOWN_FRAME = 180
@@ -36,9 +36,9 @@ INK = (40, 40, 40)
 def main() -> None:
     """Render the pictures and write the file."""
     settings = CameraSettings()
-    source = open_by(settings, lambda: settings)
-    converter = Converter(settings.encoding, settings.flip, settings.quality)
-    tracker = tracker_of(TrackerSettings())
+    source = open_source(settings, lambda: settings)
+    converter = Converter()
+    tracker = LargestObject(parameters_of(TrackerSettings()))
     for seq in range(SHOWN_FRAME + 1):
         picture = source.read()
         assert picture is not None
@@ -51,7 +51,7 @@ def main() -> None:
             height=picture.height,
             encoding=settings.encoding,
         )
-        sent = converter.frame(header, picture)
+        sent = converter.frame(header, picture, flip=settings.flip, quality=settings.quality)
         frame = Frame(header, compressed=sent.compressed)
         found, mask = tracker.update(frame.bgr)
     pictures = {

@@ -70,7 +70,7 @@ def _keep(page: Page) -> None:
 
 def _start(stack: ExitStack, command: list[str]) -> subprocess.Popen[bytes]:
     process = subprocess.Popen(  # noqa: S603 - our own
-        [sys.executable, "-m", "services", *command],
+        [sys.executable, "-m", "zv", *command],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
     )

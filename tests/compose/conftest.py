@@ -12,7 +12,7 @@ import pytest
 
 from tests.compose.stack import IMAGE, Stack, compose_command, run
 from tests.compose.witness import Witness
-from tests.processes import ROOT
+from tests.support.processes import ROOT
 
 BASES = ("debian:bookworm-slim", "eclipse/zenoh:1.10.2")
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from tests.compose.stack import IMAGE, Stack, run
 from tests.compose.witness import Seen
-from tests.integration.waiting import wait_until
+from tests.support.waiting import wait_until
 
 PROGRAM = Path(__file__).with_name("listener.py")
 
@@ -33,12 +32,7 @@ class FarSubscriber:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Remove the container, and its link with it."""
         run("docker", "rm", "-f", self.container)
 

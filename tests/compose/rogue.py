@@ -10,7 +10,7 @@ from typing import Any
 
 import msgpack
 
-from tests.integration.pictures import PICTURES, size_of
+from tests.support.pictures import PICTURES, size_of
 
 JPEG = PICTURES[0]
 PNG_START = b"\x89PNG\r\n\x1a\n"

@@ -17,8 +17,8 @@ from itertools import pairwise
 
 from tests.compose.stack import OURS, SERVICES, Stack, run
 from tests.compose.witness import CENTROID, EDGES, IMAGE, STREAMS, Witness
-from tests.integration.listening import balance
-from tests.processes import ROOT
+from tests.support.listening import balance
+from tests.support.processes import ROOT
 
 EVERY_S = 10.0
 OLD_S = 0.4

@@ -14,8 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tests.integration.routing import free_port
-from tests.integration.waiting import wait_until
+from tests.support.routing import free_port
+from tests.support.waiting import wait_until
 
 COMMAND_S = 900.0
 """A build on a small board, with nothing in its cache, takes minutes."""
@@ -25,6 +25,9 @@ IMAGE = f"zenoh-vision:{IMAGE_TAG}"
 """Not the tag that a user of this machine has deployed."""
 
 START_S = 60.0
+HANDSHAKE_MS = 300
+"""Of a client on this machine: Docker's proxy takes connections also while the router is away."""
+
 SERVICES = ("router", "camera", "tracker", "edge", "viewer")
 OURS = ("camera", "tracker", "edge")
 """Of which each sends a stream of its camera."""
@@ -77,7 +80,7 @@ class Stack:
 
     Args:
         checkout: Folder of the compose files.
-        overrides: Files beside docker-compose.yml: ``rest`` for docker-compose.rest.yml, or a path.
+        overrides: Files to add: ``rest`` for configs/compose/rest.yml, or a path.
         settings: What a user writes into ``.env``.
         services: Which to start; all when empty.
     """
@@ -99,7 +102,7 @@ class Stack:
             self._files.append(
                 override
                 if isinstance(override, Path)
-                else checkout / f"docker-compose.{override}.yml"
+                else checkout / "configs" / "compose" / f"{override}.yml"
             )
         kept = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
         self._env = {

@@ -8,7 +8,7 @@ import pytest
 
 from tests.compose.stack import OURS, Stack, run
 from tests.compose.witness import Witness, assert_whole
-from tests.integration.waiting import wait_until
+from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 KEPT_MB = 3.5  # three files of 1 MB, and what is written before Docker turns over

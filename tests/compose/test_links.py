@@ -9,8 +9,8 @@ import pytest
 from tests.compose.link import FarSubscriber
 from tests.compose.stack import Stack, pause, run
 from tests.compose.witness import CENTROID, IMAGE, STREAMS, Witness, assert_whole, split
-from tests.integration.listening import Listener, balance
-from tests.integration.waiting import wait_until
+from tests.support.listening import Listener, balance
+from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 LASTS_S = 20.0

@@ -1,4 +1,4 @@
-"""docker-compose.metrics.yml: one more container, scraped from outside."""
+"""configs/compose/metrics.yml: one more container, scraped from outside."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import urllib.request
 import pytest
 
 from tests.compose.witness import Witness
-from tests.integration.routing import free_port
-from tests.integration.waiting import wait_until
+from tests.support.routing import free_port
+from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 

@@ -12,10 +12,10 @@ import pytest
 
 from tests.compose.stack import Stack, compose_command, run
 from tests.compose.witness import Witness
-from tests.integration.pictures import write_video
-from tests.integration.routing import free_port
-from tests.integration.waiting import wait_until
-from tests.pages import Page
+from tests.support.pages import Page
+from tests.support.pictures import write_video
+from tests.support.routing import free_port
+from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 WORDS = ("docker", "cp", "curl", "ZV_VIDEO=./walk.avi", "ZV_COMPOSE_CONNECT=tcp/192.0.2.1:7447")
@@ -43,7 +43,8 @@ def test_a_compose_command_runs_as_written(line: str, image: str, clone: Path):
     words = words[len(settings) + 2 :]
     files = [words[at + 1] for at, word in enumerate(words) if word == "-f"]
     assert all((clone / file).exists() for file in files)
-    overrides = [file.removeprefix("docker-compose.").removesuffix(".yml") for file in files[1:]]
+    assert not files or files[0] == "docker-compose.yml"  # whose folder all paths start from
+    overrides = [Path(file).stem for file in files[1:]]
     rest = words[2 * len(files) :]
     if "webcam" in overrides or "remote-router" in overrides:
         # No camera and no such router here: what Compose makes of them is in test_settings.py.

@@ -11,9 +11,9 @@ import zenoh
 from tests.compose import rogue
 from tests.compose.stack import SERVICES, Stack
 from tests.compose.witness import IMAGE, STREAMS, Witness, assert_whole
-from tests.integration.listening import ask, balance, drops, open_client
-from tests.integration.publishing import Paced
-from tests.integration.waiting import wait_until
+from tests.support.listening import ask, balance, drops, open_client
+from tests.support.publishing import Paced
+from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 RATE_HZ = 200.0

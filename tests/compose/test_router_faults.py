@@ -8,8 +8,8 @@ import pytest
 
 from tests.compose.stack import OURS, Stack, pause
 from tests.compose.witness import RATE_HZ, STREAMS, Witness, assert_whole, split
-from tests.integration.listening import balance
-from tests.integration.waiting import wait_until
+from tests.support.listening import balance
+from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 CRASHES = 20

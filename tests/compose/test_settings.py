@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.compose.stack import OURS, Stack, run
+from tests.compose.stack import HANDSHAKE_MS, OURS, Stack, run
 from tests.compose.witness import Witness
-from tests.integration.listening import Listener, newest, open_client, wait_for_nodes
-from tests.integration.pictures import write_video
-from tests.integration.routing import Router, free_port
-from tests.integration.waiting import wait_until
-from tests.processes import Program, eventually
-from tests.servers import rtsp_camera
+from tests.support.listening import Listener, newest, open_client, wait_for_nodes
+from tests.support.pictures import write_video
+from tests.support.processes import Program, missing
+from tests.support.programs import rtsp_camera
+from tests.support.routing import Router, free_port
+from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 RTSP_SERVER = Path(rtsp_camera.__file__)
@@ -39,7 +39,7 @@ def connected(stack: Stack) -> zenoh.Session:
 
 def opened(endpoint: str) -> zenoh.Session | None:
     try:
-        return open_client(endpoint)
+        return open_client(endpoint, HANDSHAKE_MS)
     except zenoh.ZError:
         return None
 
@@ -151,9 +151,9 @@ def test_curl_gets_the_newest_frame_from_the_rest_port(new_stack, tmp_path: Path
 def test_nodes_at_a_router_elsewhere(new_stack, gateway: str, tmp_path: Path):
     router = Router(tmp_path)
     listen = f"tcp/{gateway}:{router.port}"
-    with Program(["-m", "services", "router", "--listen", listen], tmp_path, "router"):
+    with Program(["-m", "zv", "router", "--listen", listen], tmp_path, "router"):
         stack = new_stack("remote-router", ZV_COMPOSE_CONNECT=listen)
-        with eventually(lambda: opened(listen), 60, lambda: listen) as session:
+        with wait_until(lambda: opened(listen), 60, lambda: listen) as session:
             wait_for_nodes(session, *(f"{service}_front" for service in OURS), deadline_s=60)
             newest(session, "vision/front/centroid", 60)
         running = stack.compose("ps", "--services", "--filter", "status=running")
@@ -174,7 +174,7 @@ def test_an_rtsp_camera(new_stack, gateway: str, tmp_path: Path):
             assert server.stdout
             port = server.stdout.readline().strip()
             if not port:
-                pytest.skip("GStreamer's bindings are not installed")
+                missing("GStreamer's bindings; see tests/support/programs/rtsp_camera.py")
             stack = new_stack(ZV_CAMERA_SOURCE=f"rtsp://viewer:secret@{gateway}:{port}/locked")
             with connected(stack) as session:
                 frame = newest(session, "vision/front/centroid", 60)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.compose.stack import Stack, pause, run
 from tests.compose.witness import CENTROID, IMAGE, Witness, assert_whole
-from tests.integration.routing import free_port
+from tests.support.routing import free_port
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 FILE = Path(__file__).with_name("two-sites.yml")

@@ -11,9 +11,9 @@ from typing import Any
 import msgpack
 import zenoh
 
-from tests.compose.stack import OURS
-from tests.integration.listening import Listener, drops, open_client
-from tests.integration.waiting import wait_until
+from tests.compose.stack import HANDSHAKE_MS, OURS
+from tests.support.listening import Listener, drops, open_client
+from tests.support.waiting import wait_until
 
 IMAGE = "vision/front/image/compressed"
 CENTROID = "vision/front/centroid"
@@ -167,7 +167,7 @@ class Witness:
 
 def _opened(endpoint: str) -> zenoh.Session | None:
     try:
-        return open_client(endpoint)
+        return open_client(endpoint, HANDSHAKE_MS)
     except zenoh.ZError:
         return None
 

@@ -11,15 +11,16 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from tests.integration.listening import open_client
-from tests.integration.pictures import write_video
-from tests.integration.routing import Router
-from tests.processes import Program
+from tests.support.fork_server import ZV
+from tests.support.listening import open_client
+from tests.support.pictures import write_video
+from tests.support.processes import Program
+from tests.support.routing import Router
 
 Service = Callable[..., Program]
 
 
-QUICK_ZV = "tests.integration.quick_zv"
+QUICK_ZV = "tests.support.programs.quick_zv"
 SPARE: list[Router] = []
 """Routers that nothing was done to. They keep nothing of who has left, so one serves the next."""
 
@@ -47,19 +48,19 @@ def _spare_routers_end() -> Iterator[None]:
 
 
 @contextmanager
-def some_services(endpoint: str, folder: Path, program: str = "services") -> Iterator[Service]:
+def some_services(endpoint: str, folder: Path, program: str = ZV) -> Iterator[Service]:
     """Yield what starts services at an endpoint; end them by their process ids.
 
     Args:
         endpoint: Of a router.
         folder: Where their output goes.
-        program: Module that is ``zv``.
+        program: Module whose ``main`` is ``zv``.
     """
     programs: list[Program] = []
 
     def start(name: str, *flags: object) -> Program:
-        arguments = ["-m", program, name, "--connect", endpoint, *map(str, flags)]
-        programs.append(Program(arguments, folder, f"{name}{len(programs)}"))
+        arguments = [name, "--connect", endpoint, *map(str, flags)]
+        programs.append(Program(arguments, folder, f"{name}{len(programs)}", forked=program))
         return programs[-1]
 
     try:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 
 import pytest
 import zenoh
 
-from common.connection import Connection
-from services.tools.options import ToolOptions
-from services.tools.output import Output
-from services.tools.topic import echo, info, listing, measuring, pub
-from services.tools.topic.options import (
+from tests.integration.conftest import a_router
+from tests.support.listening import open_client
+from tests.support.waiting import DEADLINE_S
+from zenoh_vision.transport.connection import Connection
+from zv.tools.shared.options import ToolOptions
+from zv.tools.shared.output import Output
+from zv.tools.topic import echo, info, measure, pub
+from zv.tools.topic import list as list_
+from zv.tools.topic.options import (
     BwOptions,
     DelayOptions,
     EchoOptions,
@@ -20,16 +25,14 @@ from services.tools.topic.options import (
     ListOptions,
     PubOptions,
 )
-from tests.integration.conftest import a_router
-from tests.integration.listening import open_client
 
 RUNS: dict[type[ToolOptions], Callable[..., None]] = {
-    ListOptions: listing.run,
+    ListOptions: list_.run,
     InfoOptions: info.run,
     EchoOptions: echo.run,
-    HzOptions: measuring.run_hz,
-    BwOptions: measuring.run_bw,
-    DelayOptions: measuring.run_delay,
+    HzOptions: measure.run_hz,
+    BwOptions: measure.run_bw,
+    DelayOptions: measure.run_delay,
     PubOptions: pub.run,
 }
 
@@ -52,10 +55,14 @@ def client(endpoint: str) -> Iterator[zenoh.Session]:
 def zv(endpoint: str, capsys: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
     """``zv(HzOptions(...))`` runs a tool in this process and returns its lines."""
 
-    def run(options: ToolOptions, *, as_json: bool = False, timeout_s: float = 5.0) -> list[str]:
+    def run(
+        options: ToolOptions, *, as_json: bool = False, timeout_s: float = DEADLINE_S
+    ) -> list[str]:
         capsys.readouterr()
         connection = Connection(connect=endpoint, timeout_s=timeout_s)
         RUNS[type(options)](options, connection, Output(as_json=as_json))
-        return capsys.readouterr().out.splitlines()
+        out, notes = capsys.readouterr()
+        print(notes, end="", file=sys.stderr)  # for a test that reads them
+        return out.splitlines()
 
     return run

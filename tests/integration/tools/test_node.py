@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 
 from tests.integration.conftest import a_router, some_services
-from tests.integration.listening import open_client, wait_for_nodes
-from tests.integration.routing import Router
-from tests.integration.standing_in import StandIn
-from tests.integration.typing_zv import zv
-from tests.integration.waiting import wait_until
-from tests.processes import START_S, Program
+from tests.support.listening import open_client, wait_for_nodes
+from tests.support.processes import START_S, Program
+from tests.support.routing import Router
+from tests.support.standing_in import StandIn
+from tests.support.typist import zv
+from tests.support.waiting import wait_until
 
 SMALL = ("--width", 160, "--height", 120, "--rate", 5)
 
@@ -98,8 +98,9 @@ def test_a_namespace_without_nodes_is_1_and_those_with_some_are_named(shared, tw
     )
 
 
+@pytest.mark.quiet
 def test_who_was_killed_is_gone_within_2_s_and_who_comes_is_seen(shared, tmp_path):
-    flags = ["-m", "services", "node", "list", "--watch", "--json", "--namespace", "watched"]
+    flags = ["-m", "zv", "node", "list", "--watch", "--json", "--namespace", "watched"]
     with (
         some_services(shared.endpoint, tmp_path) as start,
         Program([*flags, "--connect", shared.endpoint], tmp_path, "watch") as watching,
@@ -150,7 +151,7 @@ def test_a_node_that_does_not_answer_is_listed_so(shared):
 
 
 def test_of_many_only_the_one_that_goes_is_told(shared, tmp_path):
-    flags = ["-m", "services", "node", "list", "--watch", "--namespace", "crowd"]
+    flags = ["-m", "zv", "node", "list", "--watch", "--namespace", "crowd"]
     names = [f"edge_n{n}" for n in range(8)]
     with (
         ExitStack() as sessions,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -13,16 +14,24 @@ import jsonschema
 import msgpack
 import pytest
 
-from common.connection import Connection
-from services.tools.output import Output
-from services.tools.schema import printing
-from services.tools.schema.options import SchemaOptions
-from services.tools.types import MESSAGES
 from tests.integration.conftest import a_router, some_services
-from tests.integration.listening import Listener, Message, ask, newest, open_client, wait_for_nodes
-from tests.processes import ROOT
+from tests.support.listening import Listener, Message, ask, open_client, wait_for_nodes
+from tests.support.processes import ROOT
+from tests.support.waiting import wait_until
+from zenoh_vision.messages import MESSAGES
+from zenoh_vision.transport.connection import Connection
+from zv.tools import schema as schema_tool
+from zv.tools.shared.output import Output
 
 VECTORS = ROOT / "tests" / "vectors"
+TRACKERS_HEALTH = "@vision/diagnostics/tracker_front"
+WANTED = {
+    "vision/front/image",
+    "vision/front/image/compressed",
+    "vision/front/mask/compressed",
+    "vision/front/truth",
+    TRACKERS_HEALTH,
+}
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +44,16 @@ def captured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, lis
         open_client(router.endpoint) as client,
     ):
         data, health = Listener(client, "vision/**"), Listener(client, "@vision/diagnostics/*")
-        start("camera")
+        start("camera", "--width", 320, "--height", 240)
         start("tracker")
         wait_for_nodes(client, "camera_front", "tracker_front")
-        newest(client, "vision/front/centroid")
-        moving = [m for m in data.wait_for(200, 30) if m.key.endswith("/centroid")]
-        assert moving
-        messages = data.messages + health.wait_for(3, 10)
+
+        def seen() -> bool:
+            came = Counter(message.key for message in data.messages + health.messages)
+            return all(came[key] >= 2 for key in WANTED) and came["vision/front/centroid"] >= 20
+
+        wait_until(seen)
+        messages = data.messages + health.messages
         messages += ask(client, "@vision/node/*")
         answers = {message.key: [message] for message in ask(client, "@vision/schema/*")}
         yield answers | {
@@ -53,7 +65,7 @@ def captured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, lis
 def schema(name: str) -> dict[str, Any]:
     """Return what ``zv schema NAME`` prints."""
     with redirect_stdout(io.StringIO()) as printed:
-        printing.run(SchemaOptions(name=name), Connection(), Output())
+        schema_tool.run(schema_tool.SchemaOptions(name=name), Connection(), Output())
     found: dict[str, Any] = json.loads(printed.getvalue())
     jsonschema.Draft202012Validator.check_schema(found)
     return found
@@ -64,7 +76,7 @@ def schema(name: str) -> dict[str, Any]:
     [
         ("Centroid", "vision/front/centroid"),
         ("vision.Tracks.v1", "vision/front/truth"),
-        ("diagnostics", "@vision/diagnostics/tracker_front"),
+        ("diagnostics", TRACKERS_HEALTH),
         ("Node", "@vision/node/camera_front"),
     ],
 )
@@ -86,12 +98,7 @@ def test_captured_headers_are_as_their_schema_says(captured):
         if key.startswith("vision/")
         for message in messages
     ]
-    assert {message.key for message in with_header} >= {
-        "vision/front/image",
-        "vision/front/image/compressed",
-        "vision/front/mask/compressed",
-        "vision/front/truth",
-    }
+    assert {message.key for message in with_header} >= WANTED - {TRACKERS_HEALTH}
     for message in with_header:
         validator.validate(message.header)
     assert not validator.is_valid(with_header[0].header | {"seq": -1})
@@ -113,7 +120,7 @@ def test_a_node_answers_the_same_schema(captured):
 
 
 def test_without_a_name_every_message_is_listed(capsys):
-    printing.run(SchemaOptions(), Connection(), Output(as_json=True))
+    schema_tool.run(schema_tool.SchemaOptions(), Connection(), Output(as_json=True))
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert {row["schema"] for row in rows} == set(MESSAGES)
     assert all(row["keys"] and row["meaning"] for row in rows)

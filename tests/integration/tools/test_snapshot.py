@@ -16,14 +16,15 @@ import numpy as np
 import pytest
 import zenoh
 
-from common.connection import Connection
-from common.errors import ConfigurationError, ExpectationNotMet, SourceError
-from services.tools.output import Output
-from services.tools.snapshot import saving
-from services.tools.snapshot.options import SnapshotOptions
-from tests.integration.listening import open_client
-from tests.integration.pictures import HEIGHT, STILL, WIDTH, jpeg
-from tests.integration.publishing import Paced
+from tests.support.listening import open_client
+from tests.support.pictures import HEIGHT, STILL, WIDTH, jpeg
+from tests.support.publishing import Paced
+from tests.support.waiting import DEADLINE_S
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
+from zenoh_vision.transport.connection import Connection
+from zv.tools.shared.output import Output
+from zv.tools.snapshot import command
+from zv.tools.snapshot.options import SnapshotOptions
 
 KEY = "vision/c/image/compressed"
 JPEG = "image/jpeg"
@@ -35,10 +36,15 @@ def zv(endpoint: str, capsysbinary) -> Callable[..., tuple[bytes, str]]:
     """Run a snapshot in this process; return what it wrote on both streams."""
 
     def run(
-        key: str, output: object, *, as_json: bool = False, timeout_s: float = 5, **options: Any
+        key: str,
+        output: object,
+        *,
+        as_json: bool = False,
+        timeout_s: float = DEADLINE_S,
+        **options: Any,
     ) -> tuple[bytes, str]:
         capsysbinary.readouterr()
-        saving.run(
+        command.run(
             SnapshotOptions(key=key, output=str(output), **options),
             Connection(connect=endpoint, timeout_s=timeout_s),
             Output(as_json=as_json),
@@ -97,7 +103,7 @@ def test_the_newest_picture_lands_in_the_file_and_its_identity_on_standard_error
     assert out == b""
     assert said.startswith(f"zv: {KEY}: c epoch 1000 seq 5, {WIDTH}x{HEIGHT} bgr8, by camera_c, ")
     age_ms = float(said.split("by camera_c, ")[1].split(" ms old")[0])
-    assert 2_000 <= age_ms < 10_000
+    assert 2_000 <= age_ms <= (time.time_ns() - head["stamp_ns"]) / 1e6 + 1
 
 
 def test_as_json_the_identity_is_on_standard_output(client, zv, tmp_path: Path):
@@ -123,7 +129,9 @@ def test_of_two_who_answer_the_newer_one_is_taken(client, endpoint, zv, tmp_path
     with (
         open_client(endpoint) as other,
         answering(other if swapped else client, STILL, head=new),
-        answering(client if swapped else other, jpeg(np.zeros((8, 8, 3), np.uint8)), head=old),
+        answering(
+            client if swapped else other, jpeg(np.zeros((HEIGHT, WIDTH, 3), np.uint8)), head=old
+        ),
     ):
         _, said = zv(KEY, tmp_path / "a.jpg")
     assert "seq 2," in said
@@ -166,7 +174,7 @@ def test_one_that_is_too_old_is_1_and_not_saved(client, zv, tmp_path: Path):
 
 def test_what_cannot_be_saved_says_why(client, zv, tmp_path: Path):
     file = tmp_path / "a.jpg"
-    refused = pytest.raises(ExpectationNotMet, match="cut short")
+    refused = pytest.raises(ExpectationNotMet, match="corrupt: Premature end of JPEG file")
     with answering(client, STILL[:-400], head=header()), refused:
         zv(KEY, file)
     refused = pytest.raises(ExpectationNotMet, match=r"bad_header: Header\.seq")
@@ -252,7 +260,7 @@ def test_what_is_drawn_belongs_to_the_picture_however_late_it_comes(
 
 
 def test_draw_without_a_tracker_says_so_at_once(client, zv, tmp_path: Path):
-    refused = pytest.raises(ExpectationNotMet, match=r"nobody publishes .*; does a tracker run")
+    refused = pytest.raises(ExpectationNotMet, match=r"nobody publishes .*; is a tracker running")
     with answering(client, STILL, head=header()), refused:
         zv(KEY, tmp_path / "a.jpg", draw=True)
 
@@ -265,7 +273,7 @@ def test_draw_gives_up_when_nothing_belongs_together(client, zv, tmp_path: Path)
         client.put(KEY, STILL, encoding=JPEG, attachment=msgpack.packb(header(1)))
         wrong.set()
 
-    with Paced(30, send), pytest.raises(ExpectationNotMet, match=r"same frame within 0\.7 s"):
-        zv(KEY, tmp_path / "a.jpg", draw=True, timeout_s=0.7)
+    with Paced(30, send), pytest.raises(ExpectationNotMet, match=r"same frame within 2 s"):
+        zv(KEY, tmp_path / "a.jpg", draw=True, timeout_s=2)
     assert wrong.is_set()
     publisher.undeclare()

@@ -9,13 +9,13 @@ from contextlib import ExitStack
 import pytest
 
 from tests.integration.conftest import a_router
-from tests.integration.listening import open_client
-from tests.integration.routing import Router
-from tests.integration.standing_in import StandIn
-from tests.integration.terminal import Terminal
-from tests.integration.typing_zv import zv
-from tests.integration.waiting import wait_until
-from tests.processes import START_S, Program
+from tests.support.listening import open_client
+from tests.support.processes import START_S, Program
+from tests.support.routing import Router
+from tests.support.standing_in import StandIn
+from tests.support.terminal import Terminal
+from tests.support.typist import zv
+from tests.support.waiting import wait_until
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_top_as_json_is_an_object_for_each_node(shared, hurting):
 
 
 def test_top_in_a_pipe_is_lines_until_ctrl_c(shared, hurting, tmp_path):
-    flags = ["-m", "services", "top", "--namespace", "hurts", "--every", "300ms"]
+    flags = ["-m", "zv", "top", "--namespace", "hurts", "--every", "300ms"]
     with Program([*flags, "--connect", shared.endpoint], tmp_path, "top") as top:
         top.lines(r"c_error +ERROR .*\(no source\)", count=2)
         top.lines(r"hurts at tcp/.*: 3 nodes, 1 ERROR")
@@ -97,7 +97,7 @@ def test_top_once_without_a_node_is_1(shared, hurting):
 
 def test_top_waits_for_a_router_that_goes_and_comes_back(tmp_path):
     with a_router(tmp_path) as router:
-        flags = ["-m", "services", "top", "--every", "300ms", "--connect", router.endpoint]
+        flags = ["-m", "zv", "top", "--every", "300ms", "--connect", router.endpoint]
         with Program(flags, tmp_path, "top") as top:
             top.lines(r"no node in namespace vision")
             router.kill()

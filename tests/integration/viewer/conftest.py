@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.integration.conftest import Service, a_router, some_services
-from tests.integration.viewer.browsing import Viewer
+from tests.support.viewer_client import Viewer
 
 
 @pytest.fixture

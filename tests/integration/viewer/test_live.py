@@ -7,6 +7,7 @@ import re
 import time
 import tomllib
 from collections.abc import Coroutine
+from contextlib import suppress
 from typing import Any
 
 import aiohttp
@@ -16,18 +17,20 @@ import numpy as np
 import pytest
 import zenoh
 
-from services.viewer.requests import MAX_BYTES, MAX_RATE_HZ
-from tests.integration.publishing import PlainCamera
-from tests.integration.routing import Router
-from tests.integration.viewer.browsing import IMAGE, Page, Viewer
-from tests.integration.waiting import wait_until
+from tests.support.listening import Listener
+from tests.support.pictures import jpeg
+from tests.support.publishing import KEPT, PlainCamera
+from tests.support.routing import Router
+from tests.support.viewer_client import IMAGE, Page, Viewer
+from tests.support.waiting import wait_until
+from zv.viewer.websocket.commands import MAX_BYTES, MAX_RATE_HZ
 
 EDGES = "vision/front/edges/compressed"
 TRUTH = "vision/front/truth"
 
 
 def run(test: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(asyncio.wait_for(test, 60))
+    asyncio.run(asyncio.wait_for(test, 120))
 
 
 def test_a_page_learns_who_is_there_and_what_they_send(viewer: Viewer, service):
@@ -46,7 +49,8 @@ def test_a_page_learns_who_is_there_and_what_they_send(viewer: Viewer, service):
             assert streams[EDGES]["node"] == "edge_front"
             health = await page.text("health", node="camera_front")
             assert health["at_ns"].isdecimal()
-            assert health["diagnostics"]["counters"]["captured"] > 0
+            while not health["diagnostics"]["counters"]["captured"]:  # the first may be too early
+                health = await page.text("health", node="camera_front")
         async with viewer.page() as page:  # a page that comes later is told all at once
             await page.text("streams")
             parameters = await page.text("parameters", node="edge_front")
@@ -69,7 +73,7 @@ def test_a_page_hears_a_tick_also_while_there_is_no_router(viewer: Viewer, route
             await page.text("router", connected=False)
             ticks = [await page.text("tick") for _ in range(2)]
             apart_s = (int(ticks[1]["now_ns"]) - int(ticks[0]["now_ns"])) / 1e9
-            assert 1 < apart_s < 5  # the page gives up after 6
+            assert 1 < apart_s < 6  # when the page gives up
 
     run(test())
 
@@ -87,7 +91,8 @@ def test_pictures_come_whole_identified_and_in_the_size_asked_for(viewer: Viewer
                 assert head["bytes"] == len(payload)
                 assert (head["width"], head["height"], head["mime"]) == (640, 480, "image/jpeg")
                 assert head["header"]["epoch"].isdecimal()
-                assert 0 < head["age_ms"] < 1000
+                stamp_ns = int(head["header"]["stamp_ns"])
+                assert 0 < head["age_ms"] <= (time.time_ns() - stamp_ns) / 1e6
                 heads.append(head)
             numbers = [head["header"]["seq"] for head in heads]
             assert numbers == sorted(set(numbers))
@@ -112,13 +117,13 @@ def test_without_shown_two_pictures_come_and_then_the_newest(viewer: Viewer, cli
             first, _ = await page.picture(shown=False)
             await page.picture(shown=False)
             seq = camera.seq
-            while camera.seq < seq + 40:
-                await asyncio.sleep(0.02)
+            while (newest := await asyncio.to_thread(seq_of_newest, viewer)) < seq + 40:
+                pass
             with pytest.raises(TimeoutError):
                 await asyncio.wait_for(page.picture(shown=False), 0.3)
             await page.ask("shown", key=IMAGE)
             head, _ = await page.picture(shown=False)
-            assert head["header"]["seq"] >= seq + 38, "not the newest"
+            assert head["header"]["seq"] >= newest
             assert head["skipped"] >= 38
             assert first["skipped"] == head["lost"] == 0
 
@@ -126,8 +131,14 @@ def test_without_shown_two_pictures_come_and_then_the_newest(viewer: Viewer, cli
         run(test())
 
 
-def test_messages_of_a_watched_stream_come_one_by_one(viewer: Viewer, service):
+def seq_of_newest(viewer: Viewer) -> int:
+    """Return the number of the newest picture that the viewer has."""
+    return int(viewer.get("/snapshot?topic=/front/image/compressed").headers["x-seq"])
+
+
+def test_messages_of_a_watched_stream_come_one_by_one(viewer: Viewer, client, service):
     service("camera", "--rate", 15)
+    sent = Listener(client, TRUTH)  # a frame that the camera drops has no truth
 
     async def test() -> None:
         async with viewer.page() as page:
@@ -135,7 +146,10 @@ def test_messages_of_a_watched_stream_come_one_by_one(viewer: Viewer, service):
             await page.ask("watch", key=TRUTH)
             found = [await page.text("message", key=TRUTH) for _ in range(10)]
             numbers = [each["header"]["seq"] for each in found]
-            assert numbers == list(range(numbers[0], numbers[0] + 10))
+            wait_until(lambda: sent.messages[-1].header["seq"] >= numbers[-1])
+            published = [message.header["seq"] for message in sent.messages]
+            first = published.index(numbers[0])
+            assert numbers == published[first : first + 10]
             assert found[0]["body"]["tracks"][0]["box"]
             await page.ask("unwatch", key=TRUTH)
 
@@ -184,25 +198,35 @@ def test_a_stream_that_stops_is_said_to_have_ended_and_goes_on_by_itself(
             await page.streams(IMAGE)
             await page.ask("watch", key=IMAGE)
             await page.picture()
+            begun_ns = time.time_ns()
             camera.process.terminate()
             ended = await until_ended(page)
-            assert abs(int(ended["since_ns"]) - time.time_ns()) < 5e9
-            streams = [text for text in page.texts if text["op"] == "streams"][-1]["streams"]
-            assert {each["key"]: each["live"] for each in streams}[IMAGE] is False
+            # It says when the last picture came: around the request to end, and not when it knew.
+            silent_ns = 1_000_000_000
+            assert begun_ns - silent_ns < int(ended["since_ns"]) < time.time_ns() - silent_ns
+            while lives(page)[IMAGE]:
+                await page.next()
             service("camera", "--rate", 15)
             head, _ = await page.picture()
             router.kill()
             assert not (await until(page, "router"))["connected"]
             await until_ended(page)
             router.start()
-            while (found := await page.picture())[0]["header"]["epoch"] < head["header"]["epoch"]:
-                pass
-            assert found[0]["age_ms"] < 1000
-            lines = [text["text"] for text in page.texts if text["op"] == "log"]
-            assert "the router is gone" in lines
-            assert "the router is there" in lines
+            while True:  # on a busy machine the first are old
+                found, _ = await page.picture()
+                if found["header"]["epoch"] >= head["header"]["epoch"] and found["age_ms"] < 1000:
+                    break
+            said = {text["text"] for text in page.texts if text["op"] == "log"}
+            while not {"the router is gone", "the router is there"} <= said:
+                said.add((await until(page, "log"))["text"])
 
     run(test())
+
+
+def lives(page: Page) -> dict[str, bool]:
+    """Return which streams are live, by what the page was told last."""
+    streams = [text for text in page.texts if text["op"] == "streams"][-1]["streams"]
+    return {each["key"]: each["live"] for each in streams}
 
 
 async def until(page: Page, op: str) -> dict[str, Any]:
@@ -240,7 +264,9 @@ def test_more_than_32_watches_are_refused(standing_viewer: Viewer):
             await page.text("streams")
             for number in range(33):
                 await page.ask("watch", key=f"vision/front/x{number}/compressed")
-            assert "32 streams" in (await page.text("error"))["text"]
+            refused = await page.text("error")
+            assert refused["key"] == "vision/front/x32/compressed"
+            assert refused["text"].startswith("vision/front/x32/compressed is not watched: 32 ")
 
     run(test())
 
@@ -257,16 +283,27 @@ def test_a_page_that_sends_too_much_is_closed(standing_viewer: Viewer, kind: str
                 await page.socket.send_str("x" * (MAX_BYTES + 1))
             elif kind == "binary":
                 await page.socket.send_bytes(b"x")
-            else:
-                for _ in range(MAX_RATE_HZ + 10):
-                    await page.ask("unwatch", key="shown" if kind == "fast_by_the_word" else "a")
-            while (message := await page.socket.receive(10)).type == aiohttp.WSMsgType.TEXT:
-                pass
+            message = None
+            while message is None:
+                if kind.startswith("fast"):  # again, if this test was too slow to be fast
+                    for _ in range(MAX_RATE_HZ + 10):
+                        await page.ask(
+                            "unwatch", key="shown" if kind == "fast_by_the_word" else "a"
+                        )
+                with suppress(TimeoutError):
+                    message = await asyncio.wait_for(no_text(page), 2)
             assert message.type == aiohttp.WSMsgType.CLOSE
             assert message.data == code
 
     run(test())
     assert standing_viewer.get("/healthz").status == 200
+
+
+async def no_text(page: Page) -> aiohttp.WSMessage:
+    """Return the next that is no text."""
+    while (message := await page.socket.receive()).type == aiohttp.WSMsgType.TEXT:
+        pass
+    return message
 
 
 def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(standing_viewer: Viewer):
@@ -277,7 +314,7 @@ def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(standing_
             for _ in range(20 * MAX_RATE_HZ):
                 await page.ask("shown", key=IMAGE)
             await page.ask("watch", key="**")
-            assert "'**' is no stream" in (await page.text("error"))["text"]
+            assert "** is not watched" in (await page.text("error"))["text"]
 
     run(test())
 
@@ -341,7 +378,12 @@ def test_a_message_that_is_none_of_its_class_reaches_no_page_and_is_counted(
 
     def send_both() -> None:
         for payload in (bad, b"no msgpack", good):
-            client.put(TRUTH, payload, encoding="application/msgpack;vision.Tracks.v1")
+            client.put(
+                TRUTH,
+                payload,
+                encoding="application/msgpack;vision.Tracks.v1",
+                congestion_control=KEPT,
+            )
 
     async def test() -> None:
         async with viewer.page() as page:
@@ -365,6 +407,7 @@ def test_a_key_without_frames_is_silent_for_as_long_as_it_is_watched(viewer: Vie
         async with viewer.page() as page:
             while (await page.text("health", node="viewer"))["diagnostics"]["uptime_s"] < 4:
                 pass
+            watched_s = time.monotonic()
             await page.ask("watch", key=IMAGE)
             found = None
             while found is None:
@@ -372,29 +415,31 @@ def test_a_key_without_frames_is_silent_for_as_long_as_it_is_watched(viewer: Vie
                 found = re.match(
                     rf"no frame on {IMAGE} for (\d+) s", health["diagnostics"]["message"]
                 )
-            assert int(found[1]) < 4
+            silent_s, up_s = int(found[1]), health["diagnostics"]["uptime_s"]
+            assert silent_s <= time.monotonic() - watched_s + 0.5  # which it is rounded by
+            assert silent_s < up_s - 3
 
     run(test())
 
 
 def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: Viewer, client):
-    camera = PlainCamera(client)
+    noise = np.random.default_rng(1).integers(0, 255, (480, 640, 3), np.uint8)
+    camera = PlainCamera(client, pictures=(jpeg(noise),))  # 300 kB: buffers fill soon
 
     async def test() -> None:
         async with viewer.page() as deaf, viewer.page() as page:
             await deaf.ask("watch", key=IMAGE)
-            # It says of thousands of pictures that it took them, and reads none.
-            transport = deaf.socket.get_extra_info("socket")
-            assert transport is not None
             await page.ask("watch", key=IMAGE)
-            numbers = []
-            for _ in range(60):
-                await deaf.ask("shown", key=IMAGE)
-                numbers.append((await page.picture())[0]["header"]["seq"])
-            assert numbers[-1] - numbers[0] < 80, "held up"
+            with camera.at(30):
+                head, _ = await page.picture()
+            while head["header"]["seq"] != camera.seq - 1:
+                head, _ = await page.picture()
+            for _ in range(60):  # every frame is shown before the next one comes
+                await deaf.ask("shown", key=IMAGE)  # it says that it took it, and reads nothing
+                seq = camera.send()
+                assert (await page.picture())[0]["header"]["seq"] == seq
 
-    with camera.at(30):
-        run(test())
+    run(test())
 
 
 def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(viewer: Viewer, service):
@@ -405,9 +450,14 @@ def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(viewer: 
             await page.streams(IMAGE)
             await page.ask("watch", key=IMAGE)
             await page.picture()
-            own = (await page.text("nodes"))["nodes"]
-            while not any(IMAGE in each.get("subscribes", ()) for each in own):
-                own = (await page.text("nodes"))["nodes"]
+            # The list may have come before the picture: what came so far counts, too.
+            while not any(
+                IMAGE in each.get("subscribes", ())
+                for text in page.texts
+                if text["op"] == "nodes"
+                for each in text["nodes"]
+            ):
+                await page.text("nodes")
             camera.process.kill()
             nodes = await until(page, "nodes")
             while all(each["alive"] for each in nodes["nodes"]):

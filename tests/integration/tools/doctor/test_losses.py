@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from tests.integration.listening import ask, newest, open_client
-from tests.integration.publishing import PlainCamera
-from tests.integration.tools.doctor.diagnosing import SMALL, WATCH_S, Diagnosis
-from tests.integration.waiting import wait_until
-from tests.processes import Program
+from tests.support.diagnosing import SMALL, WATCH_S, Diagnosis
+from tests.support.listening import ask, newest, open_client
+from tests.support.processes import Program
+from tests.support.publishing import PlainCamera
+from tests.support.waiting import wait_until
 
 
 def test_frames_that_a_real_tracker_drops_are_named_by_reason(shared, start):
@@ -30,7 +30,9 @@ def test_frames_that_a_real_tracker_drops_are_named_by_reason(shared, start):
     assert text.startswith("tracker_front loses ")
     assert " % of its frames as not_an_image (" in text
     share = float(text.removeprefix("tracker_front loses ").partition(" ")[0])
-    assert share == pytest.approx(100 / 6, abs=5)
+    # Every sixth is none: of those in a row that were seen, a sixth, give or take one.
+    count = int(text.partition("(")[2].partition(" in ")[0])
+    assert share == pytest.approx(100 / 6, abs=100 / (100 * count / share) + 0.1)
     assert "zv topic info broken/front/image/compressed" in remedy
 
 
@@ -103,24 +105,23 @@ def test_a_small_loss_that_lasts_is_found_by_the_totals_and_one_that_is_over_is_
 
 def test_a_real_node_slower_than_its_stream_is_found_with_the_parameter(shared, start, tmp_path):
     start("camera", "--namespace", "slow", *SMALL, "--rate", 30)
-    script = ["-m", "tests.integration.slow_consumer", shared.endpoint, "slow"]
+    script = ["-m", "tests.support.programs.slow_consumer", shared.endpoint, "slow"]
     with Program(script, tmp_path, "slow"), open_client(shared.endpoint) as session:
         report = wait_until(
             lambda: (
                 (found := ask(session, "@slow/diagnostics/slow_front"))
                 and found[0].body["counters"].get("dropped.overwritten", 0) > 10
             ),
-            20,
         )
         assert report
         seen = Diagnosis(shared.endpoint, "slow", for_s=2.2)
     ((level, text, remedy),) = seen.of("speed")
     assert level == "WARN"
     assert text.startswith("slow_front uses ")
-    assert text.endswith(" Hz that come on slow/front/image/compressed")
+    assert text.endswith(" Hz that arrive on slow/front/image/compressed")
     used, came = (float(text.split()[at]) for at in (2, 4))
     assert used < 12
-    assert came > 2 * used
+    assert came > used
     asked_hz = float(remedy.rpartition("zv param set camera_front rate=")[2])
     assert asked_hz == pytest.approx(30 * used / came, rel=0.02)
     said = [text for _, text, _ in seen.of("drops") if text.startswith("slow_front")]

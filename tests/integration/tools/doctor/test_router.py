@@ -9,13 +9,14 @@ from contextlib import contextmanager
 
 import zenoh
 
-from common.errors import RouterUnreachable
 from tests.integration.conftest import a_router
-from tests.integration.listening import open_client
-from tests.integration.routing import free_port
-from tests.integration.standing_in import StandIn
-from tests.integration.tools.doctor.diagnosing import GOOD_FILE, Diagnosis
-from tests.integration.typing_zv import zv
+from tests.support.diagnosing import GOOD_FILE, Diagnosis
+from tests.support.listening import open_client
+from tests.support.routing import free_port
+from tests.support.standing_in import StandIn
+from tests.support.typist import zv
+from tests.support.waiting import DEADLINE_S
+from zenoh_vision.errors import RouterUnreachable
 
 
 @contextmanager
@@ -72,26 +73,39 @@ def answer_anything(query: zenoh.Query) -> None:
 
 
 def test_a_router_of_another_version_is_told(shared, monkeypatch):
-    monkeypatch.setattr("services.tools.doctor.router.installed", lambda _: "1.4.0")
+    monkeypatch.setattr("zv.tools.doctor.network.installed", lambda _: "1.4.0")
     ((level, text, _),) = Diagnosis(shared.endpoint, "nobody_at_all").of("router")
     assert level == "WARN"
-    assert "here is eclipse-zenoh 1.4.0" in text
+    assert "but eclipse-zenoh 1.4.0 here" in text
 
 
 def test_a_router_that_dies_meanwhile_fails(tmp_path):
-    with a_router(tmp_path) as router:
-        killing = threading.Timer(0.5, router.kill)
+    asked = threading.Event()
+
+    def counters(_: float) -> dict[str, int]:
+        asked.set()
+        return {"received": 0, "processed": 0}
+
+    with a_router(tmp_path) as router, open_client(router.endpoint) as session:
+        node = StandIn(session, "tracker_front", counters=counters)
+
+        def kill_while_it_looks() -> None:
+            asked.wait(DEADLINE_S)
+            router.kill()
+
+        killing = threading.Thread(target=kill_while_it_looks)
         killing.start()
         seen = Diagnosis(router.endpoint, "vision", for_s=2.0)
         killing.join()
+        del node
     ((level, text, _),) = seen.of("router")
     assert level == "FAIL"
-    assert "went away" in text
+    assert "was lost" in text
 
 
 def test_without_a_router_the_rest_is_checked_and_the_status_is_4():
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    seen = Diagnosis(endpoint, "vision")
+    seen = Diagnosis(endpoint, "vision", timeout_s=1.0)
     assert [f["check"] for f in seen.found] == ["files", "devices", "router"]
     ((level, text, remedy),) = seen.of("router")
     assert level == "FAIL"

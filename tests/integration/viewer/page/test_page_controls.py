@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from common.images import picture_size
-from tests.integration.listening import Listener, open_client
-from tests.integration.viewer.page.browsing import CAMERA, EDGES, Open, Running, Tab
-from tests.processes import ROOT, environment
+from tests.support.browser import CAMERA, EDGES, Open, Running, Tab
+from tests.support.listening import Listener, open_client
+from tests.support.processes import ROOT, environment
+from tests.support.waiting import wait_until
+from zenoh_vision.image.codecs import picture_size
 
 SIGMA = ".node-parameters[data-node=edge_front] .parameter[data-name=sigma]"
 BRIGHT = """(() => {
@@ -77,6 +78,7 @@ def test_a_saved_picture_is_the_sent_one_with_its_header_in_it(
             at = saved.index(b"\xff\xfe")
             length = int.from_bytes(saved[at + 2 : at + 4], "big")
             facts = json.loads(saved[at + 4 : at + 2 + length].removeprefix(b"vision.Header "))
+            wait_until(lambda seq=facts["seq"]: sent.wait_for(1)[-1].header["seq"] >= seq)
             found = [one for one in sent.messages if one.header["seq"] == facts["seq"]]
             if found:
                 break
@@ -198,5 +200,5 @@ def _slide(tab: Tab, place: int) -> None:
 
 
 def _zv(system: Running, *arguments: str) -> None:
-    command = [sys.executable, "-m", "services", *arguments, "--connect", system.router.endpoint]
+    command = [sys.executable, "-m", "zv", *arguments, "--connect", system.router.endpoint]
     subprocess.run(command, check=True, capture_output=True, cwd=ROOT, env=environment())

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.integration.listening import open_client
-from tests.integration.publishing import PlainCamera
-from tests.integration.viewer.page.browsing import Running, Tab, tab
-from tests.integration.waiting import wait_until
+from tests.support.browser import Running, Tab, tab
+from tests.support.listening import open_client
+from tests.support.publishing import PlainCamera
+from tests.support.waiting import wait_until
 
 STREAM = "stream_viewer?topic=/side/image/compressed"
 MIDDLE = """() => {

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from tests.integration.viewer.page.browsing import Running, running, tab
-from tests.integration.viewer.page.twelve import publish_cameras
+from tests.support.browser import Running, running, tab
+from tests.support.publishing import publish_cameras
 
 TOKEN = "a-token-for-this-test-1"
 

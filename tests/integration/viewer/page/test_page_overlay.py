@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import msgpack
+import pytest
 
-from tests.integration.listening import Listener, open_client
-from tests.integration.viewer.page.browsing import CAMERA, TRUTH, Open, Running, Tab
-from tests.integration.viewer.page.twelve import publish_cameras
-from tests.integration.waiting import wait_until
+from tests.support.browser import CAMERA, TRUTH, Open, Running, Tab
+from tests.support.listening import Listener, open_client
+from tests.support.publishing import publish_cameras
+from tests.support.waiting import wait_until
 
 CENTROID = "vision/front/centroid"
 WITHIN_PIXELS = 3
@@ -74,7 +75,12 @@ def test_at_30_hz_each_frame_has_the_boxes_of_its_truth(open_tab: Open, system: 
         truth = Listener(session, TRUTH)
         tab = _with_truth(open_tab)
         assert sum(_frames(tab, truth, 30)) > 0, "no box in 30 frames"
-        assert tab.wait("parseFloat(document.querySelector('#figure-rate').textContent) > 25")
+
+
+@pytest.mark.quiet
+def test_the_page_keeps_up_with_30_hz(open_tab: Open) -> None:
+    tab = _with_truth(open_tab)
+    tab.wait("parseFloat(document.querySelector('#figure-rate').textContent) > 25")
 
 
 def test_under_load_boxes_are_on_their_frames_too(open_tab: Open, system: Running) -> None:
@@ -94,12 +100,12 @@ def test_the_lines_on_the_canvas_are_within_3_pixels_of_the_truth(
     with open_client(system.router.endpoint) as session:
         truth = Listener(session, TRUTH)
         tab = _with_truth(open_tab)
-        wait_until(lambda: truth.messages, 10)
+        wait_until(lambda: truth.messages)
         tab.page.keyboard.press("Space")  # pause: the canvas stays while it is measured
         compared = 0
-        for _ in range(40):
-            shown = tab.wait(SHOWN)
-            body = _of_frame(truth, shown["epoch"], shown["seq"])
+        for _ in range(200):  # on a busy machine some frames are shown without their overlay
+            shown = tab.page.evaluate(SHOWN)
+            body = _of_frame(truth, shown["epoch"], shown["seq"]) if shown else None
             for track in body["tracks"] if body else []:
                 if min(track["box"][2:]) < 12:
                     continue  # hardly in the picture
@@ -108,9 +114,10 @@ def test_the_lines_on_the_canvas_are_within_3_pixels_of_the_truth(
                 compared += 1
             if compared >= 12:
                 return
+            seq = tab.page.evaluate("document.querySelector('canvas.picture').dataset.seq")
             tab.page.keyboard.press(".")
-            tab.wait(f"document.querySelector('canvas.picture').dataset.seq !== '{shown['seq']}'")
-        raise AssertionError(f"only {compared} boxes in 40 frames")
+            tab.wait(f"document.querySelector('canvas.picture').dataset.seq !== '{seq}'")
+        raise AssertionError(f"only {compared} boxes in 200 frames")
 
 
 def test_after_a_restart_of_the_router_boxes_are_on_their_frames_again(
@@ -118,7 +125,7 @@ def test_after_a_restart_of_the_router_boxes_are_on_their_frames_again(
 ) -> None:
     tab = _with_truth(open_tab)
     system.router.kill()
-    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 8)
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'")
     system.router.start()
     with open_client(system.router.endpoint) as session:
         truth = Listener(session, TRUTH)

@@ -11,14 +11,16 @@ from typing import Any
 
 import pytest
 
-from tests.integration.viewer.page.browsing import Running, Tab, running, tab
-from tests.integration.waiting import wait_until
+from tests.support.browser import Running, Tab, running, tab
+from tests.support.waiting import wait_until
 
 CENTROID = "vision/front/centroid"
 LINES = 1000
 MINUS = "\u2212"
 NOW_NS = time.time_ns()
 MINUTE_NS = 60 * 10**9
+SLACK_S = 25
+"""How long a busy machine may take for a test; what is compared is two minutes apart."""
 
 # What is written on the charts and where, kept as it happens: of a canvas, only pixels are left.
 KEEP_TEXTS = """
@@ -123,14 +125,16 @@ def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
     wait_until(lambda: tab.page.evaluate("true") and _is_watched(server))
     _tell_centroids(server)
     ages = f"{AGES}('Centroid x')"
-    assert max(tab.wait(f"(() => {{ const ages = {ages}; return ages.length && ages; }})()")) < 10
+    assert (
+        max(tab.wait(f"(() => {{ const ages = {ages}; return ages.length && ages; }})()")) < SLACK_S
+    )
     server.greet(NOW_NS + 2 * MINUTE_NS)  # as if two minutes had passed
-    tab.wait(f"Math.min(...{ages}) > 100")
+    tab.wait(f"Math.min(...{ages}) > {120 - SLACK_S}")
     _tell_centroids(server)
-    tab.wait(f"Math.min(...{ages}) < 10")
+    tab.wait(f"Math.min(...{ages}) < {SLACK_S}")
     found = tab.page.evaluate(ages)
     assert {round(age / 60) for age in found} == {0, 2}
-    assert all(min(age % 120, -age % 120) < 10 for age in found), found  # and none between
+    assert all(min(age % 120, -age % 120) < SLACK_S for age in found), found  # and none between
     texts = tab.page.evaluate("document.querySelector('canvas[aria-label^=\"Centroid x\"]').texts")
     places = [texts["now"], *(texts[f"{MINUS}{back}"] - 8 for back in range(1, 6))]
     steps = [right - left for right, left in pairwise(places)]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import signal
 
-from tests.integration.viewer.page.browsing import CAMERA, EDGES, MASK, Open, Running, Tab
-from tests.integration.waiting import wait_until
+from tests.support.browser import CAMERA, EDGES, MASK, Open, Running, Tab
+from tests.support.processes import Program
+from tests.support.routing import free_port
+from tests.support.waiting import wait_until
 
 
 def test_every_stream_has_a_tile_that_moves(open_tab: Open) -> None:
@@ -24,6 +26,13 @@ def test_one_stream_large_moves_and_is_as_it_came(open_tab: Open) -> None:
     _wait_for_other_pixels(tab, CAMERA, before)
     assert tab.page.inner_text("#figure-size").startswith("640")
     assert tab.page.inner_text("#large-state") == "live"
+
+
+def test_an_address_that_is_no_text_shows_the_wall(open_tab: Open) -> None:
+    tab = open_tab("%")
+    tab.wait_until_live(CAMERA)
+    assert tab.page.is_visible("#wall")
+    assert tab.complaints == []
 
 
 def test_a_deep_link_shows_several_streams_of_the_same_frame(open_tab: Open) -> None:
@@ -62,15 +71,12 @@ def test_a_camera_that_is_stopped_and_started_is_greyed_and_comes_back(
 def test_without_its_viewer_nothing_is_live_until_there_is_one_again(
     open_tab: Open, system: Running
 ) -> None:
-    viewer = system.service("view", "--port", 0)
-    tab = open_tab()
-    tab.address = viewer.lines(r"http://\S+")[0][0]
-    tab.open(CAMERA).wait_until_live(CAMERA)
+    port = free_port()
+    viewer, tab = _with_viewer_of_its_own(open_tab, system, port)
     viewer.process.kill()
-    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 8)
-    assert "not connected" in tab.page.inner_text(".pane-state")
-    assert tab.page.get_attribute("#link", "data-state") == "down"
-    port = tab.address.rstrip("/").rpartition(":")[2]
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'")
+    tab.wait("document.querySelector('.pane-state').textContent.includes('not connected')")
+    tab.wait("document.querySelector('#link').dataset.state === 'down'")
     system.service("view", "--port", port)
     tab.wait_until_live(CAMERA)
     tab.wait("document.querySelector('#banner').hidden")
@@ -79,16 +85,13 @@ def test_without_its_viewer_nothing_is_live_until_there_is_one_again(
 def test_a_viewer_that_freezes_is_given_up_and_found_again_when_it_thaws(
     open_tab: Open, system: Running
 ) -> None:
-    viewer = system.service("view", "--port", 0)
-    tab = open_tab()
-    tab.address = viewer.lines(r"http://\S+")[0][0]
-    tab.open(CAMERA).wait_until_live(CAMERA)
+    viewer, tab = _with_viewer_of_its_own(open_tab, system)
     os.kill(viewer.process.pid, signal.SIGSTOP)
-    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'", 8)
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'false'")
     tab.wait("document.querySelector('#link').dataset.state === 'down'")
     os.kill(viewer.process.pid, signal.SIGCONT)
     # The viewer has to find its router again, and Chromium delays attempts after failed ones.
-    tab.wait("document.querySelector('canvas.picture').dataset.live === 'true'", 40)
+    tab.wait("document.querySelector('canvas.picture').dataset.live === 'true'")
 
 
 def test_the_page_complains_of_nothing_and_asks_no_other_host(
@@ -109,4 +112,12 @@ def _wait_for_other_pixels(tab: Tab, key: str, before: list[int]) -> None:
     def moved() -> bool:
         return max(abs(a - b) for a, b in zip(before, tab.pixels(key), strict=True)) > 20
 
-    wait_until(moved, 10)
+    wait_until(moved)
+
+
+def _with_viewer_of_its_own(open_tab: Open, system: Running, port: int = 0) -> tuple[Program, Tab]:
+    viewer = system.service("view", "--port", port)
+    tab = open_tab()
+    tab.address = viewer.lines(r"http://\S+")[0][0]
+    tab.open(CAMERA).wait_until_live(CAMERA)
+    return viewer, tab

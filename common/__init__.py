@@ -1,1 +1,0 @@
-"""The vocabulary that all services share; it imports no service."""

@@ -1,0 +1,32 @@
+"""Ends a process when its parent is gone, even by SIGKILL.
+
+``zv up`` keeps the writing end of a pipe and passes the reading end to each child. The kernel
+closes the writing end when the process ends, for any reason.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+
+VARIABLE = "ZV_LIFELINE"
+GRACE_S = 1.5
+
+
+def end_with_parent() -> None:
+    """Send SIGTERM to this process when its parent is gone, and exit ``GRACE_S`` later.
+
+    Does nothing in a process that was not started by ``zv up``.
+    """
+    descriptor = os.environ.pop(VARIABLE, None)
+    if descriptor is None:
+        return
+
+    def watch() -> None:
+        os.read(int(descriptor), 1)  # returns only when the other end is closed
+        os.kill(os.getpid(), signal.SIGTERM)
+        threading.Event().wait(GRACE_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, name="lifeline", daemon=True).start()

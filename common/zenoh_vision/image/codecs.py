@@ -1,0 +1,188 @@
+"""JPEG and PNG to arrays and back, and a picture's size without decoding it."""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from typing import Final
+
+import cv2
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.image.pixel_formats import ENCODINGS, MAX_PIXELS, Pixels
+from zenoh_vision.keys import JPEG, PNG
+
+MAX_COMPRESSED_BYTES: Final = 32 << 20
+JPEG_START: Final = b"\xff\xd8\xff"
+PNG_START: Final = b"\x89PNG\r\n\x1a\n"
+ANIMATION_CHUNKS: Final = (b"acTL", b"fcTL", b"fdAT")
+"""Of an animated PNG, no frame of a camera; OpenCV 5.0 dies of malformed ones (SIGSEGV)."""
+
+MAX_SCANS: Final = 100
+MAX_SCAN_PIXELS: Final = 16 * MAX_PIXELS
+"""Pixels times scans. A scan costs time for each pixel even if it is empty and has 53 bytes; usual
+are 1 scan, and 10 to 14 for a progressive JPEG."""
+
+_MARKER: Final = re.compile(rb"\xff([^\x00\x01\xd0-\xd7\xff])")
+"""A marker with a segment after it: neither a stuffed or filling byte, nor TEM or RST."""
+_START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN = 0xD8, 0xD9, 0xDA
+_FRAME_HEADERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+
+
+def picture_type(picture: bytes) -> str | None:
+    """Return the Zenoh encoding of a JPEG or PNG by its first bytes; None if it is neither."""
+    if picture.startswith(JPEG_START):
+        return JPEG
+    return PNG if picture.startswith(PNG_START) else None
+
+
+def encode_jpeg(pixels: Pixels, encoding: str, quality: int) -> bytes:
+    """Return 8-bit pixels as a JPEG (4:2:0, or grey for ``mono8``); alpha is left out.
+
+    Args:
+        pixels: (height, width[, channels]) uint8.
+        encoding: Encoding name of ``pixels``, one of 8 bits.
+        quality: 1 to 100.
+    """
+    array = np.ascontiguousarray(pixels if pixels.ndim == 3 else pixels[:, :, np.newaxis])
+    space = ENCODINGS[encoding].space
+    sampling = "Gray" if space == "GRAY" else "420"
+    jpeg: bytes = simplejpeg.encode_jpeg(array, quality, space, sampling)
+    return jpeg
+
+
+def decode_jpeg(
+    jpeg: bytes, encoding: str, least: tuple[int, int] = (0, 0), *, strict: bool = True
+) -> NDArray[np.uint8]:
+    """Return the pixels of a JPEG in an 8-bit encoding.
+
+    Args:
+        jpeg: The file.
+        encoding: Encoding name wanted.
+        least: Width and height that suffice: a larger picture is decoded at the smallest of
+            libjpeg's scales, multiples of 1/8, that has them, which is faster. 0 for full size.
+        strict: Whether a flaw that libjpeg could repair is an error too, so that a damaged
+            picture is not taken for an intact one.
+
+    Raises:
+        PayloadError: ``corrupt``, in libjpeg's words, or ``too_large``: too many scans.
+    """
+    check_scans(jpeg)
+    try:
+        pixels = simplejpeg.decode_jpeg(
+            jpeg,
+            ENCODINGS[encoding].space,
+            min_width=least[0],
+            min_height=least[1],
+            strict=strict,
+        )
+    except ValueError as error:
+        raise PayloadError("corrupt", str(error)) from None
+    return pixels[:, :, 0] if pixels.shape[2] == 1 else pixels  # type: ignore[no-any-return]
+
+
+def check_scans(jpeg: bytes) -> None:
+    """Check how often a JPEG's scans go over its pixels, by its segments, without decoding.
+
+    It costs microseconds, as the coded data is searched only if several scans are possible.
+
+    Raises:
+        PayloadError: ``too_large``.
+    """
+    position = scans = pixels = components = 0
+    sequential = False
+    while found := _MARKER.search(jpeg, position):
+        marker, start = found[1][0], found.end()
+        if marker == _END_OF_IMAGE:
+            return
+        body = jpeg[start + 2 : start + 8]
+        if marker in _FRAME_HEADERS and len(body) == 6:
+            height, width, components = struct.unpack(">xHHB", body)
+            pixels = width * height
+            sequential = marker in (0xC0, 0xC1)
+        elif marker == _START_OF_SCAN:
+            scans += 1
+            if scans == 1 and sequential and body[:1] == bytes([components]):
+                return  # it holds all components, so libjpeg reads no other
+            if scans > MAX_SCANS or scans * pixels > MAX_SCAN_PIXELS:
+                most = min(MAX_SCANS, MAX_SCAN_PIXELS // max(1, pixels))
+                raise PayloadError("too_large", f"a JPEG of over {most} scans of {pixels} pixels")
+        position = start
+        if marker != _START_OF_IMAGE:
+            position += max(2, int.from_bytes(jpeg[start : start + 2]))
+
+
+def encode_png(pixels: Pixels, *, bilevel: bool = False) -> bytes:
+    """Return pixels as a PNG, fast rather than small.
+
+    Args:
+        pixels: (height, width[, 3 or 4 in BGR order]) uint8 or uint16.
+        bilevel: All pixels are 0 or 255: one bit each, a fifth of the time.
+    """
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_BILEVEL, int(bilevel)]
+    done, buffer = cv2.imencode(".png", pixels, options)
+    if not done:
+        raise ValueError(f"no PNG can be made of {pixels.dtype} pixels of shape {pixels.shape}")
+    return buffer.tobytes()
+
+
+def decode_png(png: bytes) -> Pixels:
+    """Return the pixels of a PNG as stored: (height, width[, channels]).
+
+    Raises:
+        PayloadError: ``corrupt``. Every chunk's checksum is verified first, since OpenCV
+            returns the readable part of a broken file without an error.
+    """
+    position = len(PNG_START)
+    kind = b""
+    while kind != b"IEND":
+        head = png[position : position + 8]
+        if len(head) < 8:
+            raise PayloadError("corrupt", "the PNG is truncated")
+        length, kind = struct.unpack(">I4s", head)
+        body_end = position + 8 + length
+        checksum = png[body_end : body_end + 4]
+        if len(checksum) < 4 or zlib.crc32(png[position + 4 : body_end]) != int.from_bytes(
+            checksum
+        ):
+            raise PayloadError("corrupt", f"wrong checksum in the PNG's chunk {kind!r}")
+        if kind in ANIMATION_CHUNKS:
+            raise PayloadError("corrupt", "an animated PNG")
+        position = body_end + 4
+    try:
+        pixels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise PayloadError("corrupt", f"the PNG cannot be decoded: {error.err}") from None
+    if pixels is None:
+        raise PayloadError("corrupt", "the PNG cannot be decoded")
+    return pixels  # type: ignore[return-value]
+
+
+def picture_size(picture: bytes) -> tuple[int, int]:
+    """Return width and height that a JPEG's or PNG's own header states, without decoding.
+
+    Raises:
+        PayloadError: ``empty``, ``too_large`` (bytes, pixels or scans), ``not_an_image``,
+            ``corrupt``.
+    """
+    if not picture:
+        raise PayloadError("empty", "no bytes")
+    if len(picture) > MAX_COMPRESSED_BYTES:
+        raise PayloadError("too_large", f"{len(picture)} bytes, at most {MAX_COMPRESSED_BYTES}")
+    if picture.startswith(JPEG_START):
+        try:
+            height, width, *_ = simplejpeg.decode_jpeg_header(picture)
+        except ValueError as error:
+            raise PayloadError("corrupt", str(error)) from None
+        check_scans(picture)
+    elif picture.startswith(PNG_START) and picture[12:16] == b"IHDR" and len(picture) > 24:
+        width, height = struct.unpack(">II", picture[16:24])
+    else:
+        raise PayloadError("not_an_image", f"neither JPEG nor PNG, starts with {picture[:8]!r}")
+    if not 0 < width * height <= MAX_PIXELS:
+        raise PayloadError("too_large", f"{width}x{height} pixels, at most {MAX_PIXELS} in all")
+    return width, height

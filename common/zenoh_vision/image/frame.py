@@ -1,0 +1,163 @@
+"""``Frame``: a header and one picture, in the form in which it was made or received.
+
+A frame makes its other forms on demand, each at most once. So a JPEG is passed through unchanged,
+decoded to grey alone, or never encoded, unless somebody asks for a form that needs more.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.pixel_formats import Pixels
+from zenoh_vision.keys import JPEG, PNG
+from zenoh_vision.messages import Header
+
+Form = Literal["pixels", "bgr", "gray"]
+
+
+class Frame:
+    """One captured frame; safe to read from several threads.
+
+    Args:
+        header: Its identity; ``header.encoding`` is the format of ``pixels``.
+        pixels: (height, width[, channels]) in that encoding, if it is made from pixels.
+        compressed: JPEG, or PNG for 16 bits, if it is made from a compressed picture.
+        quality: JPEG quality, 1 to 100, if it must be encoded.
+        key: The key on which it arrived; empty if it was made in this process.
+        borrowed: ``pixels`` is a view of memory that the transport owns.
+
+    A borrowed frame is valid only until the next one is requested; ``keep`` returns one that
+    lasts. Frames own their memory unless borrowed ones were requested.
+
+    Attributes:
+        revision: The revision of the node's parameters that is active for this frame, a
+            ``zenoh_vision.Revision``; None without parameters.
+    """
+
+    def __init__(
+        self,
+        header: Header,
+        *,
+        pixels: Pixels | None = None,
+        compressed: bytes | None = None,
+        quality: int = 80,
+        key: str = "",
+        borrowed: bool = False,
+    ) -> None:
+        if (pixels is None) == (compressed is None):
+            raise ValueError("a frame is made from either pixels or a compressed picture")
+        pixel_formats.encoding_named(header.encoding)
+        self.header = header
+        self.key = key
+        self.borrowed = borrowed
+        self.revision: Any = None
+        self._encoding = header.encoding or ""
+        self._pixels = pixels
+        self._compressed = compressed
+        self._quality = quality
+        self._forms: dict[str, NDArray[np.uint8]] = {}
+        self._lock = threading.RLock()
+
+    def keep(self) -> Frame:
+        """Return a frame that owns its memory: itself, or a copy of a borrowed one."""
+        if not self.borrowed:
+            return self
+        kept = Frame(self.header, pixels=self.pixels.copy(), quality=self._quality, key=self.key)
+        kept.revision = self.revision
+        return kept
+
+    @property
+    def mime(self) -> str:
+        """Zenoh encoding of ``compressed``."""
+        if self._compressed is not None:
+            return codecs.picture_type(self._compressed) or JPEG
+        return PNG if self._encoding == "mono16" else JPEG
+
+    @property
+    def compressed(self) -> bytes:
+        """The picture as JPEG; as PNG for ``mono16``."""
+        with self._lock:
+            if self._compressed is None:
+                assert self._pixels is not None
+                self._compressed = (
+                    codecs.encode_png(self._pixels)
+                    if self._encoding == "mono16"
+                    else codecs.encode_jpeg(self._pixels, self._encoding, self._quality)
+                )
+            return self._compressed
+
+    @property
+    def pixels(self) -> Pixels:
+        """(height, width[, channels]) in ``header.encoding``; read-only.
+
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        with self._lock:
+            if self._pixels is None:
+                self._pixels = self._decode(self._encoding)
+            return self._pixels
+
+    @property
+    def bgr(self) -> NDArray[np.uint8]:
+        """(height, width, 3) uint8 in BGR order, whatever the encoding; read-only."""
+        return self._kept_form("bgr8")
+
+    @property
+    def gray(self) -> NDArray[np.uint8]:
+        """(height, width) uint8; from a JPEG the luma plane, without decoding colour."""
+        return self._kept_form("mono8")
+
+    def reduced(self, encoding: str, width: int, height: int) -> Pixels:
+        """Return the pixels in an 8-bit encoding, at least as large as the given size.
+
+        A JPEG that was not decoded yet is decoded at a reduced scale, and not kept.
+
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        with self._lock:
+            jpeg = self._compressed
+            if self._pixels is None and jpeg is not None and jpeg.startswith(codecs.JPEG_START):
+                return codecs.decode_jpeg(jpeg, encoding, (width, height))
+            return self._eight_bits(encoding)
+
+    @property
+    def raw(self) -> bytes:
+        """Pixel rows in ``header.encoding`` without padding."""
+        return pixel_formats.to_raw(self.pixels, self._encoding)
+
+    def form(self, name: Form) -> Pixels:
+        """Return ``pixels``, ``bgr`` or ``gray`` by its name."""
+        if name == "bgr":
+            return self.bgr
+        return self.gray if name == "gray" else self.pixels
+
+    def _kept_form(self, encoding: str) -> NDArray[np.uint8]:
+        if self._encoding == encoding:
+            return np.asarray(self.pixels, np.uint8)
+        with self._lock:
+            if encoding not in self._forms:
+                self._forms[encoding] = self._eight_bits(encoding)
+            return self._forms[encoding]
+
+    def _eight_bits(self, encoding: str) -> NDArray[np.uint8]:
+        if self._pixels is None and self._compressed is not None:
+            return np.asarray(self._decode(encoding), np.uint8)
+        return np.asarray(pixel_formats.convert(self.pixels, self._encoding, encoding), np.uint8)
+
+    def _decode(self, encoding: str) -> Pixels:
+        assert self._compressed is not None
+        if self._compressed.startswith(codecs.PNG_START):
+            pixels = codecs.decode_png(self._compressed)
+            if pixels.ndim == 3 and pixels.dtype == np.uint16:
+                pixels = pixel_formats.eight_bits(pixels)
+            return pixel_formats.convert(pixels, pixel_formats.encoding_of(pixels), encoding)
+        eight_bits = "mono8" if encoding == "mono16" else encoding
+        pixels = codecs.decode_jpeg(self._compressed, eight_bits)
+        return pixel_formats.convert(pixels, eight_bits, encoding)

@@ -1,0 +1,128 @@
+"""Pixel formats: encodings, conversions between them, and raw bytes to arrays and back.
+
+The names and their meaning are those of sensor_msgs/image_encodings; conversions between 8 and
+16 bits scale by 65535 / 255 = 257, as cv_bridge does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_vision.errors import PayloadError
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+MAX_PIXELS: Final = 7680 * 4320
+MAX_PIXEL_BYTES: Final = 4
+MAX_RAW_BYTES: Final = MAX_PIXELS * MAX_PIXEL_BYTES
+DEPTH_RATIO: Final = 257  # 65535 / 255
+
+
+@dataclass(frozen=True, slots=True)
+class PixelEncoding:
+    """The properties of an encoding; ``space`` is the name that libjpeg and OpenCV share."""
+
+    channels: int
+    dtype: np.dtype[Any]
+    space: str
+
+
+ENCODINGS: Final = {
+    "mono8": PixelEncoding(1, np.dtype("<u1"), "GRAY"),
+    "mono16": PixelEncoding(1, np.dtype("<u2"), "GRAY"),
+    "bgr8": PixelEncoding(3, np.dtype("<u1"), "BGR"),
+    "rgb8": PixelEncoding(3, np.dtype("<u1"), "RGB"),
+    "bgra8": PixelEncoding(4, np.dtype("<u1"), "BGRA"),
+    "rgba8": PixelEncoding(4, np.dtype("<u1"), "RGBA"),
+}
+
+
+def encoding_of(pixels: NDArray[Any]) -> str:
+    """Return the encoding of decoded pixels by their channels and dtype; colour is B, G, R, A.
+
+    Raises:
+        PayloadError: ``unsupported_encoding``.
+    """
+    channels = 1 if pixels.ndim == 2 else pixels.shape[2]
+    found = {"1 uint8": "mono8", "1 uint16": "mono16", "3 uint8": "bgr8", "4 uint8": "bgra8"}
+    encoding = found.get(f"{channels} {pixels.dtype.name}")
+    if encoding is None:
+        raise PayloadError(
+            "unsupported_encoding",
+            f"{channels} channels of {pixels.dtype}; allowed are 1, 3 or 4 of uint8, 1 of uint16",
+        )
+    return encoding
+
+
+def encoding_named(name: str | None) -> PixelEncoding:
+    """Return the encoding of a name.
+
+    Raises:
+        PayloadError: ``unsupported_encoding``, listing those that are known.
+    """
+    found = ENCODINGS.get(name or "")
+    if found is None:
+        raise PayloadError("unsupported_encoding", f"{name!r}, known are {', '.join(ENCODINGS)}")
+    return found
+
+
+def convert(pixels: Pixels, source: str, target: str) -> Pixels:
+    """Return pixels in another encoding; the same array when nothing must change.
+
+    Args:
+        pixels: (height, width[, channels]) in encoding ``source``; not modified.
+        source: Encoding name of ``pixels``.
+        target: Encoding name wanted. Added alpha is opaque; dropped alpha is ignored.
+    """
+    if source == target:
+        return pixels
+    if source == "mono16":
+        return convert(eight_bits(pixels), "mono8", target)
+    if target == "mono16":
+        gray = convert(pixels, source, "mono8")
+        return gray.astype(np.uint16) * np.uint16(DEPTH_RATIO)
+    code = getattr(cv2, f"COLOR_{ENCODINGS[source].space}2{ENCODINGS[target].space}")
+    return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+
+
+def eight_bits(pixels: Pixels) -> NDArray[np.uint8]:
+    """Return 16-bit pixels of any shape scaled to 8 bits by 255 / 65535, rounded."""
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=1 / DEPTH_RATIO), np.uint8)
+
+
+def raw_size(encoding: str | None, width: int, height: int) -> int:
+    """Return the number of bytes of raw pixels of this encoding and size.
+
+    Raises:
+        PayloadError: ``unsupported_encoding``, or ``too_large``.
+    """
+    known = encoding_named(encoding)
+    if width * height > MAX_PIXELS:
+        raise PayloadError("too_large", f"{width}x{height} pixels, at most {MAX_PIXELS} in all")
+    return width * height * known.channels * known.dtype.itemsize
+
+
+def to_raw(pixels: Pixels, encoding: str) -> bytes:
+    """Return pixel rows without padding, 16-bit values little-endian."""
+    return np.ascontiguousarray(pixels, ENCODINGS[encoding].dtype).tobytes()
+
+
+def from_raw(raw: bytes | memoryview, encoding: str, width: int, height: int) -> Pixels:
+    """Return raw pixels as a read-only array (height, width[, channels]).
+
+    Raises:
+        PayloadError: ``wrong_size`` if the byte count does not fit.
+    """
+    expected = raw_size(encoding, width, height)
+    if len(raw) != expected:
+        raise PayloadError(
+            "wrong_size", f"{len(raw)} bytes, {width}x{height} {encoding} has {expected}"
+        )
+    known = ENCODINGS[encoding]
+    shape = (height, width) if known.channels == 1 else (height, width, known.channels)
+    return np.frombuffer(raw, known.dtype).reshape(shape)

@@ -1,0 +1,71 @@
+"""Key expressions and Zenoh encodings.
+
+A ROS user reads ``vision/front/image/compressed`` as the topic ``/vision/front/image/compressed``.
+Chunks that start with ``@`` are not matched by ``*`` or ``**``, so ``vision/front/**`` is a
+camera's data and nothing else.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+DEFAULT_NAMESPACE: Final = "vision"
+DEFAULT_CAMERA: Final = "front"
+NAME: Final = re.compile(r"[a-z0-9_]+")
+
+JPEG: Final = "image/jpeg"
+PNG: Final = "image/png"
+RAW_IMAGE: Final = "application/octet-stream;vision.Image.v1"
+JSON: Final = "application/json"
+
+
+def msgpack_of(schema_name: str) -> str:
+    """Return the Zenoh encoding of a msgpack message, such as ``vision.Centroid.v1``."""
+    return f"application/msgpack;{schema_name}"
+
+
+def schema_name_of(encoding: str) -> str:
+    """Return the schema name in a Zenoh encoding; empty if there is none."""
+    return encoding.partition(";")[2]
+
+
+def is_name(text: str) -> bool:
+    """Tell whether a text may be a namespace, camera or node name."""
+    return NAME.fullmatch(text) is not None
+
+
+def camera_of(key: str) -> str:
+    """Return the camera in ``{namespace}/{camera}/{suffix}``; empty if there is none."""
+    chunks = key.split("/", 2)
+    return chunks[1] if len(chunks) == 3 else ""
+
+
+def suffix_of(key: str) -> str:
+    """Return what follows the camera in ``{namespace}/{camera}/{suffix}``; empty if nothing."""
+    return key.partition("/")[2].partition("/")[2]
+
+
+def node_key(namespace: str, node: str) -> str:
+    """Return the key of a node's liveliness token and description."""
+    return f"@{namespace}/node/{node}"
+
+
+def diagnostics_key(namespace: str, node: str) -> str:
+    """Return the key of a node's health."""
+    return f"@{namespace}/diagnostics/{node}"
+
+
+def parameter_key(namespace: str, node: str, name: str) -> str:
+    """Return the key of a node's parameter; ``node`` and ``name`` may be ``*``."""
+    return f"@{namespace}/param/{node}/{name}"
+
+
+def parameters_key(namespace: str, node: str) -> str:
+    """Return the key of all parameters of a node; ``node`` may be ``*``."""
+    return f"@{namespace}/param/{node}"
+
+
+def schema_key(namespace: str, name: str) -> str:
+    """Return the key of a message's JSON Schema; ``name`` may be ``*``."""
+    return f"@{namespace}/schema/{name}"

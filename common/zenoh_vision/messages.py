@@ -1,0 +1,273 @@
+"""The messages, each a class with types, units and limits.
+
+docs/messages.md describes their bytes, tests/vectors has test vectors. Coordinates are
+full-resolution pixels, origin top left.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.message_codec import Message
+
+MAX_BOUNDS = 100
+MAX_COUNT = 2**64 - 1
+
+Name = Annotated[str, Field(pattern=r"^[a-z0-9_]+$", max_length=64)]
+Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
+Count = Annotated[int, Field(ge=0, le=MAX_COUNT)]
+Side = Annotated[int, Field(ge=1, le=65535)]
+Pixel = Annotated[int, Field(ge=-(2**31), lt=2**31)]
+Box = tuple[Pixel, Pixel, Pixel, Pixel]
+
+
+class Level(IntEnum):
+    """State of a node, as in diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+SEVERITY: Final[dict[int, int]] = {Level.OK: 0, Level.WARN: 1, Level.STALE: 2, Level.ERROR: 3}
+"""Order of the levels: a node without input is less serious than one that fails."""
+
+
+class Header(Message):
+    """Identity of a frame and of all data derived from it: camera, number, capture time.
+
+    ``stamp_ns`` may be any 64-bit integer here: receivers check on arrival whether it is
+    plausible by their clock.
+    """
+
+    schema_name: ClassVar[str] = "vision.Header.v1"
+    omit_none: ClassVar[bool] = True
+
+    camera: Name
+    epoch: Annotated[int, Field(ge=-(2**63), lt=2**63, description="start of the source's run, ns")]
+    seq: Annotated[Count, Field(description="capture number within the epoch, from 0")]
+    stamp_ns: Annotated[int, Field(ge=-(2**63), lt=2**63, description="capture time, ns")]
+    width: Annotated[Side, Field(description="full-resolution frame width, pixels")]
+    height: Annotated[Side, Field(description="full-resolution frame height, pixels")]
+    encoding: Annotated[str, Field(max_length=32)] | None = None
+    node: Annotated[str, Field(max_length=128)] = ""
+    revision: Count = 0
+    received_ns: int | None = None
+    done_ns: int | None = None
+    assumed: Annotated[
+        bool | None,
+        Field(description="true if the sender gave no header and the receiver made this one up"),
+    ] = None
+
+    @classmethod
+    def from_bytes(cls, payload: bytes) -> Self:
+        """Decode the attachment of an image.
+
+        Raises:
+            PayloadError: ``bad_header``.
+        """
+        try:
+            return super().from_bytes(payload)
+        except PayloadError as error:
+            raise PayloadError("bad_header", error.detail) from None
+
+
+class Stamped(Message):
+    """Base of the messages that belong to a frame: they carry its header."""
+
+    header: Header
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire, the header in its short form."""
+        return {**self.model_dump(exclude={"header"}), "header": self.header.to_map()}
+
+
+class Centroid(Stamped):
+    """The largest moving object of one frame; all nil when nothing moves."""
+
+    schema_name: ClassVar[str] = "vision.Centroid.v1"
+
+    x: Pixel | None
+    y: Pixel | None
+    box: Annotated[Box | None, Field(description="x, y, width, height")]
+    area: Annotated[float | None, Field(ge=0, description="contour area, square pixels")]
+
+
+class Track(Message):
+    """One moving object of one frame."""
+
+    id: Count
+    state: Literal["tentative", "confirmed", "lost"]
+    x: float
+    y: float
+    box: Box
+    area: Annotated[float, Field(ge=0)]
+    vx: Annotated[float, Field(description="pixels per second")] = 0.0
+    vy: Annotated[float, Field(description="pixels per second")] = 0.0
+    age_s: Annotated[float, Field(ge=0)] = 0.0
+    missing_s: Annotated[float, Field(ge=0)] = 0.0
+    world: tuple[float, float] | None = None
+
+
+class Tracks(Stamped):
+    """All moving objects of one frame."""
+
+    schema_name: ClassVar[str] = "vision.Tracks.v1"
+
+    tracks: tuple[Track, ...]
+
+
+class TrackEvent(Stamped):
+    """Something happened to a track: it started, ended, crossed a line, changed zone."""
+
+    schema_name: ClassVar[str] = "vision.TrackEvent.v1"
+
+    event: Annotated[str, Field(max_length=64)]
+    id: Count
+    zone: str | None = None
+    direction: str | None = None
+    x: float
+    y: float
+
+
+class CameraInfo(Stamped):
+    """Calibration, with the fields of sensor_msgs/CameraInfo and a plane's homography."""
+
+    schema_name: ClassVar[str] = "vision.CameraInfo.v1"
+
+    width: Side
+    height: Side
+    distortion_model: str
+    d: tuple[float, ...]
+    k: Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
+    r: Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
+    p: Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
+    plane: Annotated[tuple[float, ...], Field(min_length=9, max_length=9)] | None = None
+
+
+class Latency(Message):
+    """Milliseconds from capture, over the last seconds; nil before the first frame."""
+
+    p50: float | None
+    p99: float | None
+
+
+class Histogram(Message):
+    """Histogram of the latencies since the node's start.
+
+    It is cumulative, as in Prometheus: each count includes those before it, and the last one,
+    which has no bound, is the number of all frames.
+    """
+
+    bounds: Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_BOUNDS)]
+    counts: Annotated[tuple[Count, ...], Field(min_length=2, max_length=MAX_BOUNDS + 1)]
+    sum: Annotated[float, Field(ge=0)]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if len(self.counts) != len(self.bounds) + 1:
+            raise ValueError("counts must be one more than bounds")
+        if any(low >= high for low, high in pairwise(self.bounds)):
+            raise ValueError("bounds must rise")
+        if any(low > high for low, high in pairwise(self.counts)):
+            raise ValueError("counts must not fall: each includes those before it")
+        return self
+
+
+class Diagnostics(Message):
+    """Health of one node, once a second; the counters are totals since its start."""
+
+    schema_name: ClassVar[str] = "vision.Diagnostics.v1"
+
+    node: str
+    stamp_ns: Nanoseconds
+    level: Annotated[int, Field(ge=0, le=3, description="0 OK, 1 WARN, 2 ERROR, 3 STALE")]
+    message: str
+    uptime_s: Annotated[float, Field(ge=0)]
+    counters: dict[str, Count]
+    rate_hz: Annotated[float, Field(ge=0)]
+    latency_ms: Latency
+    latency_histogram_ms: Annotated[
+        Histogram | None, Field(description="latencies since the start, cumulative")
+    ] = None
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire, without the histogram if there is none."""
+        fields = self.model_dump()
+        if self.latency_histogram_ms is None:
+            del fields["latency_histogram_ms"]
+        return fields
+
+
+class Parameter(Message):
+    """One parameter of a node: its value, type, limits, unit and meaning."""
+
+    schema_name: ClassVar[str] = "vision.Parameter.v1"
+
+    node: str
+    name: str
+    type: str
+    value: bool | int | float | str | None
+    default: bool | int | float | str | None
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] | None = None
+    unit: str | None = None
+    description: str = ""
+    revision: Count = 0
+
+
+class ParameterList(Message):
+    """All parameters of one node at one revision."""
+
+    schema_name: ClassVar[str] = "vision.ParameterList.v1"
+
+    node: str
+    revision: Count
+    parameters: tuple[Parameter, ...]
+
+
+class Refusal(Message):
+    """The error reply to a change of parameters that was refused; nothing has changed."""
+
+    schema_name: ClassVar[str] = "vision.Refusal.v1"
+
+    error: Annotated[str, Field(description="what was wrong, naming parameter and value")]
+    allowed: Annotated[str, Field(description="what is allowed")]
+
+
+class NodeDescription(Message):
+    """Who a node is and which keys it publishes and subscribes (``Node`` in the contract)."""
+
+    schema_name: ClassVar[str] = "vision.Node.v1"
+    omit_none: ClassVar[bool] = True
+
+    node: str
+    service: str
+    cameras: tuple[str, ...]
+    version: str
+    host: str
+    pid: Annotated[int, Field(ge=0)]
+    started_ns: Nanoseconds
+    publishes: tuple[str, ...]
+    subscribes: tuple[str, ...]
+    stamp_ns: Annotated[
+        Nanoseconds | None, Field(description="when it was answered, by the node's clock")
+    ] = None
+    rate_hz: Annotated[
+        float | None, Field(gt=0, description="frames per second that should arrive, if known")
+    ] = None
+
+
+MESSAGES: Final[dict[str, type[Message]]] = {
+    message.schema_name: message
+    for message in list(globals().values())
+    if isinstance(message, type) and issubclass(message, Message) and message.schema_name
+}
+"""Every message class of this module by the name of its schema."""

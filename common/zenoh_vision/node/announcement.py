@@ -1,0 +1,94 @@
+"""Announces a node by its liveliness token, its description and its diagnostics."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from importlib import metadata
+
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.health.health import Health
+from zenoh_vision.host.health_file import HealthFile
+from zenoh_vision.messages import Diagnostics, NodeDescription
+from zenoh_vision.node.query_server import QueryServer
+from zenoh_vision.topics import message_topic
+from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.publisher import Outgoing, StreamPublisher
+
+log = logging.getLogger(__name__)
+
+PERIOD_S = 1.0
+CLOSE_S = 1.0
+
+
+def installed_version() -> str:
+    """Return the version of this distribution, ``unknown`` when run without installing it."""
+    try:
+        return metadata.version("zenoh-vision")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+class Announcement:
+    """The token, the answer to queries for the description, and diagnostics once a second.
+
+    The diagnostics have a thread of their own, so that no query delays them.
+    """
+
+    def __init__(self, node: str, health: Health, describe: Callable[[], NodeDescription]) -> None:
+        self._node = node
+        self._health = health
+        self._describe = describe
+        self._health_file = HealthFile()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="health", daemon=True)
+
+    def beat(self) -> None:
+        """Update the health file while the node waits for a router, which counts as healthy."""
+        self._health_file.beat()
+
+    def declare(self, link: Link, namespace: str, server: QueryServer) -> None:
+        """Declare the diagnostics and the description; ``start`` follows after all else."""
+        self._link = link
+        self._key = keys.node_key(namespace, self._node)
+        self._diagnostics = StreamPublisher(
+            link,
+            message_topic("diagnostics", Diagnostics),
+            keys.diagnostics_key(namespace, self._node),
+            server.queue,
+        )
+        server.declare(link, self._key, self._answer)
+
+    def start(self) -> None:
+        """Declare the token, so that observers see a complete node, and send diagnostics."""
+        self._link.declare(lambda session: session.liveliness().declare_token(self._key))
+        self._thread.start()
+
+    def close(self) -> None:
+        """Send the diagnostics a last time."""
+        self._ended.set()
+        self._thread.join(CLOSE_S)
+
+    def _run(self) -> None:
+        due_s = time.monotonic() + PERIOD_S
+        ended = False
+        while not ended:
+            ended = self._ended.wait(max(0.0, due_s - time.monotonic()))
+            due_s = max(due_s + PERIOD_S, time.monotonic())
+            try:
+                self._send()
+            except Exception:
+                log.exception("the diagnostics could not be sent")
+
+    def _send(self) -> None:
+        self._health_file.beat(self._health.failure())
+        diagnostics = self._health.diagnostics()
+        self._diagnostics.offer(lambda: Outgoing.message(diagnostics))
+
+    def _answer(self, query: zenoh.Query) -> None:
+        outgoing = Outgoing.message(self._describe())
+        query.reply(self._key, outgoing.payload, encoding=outgoing.encoding)

@@ -1,0 +1,300 @@
+"""``Node``: manages a process on the network, so that a service is only a loop.
+
+```python
+with Node("brightness", camera="front", publishes=[BRIGHTNESS]) as node:
+    for frame in node.frames("image/compressed", want="gray"):
+        node.publish(BRIGHTNESS, Brightness(header=node.header(frame), mean=frame.gray.mean()))
+```
+
+The iteration ends at SIGINT or SIGTERM, and so does the ``with``.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from typing import Any, Self, TypeVar
+
+from zenoh_vision import keys
+from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.config.settings import Settings
+from zenoh_vision.errors import ConfigurationError, PayloadError
+from zenoh_vision.health.health import Health
+from zenoh_vision.host.signals import StopSignals
+from zenoh_vision.image.frame import Form, Frame
+from zenoh_vision.image.pixel_formats import MAX_PIXELS
+from zenoh_vision.message_codec import Message
+from zenoh_vision.messages import Diagnostics, Header, NodeDescription
+from zenoh_vision.node import parameter_server
+from zenoh_vision.node.announcement import Announcement, installed_version
+from zenoh_vision.node.inputs import Input, merged
+from zenoh_vision.node.outputs import Outputs
+from zenoh_vision.node.parameter_server import ParameterServer
+from zenoh_vision.node.query_server import QueryServer, schema_answer
+from zenoh_vision.stream.buffer import Buffering, latest, queue
+from zenoh_vision.stream.counters import FrameCounters
+from zenoh_vision.stream.frame_intake import FrameIntake
+from zenoh_vision.stream.intake import Consumer, MessageIntake, SampleIntake
+from zenoh_vision.stream.sample import Sample
+from zenoh_vision.topics import COMPRESSED, TOPICS, Topic, topic_named
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.link import Link
+
+MAX_AGE_S = 0.4
+
+T = TypeVar("T")
+
+
+class Node:
+    """A node of the system: opened by ``with``, stopped by a signal or ``stop()``.
+
+    Args:
+        service: Kind of node: ``tracker``.
+        camera: The camera it serves; its name is then ``{service}_{camera}``. Several or none:
+            a tuple of them, and its name is ``{service}``.
+        connection: Where the router is.
+        publishes: Topics, or their names in the table. It answers queries for the schemas of
+            their messages.
+        counts: Names of the counters of arrivals and of what was done with them.
+        parameters: Its settings, or a store of them. Those marked ``Live`` are parameters under
+            the node's name; the newest revision is activated between two frames.
+
+    Attributes:
+        stopping: Whether a stop was requested.
+        inputs: Its open inputs.
+        publish, publish_picture, publish_frame, header: Those of its ``Outputs``.
+
+    Raises:
+        ConfigurationError: A name has other characters than a-z, 0-9 and _.
+    """
+
+    def __init__(
+        self,
+        service: str,
+        *,
+        camera: str | tuple[str, ...] = keys.DEFAULT_CAMERA,
+        connection: Connection | None = None,
+        publishes: Sequence[Topic | str] = (),
+        counts: tuple[str, str] = ("received", "processed"),
+        parameters: ParameterStore[Any] | Settings | None = None,
+    ) -> None:
+        self.connection = connection or Connection()
+        self.cameras = (camera,) if isinstance(camera, str) else camera
+        for name in (service, *self.cameras, self.connection.namespace):
+            if not keys.is_name(name):
+                raise ConfigurationError(f"{name!r} is no name: allowed are a-z, 0-9 and _")
+        self.service = service
+        self.name = f"{service}_{camera}" if isinstance(camera, str) else service
+        if isinstance(parameters, Settings):
+            parameters = ParameterStore(parameters)
+        self.parameters = parameters
+        self.counters = FrameCounters(*counts)
+        self.health = Health(self.name, self.counters)
+        self.consumer = Consumer(self.counters, self.health.log_drop)
+        self.outputs = Outputs(self.name, self.cameras, publishes)
+        self.publish = self.outputs.publish
+        self.publish_picture = self.outputs.publish_picture
+        self.publish_frame = self.outputs.publish_frame
+        self.header = self.outputs.header
+        self._announcement = Announcement(self.name, self.health, self._description)
+        self._started_ns = time.time_ns()
+        self.inputs: set[Input[Any]] = set()
+        self.stopping = False
+        self._link: Link | None = None
+        self._open = ExitStack()
+
+    # Life
+
+    def __enter__(self) -> Self:
+        """Open the session, waiting for the router; declare what the node offers.
+
+        Raises:
+            RouterUnreachable: No router within the connection's time, if it has one.
+            ToldToStop: Told to stop before there was one.
+        """
+        with ExitStack() as opening:
+            signals = StopSignals(self.stop)
+            signals.catch()
+            opening.callback(signals.release)
+            self._link = Link(self.connection, self._give_up_waiting, lambda: self.stopping)
+            opening.callback(self._link.close)
+            server = QueryServer()
+            self._declare(self._link, server)
+            server.start()
+            opening.callback(server.close)
+            self._announcement.start()
+            opening.callback(self._announcement.close)
+            opening.callback(self._close_inputs)
+            self._open = opening.pop_all()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Send the last diagnostics and close the session, in bounded time."""
+        self.stopping = True
+        self._open.close()
+
+    def _close_inputs(self) -> None:
+        with ExitStack() as closing:
+            for each in tuple(self.inputs):
+                closing.callback(each.close)
+
+    def _declare(self, link: Link, server: QueryServer) -> None:
+        namespace = self.connection.namespace
+        self.outputs.declare(link, namespace, server)
+        self._announcement.declare(link, namespace, server)
+        messages: set[type[Message]] = {Header, Diagnostics, NodeDescription}
+        messages.update(topic.message for topic in self.outputs.topics if topic.message)
+        if self.parameters is not None:
+            parameters = ParameterServer(self.parameters, namespace, self.name)
+            parameters.publish_changes(link)
+            server.declare(link, parameters.key, parameters.answer)
+            messages.update(parameter_server.MESSAGES)
+        server.declare(link, keys.schema_key(namespace, "*"), schema_answer(namespace, messages))
+
+    def _description(self) -> NodeDescription:
+        return NodeDescription(
+            node=self.name,
+            service=self.service,
+            cameras=tuple(self.cameras),
+            version=installed_version(),
+            host=socket.gethostname(),
+            pid=os.getpid(),
+            started_ns=self._started_ns,
+            publishes=tuple(self.outputs.keys),
+            subscribes=tuple(each.key for each in self.health.inputs),
+            stamp_ns=time.time_ns(),
+            rate_hz=self.health.rates.expected_hz,
+        )
+
+    @property
+    def camera(self) -> str:
+        """The camera that it serves, if that is only one."""
+        return self._camera(None)
+
+    @property
+    def link(self) -> Link:
+        """Its link to the router, inside the ``with``, for what the node does besides."""
+        if self._link is None:
+            raise RuntimeError(f"{self.name} is not open: use it inside `with`")
+        return self._link
+
+    def stop(self) -> None:
+        """End the iterations; safe in a signal handler and from any thread."""
+        self.stopping = True
+
+    def _give_up_waiting(self) -> bool:
+        self._announcement.beat()
+        return self.stopping
+
+    # Inputs
+
+    def frames(
+        self,
+        topic: Topic | str = COMPRESSED,
+        *,
+        camera: str | None = None,
+        want: Form = "bgr",
+        max_age_s: float | None = MAX_AGE_S,
+        buffering: Buffering = latest,
+        borrow: bool = False,
+        max_pixels: int = MAX_PIXELS,
+    ) -> Input[Frame]:
+        """Return an iterable of frames, without damaged, duplicate and stale ones.
+
+        A frame that waits in a queue for longer than ``max_age_s`` is stale: a consumer that
+        needs every frame passes ``buffering=queue(n), max_age_s=None``.
+
+        Args:
+            topic: ``image/compressed`` or ``image``, or another topic that carries pictures.
+            camera: The camera, if the node serves several; ``*`` for all.
+            want: The form that is decoded beforehand, so that its errors are counted here.
+            max_age_s: Frames later than this over the best of the last minute are dropped as
+                ``stale``, unless the node has a setting ``max_age``, which then holds instead.
+                None drops none, whatever the settings.
+            buffering: ``latest``, or ``queue(n)`` for frames in order of arrival.
+            borrow: Frames may be views of memory that the transport lends, valid until the next
+                is asked for; ``Frame.keep`` copies one.
+            max_pixels: Larger frames are dropped as ``too_large`` before they are decoded.
+        """
+        row = topic_named(topic)
+        key = row.key(self.connection.namespace, self._camera(camera))
+        intake = FrameIntake(
+            key, self.consumer, buffering, raw=row.raw, borrow=borrow, max_pixels=max_pixels
+        )
+
+        def take(timeout_s: float) -> Frame | None:
+            revision = None if self.parameters is None else self.parameters.active
+            allowed_s = max_age_s
+            if revision is not None and allowed_s is not None:
+                allowed_s = getattr(revision.settings, "max_age", allowed_s)
+            frame = intake.take(timeout_s, want, allowed_s)
+            if frame is not None:
+                frame.revision = revision
+            return frame
+
+        return Input(self, intake, take)
+
+    def messages(
+        self,
+        topic: Topic | str,
+        *,
+        camera: str | None = None,
+        message: type[Message] | None = None,
+        buffering: Buffering = queue(64),  # noqa: B008 - a frozen value
+    ) -> Input[Message]:
+        """Return an iterable of messages, decoded and checked.
+
+        Args:
+            topic: A topic, its name in the table, or a key expression, which has a ``/`` and may
+                have wildcards: ``@vision/diagnostics/*``.
+            camera: As for ``frames``; only for topics.
+            message: Class of the messages of a key expression; None takes the one that the
+                encoding of each names.
+            buffering: How many wait; a full queue drops its oldest.
+
+        Raises:
+            ValueError: The table has no topic of this name.
+        """
+        if isinstance(topic, Topic) or topic in TOPICS or "/" not in topic:
+            row = topic_named(topic)
+            key = row.key(self.connection.namespace, self._camera(camera))
+            message = row.message
+        else:
+            key = topic
+        intake = MessageIntake(key, self.consumer, buffering, message=message)
+        return Input(self, intake, intake.take)
+
+    def samples(
+        self,
+        key: str,
+        *,
+        buffering: Buffering = queue(1000),  # noqa: B008 - a frozen value
+    ) -> Input[Sample]:
+        """Return an iterable of the samples on a key expression (``vision/**``), unchecked.
+
+        A deletion is a sample too: its ``deleted`` is set.
+        """
+        intake = SampleIntake(key, self.consumer, buffering)
+        return Input(self, intake, intake.take)
+
+    def receive(self, *inputs: Input[Any]) -> Iterator[Any]:
+        """Yield the items of several inputs in one loop, until the node is told to stop."""
+        return merged(self, inputs)
+
+    def drop(self, error: PayloadError) -> None:
+        """Count one pending frame as dropped, and log it once per burst."""
+        self.counters.drop(error.reason)
+        self.health.log_drop(error)
+
+    def _camera(self, camera: str | None) -> str:
+        """Return the camera that an argument selects: the only one, one of several, or ``*``."""
+        if camera == "*":
+            return camera
+        if camera is None and len(self.cameras) == 1:
+            return self.cameras[0]
+        if camera not in self.cameras:
+            raise ValueError(f"{self.name} serves {self.cameras or 'no camera'}, not {camera!r}")
+        return camera

@@ -1,0 +1,92 @@
+"""Answers a node's queries one after the other, on a thread of its own."""
+
+from __future__ import annotations
+
+import json
+import logging
+import queue
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import cache
+
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.message_codec import Message
+from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.session import direct
+
+log = logging.getLogger(__name__)
+
+MAX_WAITING_QUERIES = 256
+CLOSE_S = 1.0
+
+Answer = Callable[[zenoh.Query], None]
+
+
+class QueryServer:
+    """A bounded queue of queries and the thread that answers them."""
+
+    def __init__(self) -> None:
+        self._waiting: queue.Queue[tuple[zenoh.Query, Answer] | None] = queue.Queue(
+            MAX_WAITING_QUERIES
+        )
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="queries", daemon=True)
+
+    def start(self) -> None:
+        """Begin to answer."""
+        self._thread.start()
+
+    def queue(self, query: zenoh.Query, answer: Answer) -> None:
+        """Queue a query; refuse it if too many wait. Never blocks."""
+        try:
+            self._waiting.put_nowait((query, answer))
+        except queue.Full:
+            with query:
+                query.reply_err(b"busy: too many queries are waiting", encoding="text/plain")
+
+    def declare(self, link: Link, key: str, answer: Answer) -> None:
+        """Answer queries on a key."""
+        handler = direct(lambda query: self.queue(query, answer))
+        link.declare(lambda session: session.declare_queryable(key, handler))
+
+    def close(self) -> None:
+        """Finish the current query and end the thread, in bounded time."""
+        self._closing.set()
+        with suppress(queue.Full):  # then the thread checks `_closing` after this query
+            self._waiting.put_nowait(None)
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_S)
+
+    def _serve(self) -> None:
+        while (item := self._waiting.get()) is not None and not self._closing.is_set():
+            query, answer = item
+            with query:  # the sender waits until the query is dropped
+                try:
+                    answer(query)
+                except Exception:
+                    log.exception("a query could not be answered")
+
+
+def schema_answer(namespace: str, messages: Iterable[type[Message]]) -> Answer:
+    """Return a function that answers ``@{ns}/schema/{name}`` with JSON Schemas of messages.
+
+    The name is that of the class (``Centroid``) or the versioned one (``vision.Centroid.v1``).
+    """
+    by_key: dict[zenoh.KeyExpr, type[Message]] = {}
+    for message in messages:
+        for name in (message.schema_name, message.short_name()):
+            by_key[zenoh.KeyExpr(keys.schema_key(namespace, name))] = message
+
+    @cache  # made when first asked for, and once: a flood of queries must not slow the node
+    def text(message: type[Message]) -> str:
+        return json.dumps(message.model_json_schema())
+
+    def answer(query: zenoh.Query) -> None:
+        for key, message in by_key.items():
+            if query.key_expr.intersects(key):
+                query.reply(key, text(message), encoding=keys.JSON)
+
+    return answer

@@ -1,0 +1,270 @@
+"""Decides which frames of one key a consumer may see, by identity, order, epoch and age.
+
+The package's docstring has the rules and their reasons. Uses neither the network nor a clock.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.keys import is_name
+from zenoh_vision.messages import Header
+from zenoh_vision.stream.staleness import StalenessGauge
+
+CLOCK_TOLERANCE_NS = 24 * 3600 * 10**9
+"""How far ahead a stamp may be: clocks are wrong by seconds or hours, not by a day."""
+
+SILENCE_NS = 1_500_000_000
+"""After this time without an accepted frame, frames may follow that were refused before: those of
+an older epoch, or of the current epoch with a lower ``seq``."""
+
+SETTLE_NS = 1_500_000_000
+"""Frames that stay equally late for this time have stamps of another clock."""
+
+STEADY_NS = 400_000_000
+"""By how much the lateness of a stream may vary that does not come out of a queue."""
+
+STEP = 1000
+STEP_PER_S = 1000
+"""How far ``seq`` may advance from one accepted frame to the next: faster than any camera."""
+
+
+@dataclass(slots=True)
+class Run:
+    """Arrivals in order and equally late, of frames that are not accepted, or not yet."""
+
+    epoch: int
+    begun_ns: int
+    seq: int
+    least_offset_ns: int
+    greatest_offset_ns: int
+
+    def settled(self, now_ns: int) -> bool:
+        """Tell whether the run is long enough to be a live stream with another clock."""
+        return now_ns - self.begun_ns > SETTLE_NS
+
+    @classmethod
+    def begin(cls, header: Header, now_ns: int) -> Run:
+        """Return a run that begins with an arrival."""
+        offset = now_ns - header.stamp_ns
+        return cls(header.epoch, now_ns, header.seq, offset, offset)
+
+    def extend(self, header: Header, now_ns: int) -> bool:
+        """Add an arrival; return False if it does not continue the run.
+
+        A queue that drains brings frames that are less and less late; those of a live stream
+        with another clock stay late by the same amount.
+        """
+        offset = now_ns - header.stamp_ns
+        least = min(self.least_offset_ns, offset)
+        greatest = max(self.greatest_offset_ns, offset)
+        if header.epoch != self.epoch or header.seq <= self.seq or greatest - least > STEADY_NS:
+            return False
+        self.seq, self.least_offset_ns, self.greatest_offset_ns = header.seq, least, greatest
+        return True
+
+
+class EpochGate:
+    """The state of one key's stream; safe between threads.
+
+    All times but ``received_ns`` are monotonic, in nanoseconds.
+
+    Args:
+        camera: The camera whose frames the key carries.
+    """
+
+    def __init__(self, camera: str) -> None:
+        self._camera = camera
+        self._epoch: int | None = None
+        self._identified = False
+        self._seq = -1
+        self._last_stamp_ns = 0
+        self._accepted_ns: int | None = None
+        self._arrived_ns = 0
+        self._arrived_seq = -1
+        self._unverified: Run | None = None
+        self._refused: Run | None = None
+        self._bare_epoch: int | None = None
+        self._bare_seq = 0
+        self._gauge = StalenessGauge()
+        self._lock = threading.Lock()
+
+    @property
+    def offset_ns(self) -> int | None:
+        """The least ``now - stamp`` of the last minute; None before the first frame."""
+        with self._lock:
+            return self._gauge.offset_ns
+
+    def identify(
+        self, attachment: bytes | None, size: tuple[int, int] | None, received_ns: int, now_ns: int
+    ) -> Header:
+        """Return the header that came with a picture, or one created on its arrival.
+
+        Args:
+            attachment: The header's bytes; None from a publisher that sends bare pictures.
+            size: Width and height by the picture's own header; None for raw pixels.
+            received_ns: Wall-clock time of arrival, since 1970.
+            now_ns: Monotonic time of arrival.
+
+        Raises:
+            PayloadError: ``bad_header wrong_camera bad_stamp wrong_size``, or ``no_header`` for
+                a bare picture while a publisher that identifies its frames is active.
+        """
+        if attachment is None:
+            if size is None:
+                raise PayloadError("no_header", "raw pixels need a header")
+            if not is_name(self._camera):
+                raise PayloadError("no_header", "a bare picture on a key that names no camera")
+            return self._made_up(size, received_ns, now_ns)
+        header = Header.from_bytes(attachment)
+        if header.camera != self._camera:
+            raise PayloadError(
+                "wrong_camera", f"header of {header.camera} on a key of {self._camera}"
+            )
+        for name, value in (("stamp_ns", header.stamp_ns), ("epoch", header.epoch)):
+            if not 0 <= value <= received_ns + CLOCK_TOLERANCE_NS:
+                raise PayloadError("bad_stamp", f"{name} {value} is negative or over 24 h ahead")
+        if size is not None and size != (header.width, header.height):
+            raise PayloadError(
+                "wrong_size",
+                f"picture {size[0]}x{size[1]}, header {header.width}x{header.height}",
+            )
+        return header
+
+    def admit(self, header: Header, now_ns: int) -> tuple[bool, int]:
+        """Record an arrival, or refuse it.
+
+        Returns:
+            Whether its epoch is unverified, and how many frames of the current epoch are missing
+            before it.
+
+        Raises:
+            PayloadError: ``out_of_order``: its ``seq`` is not above that of the last accepted
+                frame of its epoch, or higher than a camera can have counted since, or its epoch
+                is older than the current one, of which frames still arrive. ``no_header``: a
+                bare picture, while frames with headers arrive.
+        """
+        with self._lock:
+            try:
+                self._check_order(header, now_ns, now_ns)
+            except PayloadError:
+                self._refused = _continued(self._refused, header, now_ns)
+                raise
+            if not self._follows(header, now_ns):
+                self._unverified = _continued(self._unverified, header, now_ns)
+                return True, 0
+            missed = max(0, header.seq - self._arrived_seq - 1)
+            self._arrived_seq = max(self._arrived_seq, header.seq)
+            return False, missed
+
+    def is_stale(self, header: Header, max_age_ns: int, now_ns: int) -> bool:
+        """Tell whether a frame is later than the best of the last minute by over ``max_age_ns``."""
+        with self._lock:
+            if self._gauge.lateness_ns(header.stamp_ns, now_ns) <= max_age_ns:
+                return False
+            return not self._is_another_clock(header, now_ns)
+
+    def accept(
+        self, header: Header, arrived_ns: int, now_ns: int, max_age_ns: int | None = None
+    ) -> None:
+        """Record that a frame was decoded and will be handed out.
+
+        Only accepted frames count for the least lateness of the last minute: broken frames with
+        false headers must not make the good ones look late.
+
+        Args:
+            header: Of the frame.
+            arrived_ns: Time of its arrival.
+            now_ns: The current time.
+            max_age_ns: As for ``is_stale``; None if no frame is too old.
+
+        Raises:
+            PayloadError: As for ``admit``, if another was accepted since it was admitted.
+        """
+        with self._lock:
+            self._check_order(header, arrived_ns, now_ns)
+            if not self._follows(header, arrived_ns):
+                # Others of this run may have arrived while this one was decoded.
+                unverified = _run_of(header, self._unverified)
+                self._arrived_seq = header.seq if unverified is None else unverified.seq
+                if header.epoch <= (self._epoch or 0):
+                    self._gauge.restart()  # the frames before it had no true identity or clock
+                self._unverified = None
+            elif header.stamp_ns < self._last_stamp_ns:
+                self._gauge.restart()  # a clock that was set back: the old offsets do not apply
+            self._refused = None
+            if header.epoch != self._bare_epoch:
+                self._bare_epoch = None  # bare pictures that follow are a new epoch
+            self._identified = not header.assumed
+            self._epoch, self._seq, self._accepted_ns = header.epoch, header.seq, now_ns
+            self._arrived_ns = arrived_ns
+            late_ns = self._gauge.lateness_ns(header.stamp_ns, arrived_ns)
+            if max_age_ns is not None and late_ns > max_age_ns:
+                self._gauge.restart()  # another clock: the old offsets do not apply
+            self._last_stamp_ns = header.stamp_ns
+            self._gauge.note(header.stamp_ns, arrived_ns)
+
+    def _check_order(self, header: Header, arrived_ns: int, now_ns: int) -> None:
+        if header.epoch == self._epoch:
+            if not self._follows(header, arrived_ns) and not self._replaces(header, now_ns):
+                raise PayloadError("out_of_order", f"frame {header.seq} after {self._seq}")
+        elif header.assumed:
+            self._check_no_identified_stream(now_ns)
+        elif self._identified and header.epoch < (self._epoch or 0) and self._alive(now_ns):
+            raise PayloadError("out_of_order", f"epoch {header.epoch} after {self._epoch}")
+
+    def _follows(self, header: Header, arrived_ns: int) -> bool:
+        """Tell whether a frame is a later one of the current epoch, by a step that can be."""
+        since_ns = max(0, arrived_ns - self._arrived_ns)
+        most = STEP + STEP_PER_S * since_ns // 10**9
+        return header.epoch == self._epoch and 0 < header.seq - self._seq <= most
+
+    def _replaces(self, header: Header, now_ns: int) -> bool:
+        """Tell whether a frame is of a live stream that one frame with a wrong ``seq`` shut out."""
+        if self._alive(now_ns):
+            return False
+        refused = _run_of(header, self._refused)
+        return refused is not None and header.seq > refused.seq and refused.settled(now_ns)
+
+    def _check_no_identified_stream(self, now_ns: int) -> None:
+        if self._identified and self._alive(now_ns):
+            raise PayloadError("no_header", "a bare picture beside an identified stream")
+
+    def _alive(self, now_ns: int) -> bool:
+        return self._accepted_ns is not None and now_ns - self._accepted_ns < SILENCE_NS
+
+    def _is_another_clock(self, header: Header, now_ns: int) -> bool:
+        """Tell frames with stamps of another clock from frames that are late."""
+        if header.epoch == self._epoch and header.stamp_ns < self._last_stamp_ns:
+            return True  # frames of an epoch come in order: only a clock set back stamps earlier
+        runs = (_run_of(header, self._unverified), _run_of(header, self._refused))
+        return any(run is not None and run.settled(now_ns) for run in runs)
+
+    def _made_up(self, size: tuple[int, int], received_ns: int, now_ns: int) -> Header:
+        with self._lock:
+            self._check_no_identified_stream(now_ns)
+            if self._bare_epoch is None:
+                self._bare_epoch, self._bare_seq = received_ns, 0
+            seq, self._bare_seq = self._bare_seq, self._bare_seq + 1
+            return Header(
+                camera=self._camera,
+                epoch=self._bare_epoch,
+                seq=seq,
+                stamp_ns=received_ns,
+                width=size[0],
+                height=size[1],
+                encoding="bgr8",
+                assumed=True,
+            )
+
+
+def _run_of(header: Header, run: Run | None) -> Run | None:
+    """Return the run if the frame is of its epoch."""
+    return run if run and run.epoch == header.epoch else None
+
+
+def _continued(run: Run | None, header: Header, now_ns: int) -> Run:
+    """Return the run with an arrival added, or a new run if the arrival does not continue it."""
+    return run if run and run.extend(header, now_ns) else Run.begin(header, now_ns)

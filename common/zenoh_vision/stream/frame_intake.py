@@ -1,0 +1,233 @@
+"""Turns samples into frames, with a state for each key."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from zenoh_vision import keys
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.frame import Form, Frame
+from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES, MAX_PIXELS
+from zenoh_vision.messages import Header
+from zenoh_vision.stream.buffer import Buffering, latest
+from zenoh_vision.stream.epoch_gate import SILENCE_NS, EpochGate
+from zenoh_vision.stream.intake import Consumer, InputState, Intake
+from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES, PICTURE_LIMIT, Sample, SizeLimit
+
+MAX_KEYS = 1000
+"""Keys that an intake with wildcards follows; anyone can publish on any number of them. When it is
+full, a new key replaces the one that has been silent longest, if that is at least ``SILENCE_NS``.
+"""
+
+FORGET_NS = 60 * 10**9
+"""An intake with wildcards forgets a key that was silent for so long: its camera is gone."""
+
+
+@dataclass(slots=True)
+class KeyStream:
+    """State of one key that sent a frame. Times are monotonic."""
+
+    gate: EpochGate
+    since_ns: int = 0  # last good arrival
+    number: int = 0
+    missed: int = 0
+    late_since_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A frame with good header, size and order; not decoded yet.
+
+    Attributes:
+        stream: State of its key, which the intake may have forgotten meanwhile.
+        header: Of the frame, with its time of arrival.
+        unverified: No picture of its epoch was decoded yet.
+        number: How many frames arrived on this key, up to it.
+        missed: Number of the camera's frames that are missing up to this one.
+    """
+
+    sample: Sample
+    stream: KeyStream
+    header: Header
+    unverified: bool
+    number: int
+    missed: int
+
+
+class FrameIntake(Intake[Arrival, Frame]):
+    """Frames of one camera, or of several by wildcard: each key with a state of its own.
+
+    Args:
+        key, consumer, buffering: As for ``Intake``.
+        raw: The payloads are raw pixels instead of JPEG or PNG.
+        borrow: Frames of raw pixels may be views of memory that the transport lends; else they
+            own their memory.
+        max_pixels: Larger frames are dropped as ``too_large``, by their headers.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        consumer: Consumer,
+        buffering: Buffering = latest,
+        *,
+        raw: bool = False,
+        borrow: bool = False,
+        max_pixels: int = MAX_PIXELS,
+    ) -> None:
+        limit = SizeLimit(max_pixels * MAX_PIXEL_BYTES) if raw else PICTURE_LIMIT
+        super().__init__(key, consumer, buffering, limit)
+        self._max_pixels = max_pixels
+        self._raw = raw
+        self._borrow = borrow
+        self._since_ns = time.monotonic_ns()
+        self._streams: dict[str, KeyStream] = {}  # the one that has been silent longest comes first
+        self._lock = threading.Lock()
+
+    def take(self, timeout_s: float, want: Form, max_age_s: float | None) -> Frame | None:
+        """Return the next frame, decoded; None after the time-out, or if it was dropped.
+
+        The frame is pending until the consumer counts it as processed or dropped.
+
+        Args:
+            timeout_s: How long to wait.
+            want: The form that is decoded here, so that its errors are counted here.
+            max_age_s: Frames later than this over the best of the last minute are dropped as
+                ``stale``; None drops none.
+        """
+        arrival = self.arrival(timeout_s)
+        return None if arrival is None else self.accept(arrival, max_age_s, want)
+
+    def arrival(self, timeout_s: float) -> Arrival | None:
+        """Return the next arrival, not decoded; None after the time-out.
+
+        ``accept`` must be called with each, in their order.
+        """
+        item = self._next(timeout_s)
+        return None if item is None else item[1]
+
+    def accept(
+        self, arrival: Arrival, max_age_s: float | None, want: Form | None = None
+    ) -> Frame | None:
+        """Return the frame of an arrival; None if it was dropped as stale or no picture.
+
+        With ``want`` None only a frame of an unverified epoch is decoded, for a consumer that
+        passes pictures on as they are; the arguments are otherwise those of ``take``.
+        """
+        header, sample, stream = arrival.header, arrival.sample, arrival.stream
+        max_age_ns = None if max_age_s is None else int(max_age_s * 1e9)
+        now_ns = time.monotonic_ns()
+        if max_age_ns is not None and stream.gate.is_stale(header, max_age_ns, now_ns):
+            self._counters.drop("stale")
+            if stream.late_since_ns is None:
+                stream.late_since_ns = now_ns
+            return None
+        try:
+            frame = frame_of(sample, header, raw=self._raw, borrow=self._borrow)
+            if want is not None or arrival.unverified:
+                frame.form(want or "gray")
+            stream.gate.accept(header, sample.arrived_ns, time.monotonic_ns(), max_age_ns)
+        except PayloadError as error:
+            self._drop(error)
+            return None
+        stream.late_since_ns = None
+        return frame
+
+    def states(self) -> Sequence[InputState]:
+        """Return the state of each key that sent frames; of the input as a whole if none did."""
+        with self._lock:
+            if "*" in self.key:
+                self._forget_silent(time.monotonic_ns())
+            found = [
+                InputState(key, stream.since_ns, stream.late_since_ns, stream.gate.offset_ns)
+                for key, stream in sorted(self._streams.items())
+            ]
+            return found or [InputState(self.key, self._since_ns)]
+
+    def _check(self, sample: Sample) -> tuple[Arrival, bool]:
+        key, now_ns = sample.key, sample.arrived_ns
+        with self._lock:
+            stream = self._streams.get(key) or KeyStream(EpochGate(keys.camera_of(key)))
+            header = checked_header(sample, stream.gate, self._max_pixels, raw=self._raw)
+            unverified, missed = stream.gate.admit(header, now_ns)
+            self._enter(key, stream, now_ns)
+            stream.number += 1
+            stream.missed += missed
+            stream.since_ns = self._since_ns = now_ns
+            arrival = Arrival(sample, stream, header, unverified, stream.number, stream.missed)
+        if missed:
+            self._counters.note("missed", missed)
+        if header.assumed:
+            self._counters.note("assumed_headers")
+        return arrival, unverified
+
+    def _enter(self, key: str, stream: KeyStream, now_ns: int) -> None:
+        """Make a key the last in the order of silence; one that is new needs a place."""
+        known = self._streams.pop(key, None)
+        if known is None and len(self._streams) >= MAX_KEYS:
+            silent_longest = next(iter(self._streams))
+            if now_ns - self._streams[silent_longest].since_ns < SILENCE_NS:
+                raise PayloadError("too_many_keys", f"more than {MAX_KEYS} match {self.key}")
+            del self._streams[silent_longest]
+        self._streams[key] = stream
+
+    def _forget_silent(self, now_ns: int) -> None:
+        for key, stream in list(self._streams.items()):
+            if now_ns - stream.since_ns < FORGET_NS:
+                return
+            del self._streams[key]
+
+
+def checked_header(
+    sample: Sample, gate: EpochGate, max_pixels: int = MAX_PIXELS, *, raw: bool
+) -> Header:
+    """Check the sizes of a sample and return its header with the time of arrival.
+
+    Raises:
+        PayloadError: It is no picture, or its header does not fit.
+    """
+    if sample.attachment is not None and len(sample.attachment) > MAX_ATTACHMENT_BYTES:
+        raise PayloadError("bad_header", f"an attachment of {len(sample.attachment)} bytes")
+    payload = sample.payload
+    size = None if raw else codecs.picture_size(bytes(payload))
+    header = gate.identify(sample.attachment, size, sample.received_ns, sample.arrived_ns)
+    if header.width * header.height > max_pixels:
+        raise PayloadError(
+            "too_large", f"{header.width}x{header.height} pixels, at most {max_pixels} in all"
+        )
+    if raw:
+        expected = pixel_formats.raw_size(header.encoding, header.width, header.height)
+        if len(payload) != expected:
+            raise PayloadError("wrong_size", f"{len(payload)} bytes instead of {expected}")
+    else:
+        pixel_formats.encoding_named(header.encoding)
+    return header.model_copy(update={"received_ns": sample.received_ns})
+
+
+def frame_of(sample: Sample, header: Header, *, raw: bool, borrow: bool = False) -> Frame:
+    """Return the frame of a sample whose header was checked; nothing is decoded yet."""
+    if not raw:
+        return Frame(header, compressed=bytes(sample.payload), key=sample.key)
+    payload = sample.payload if borrow else bytes(sample.payload)
+    pixels = pixel_formats.from_raw(payload, header.encoding or "", header.width, header.height)
+    borrowed = isinstance(payload, memoryview)
+    return Frame(header, pixels=pixels, key=sample.key, borrowed=borrowed)
+
+
+def snapshot_of(sample: Sample, *, raw: bool) -> Frame:
+    """Return the frame of a single sample, such as the reply to a query.
+
+    The camera of a bare picture on a key that names none is ``unknown``.
+
+    Raises:
+        PayloadError: It is no picture, or its header does not fit.
+    """
+    if sample.deleted:
+        raise PayloadError("empty", "a deletion")
+    camera = keys.camera_of(sample.key)
+    gate = EpochGate(camera if keys.is_name(camera) else "unknown")
+    return frame_of(sample, checked_header(sample, gate, raw=raw), raw=raw)

@@ -1,0 +1,63 @@
+"""A sample as it arrived by any transport: Zenoh, shared memory, a recording or a test."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
+from zenoh_vision.image.pixel_formats import MAX_RAW_BYTES
+from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
+
+MAX_ATTACHMENT_BYTES = 4096
+"""Limit of an attachment, many times the size of a header."""
+
+
+@dataclass(frozen=True, slots=True)
+class SizeLimit:
+    """The most bytes of a payload, and the reason under which a larger one is dropped."""
+
+    max_bytes: int
+    reason: str = "too_large"
+
+    def check(self, size: int) -> None:
+        """Check a payload's size in bytes; a transport does so before it copies the payload.
+
+        Raises:
+            PayloadError: It is over the limit.
+        """
+        if size > self.max_bytes:
+            raise PayloadError(self.reason, f"{size} bytes, at most {self.max_bytes} are allowed")
+
+
+PICTURE_LIMIT = SizeLimit(MAX_COMPRESSED_BYTES)
+MESSAGE_LIMIT = SizeLimit(MAX_MESSAGE_BYTES, "bad_message")
+RAW_LIMIT = SizeLimit(MAX_RAW_BYTES)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One arrival on one key.
+
+    Attributes:
+        key: Full key, without wildcards.
+        payload: Bytes, or a ``memoryview`` of memory that the transport owns.
+        encoding: Zenoh encoding; empty if unknown.
+        attachment: Bytes of the header, if any.
+        arrived_ns: Monotonic time of arrival.
+        received_ns: Wall-clock time of arrival, since 1970.
+        deleted: The key was deleted, not put; the payload is empty.
+        release: Gives lent memory back; called once, when the sample was dropped or the consumer
+            asks for the next. Copy the payload to keep it for longer.
+    """
+
+    key: str
+    payload: bytes | memoryview
+    encoding: str = ""
+    attachment: bytes | None = None
+    arrived_ns: int = field(default_factory=time.monotonic_ns)
+    received_ns: int = field(default_factory=time.time_ns)
+    deleted: bool = False
+    release: Callable[[], None] | None = None

@@ -1,0 +1,44 @@
+"""Measures how late a frame is without a common clock.
+
+The clocks of two machines differ, so ``now - stamp`` is no age. But the difference to its own
+minimum of the last minute says how much longer a frame has been on its way than the best one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+WINDOW_NS = 60 * 10**9
+BUCKET_NS = 10**9
+
+
+class StalenessGauge:
+    """The least ``now - stamp`` of the last minute, ``now`` being monotonic; not locked."""
+
+    def __init__(self) -> None:
+        self._minima: deque[tuple[int, int]] = deque()  # time, least offset; both ns
+
+    @property
+    def offset_ns(self) -> int | None:
+        """The least time on the way plus the difference of the clocks; None if unknown."""
+        return min((offset for _, offset in self._minima), default=None)
+
+    def lateness_ns(self, stamp_ns: int, now_ns: int) -> int:
+        """Return how much later a frame is than the best of the last minute; 0 for the first."""
+        while self._minima and now_ns - self._minima[0][0] > WINDOW_NS:
+            self._minima.popleft()
+        best = self.offset_ns
+        return 0 if best is None else now_ns - stamp_ns - best
+
+    def note(self, stamp_ns: int, now_ns: int) -> None:
+        """Add a frame."""
+        offset = now_ns - stamp_ns
+        if self._minima and now_ns - self._minima[-1][0] < BUCKET_NS:
+            begun, best = self._minima[-1]
+            self._minima[-1] = (begun, min(best, offset))
+        else:
+            self._minima.append((now_ns, offset))
+
+    def restart(self) -> None:
+        """Forget all frames: those that follow have stamps of another clock."""
+        self._minima.clear()

@@ -1,0 +1,93 @@
+"""The topic table: the message of every stream, and how it is delivered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from zenoh_vision import keys
+from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE, msgpack_of
+from zenoh_vision.message_codec import Message
+from zenoh_vision.messages import CameraInfo, Centroid, TrackEvent, Tracks
+
+Delivery = Literal["frame", "message"]
+"""``frame``: BLOCK_FIRST at data priority, so that a slow link carries whole frames or none.
+``message``: BLOCK at INTERACTIVE_HIGH, since it is small and must arrive; it overtakes frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One row of the table.
+
+    Attributes:
+        name: The part of its key after ``{namespace}/{camera}/``: ``image/compressed``.
+        encoding: Zenoh encoding of the payload.
+        message: Class of its messages; None for pictures.
+        delivery: Priority and congestion control.
+        lazy: Payloads are made only for subscribers and queries.
+    """
+
+    name: str
+    encoding: str
+    message: type[Message] | None = None
+    delivery: Delivery = "frame"
+    lazy: bool = True
+
+    def key(self, namespace: str, camera: str) -> str:
+        """Return the full key expression; the camera may be ``*``."""
+        return f"{namespace}/{camera}/{self.name}"
+
+    @property
+    def raw(self) -> bool:
+        """Whether its payloads are raw pixels."""
+        return self.encoding == RAW_IMAGE
+
+
+def message_topic(name: str, message: type[Message]) -> Topic:
+    """Return the topic of a msgpack message, which is published even without subscribers."""
+    encoding = msgpack_of(message.schema_name)
+    return Topic(name, encoding, message, delivery="message", lazy=False)
+
+
+COMPRESSED = Topic("image/compressed", JPEG)
+RAW = Topic("image", RAW_IMAGE)
+CENTROID = message_topic("centroid", Centroid)
+TRACKS = message_topic("tracks", Tracks)
+EDGES = Topic("edges/compressed", PNG)
+EDGE_STAGES: Final = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
+
+TOPICS: Final = {
+    topic.name: topic
+    for topic in (
+        COMPRESSED,
+        RAW,
+        message_topic("camera_info", CameraInfo),
+        CENTROID,
+        TRACKS,
+        message_topic("events", TrackEvent),
+        Topic("tracked/compressed", JPEG),
+        Topic("mask/compressed", PNG),
+        Topic("background/compressed", JPEG),
+        EDGES,
+        *(Topic(f"edges/{stage}/compressed", PNG) for stage in EDGE_STAGES),
+        message_topic("truth", Tracks),
+    )
+}
+
+
+def topic_named(topic: Topic | str) -> Topic:
+    """Return the topic itself, or the one of this name in the table.
+
+    Raises:
+        ValueError: The table has no topic of this name.
+    """
+    if isinstance(topic, Topic):
+        return topic
+    if topic not in TOPICS:
+        raise ValueError(f"no topic {topic!r}; known are {', '.join(TOPICS)}")
+    return TOPICS[topic]
+
+
+def topic_of(key: str) -> Topic | None:
+    """Return the topic that a key belongs to, whatever its namespace and camera."""
+    return TOPICS.get(keys.suffix_of(key))

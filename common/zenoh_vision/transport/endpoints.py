@@ -1,0 +1,102 @@
+"""Zenoh endpoints such as ``tcp/10.0.0.5:7447``: their parts, and the round trip to them."""
+
+from __future__ import annotations
+
+import re
+import select
+import socket
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+POLL_S = 0.1
+MAX_PORT = 65535
+
+PATTERN = r"^(tcp|tls|udp|quic|ws|unixsock-stream)/.+$"
+"""Endpoints that settings allow."""
+
+OVER_TCP = re.compile(r"(tcp|tls|ws|wss)/([^?#]+):(\d{1,5})([?#].*)?")
+ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}  # noqa: S104 - compared, not bound
+
+
+@dataclass(frozen=True, slots=True)
+class TcpEndpoint:
+    """The parts of an endpoint over TCP.
+
+    Attributes:
+        host: Name or address; IPv6 in brackets.
+        port: As written; it may exceed the highest valid port.
+        rest: Metadata and configuration of Zenoh, with ``?`` or ``#`` in front.
+    """
+
+    scheme: str
+    host: str
+    port: int
+    rest: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.scheme}/{self.host}:{self.port}{self.rest}"
+
+    @property
+    def address(self) -> str:
+        """The host as the system's resolver takes it."""
+        return self.host.strip("[]")
+
+
+def tcp_endpoint(text: str) -> TcpEndpoint | None:
+    """Return the parts of an endpoint; None if it is not over TCP."""
+    found = OVER_TCP.fullmatch(text)
+    if found is None:
+        return None
+    return TcpEndpoint(found[1], found[2], int(found[3]), found[4] or "")
+
+
+def local_endpoint(listen: str) -> str:
+    """Return the endpoint at which this machine reaches a router that listens on an endpoint."""
+    found = tcp_endpoint(listen)
+    if found is None:
+        return re.split("[?#]", listen)[0]
+    host = ANY_ADDRESS.get(found.host, found.host)
+    return str(TcpEndpoint(found.scheme, host, found.port))
+
+
+def round_trip_s(
+    endpoints: Iterable[str], timeout_s: float, stopping: Callable[[], bool] = lambda: False
+) -> float | None:
+    """Return the round trip to the first endpoint that answers, seconds; None if none answers.
+
+    Args:
+        endpoints: Zenoh endpoints. One that is not over TCP cannot be measured and counts as near.
+        timeout_s: For each endpoint.
+        stopping: Ends the wait.
+    """
+    for endpoint in endpoints:
+        found = tcp_endpoint(endpoint)
+        if found is None:
+            return 0.0
+        took_s = _connecting_s(found.address, found.port, timeout_s, stopping)
+        if took_s is not None:
+            return took_s
+    return None
+
+
+def _connecting_s(
+    host: str, port: int, timeout_s: float, stopping: Callable[[], bool]
+) -> float | None:
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except OSError:
+        return None
+    for family, kind, protocol, _, address in found:
+        began_s = time.monotonic()
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setblocking(False)
+            probe.connect_ex(address)
+            poll = select.poll()  # unlike select, it works with thousands of open files
+            poll.register(probe, select.POLLOUT)
+            while not stopping() and time.monotonic() - began_s < timeout_s:
+                if poll.poll(POLL_S * 1000):
+                    if probe.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) == 0:
+                        return time.monotonic() - began_s
+                    break
+    return None

@@ -1,0 +1,180 @@
+"""A node's link to its router: a session and what is declared on it, replaced when it is cut off.
+
+Zenoh reconnects a session by itself, with the time-outs that the session was opened with. When
+those have become too short, because the link got slower, only another session can connect.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from typing import Any, Generic, TypeVar
+
+import zenoh
+
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.session import close_session, open_replacement, open_session
+from zenoh_vision.transport.zenoh_config import zenoh_error_text
+
+log = logging.getLogger(__name__)
+
+REPLACE_AFTER_S = 10.0
+"""After this long without a router another session is tried; a usable one reconnects in 1 s."""
+
+CHECK_INTERVAL_S = 0.5
+GRACE_S = 0.5
+"""Other threads may still use the old session for this long after it was replaced."""
+
+CLOSE_TIMEOUT_S = 1.0
+MAX_ATTEMPT_S = 1.7
+
+T = TypeVar(
+    "T",
+    bound="zenoh.Publisher | zenoh.Subscriber[Any] | zenoh.Queryable[Any] | zenoh.LivelinessToken",
+)
+
+
+class Declaration(Generic[T]):
+    """Something declared on a link, across sessions.
+
+    Attributes:
+        current: The object declared on the current session. Do not keep a reference to it.
+    """
+
+    def __init__(self, link: Link, declare: Callable[[zenoh.Session], T]) -> None:
+        self._link = link
+        self.declare = declare
+        self.current = declare(link.session)
+
+    def undeclare(self) -> None:
+        """Undeclare it, on this session and on those that replace it."""
+        self._link.undeclare(self)
+
+
+class Link:
+    """A session that is replaced by another one after 10 s without a connection.
+
+    Args:
+        connection: Where the router is, and how long to wait for it here.
+        give_up: Polled while this waits for the router; True ends the wait.
+        stopping: Whether the program is about to end, so that no other session is tried.
+
+    Raises:
+        VisionError: As for ``open_session``.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        give_up: Callable[[], bool] = lambda: False,
+        stopping: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._connection = connection
+        self._stopping = stopping
+        self._session = open_session(connection, give_up)
+        self._declared: list[Declaration[Any]] = []
+        self._lock = threading.Lock()
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._monitor, name="link", daemon=True)
+        self._thread.start()
+
+    @property
+    def session(self) -> zenoh.Session:
+        """The current session, for puts and queries. What is declared on it ends with it."""
+        return self._session
+
+    @property
+    def connected(self) -> bool:
+        """Whether the session is connected to a router."""
+        return _any(self._session.info.routers_zid)
+
+    def declare(self, declare: Callable[[zenoh.Session], T]) -> Declaration[T]:
+        """Declare something on this session, and on each that replaces it.
+
+        Args:
+            declare: Called once for every session, on any thread.
+        """
+        with self._lock:
+            declaration = Declaration(self, declare)
+            self._declared.append(declaration)
+        return declaration
+
+    def undeclare(self, declaration: Declaration[Any]) -> None:
+        """Undeclare something, if that was not done yet."""
+        with self._lock:
+            if declaration not in self._declared:
+                return
+            self._declared.remove(declaration)
+        declaration.current.undeclare()
+
+    def close(self) -> None:
+        """Close the session in bounded time, whatever the router does."""
+        self._closed.set()
+        if self._lock.acquire(timeout=CLOSE_TIMEOUT_S):  # a replacement may be in progress
+            self._lock.release()
+        closing = threading.Thread(target=close_session, args=(self._session,), daemon=True)
+        closing.start()
+        # An interpreter that ends while Zenoh opens a session on another thread aborts.
+        self._thread.join(MAX_ATTEMPT_S)
+        closing.join(CLOSE_TIMEOUT_S)
+
+    def _ending(self) -> bool:
+        return self._closed.is_set() or self._stopping()
+
+    def _monitor(self) -> None:
+        connected_s = time.monotonic()
+        while not self._closed.wait(CHECK_INTERVAL_S):
+            try:
+                if _connected(self._session) or self._stopping():
+                    connected_s = time.monotonic()
+                elif time.monotonic() - connected_s > REPLACE_AFTER_S:
+                    self._try_replacement()
+                    connected_s = time.monotonic()
+            except Exception:
+                log.exception("the attempt to open another session failed")
+                connected_s = time.monotonic()
+
+    def _try_replacement(self) -> None:
+        session = open_replacement(self._connection, self._ending)
+        if session is None:
+            return
+        if _connected(self._session) or not self._replace(session):
+            close_session(session)
+
+    def _replace(self, session: zenoh.Session) -> bool:
+        """Declare everything on another session and close the current one."""
+        with self._lock:
+            if self._ending():
+                return False
+            try:
+                declared = [each.declare(session) for each in self._declared]
+            except zenoh.ZError as error:
+                log.warning("another session cannot be used: %s", zenoh_error_text(error))
+                return False
+            former = [each.current for each in self._declared]
+            for declaration, current in zip(self._declared, declared, strict=True):
+                declaration.current = current
+            former_session, self._session = self._session, session
+        log.warning("no router for %g s: another session was opened to it", REPLACE_AFTER_S)
+        for each in former:
+            if not isinstance(each, zenoh.Publisher):
+                with suppress(zenoh.ZError):
+                    each.undeclare()
+        self._closed.wait(GRACE_S)
+        close_session(former_session)
+        return True
+
+
+def _connected(session: zenoh.Session) -> bool:
+    """Tell whether a session is connected to a router, or to a peer if a file configures one."""
+    return _any(session.info.routers_zid) or _any(session.info.peers_zid)
+
+
+def _any(ids: Callable[[], Iterable[object]]) -> bool:
+    try:
+        return any(True for _ in ids())
+    except zenoh.ZError:
+        return False  # the session is being closed

@@ -1,0 +1,131 @@
+"""Publishers of one key: payloads are made on demand; the newest is kept for queries."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import zenoh
+
+from zenoh_vision.image import codecs
+from zenoh_vision.image.pixel_formats import Pixels
+from zenoh_vision.keys import JPEG, PNG, msgpack_of
+from zenoh_vision.message_codec import Message
+from zenoh_vision.messages import Header, Stamped
+from zenoh_vision.topics import Topic
+from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.session import direct
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """A payload to publish, with its Zenoh encoding and the header's bytes as attachment."""
+
+    payload: bytes
+    encoding: str
+    attachment: bytes | None = None
+
+    @classmethod
+    def message(cls, message: Message) -> Outgoing:
+        """Encode a message; its header, if it has one, is also the attachment."""
+        attachment = message.header.to_bytes() if isinstance(message, Stamped) else None
+        return cls(message.to_bytes(), msgpack_of(message.schema_name), attachment)
+
+
+def encoded_picture(
+    pixels: Pixels, header: Header, *, jpeg_quality: int | None, bilevel: bool
+) -> Outgoing:
+    """Encode 8-bit pixels as JPEG, or as PNG if ``jpeg_quality`` is None; see ``Outputs``."""
+    attachment = header.to_bytes()
+    if jpeg_quality is None:
+        return Outgoing(codecs.encode_png(pixels, bilevel=bilevel), PNG, attachment)
+    jpeg = codecs.encode_jpeg(pixels, header.encoding or "bgr8", jpeg_quality)
+    return Outgoing(jpeg, JPEG, attachment)
+
+
+class LazyPayload:
+    """A payload that is made when first asked for, and only once; safe between threads."""
+
+    def __init__(self, make: Callable[[], Outgoing]) -> None:
+        self._make: Callable[[], Outgoing] | None = make
+        self._made: Outgoing | None = None
+        self._lock = threading.Lock()
+
+    def __call__(self) -> Outgoing:
+        """Return the payload; make it first if needed."""
+        with self._lock:
+            if self._make is not None:
+                self._made = self._make()
+                self._make = None  # releases what it was made from
+            assert self._made is not None
+            return self._made
+
+
+FRAME_DELIVERY = (zenoh.CongestionControl.BLOCK_FIRST, zenoh.Priority.DATA)
+MESSAGE_DELIVERY = (zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HIGH)
+
+
+class StreamPublisher:
+    """Publishes one key and answers queries with its newest payload.
+
+    Args:
+        topic: Says how the samples are encoded and delivered.
+        key: Full key expression.
+        queue_query: Called on Zenoh's thread with each query and the function that answers it;
+            must return at once.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        topic: Topic,
+        key: str,
+        queue_query: Callable[[zenoh.Query, Callable[[zenoh.Query], None]], None],
+    ) -> None:
+        self.topic = topic
+        self.key = key
+        congestion_control, priority = (
+            FRAME_DELIVERY if topic.delivery == "frame" else MESSAGE_DELIVERY
+        )
+        self._newest: LazyPayload | None = None
+        self._publisher = link.declare(
+            lambda session: session.declare_publisher(
+                key,
+                encoding=topic.encoding,
+                congestion_control=congestion_control,
+                priority=priority,
+            )
+        )
+        link.declare(
+            lambda session: session.declare_queryable(
+                key, direct(lambda query: queue_query(query, self.answer)), complete=True
+            )
+        )
+
+    @property
+    def wanted(self) -> bool:
+        """Whether someone subscribes to the key."""
+        return bool(self._publisher.current.matching_status.matching)  # type: ignore[attr-defined]
+
+    def offer(self, make: Callable[[], Outgoing]) -> bool:
+        """Publish ``make()`` if someone subscribes, and keep it as the newest for queries.
+
+        Returns:
+            Whether it was published. A topic that is not lazy always is.
+        """
+        newest = LazyPayload(make)
+        self._newest = newest
+        if self.topic.lazy and not self.wanted:
+            return False
+        outgoing = newest()
+        self._publisher.current.put(
+            outgoing.payload, encoding=outgoing.encoding, attachment=outgoing.attachment
+        )
+        return True
+
+    def answer(self, query: zenoh.Query) -> None:
+        """Reply with the newest payload; no reply if there is none yet."""
+        if (newest := self._newest) is not None:
+            sent = newest()
+            query.reply(self.key, sent.payload, encoding=sent.encoding, attachment=sent.attachment)

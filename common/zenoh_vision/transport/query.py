@@ -1,0 +1,160 @@
+"""Zenoh queries: ask a key expression and collect the replies with the times around each.
+
+``send`` returns at once and hands the replies to a callback; ``ask`` waits for them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, wait
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import zenoh
+
+from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadError
+from zenoh_vision.message_codec import Message
+from zenoh_vision.messages import Refusal
+
+POLL_S = 0.05
+REPLY_S = 1.0
+"""How long a queryable may take to reply."""
+
+REPLY_BYTES = 1000
+"""What a reply costs besides its payload."""
+
+MAX_ERROR = 200
+"""Characters of an error reply that are shown."""
+
+M = TypeVar("M", bound=Message)
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A query for every queryable on a key expression, also for several on the same key.
+
+    Attributes:
+        key: Key expression, which may have wildcards.
+        payload: msgpack bytes, if any.
+        timeout_s: Replies that come later are lost.
+        tokens: Ask for liveliness tokens instead of queryables.
+        most_bytes: Limit of all good replies together; those beyond it are lost, except the first.
+    """
+
+    key: str
+    payload: bytes | None = None
+    timeout_s: float = REPLY_S
+    tokens: bool = False
+    most_bytes: int = 256 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """One reply to a query.
+
+    Attributes:
+        ok: The sample of a good reply, else None.
+        err: The error of an error reply, else None.
+        session: Zenoh id of the session that replied; empty if it is unknown.
+        sent_ns: When the query was sent, ns since 1970; so is ``received_ns`` of the reply.
+    """
+
+    ok: zenoh.Sample | None
+    err: zenoh.ReplyError | None
+    session: str
+    sent_ns: int
+    received_ns: int
+
+    @property
+    def key(self) -> str:
+        """The key of a good reply; empty for an error."""
+        return "" if self.ok is None else str(self.ok.key_expr)
+
+    @property
+    def name(self) -> str:
+        """The last chunk of the key: the node's name in the keys of nodes."""
+        return self.key.rpartition("/")[2]
+
+    def message(self, kind: type[M]) -> M:
+        """Decode the message in the reply.
+
+        Raises:
+            PayloadError: The payload is no such message.
+            ParameterRefused: The reply refuses a change of parameters.
+            ExpectationNotMet: The reply is another error; says which.
+        """
+        if self.ok is not None:
+            return kind.from_bytes(self.ok.payload.to_bytes())
+        assert self.err is not None
+        payload = self.err.payload.to_bytes()
+        try:
+            refusal = Refusal.from_bytes(payload)
+        except PayloadError:
+            raise ExpectationNotMet(payload.decode(errors="replace")[:MAX_ERROR]) from None
+        raise ParameterRefused(refusal.error, refusal.allowed)
+
+
+def messages_in(replies: Iterable[Reply], kind: type[M]) -> Iterator[tuple[Reply, M]]:
+    """Yield the good replies that hold a message of a type, each with it; skip all others."""
+    for reply in replies:
+        try:
+            if reply.ok is not None:
+                yield reply, reply.message(kind)
+        except PayloadError:
+            continue  # of a foreign program that uses the same key
+
+
+def send(session: zenoh.Session, query: Query, done: Callable[[list[Reply]], None]) -> None:
+    """Send a query without waiting for replies.
+
+    Args:
+        session: The current session.
+        query: The key expression to ask, and how long to wait.
+        done: Called once, on Zenoh's thread, with all replies: when every queryable has replied
+            or the time is over. Must be quick. Never called if the session is closed before.
+    """
+    replies: list[Reply] = []
+    sent_ns = time.time_ns()
+    size = 0
+
+    def receive(reply: zenoh.Reply) -> None:
+        nonlocal size
+        size += REPLY_BYTES + (0 if reply.ok is None else len(reply.ok.payload))
+        if replies and size > query.most_bytes:
+            return
+        if reply.err is not None and reply.err.payload.to_bytes() == b"Timeout":
+            return  # Zenoh's own word for a queryable that did not reply in time
+        replier = "" if reply.replier_id is None else str(reply.replier_id.zid)
+        replies.append(Reply(reply.ok, reply.err, replier, sent_ns, time.time_ns()))
+
+    handler: Any = zenoh.handlers.Callback(receive, lambda: done(replies), indirect=False)
+    if query.tokens:
+        session.liveliness().get(query.key, handler, timeout=query.timeout_s)
+        return
+    session.get(
+        query.key,
+        handler,
+        payload=query.payload,
+        encoding=None if query.payload is None else "application/msgpack",
+        timeout=query.timeout_s,
+        # Zenoh's defaults ask the nearest queryable and keep one reply for each key.
+        target=zenoh.QueryTarget.ALL,
+        consolidation=zenoh.ConsolidationMode.NONE,
+    )
+
+
+def ask(
+    session: zenoh.Session, queries: Iterable[Query], stopping: Callable[[], bool] = lambda: False
+) -> list[list[Reply]]:
+    """Send queries together and wait for all replies, at most for the time-out of each query.
+
+    ``stopping`` ends the wait early; queries that are not complete then have no replies.
+    """
+    pending: list[Future[list[Reply]]] = []
+    for query in queries:
+        pending.append(Future())
+        send(session, query, pending[-1].set_result)
+    while not stopping() and wait(pending, POLL_S).not_done:
+        pass
+    return [future.result() if future.done() else [] for future in pending]

@@ -1,0 +1,47 @@
+"""Subscriptions: converts Zenoh's samples and passes them to an intake."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import zenoh
+
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.stream.intake import Intake
+from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES, RAW_LIMIT, Sample, SizeLimit
+from zenoh_vision.transport.link import Declaration, Link
+from zenoh_vision.transport.session import direct
+
+
+def sample_of(sample: zenoh.Sample, limit: SizeLimit = RAW_LIMIT) -> Sample:
+    """Return a copy of a sample of Zenoh's, with the current time as its time of arrival.
+
+    Raises:
+        PayloadError: The limit's reason for a payload over it, or ``bad_header`` for an attachment
+            that is too large. Nothing is copied then.
+    """
+    limit.check(len(sample.payload))
+    attachment = sample.attachment
+    if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
+        raise PayloadError("bad_header", f"an attachment of {len(attachment)} bytes")
+    return Sample(
+        key=str(sample.key_expr),
+        payload=sample.payload.to_bytes(),
+        encoding=str(sample.encoding),
+        attachment=None if attachment is None else attachment.to_bytes(),
+        deleted=sample.kind == zenoh.SampleKind.DELETE,
+    )
+
+
+def subscribe(link: Link, intake: Intake[Any, Any]) -> Declaration[zenoh.Subscriber[None]]:
+    """Pass the samples on an intake's key expression to it, until ``undeclare()``."""
+
+    def on_sample(arrived: zenoh.Sample) -> None:
+        try:
+            sample = sample_of(arrived, intake.limit)
+        except PayloadError as error:
+            intake.reject(error)
+        else:
+            intake.receive(sample)
+
+    return link.declare(lambda session: session.declare_subscriber(intake.key, direct(on_sample)))

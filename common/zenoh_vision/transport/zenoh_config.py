@@ -1,0 +1,138 @@
+"""Builds all Zenoh configurations; the package's docstring has the reasons."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.transport.connection import Connection
+
+LEASE_MS = 2000
+RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
+WAIT_BEFORE_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+WAIT_BEFORE_CLOSE_US = 1_000_000
+"""How long the router waits for a client that reads nothing. Zenoh's 5 s outlive the lease, and
+closing that client's link then blocks all other clients until the wait is over."""
+
+MAX_MESSAGE_SIZE = "transport/link/rx/max_message_size"
+MAX_MESSAGE_BYTES = 128 << 20
+"""For the largest raw frame, 7680 x 4320 pixels of 4 bytes, with its header. Zenoh holds a message
+in memory before anybody can judge it, so its own limit of 1 GiB takes each process that much."""
+
+
+def client_config(connection: Connection) -> zenoh.Config:
+    """Return the configuration of a node's session.
+
+    Raises:
+        ConfigurationError: The file cannot be read or has settings unknown to Zenoh, or the
+            endpoint is malformed.
+    """
+    config = _base(connection.zenoh_config, "client")
+    defaults = {
+        "connect/endpoints": [connection.connect],
+        "connect/retry": RETRY,
+        "transport/link/tx/lease": LEASE_MS,
+        MAX_MESSAGE_SIZE: MAX_MESSAGE_BYTES,
+    }
+    return set_defaults(config, defaults, "client")
+
+
+def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
+    """Return the configuration of the embedded router.
+
+    Args:
+        listen: Zenoh endpoint, unless the file has others.
+        zenoh_config: JSON5 file to start from.
+
+    Raises:
+        ConfigurationError: As for ``client_config``.
+    """
+    config = _base(zenoh_config, "router")
+    set_values(config, {"adminspace/enabled": True})
+    defaults = {
+        "listen/endpoints": [listen],
+        "connect/retry": RETRY,
+        "scouting/delay": 0,
+        WAIT_BEFORE_CLOSE: WAIT_BEFORE_CLOSE_US,
+        MAX_MESSAGE_SIZE: MAX_MESSAGE_BYTES,
+    }
+    return set_defaults(config, defaults, "router")
+
+
+def listen_endpoints(config: zenoh.Config) -> list[str]:
+    """Return the endpoints that a router with this configuration listens on."""
+    return _value(config, "listen/endpoints", "router") or []
+
+
+def connect_endpoints(config: zenoh.Config) -> list[str]:
+    """Return the endpoints to which a node with this configuration connects."""
+    return _value(config, "connect/endpoints", "client") or []
+
+
+def zenoh_error_text(error: zenoh.ZError) -> str:
+    """Return the text of a Zenoh error, without positions in its source code."""
+    return re.sub(r" at \S+\.rs:\d+\.?", "", str(error)).strip()
+
+
+def _base(path: str | None, mode: str) -> zenoh.Config:
+    """Return the configuration in a file, or an empty one; no scouting unless the file says so."""
+    if path is None:
+        config = zenoh.Config()
+    else:
+        if not Path(path).is_file():
+            raise ConfigurationError(f"--zenoh-config {path}: no such file")
+        try:
+            config = zenoh.Config.from_file(path)
+        except zenoh.ZError as error:
+            raise ConfigurationError(f"--zenoh-config {path}: {zenoh_error_text(error)}") from None
+    # Shared memory: its implicit use leaks locked memory in the router (zenoh #2787).
+    set_values(config, {"mode": mode, "transport/shared_memory/enabled": False})
+    scouting = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
+    return set_defaults(config, scouting, mode)
+
+
+def set_defaults(config: zenoh.Config, defaults: Mapping[str, object], mode: str) -> zenoh.Config:
+    """Set the options that the file from which the configuration came does not; return it.
+
+    Zenoh fills in its own defaults on reading: a value that equals them was not set.
+
+    Raises:
+        ConfigurationError: Zenoh does not accept a value.
+    """
+    untouched = zenoh.Config()
+    missing = {
+        key: value
+        for key, value in defaults.items()
+        if config.get_json(key) == untouched.get_json(key) or _value(config, key, mode) is None
+    }
+    set_values(config, missing)
+    return config
+
+
+def set_values(config: zenoh.Config, values: Mapping[str, object]) -> None:
+    """Set options of a configuration.
+
+    Raises:
+        ConfigurationError: Zenoh does not accept a value.
+    """
+    for key, value in values.items():
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as error:
+            raise ConfigurationError(
+                f"zenoh does not accept {key} = {value!r}: {zenoh_error_text(error)}"
+            ) from None
+
+
+def _value(config: zenoh.Config, key: str, mode: str) -> Any:
+    """Return the value of an option; of one that differs by mode, the value for this mode."""
+    value = json.loads(config.get_json(key))
+    if isinstance(value, dict) and value and value.keys() <= {"router", "peer", "client"}:
+        return value.get(mode)
+    return value

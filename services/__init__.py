@@ -1,1 +1,0 @@
-"""One folder per process, and the command line that starts them."""

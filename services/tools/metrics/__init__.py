@@ -1,1 +1,0 @@
-"""``zv metrics``: the health of a whole namespace, as Prometheus reads it."""

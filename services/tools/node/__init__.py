@@ -1,1 +1,0 @@
-"""``zv node``: which nodes run, and what each says of itself."""

@@ -1,1 +1,0 @@
-"""``zv param``: read, set, save and load the parameters of nodes that run."""

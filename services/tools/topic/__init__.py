@@ -1,1 +1,0 @@
-"""``zv topic``: look at what flows on key expressions, measure it, send something."""

@@ -1,1 +1,0 @@
-"""The viewer: every stream in the browser, and URLs for them."""

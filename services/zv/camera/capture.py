@@ -1,0 +1,206 @@
+"""Keeps a source open: supervises its reader, and opens the source again after failures."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from typing import Self
+
+from zenoh_vision.config.revisions import Change, ParameterStore
+from zenoh_vision.errors import SourceError
+from zenoh_vision.host.backoff import Backoff
+from zenoh_vision.stream.buffer import Buffer, latest
+from zenoh_vision.stream.counters import FrameCounters
+from zv.camera import source_policy
+from zv.camera.reader import CapturedFrame, SourceReader
+from zv.camera.settings import CameraSettings
+from zv.camera.source_policy import OpenSource
+from zv.camera.sources.kinds import kind_of, without_password
+
+log = logging.getLogger(__name__)
+
+POLL_S = 0.05
+OPEN_POLL_S = 0.005
+JOIN_S = 0.3
+CLOSE_S = 2.0
+"""Time for a source to close before it is reopened with other settings: devices are exclusive."""
+MAX_ABANDONED = 2
+"""Most abandoned readers whose call does not end. Each holds the memory of its source, so the next
+source is opened only when there are fewer."""
+STUCK = "earlier openings of the source have not ended; waiting for one of them"
+OPEN_MARGIN_S = 1.0
+"""Time beyond ``stall_after`` in which a source with its own time-out can report why it failed."""
+
+
+class Capture:
+    """Yields the newest picture of a source, and opens the source again when it fails.
+
+    Each opening is a new epoch. A source that stalls, freezes or is lost, and a live source that
+    ends, is opened again after ``reopen_min`` seconds; the delay doubles up to ``reopen_max``
+    until a picture arrives. A source that cannot follow a change of the settings is opened again
+    at once. At most ``MAX_ABANDONED`` readers are left behind in a call that does not end.
+
+    Raises:
+        SourceError: The settings name no source.
+    """
+
+    def __init__(
+        self,
+        parameters: ParameterStore[CameraSettings],
+        counters: FrameCounters,
+        open_source: OpenSource = source_policy.open_source,
+    ) -> None:
+        self._parameters = parameters
+        settings = self._settings
+        self._shown = without_password(settings.source)
+        self.kind = kind_of(settings.source)
+        self._counters = counters
+        self._buffer = Buffer[CapturedFrame](latest, lambda _: counters.drop("overwritten"))
+        self._open_source = open_source
+        self._reader: SourceReader | None = None
+        self._epoch = 0
+        self._backoff = Backoff(settings.reopen_min, settings.reopen_max)
+        self._reopen_at_s: float | None = None
+        self._closing: SourceReader | None = None
+        self._abandoned: list[SourceReader] = []
+        self._failure = ""
+        parameters.watch(self._on_change)
+
+    @property
+    def _settings(self) -> CameraSettings:
+        return self._parameters.newest.settings
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Close the source; the thread of a stuck source ends with the process."""
+        if self._reader is not None:
+            self._reader.abandon()
+            self._reader.join(JOIN_S)
+
+    def open(self) -> str:
+        """Open the source for the first time, and return its description.
+
+        Raises:
+            SourceError: It cannot be opened, or does not answer within ``stall_after``.
+        """
+        reader = self._start_reader()
+        while reader.state == "opening":
+            time.sleep(OPEN_POLL_S)
+            if self._stalled(reader):
+                reader.abandon()
+                raise SourceError(f"{self._shown}: not open after {self._settings.stall_after:g} s")
+        if reader.state == "failed":
+            raise SourceError(reader.reason)
+        return reader.description
+
+    def frames(
+        self, stopping: Callable[[], bool], report: Callable[[str], None]
+    ) -> Iterator[CapturedFrame]:
+        """Yield the newest frame each time, until told to stop or the source ends normally.
+
+        Args:
+            stopping: Returns whether to end.
+            report: Called with each failure, and with an empty text when frames arrive again.
+
+        Raises:
+            SourceError: The source ended without a single picture.
+        """
+        reader = self._reader or self._start_reader()
+        reader.start_reading()
+        while not stopping():
+            captured = self._buffer.take(POLL_S)
+            self._follow_settings(reader)
+            if captured is None:
+                if not self._supervise(reader, report):
+                    return
+                reader = self._reader or reader
+            elif captured.epoch != reader.epoch:
+                self._counters.drop("given_up")
+            else:
+                if self._failure:
+                    self._failure = ""
+                    report("")
+                self._backoff.reset()
+                yield captured
+
+    def _supervise(self, reader: SourceReader, report: Callable[[str], None]) -> bool:
+        """Act on the reader's state; return False at the normal end of the source."""
+        if self._reopen_at_s is not None:
+            self._reopen_if_due(self._reopen_at_s, report)
+        elif reader.state == "ended":
+            if not reader.captured:
+                raise SourceError(f"{self._shown}: ended without a single picture")
+            if reader.live:
+                self._reopen_later("the source ended", report)
+            elif not self._settings.loop:
+                return self._buffer.filled  # the last picture is still to be published
+            elif not self._buffer.filled:
+                self._start_reader().start_reading()
+        elif reader.state in ("lost", "failed"):
+            self._reopen_later(reader.reason, report)
+        elif self._stalled(reader):
+            self._abandon(reader)
+            doing = "opening" if reader.state == "opening" else "no picture"
+            self._reopen_later(f"{doing} for {self._settings.stall_after:g} s", report)
+        return True
+
+    def _reopen_if_due(self, at_s: float, report: Callable[[str], None]) -> None:
+        self._abandoned = [each for each in self._abandoned if not each.closed]
+        closed = self._closing is not None and self._closing.closed
+        if not closed and time.monotonic() < at_s:
+            return
+        most = 1 if self.kind == "synthetic" else MAX_ABANDONED  # those of a scene always end
+        if len(self._abandoned) < most:
+            self._reopen_at_s = self._closing = None
+            self._start_reader().start_reading()
+        elif self._failure != STUCK:
+            self._failure = STUCK
+            report(STUCK)
+
+    def _on_change(self, _change: Change[CameraSettings]) -> None:
+        """Pass a change on to a reader that waits until a picture is due; on any thread."""
+        if self._reader is not None:
+            self._reader.timer.settings_changed()
+
+    def _follow_settings(self, reader: SourceReader) -> None:
+        """Abandon a source that cannot follow the settings; it is reopened once it is closed."""
+        if self._closing is not reader and reader.needs_reopening:
+            log.info("opening %s again for the new settings", self._shown)
+            self._abandon(reader)
+            self._closing = reader
+            self._reopen_at_s = time.monotonic() + CLOSE_S
+            self._backoff.reset()
+
+    def _abandon(self, reader: SourceReader) -> None:
+        reader.abandon()
+        self._abandoned.append(reader)
+
+    def _stalled(self, reader: SourceReader) -> bool:
+        """Tell whether opening or reading has taken too long."""
+        since_s = reader.timer.blocked_since_s
+        margin_s = OPEN_MARGIN_S if reader.state == "opening" else 0.0
+        allowed_s = self._settings.stall_after + margin_s
+        return since_s is not None and time.monotonic() - since_s > allowed_s
+
+    def _reopen_later(self, reason: str, report: Callable[[str], None]) -> None:
+        settings, backoff = self._settings, self._backoff
+        backoff.first_s, backoff.longest_s = settings.reopen_min, settings.reopen_max
+        delay_s = backoff.next_delay_s()
+        self._reopen_at_s = time.monotonic() + delay_s
+        self._failure = f"{reason}; opening {self._shown} again in {delay_s:g} s"
+        report(self._failure)
+
+    def _start_reader(self) -> SourceReader:
+        self._epoch = max(self._epoch + 1, time.time_ns())
+        self._reader = SourceReader(
+            self._open_source,
+            parameters=self._parameters,
+            kind=self.kind,
+            epoch=self._epoch,
+            buffer=self._buffer,
+            counters=self._counters,
+        )
+        return self._reader

@@ -1,0 +1,134 @@
+"""Delays pictures until they are due, for sources without a clock of their own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+LONGEST_WAIT_S = 60.0
+
+
+class Pacer:
+    """Keeps a schedule that neither drifts nor catches up. It has no clock.
+
+    Each picture is due at a fixed time after the first, so a late picture does not delay the
+    next. A picture later than ``slack_s`` (the machine slept, decoding is too slow) shifts the
+    schedule instead, since the pictures of a burst would only overwrite one another.
+
+    Args:
+        slack_s: How late a picture may be without shifting the schedule.
+    """
+
+    def __init__(self, slack_s: float = 0.1) -> None:
+        self._slack_s = slack_s
+        self._base_s: float | None = None
+
+    def wait_s(self, due_s: float, now_s: float) -> float:
+        """Return how long to wait for a picture that is due ``due_s`` after the first one."""
+        if self._base_s is None:
+            self._base_s = now_s - due_s
+        late_s = now_s - (self._base_s + due_s)
+        if late_s > self._slack_s:
+            self._base_s += late_s
+        return max(0.0, -late_s)
+
+
+class Schedule:
+    """Computes when each picture is due, at a rate that may change at any time. It has no clock."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._rate_hz: float | None = None
+        self._last = (0.0, 0.0)
+        self._origin = (0, 0.0, 0.0)
+
+    def due_s(self, source_s: float, rate_hz: float | None) -> float:
+        """Return when the next picture is due, seconds after the first; changes no count.
+
+        Args:
+            source_s: Time of the picture on the source's own clock.
+            rate_hz: Pictures per second, whatever the source's clock says; None to follow it.
+        """
+        if rate_hz != self._rate_hz:
+            self._rate_hz = rate_hz
+            self._origin = (max(0, self._count - 1), *self._last)
+        number, origin_source_s, origin_s = self._origin
+        if rate_hz is None:
+            return origin_s + source_s - origin_source_s
+        return origin_s + (self._count - number) / rate_hz
+
+    def advance(self, source_s: float, due_s: float) -> None:
+        """Advance to the picture after the one with these times."""
+        self._count += 1
+        self._last = (source_s, due_s)
+
+
+class PictureTimer:
+    """Waits on the reading thread until pictures are due; other threads can interrupt the wait.
+
+    Args:
+        rate_hz: Returns the current rate to impose, pictures per second; None to follow the
+            source's own times.
+
+    Attributes:
+        blocked_since_s: Start of the reader's current blocking call, monotonic; None outside of
+            one. The reader sets it; it is None while the timer waits.
+        stopped: Whether ``stop`` was called.
+    """
+
+    def __init__(self, rate_hz: Callable[[], float | None]) -> None:
+        self.blocked_since_s: float | None = None
+        self._rate_hz = rate_hz
+        self._pacer = Pacer()
+        self._schedule = Schedule()
+        self._due_s = 0.0
+        self._wake = threading.Event()
+        self.stopped = False
+
+    def settings_changed(self) -> None:
+        """Compute the current wait again; called from any thread."""
+        self._wake.set()
+
+    def stop(self) -> None:
+        """End the current wait and all later ones; called from any thread."""
+        self.stopped = True
+        self._wake.set()
+
+    def wait_for_picture(self, source_s: float) -> bool:
+        """Wait until the picture with this time on the source's clock is due.
+
+        Returns:
+            False if stopped meanwhile.
+        """
+        running = self.wait_until(lambda: self._schedule.due_s(source_s, self._rate_hz()))
+        self._due_s = self._schedule.due_s(source_s, self._rate_hz())
+        self._schedule.advance(source_s, self._due_s)
+        return running
+
+    def wait_after_last(self, period_s: float) -> None:
+        """Wait until the last picture has been shown for a period."""
+        self.wait_until(lambda: self._due_s + period_s)
+
+    def wait_until(self, due: Callable[[], float | None]) -> bool:
+        """Wait until a time that may change meanwhile.
+
+        Args:
+            due: Returns the time, seconds after the source's first picture; None for now. Called
+                again after each change of the settings.
+
+        Returns:
+            False if stopped meanwhile.
+        """
+        while True:
+            self._wake.clear()  # before reading the values whose change sets it
+            if self.stopped:
+                return False
+            due_s = due()
+            wait_s = 0.0 if due_s is None else self._pacer.wait_s(due_s, time.monotonic())
+            if wait_s <= 0:
+                return True
+            was_blocked, self.blocked_since_s = self.blocked_since_s is not None, None
+            self._wake.wait(min(wait_s, LONGEST_WAIT_S))
+            if was_blocked:
+                self.blocked_since_s = time.monotonic()

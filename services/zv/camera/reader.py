@@ -1,0 +1,199 @@
+"""Reads one opening of a source, which is one epoch, on a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Literal
+
+from zenoh_vision.config.revisions import ParameterStore, Revision
+from zenoh_vision.errors import SourceError, SourceLost
+from zenoh_vision.stream.buffer import Buffer
+from zenoh_vision.stream.counters import FrameCounters
+from zv.camera import source_policy
+from zv.camera.frame_filter import FrameFilter
+from zv.camera.pacing import PictureTimer
+from zv.camera.settings import CameraSettings
+from zv.camera.source_policy import OpenSource
+from zv.camera.sources.base import KnowsNextDue, Picture, Source
+from zv.camera.sources.kinds import Kind
+
+log = logging.getLogger(__name__)
+
+State = Literal["opening", "reading", "ended", "lost", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class CapturedFrame:
+    """A picture with the identity under which it will be published.
+
+    Its revision has the settings with which it was read and will be converted.
+    """
+
+    picture: Picture
+    epoch: int
+    seq: int
+    stamp_ns: int
+    revision: Revision[CameraSettings]
+
+
+class SourceReader:
+    """Opens a source and reads it until it ends, is lost, or is abandoned.
+
+    Opening and reading may block forever, so both run on a thread that can be abandoned: after
+    ``abandon`` it puts no more frames into the buffer. A change of the parameters takes effect
+    with the next picture.
+
+    Attributes:
+        state: ``failed`` if it could not be opened; ``lost`` if reading failed later.
+        reason: Why it failed or was lost.
+        description: The source's; empty until it is open.
+        live: Whether the source paces itself; False until it is open.
+        captured: Number of captured frames.
+        timer: Paces the reading; it is told when the parameters change.
+    """
+
+    def __init__(
+        self,
+        open_source: OpenSource,
+        *,
+        parameters: ParameterStore[CameraSettings],
+        kind: Kind,
+        epoch: int,
+        buffer: Buffer[CapturedFrame],
+        counters: FrameCounters,
+    ) -> None:
+        self.epoch = epoch
+        self.state: State = "opening"
+        self.reason = ""
+        self.description = ""
+        self.live = False
+        self.captured = 0
+        self._open_source = open_source
+        self._parameters = parameters
+        self._opened_with = parameters.newest.settings
+        self._read_with = parameters.newest
+        self._kind = kind
+        self._buffer = buffer
+        self._counters = counters
+        self._may_read = threading.Event()
+        self._source: Source | None = None
+        self.timer = PictureTimer(self._rate_hz)
+        self.timer.blocked_since_s = time.monotonic()
+        self._filter = FrameFilter()
+        self._thread = threading.Thread(target=self._run, name=f"source {epoch}", daemon=True)
+        self._thread.start()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the thread has ended, and with it the source is closed."""
+        return not self._thread.is_alive()
+
+    @property
+    def needs_reopening(self) -> bool:
+        """Whether the source must be opened again to follow the newest settings."""
+        source_hz = None if self._source is None else self._source.rate_hz
+        newest = self._parameters.newest.settings
+        return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
+
+    def start_reading(self) -> None:
+        """Start to read the open source; until then it waits."""
+        self._may_read.set()
+
+    def abandon(self) -> None:
+        """Abandon the thread; it closes the source as soon as it can."""
+        self.timer.stop()
+        self._may_read.set()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the thread to end, and with it for the source to be closed."""
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        try:
+            self._open_and_read()
+        finally:
+            self._source = None  # the timer's reference to this reader would keep its memory
+
+    def _open_and_read(self) -> None:
+        try:
+            source = self._source = self._open_source(self._opened_with, self._current_settings)
+        except Exception as error:  # a driver may raise anything, and must not fail silently
+            self._fail("failed", error)
+            return
+        self.description, self.live = source.description, source.live
+        self.timer.blocked_since_s = None
+        self.state = "reading"
+        self._may_read.wait()
+        try:
+            with closing(source):
+                self._read(source)
+        except Exception as error:
+            log.debug("reading failed", exc_info=True)
+            self._fail("lost", error)
+        else:
+            self.state = "ended"
+
+    def _fail(self, state: State, error: Exception) -> None:
+        expected = isinstance(error, SourceError)
+        self.reason = str(error) if expected else f"{type(error).__name__}: {error}"
+        self.state = state
+
+    def _current_settings(self) -> CameraSettings:
+        """Return the newest settings that this opening can follow, and read with them from now on.
+
+        Raises:
+            SourceLost: The source was abandoned; this also ends a long call of the source.
+        """
+        if self.timer.stopped:
+            raise SourceLost("abandoned")
+        newest = self._parameters.newest
+        if source_policy.same_source(self._kind, self._opened_with, newest.settings):
+            self._read_with = newest
+        return self._read_with.settings
+
+    def _read(self, source: Source) -> None:
+        while not self.timer.stopped:
+            self.timer.blocked_since_s = time.monotonic()
+            self._current_settings()
+            if isinstance(source, KnowsNextDue) and not self.timer.wait_until(source.next_due_s):
+                return
+            picture = source.read()
+            self.timer.blocked_since_s = None
+            if picture is None:
+                if self.captured and not source.live:
+                    self.timer.wait_after_last(1.0 / (self._rate_hz() or source.rate_hz or 10.0))
+                return
+            if source.live:
+                rate_hz = self._parameters.newest.settings.rate
+                if not self._filter.allow(rate_hz, time.monotonic()):
+                    continue
+            elif picture.due_s is not None and not self.timer.wait_for_picture(picture.due_s):
+                return
+            self._hand_over(picture)
+
+    def _rate_hz(self) -> float | None:
+        return source_policy.imposed_rate(self._kind, self._parameters.newest.settings)
+
+    def _hand_over(self, picture: Picture) -> None:
+        stamp_ns = picture.stamp_ns or time.time_ns()
+        if self.timer.stopped:
+            return
+        newest, now_s = self._parameters.newest, time.monotonic()
+        # A picture that was read before a change, and would differ after it, keeps its revision.
+        unchanged = source_policy.same_picture(
+            self._kind, self._read_with.settings, newest.settings
+        )
+        revision = newest if unchanged else self._read_with
+        seq, self.captured = self.captured, self.captured + 1
+        self._counters.arrive()
+        frozen_after_s = source_policy.frozen_after_s(self._kind, newest.settings)
+        if self._filter.is_repeat(picture, frozen_after_s, now_s):
+            self._counters.drop("repeated")
+            if self._filter.frozen(now_s):
+                raise SourceLost("the picture is frozen")
+            return
+        self._buffer.put(CapturedFrame(picture, self.epoch, seq, stamp_ns, revision))

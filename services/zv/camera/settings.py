@@ -1,0 +1,137 @@
+"""The camera's options; flags, configuration files and live parameters derive from them."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, Field
+
+from zenoh_vision.config.parameters import Live
+from zenoh_vision.config.settings import ServiceSettings, Text
+from zv.camera.synthetic.faults import parse_faults
+
+REOPENS = Live("pixels", effect="a change opens a device or the synthetic scene again")
+
+PixelEncodingName = Literal["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8"]
+
+
+def _known_faults(text: str) -> str:
+    parse_faults(text)
+    return text
+
+
+class CameraSettings(ServiceSettings):
+    """Options of ``zv camera``."""
+
+    env_prefix: ClassVar[str] = "ZV_CAMERA_"
+
+    source: Annotated[
+        Text,
+        Field(
+            min_length=1,
+            description="synthetic; a device (0, /dev/video0); a video file; a folder of images; "
+            "a URL (rtsp://, http:// MJPEG)",
+        ),
+    ] = "synthetic"
+    width: Annotated[
+        int | None,
+        Field(ge=16, le=7680, description="pixels; width of a device's or the synthetic picture"),
+        REOPENS,
+    ] = None
+    height: Annotated[
+        int | None,
+        Field(ge=16, le=4320, description="pixels; height of a device's or the synthetic picture"),
+        REOPENS,
+    ] = None
+    rate: Annotated[
+        float | None,
+        Field(
+            ge=0.0001,
+            le=1000,
+            description="frames per second; not set: the source's own rate, 30 for synthetic, "
+            "10 for a folder. Surplus frames of a faster live source are dropped",
+        ),
+        Live("Hz", effect="a device is opened again for a rate above its own"),
+    ] = None
+    fourcc: Annotated[
+        str | None,
+        Field(
+            pattern="^[ -~]{4}$",
+            description="pixel format requested from a device, such as MJPG or YUYV",
+        ),
+        Live(effect="a change opens a device again"),
+    ] = None
+    loop: Annotated[
+        bool, Field(description="start a file or folder again at its end, in a new epoch"), Live()
+    ] = False
+    encoding: Annotated[
+        PixelEncodingName, Field(description="pixel encoding of the published frames"), Live()
+    ] = "bgr8"
+    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality"), Live()] = 80
+    flip: Annotated[
+        Literal["none", "horizontal", "vertical", "both"],
+        Field(description="mirror the picture; both rotates it by 180 degrees"),
+        Live(),
+    ] = "none"
+    stall_after: Annotated[
+        float,
+        Field(ge=0.1, le=3600, description="seconds without a picture until a source is reopened"),
+        Live("s"),
+    ] = 5.0
+    frozen_after: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=3600,
+            description="seconds of identical pictures until a live source is reopened; 0: never",
+        ),
+        Live("s"),
+    ] = 10.0
+    reopen_min: Annotated[
+        float,
+        Field(ge=0.01, le=60, description="seconds before the first attempt to reopen"),
+        Live("s"),
+    ] = 0.5
+    reopen_max: Annotated[
+        float,
+        Field(
+            ge=0.01,
+            le=3600,
+            description="longest delay before an attempt, seconds; the delay doubles each time",
+        ),
+        Live("s"),
+    ] = 10.0
+    seed: Annotated[
+        int,
+        Field(ge=0, lt=2**32, description="random seed of the synthetic scene"),
+        Live(effect="a change opens the synthetic scene again"),
+    ] = 1
+    noise: Annotated[
+        float,
+        Field(ge=0, le=50, description="sensor noise of the synthetic picture, grey levels"),
+        Live("grey levels"),
+    ] = 2.0
+    objects: Annotated[
+        int,
+        Field(ge=0, le=16, description="moving objects in the synthetic picture"),
+        Live(),
+    ] = 4
+    numbered: Annotated[
+        bool,
+        Field(
+            description="draw the seq of each synthetic picture, modulo 65536, as coloured blocks "
+            "in its corner, for measurements"
+        ),
+        Live(),
+    ] = False
+    faults: Annotated[
+        str,
+        Field(
+            max_length=1000,
+            description="faults of the synthetic camera for tests, in each epoch: "
+            "KIND@FRAME+FRAMES separated by commas, such as stall@90+60; "
+            "KIND: stall, frozen, drop, lighting; FRAME may be now",
+        ),
+        AfterValidator(_known_faults),
+        Live(),
+    ] = ""

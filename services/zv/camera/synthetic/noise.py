@@ -1,0 +1,48 @@
+"""Adds sensor noise to a frame, at the cost of two additions."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+SPAN = 128  # windows in each direction
+WINDOWS = SPAN * SPAN
+TILE = 512  # period of the sheet, pixels; invisible in noise
+
+
+class SensorNoise:
+    """Gaussian noise, cut from one large sheet at a position that differs from frame to frame.
+
+    Generating new noise would take ten times as long as the rest of the frame. The positions
+    follow a seeded order without repetition, so that two frames with the same noise are at least
+    16384 frames apart.
+    ``sigma`` is the standard deviation in grey levels, 0 for none.
+    """
+
+    def __init__(self, width: int, height: int, sigma: float, seed: tuple[int, ...]) -> None:
+        self._size = (width, height)
+        self._sigma = sigma
+        rng = np.random.default_rng(seed)
+        self._order = rng.permutation(WINDOWS)
+        tile = np.rint(rng.standard_normal((TILE, TILE, 3), np.float32) * np.float32(sigma))
+        # Saturating 8-bit arithmetic is fastest, but has no sign, hence two sheets.
+        self._brighter = _sheet(np.clip(tile, 0, 255).astype(np.uint8), width, height)
+        self._darker = _sheet(np.clip(-tile, 0, 255).astype(np.uint8), width, height)
+
+    def add(self, k: int, bgr: NDArray[np.uint8]) -> None:
+        """Add the noise of frame k to a (height, width, 3) uint8 picture, in place."""
+        if not self._sigma:
+            return
+        width, height = self._size
+        top, left = divmod(int(self._order[k % WINDOWS]), SPAN)
+        window = np.s_[top : top + height, left : left + width]
+        cv2.add(bgr, self._brighter[window], dst=bgr)
+        cv2.subtract(bgr, self._darker[window], dst=bgr)
+
+
+def _sheet(tile: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+    """Return a tile repeated over the picture's size plus the span of the windows."""
+    rows, columns = height + SPAN, width + SPAN
+    repeated = np.tile(tile, (-(-rows // TILE), -(-columns // TILE), 1))
+    return np.ascontiguousarray(repeated[:rows, :columns])

@@ -1,0 +1,1 @@
+"""The command ``zv``: its commands and flags, made from the registries and the settings models."""

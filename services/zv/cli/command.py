@@ -1,0 +1,130 @@
+"""Click commands whose help shows sections and examples, and groups that load a command on call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import click
+
+Sections = Mapping[str, Sequence[click.Parameter]]
+"""The parameters of a command by the heading under which its help shows them."""
+
+
+class _Formatter(click.HelpFormatter):
+    """Writes help in colour; Click removes colours if the output is not a terminal."""
+
+    def write_heading(self, heading: str) -> None:
+        super().write_heading(click.style(heading, bold=True))
+
+    def write_dl(self, rows: Any, col_max: int = 30, col_spacing: int = 2) -> None:
+        coloured = [(click.style(term, fg="cyan"), text) for term, text in rows]
+        super().write_dl(coloured, col_max, col_spacing)
+
+
+class _Context(click.Context):
+    formatter_class = _Formatter
+
+
+class _WithExamples(click.Command):
+    """A command whose help ends with command lines that show its use."""
+
+    context_class = _Context
+    examples: Sequence[str]
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - Click's signature
+        """Write the examples without line breaks, so that they can be copied."""
+        with formatter.section("Examples" if len(self.examples) > 1 else "Example"):
+            formatter.write("".join(f"  {line}\n" for line in self.examples))
+
+
+class Command(_WithExamples):
+    """A command whose help shows its options in sections, and examples below them.
+
+    Args:
+        name: The last word that calls it.
+        call: Called with the parameters by name; may return an exit status.
+        sections: Its parameters; ``--help`` joins the first section.
+        text: What it does, in paragraphs; its first line is the summary.
+        examples: Command lines.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        call: Callable[..., int | None],
+        sections: Sections,
+        text: str,
+        examples: Sequence[str],
+    ) -> None:
+        parameters = [each for section in sections.values() for each in section]
+        super().__init__(name, callback=call, params=parameters, help=text)
+        self.sections = sections
+        self.examples = examples
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options by section."""
+        last: list[click.Parameter | None] = [self.get_help_option(ctx)]
+        for heading, parameters in self.sections.items():
+            options = [each for each in [*parameters, *last] if isinstance(each, click.Option)]
+            last = []
+            with formatter.section(heading):
+                formatter.write_dl(filter(None, (each.get_help_record(ctx) for each in options)))
+
+
+class Group(_WithExamples, click.Group):
+    """A command with commands of its own, each loaded only when it is called.
+
+    Help, completion and suggestions need only names and summaries. Without a command, the group
+    shows its help.
+
+    Args:
+        name: The last word that calls it.
+        text: What its commands are for.
+        summaries: Of its commands, by name.
+        load: Returns the command of a name.
+        examples: Command lines.
+        heading: Returns the heading under which the help shows a command.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        text: str,
+        summaries: Mapping[str, str],
+        load: Callable[[str], click.Command],
+        examples: Sequence[str],
+        heading: Callable[[str], str] = lambda _: "Commands",
+    ) -> None:
+        listed = {
+            member: click.Command(member, short_help=summary)
+            for member, summary in summaries.items()
+        }
+        super().__init__(name, commands=listed, help=text)
+        self.load = load
+        self.examples = examples
+        self.heading = heading
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - Click's signature
+        """Return the names of the commands in their own order; Click would sort them."""
+        return list(self.commands)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments before a command's name; without a command, show the help."""
+        return super().parse_args(ctx, args if args or ctx.resilient_parsing else ["--help"])
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Load the command that the first argument names."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, None if name is None else self.load(name), rest
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the names and summaries of the commands by heading."""
+        rows: dict[str, list[tuple[str, str]]] = {}
+        for name, member in self.commands.items():
+            rows.setdefault(self.heading(name), []).append((name, member.short_help or ""))
+        for heading, members in rows.items():
+            with formatter.section(heading):
+                formatter.write_dl(members)

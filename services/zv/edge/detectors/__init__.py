@@ -1,0 +1,1 @@
+"""Edge detectors: from grey pictures to edge maps, independent of settings."""

@@ -1,0 +1,183 @@
+"""Finds free ports for the router and the viewers of a launch file, then starts its system."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+from rich.console import Console
+
+from zenoh_vision.config.settings import load_settings
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.topics import CENTROID, COMPRESSED, EDGES
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.endpoints import MAX_PORT, local_endpoint, tcp_endpoint
+from zenoh_vision.transport.zenoh_config import client_config, listen_endpoints, router_config
+from zv.launcher.launch_file import Plan, PlannedNode
+from zv.launcher.supervisor import System, run
+from zv.router.settings import RouterSettings
+from zv.status.display import display_on
+from zv.viewer.http.listener import free_port, url
+from zv.viewer.http.token_store import token_for
+from zv.viewer.settings import ViewerSettings
+
+DEFAULT_FILE = Path("configs/up.toml")
+LINES_PERIOD_S = 5.0
+
+WAY_OUT = "ZV_VIEWER_PORT=PORT, or port = PORT in the settings of its [[node]]"
+"""Ways to set another port; both override the config file of the node."""
+
+SHOWN = {"camera": COMPRESSED, "tracker": CENTROID, "edge": EDGES}
+"""The main topic of each service; it may publish more."""
+
+
+def launch_file(given: str | None) -> Path:
+    """Return the path of the launch file: the given one, the checkout's, or the built-in one."""
+    if given is not None:
+        return Path(given)
+    if DEFAULT_FILE.is_file():
+        return DEFAULT_FILE
+    return Path(str(resources.files("zv.launcher") / "configs" / "up.toml"))
+
+
+def start(
+    plan: Plan,
+    connection: Connection,
+    *,
+    listen: str | None,
+    own_router: bool,
+    plain: bool,
+    debug: bool,
+) -> int:
+    """Run the system of a launch file until a signal; return the exit status.
+
+    Args:
+        plan: The checked launch file.
+        connection: How its nodes connect; the endpoint only if another router is used.
+        listen: Endpoint of its router; overrides environment and launch file.
+        own_router: Whether to start a router instead of using a running one.
+        plain: Whether to print plain lines on a terminal too.
+        debug: Whether the nodes log more.
+
+    Raises:
+        ConfigurationError: An endpoint, a port or a Zenoh configuration file is wrong; nothing
+            was started.
+        RouterUnreachable: No router within the time allowed; everything was ended again.
+    """
+    listens = router_endpoint(plan, listen) if own_router else None
+    if listens is not None:
+        connection = replace(connection, connect=local_endpoint(listens))
+    plan = with_ports(plan)
+    client_config(connection)
+    if listens is not None:
+        router_config(listens, plan.router_config)
+    greeting = how_to_subscribe(plan, connection, own_router=own_router)
+    display = display_on(Console(highlight=False), plain=plain, lines_period_s=LINES_PERIOD_S)
+    return run(System(plan, connection, listens, greeting, display, debug=debug))
+
+
+def router_endpoint(plan: Plan, listen: str | None) -> str:
+    """Return the endpoint, with a free port, on which a plan's router is to listen.
+
+    Raises:
+        ConfigurationError: The endpoint cannot be used, or a file is wrong.
+    """
+    router = load_settings(
+        RouterSettings,
+        flags={"listen": listen},
+        inline={} if plan.listen is None else {"listen": plan.listen},
+        inline_place=f"{plan.place}: router",
+    )
+    stated = listen_endpoints(router_config(router.listen, plan.router_config))
+    if plan.router_config is None or stated == [router.listen]:
+        return free(router.listen)
+    if not stated or free(stated[0]) != stated[0]:
+        raise ConfigurationError(
+            f"{plan.router_config}: listen/endpoints = {stated} is not allowed here, since the "
+            "nodes could not find the router; allowed: tcp/ADDRESS:PORT, or no listen/endpoints, "
+            "which are then taken from listen of the launch file or --listen"
+        )
+    return stated[0]
+
+
+def free(listen: str) -> str:
+    """Return an endpoint that can be listened on, with port 0 replaced by a free port.
+
+    Nodes and router start together. If another router had the port, the nodes would connect to
+    that one before ours could fail, so the port is tried first. Only the router checks endpoints
+    other than TCP.
+
+    Raises:
+        ConfigurationError: The endpoint cannot be used; the text has the reason and a remedy.
+    """
+    found = tcp_endpoint(listen)
+    if found is None:
+        return listen
+    try:
+        if found.port > MAX_PORT:  # getaddrinfo would take the remainder
+            raise OverflowError(f"there is no port {found.port}")
+        family, _, _, _, address = socket.getaddrinfo(
+            found.address, found.port, type=socket.SOCK_STREAM
+        )[0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            # Like the router, ignore closed connections of an earlier listener.
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+            return str(replace(found, port=probe.getsockname()[1]))
+    except (OSError, OverflowError) as error:
+        if getattr(error, "errno", None) == errno.EADDRINUSE:
+            raise ConfigurationError(
+                f"listen = {listen!r}: the port is in use, perhaps by a running router. "
+                f"Use that one with --connect {local_endpoint(listen)}, "
+                "or another port with --listen tcp/127.0.0.1:OTHER_PORT"
+            ) from None
+        said = getattr(error, "strerror", None) or error
+        raise ConfigurationError(
+            f"listen = {listen!r} is not possible: {said}; allowed: tcp/ADDRESS:PORT"
+        ) from None
+
+
+def with_ports(plan: Plan) -> Plan:
+    """Return a plan in which every viewer has a free port and its token.
+
+    Raises:
+        ConfigurationError: A port cannot be used; the text has the reason and a remedy.
+    """
+    return replace(plan, nodes=tuple(_with_port(plan, node) for node in plan.nodes))
+
+
+def _with_port(plan: Plan, node: PlannedNode) -> PlannedNode:
+    settings = node.settings
+    if not isinstance(settings, ViewerSettings):
+        return node
+    try:
+        port = free_port(settings.host, settings.port, WAY_OUT)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{plan.place}: {node.name}: {error}") from None
+    known = {"port": port, "token": token_for(settings.host, settings.token, names=settings.names)}
+    return replace(node, settings=settings.model_copy(update=known))
+
+
+def addresses(plan: Plan) -> list[str]:
+    """Return the addresses of the viewers, to open in a browser."""
+    return [
+        url(node.settings.host, node.settings.port, node.settings.token, node.settings.address)
+        for node in plan.nodes
+        if isinstance(node.settings, ViewerSettings)
+    ]
+
+
+def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) -> list[str]:
+    """Return lines that name the router, the keys, a program to run, and last the viewer."""
+    whose = "started" if own_router else "already running"
+    lines = [f"router: {connection.connect} ({whose}); published keys, for any Zenoh program:"]
+    for node in plan.nodes:
+        if node.service in SHOWN:
+            topic = SHOWN[node.service]
+            camera = node.name.removeprefix(f"{node.service}_")
+            lines.append(f"  {topic.key(connection.namespace, camera):<36} {topic.encoding}")
+    lines.append(f"for example: python examples/subscribe.py {connection.connect}")
+    return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

@@ -1,0 +1,208 @@
+"""Starts the processes of a system, supervises and shows them, and ends them in bounded time."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import threading
+import time
+
+from zenoh_vision.errors import ToldToStop
+from zenoh_vision.health.fleet import SILENT_S, Fleet, NodeState
+from zenoh_vision.health.fleet_monitor import FleetMonitor
+from zenoh_vision.host.health_file import HealthFile
+from zenoh_vision.messages import Level
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.link import Link
+from zv.launcher.child import WRONG_CONFIGURATION, Child, command_of
+from zv.launcher.launch_file import Plan, PlannedNode
+from zv.status.display import Display
+from zv.status.process_usage import ProcessUsage
+from zv.status.row import Row, number, row_of, view_of
+
+POLL_S = 0.05
+NODES_END_S = 1.3
+ALL_END_S = 1.5
+SETTLED_S = 1.0
+"""A router that cannot listen has ended within this time."""
+
+ROUTER = "router"
+
+
+class System:
+    """The processes of one launch file.
+
+    Args:
+        plan: The checked launch file.
+        connection: Where the nodes find their router.
+        listen: Where the embedded router listens; None uses a running one.
+        greeting: Lines to show when the router is connected.
+        display: Shows the nodes, and lines about events.
+        debug: Whether the nodes log more.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        connection: Connection,
+        listen: str | None,
+        greeting: list[str],
+        display: Display,
+        *,
+        debug: bool = False,
+    ) -> None:
+        self.display = display
+        self._connection = connection
+        self._greeting = greeting
+        self._monitor = FleetMonitor(Fleet())
+        self._usage = ProcessUsage()
+        self._stopping = False
+        self._health_file = HealthFile()
+        debug_flag = ["--debug"] if debug else []
+        self._nodes = [self._node_child(node, debug_flag) for node in plan.nodes]
+        self._children = list(self._nodes)
+        self._router: Child | None = None
+        if listen is not None:
+            flags = [ROUTER, "--listen", listen, *debug_flag]
+            if plan.router_config:
+                flags += ["--zenoh-config", plan.router_config]
+            self._router = Child(ROUTER, flags, say=display.say)
+            self._children.insert(0, self._router)
+        self._pids: dict[str, int] = {}
+
+    def stop(self) -> None:
+        """End everything; safe in a signal handler."""
+        self._stopping = True
+
+    def run(self) -> int:
+        """Start everything, supervise it until told to stop, end everything.
+
+        Returns:
+            The exit status: 0, or that of a router whose configuration is wrong.
+        """
+        link = None
+        try:
+            # All at once: they wait for the router themselves, and loading takes longest.
+            for child in self._children:
+                child.start()
+            link = Link(self._connection, self._waiting_is_over, lambda: self._stopping)
+            names = [child.name for child in self._children]
+            self._monitor.watch(link, self._connection.namespace, "diagnostics", names=names)
+            self._supervise(link)
+        except ToldToStop:
+            pass
+        finally:
+            self._end(link)
+        return WRONG_CONFIGURATION if self._router_failed() else 0
+
+    def _supervise(self, link: Link) -> None:
+        for line in self._greeting:
+            self.display.announce(line)
+        while not self._is_over():
+            for child in self._children:
+                child.check()
+                if child.pid is not None and self._pids.get(child.name) != child.pid:
+                    self._pids[child.name] = child.pid
+                    self._monitor.forget(child.name)
+                    self._usage.begin(child.pid)
+                if self._monitor.node(child.name) is not None:
+                    child.mark_running()
+            router = self._router
+            if router and router.age_s > SETTLED_S and link.connected:
+                router.mark_running()
+            known = [(child, self._monitor.node(child.name)) for child in self._children]
+            failures = (failure_of(child, node) for child, node in known)
+            self._health_file.beat("; ".join(filter(None, failures)))
+            if self.display.due():
+                rows = [child_row(child, node, self._usage) for child, node in known]
+                self.display.show(view_of(rows))
+            time.sleep(POLL_S)
+
+    def _waiting_is_over(self) -> bool:
+        """Tell whether to give up on the router; waiting for it is not a failure."""
+        self._health_file.beat()
+        return self._is_over()
+
+    def _is_over(self) -> bool:
+        """Tell whether to end, on request or because the router cannot start."""
+        if self._router is not None:
+            self._router.check()
+        return self._stopping or self._router_failed()
+
+    def _router_failed(self) -> bool:
+        return self._router is not None and self._router.state == "failed"
+
+    def _end(self, link: Link | None) -> None:
+        """End the nodes, then the router, through which they undeclare their tokens."""
+        began_s = time.monotonic()
+        closing = threading.Thread(target=link.close if link else None, daemon=True)
+        closing.start()  # closing may block if the router hangs
+        for group, allowed_s in ((self._nodes, NODES_END_S), (self._children, ALL_END_S)):
+            for child in group:
+                child.terminate()
+            for child in group:
+                child.finish(began_s + allowed_s)
+        closing.join(max(0.0, began_s + ALL_END_S - time.monotonic()))
+
+    def _node_child(self, node: PlannedNode, debug_flag: list[str]) -> Child:
+        flags, secret = command_of(node)
+        flags += ["--connect", self._connection.connect]
+        flags += ["--namespace", self._connection.namespace, *debug_flag]
+        if self._connection.zenoh_config:
+            flags += ["--zenoh-config", self._connection.zenoh_config]
+        return Child(
+            node.name,
+            flags,
+            restart=node.restart,
+            finishes=node.service == "camera",
+            say=self.display.say,
+            environment=secret,
+        )
+
+
+def child_row(child: Child, node: NodeState | None, usage: ProcessUsage) -> Row:
+    """Return the row of a child: the state of its process, and its node's health."""
+    cpu, memory_mb = usage.read(child.pid)
+    state = child.state
+    if node is not None and node.report is not None and child.alive:
+        silent_s = node.report_age_s(time.monotonic_ns())
+        if silent_s <= SILENT_S:
+            return row_of(child.name, node.report, state=state, cpu=cpu, memory_mb=memory_mb)
+        state = f"silent for {silent_s:.0f} s"
+    return Row(child.name, state, cpu=number(cpu), memory=number(memory_mb))
+
+
+def failure_of(child: Child, node: NodeState | None) -> str:
+    """Return why a child does not work; empty while it works, starts, or has finished."""
+    if child.state in ("starting", "finished"):
+        return ""
+    if not child.alive:
+        return f"{child.name} {child.state}"
+    if node is None or node.report is None:
+        return ""  # the router sends no diagnostics
+    silent_s = node.report_age_s(time.monotonic_ns())
+    if silent_s > SILENT_S:
+        return f"{child.name} silent for {silent_s:.0f} s"
+    return f"{child.name}: {node.report.message}" if node.report.level == Level.ERROR else ""
+
+
+def run(system: System) -> int:
+    """Run a system until SIGINT, SIGTERM or SIGHUP; return the exit status.
+
+    Raises:
+        RouterUnreachable: No router within the time allowed; everything was ended again.
+    """
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, lambda _number, _at: system.stop())
+    try:
+        with system.display:
+            return system.run()
+    except OSError as error:
+        # The reader of our output is gone (`zv up | head`, a closed terminal), and all processes
+        # have ended. The rest of the buffer must not fail again at exit.
+        if not isinstance(error, BrokenPipeError) and error.errno != errno.EIO:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0

@@ -1,0 +1,47 @@
+"""CPU and memory of processes on this machine."""
+
+from __future__ import annotations
+
+import psutil
+
+CLOCK_S = 2.0
+"""Accuracy of a process's time of creation, which is counted in ticks since the machine's start."""
+
+LOADING_S = 120.0
+"""A process has started its node within this time."""
+
+
+class ProcessUsage:
+    """Measures CPU and memory of processes that start and end."""
+
+    def __init__(self) -> None:
+        self._processes: dict[int, psutil.Process] = {}
+
+    def begin(self, pid: int, started_s: float | None = None) -> None:
+        """Begin to measure a process: CPU time is measured between two readings.
+
+        Args:
+            pid: Process id.
+            started_s: Start time that its node reports, seconds since 1970. Ids are reused, so a
+                process that was not created shortly before that is a different one.
+        """
+        try:
+            process = psutil.Process(pid)
+            age_s = 0.0 if started_s is None else started_s - process.create_time()
+            if not -CLOCK_S < age_s < LOADING_S:
+                return
+            process.cpu_percent()
+        except psutil.Error:
+            return  # it has ended
+        self._processes[pid] = process
+
+    def read(self, pid: int | None) -> tuple[float | None, float | None]:
+        """Return CPU (percent of a core since the last reading) and memory (MB), if known."""
+        process = None if pid is None else self._processes.get(pid)
+        if process is None:
+            return None, None
+        try:
+            return process.cpu_percent(), process.memory_info().rss / 1e6
+        except psutil.Error:
+            self._processes.pop(process.pid, None)
+            return None, None

@@ -1,0 +1,63 @@
+"""``zv doctor``: checks this machine, then the network."""
+
+from __future__ import annotations
+
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, RouterUnreachable
+from zenoh_vision.transport.connection import Connection
+from zv.tools.doctor import network, streams
+from zv.tools.doctor.finding import Diagnosis, Finding
+from zv.tools.doctor.machine import device_findings, file_findings
+from zv.tools.doctor.observation import observe
+from zv.tools.doctor.options import DoctorOptions
+from zv.tools.shared.output import Output
+from zv.tools.shared.session import ToolSession
+
+
+def run(options: DoctorOptions, connection: Connection, output: Output) -> None:
+    """Print a line for each check.
+
+    Raises:
+        RouterUnreachable: There is no router, and nothing else failed.
+        ExpectationNotMet: Something else failed.
+    """
+    diagnosis = Diagnosis(output)
+    diagnosis.add(file_findings(options.files, connection.zenoh_config))
+    diagnosis.add(device_findings())
+    failed_here = diagnosis.failed
+    try:
+        with ToolSession(connection) as session:
+            check_network(session, options.for_, diagnosis)
+            if session.stopping:
+                return
+    except RouterUnreachable as error:
+        said, _, remedy = str(error).partition("; ")
+        diagnosis.add([Finding("FAIL", "router", said, remedy)])
+        if not failed_here:
+            raise RouterUnreachable(diagnosis.summary) from None
+    except ConfigurationError as error:
+        diagnosis.add([Finding("FAIL", "router", f"not checked: {error}", "correct this first")])
+    if diagnosis.failed:
+        raise ExpectationNotMet(diagnosis.summary)
+    output.note(diagnosis.summary)
+
+
+def check_network(session: ToolSession, for_s: float, diagnosis: Diagnosis) -> None:
+    """Observe the network for a time and check what was seen."""
+    seen = observe(session, for_s)
+    if session.stopping:
+        return
+    diagnosis.add(network.router_findings(seen, session.connection.connect))
+    diagnosis.add(network.memory_findings(seen))
+    diagnosis.add(network.namespace_findings(session, seen))
+    if not seen.nodes:
+        return
+    diagnosis.add(network.name_findings(seen))
+    diagnosis.add(network.answer_findings(seen))
+    diagnosis.add(network.version_findings(seen))
+    diagnosis.add(network.clock_findings(seen))
+    explained: set[str] = set()
+    for check in (streams.camera_findings, streams.loss_findings, streams.speed_findings):
+        findings = list(check(seen))
+        explained |= {name for each in findings if each.level != "OK" for name in each.nodes}
+        diagnosis.add(findings)
+    diagnosis.add(streams.health_findings(seen, explained))

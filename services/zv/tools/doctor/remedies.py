@@ -1,0 +1,109 @@
+"""Remedies for losses: what to do for each reason, and which parameter to change."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from typing import Final
+
+from zenoh_vision.health.fleet import NodeState
+from zv.tools.doctor.observation import Observation
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """The remedy for a loss.
+
+    Attributes:
+        words: What to do or to check.
+        parameter: The parameter to change; empty if no parameter helps.
+        factor: Ratio of the new value to the current one; 0 if there is no rule for it.
+        of_camera: Whether it is a parameter of the camera instead of the node itself.
+    """
+
+    words: str
+    parameter: str = ""
+    factor: float = 0.0
+    of_camera: bool = False
+
+
+SENDER = "find who sends them: zv topic info"
+
+REMEDIES: Final = {
+    "overwritten": Remedy(
+        "more frames arrive than it can process: lower the rate", "rate", 0.8, of_camera=True
+    ),
+    "missed": Remedy(
+        "frames are lost in the network: the link is too slow, lower the quality",
+        "quality",
+        0.75,
+        True,
+    ),
+    "stale": Remedy(
+        "frames arrive late: the link or the machine is too slow; allow more age", "max_age", 2.0
+    ),
+    "repeated": Remedy(
+        "the source repeats each picture: set the rate no higher than the source's own", "rate"
+    ),
+    "given_up": Remedy(
+        "the source stalls: check its cable or network, or wait longer", "stall_after", 2.0
+    ),
+    "out_of_order": Remedy(
+        "two publishers share a key, or a camera's clock was set: give each camera a --camera of "
+        "its own"
+    ),
+    "overflow": Remedy(
+        "more frames arrive than it can process: lower the rate", "rate", 0.8, of_camera=True
+    ),
+    "too_many_keys": Remedy("its wildcard matches too many keys: name the cameras to follow"),
+    "unknown_message": Remedy("their encoding names no known message: " + SENDER),
+    "bad_stamp": Remedy("the camera's clock is wrong: set it by NTP"),
+    "no_header": Remedy("a second publisher sends no headers: " + SENDER),
+    "wrong_camera": Remedy("their header names another camera than the key: " + SENDER),
+    "corrupt": Remedy("the source or another publisher damages them: " + SENDER),
+    "not_rendered": Remedy("see the viewer's log for the pictures that it cannot convert, and why"),
+    "too_large": Remedy("make the pictures smaller: width and height", "width", of_camera=True),
+    "unsupported_encoding": Remedy("choose a supported encoding", "encoding", of_camera=True),
+    **{
+        reason: Remedy("a publisher violates the format of docs/messages.md: " + SENDER)
+        for reason in ("bad_header", "wrong_size", "empty", "not_an_image", "bad_message")
+    },
+}
+"""Remedies by reason (docs/messages.md), except for the reasons that are not losses."""
+
+CHEAPER: Final = {"tracker": ("closing", "median"), "edge": ("sigma",)}
+"""Parameters that cost a service the most time: smaller is cheaper."""
+
+
+def remedy_for(reason: str, node: NodeState, seen: Observation, factor: float | None = None) -> str:
+    """Return what to do about frames that a node loses for a reason.
+
+    ``factor``, the ratio of the parameter's new value to the current one, overrides the remedy's.
+    """
+    remedy = REMEDIES.get(reason)
+    about = node.description
+    if remedy is None or about is None:
+        return "docs/messages.md explains the reason"
+    words = remedy.words
+    if words.endswith(SENDER) and about.subscribes:
+        words = f"{words} {shlex.quote(about.subscribes[0])}"
+    target = node.name
+    if remedy.of_camera and about.service != "camera":
+        cameras = [name for key in about.subscribes for name in seen.publishers_of(key)]
+        target = cameras[0] if cameras else ""
+    if not remedy.parameter or not target:
+        return words
+    return f"{words}: {setting(seen, target, remedy.parameter, factor or remedy.factor)}"
+
+
+def setting(seen: Observation, node: str, parameter: str, factor: float = 0.0) -> str:
+    """Return the command that sets a parameter, with a value if the current one is known."""
+    now = seen.value(node, parameter)
+    known = seen.parameters.get((node, parameter))
+    value = "VALUE"
+    if now is not None and factor:
+        wanted = now * factor
+        if known is not None and known.maximum is not None:
+            wanted = min(wanted, known.maximum)
+        value = f"{max(1, round(wanted))}" if isinstance(now, int) else f"{wanted:.3g}"
+    return f"zv param set {shlex.quote(node)} {parameter}={value}"

@@ -1,0 +1,159 @@
+"""Checks of the streams: cameras and their rates, losses, consumers that are too slow."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from zenoh_vision.health.counter_change import MISSED, CounterChange, counter_change
+from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.messages import Level
+from zv.tools.doctor.finding import Finding, Verdict, or_ok
+from zv.tools.doctor.observation import Observation
+from zv.tools.doctor.remedies import CHEAPER, remedy_for, setting
+
+LOSSES = 0.01
+FEW = 2
+"""A single frame is not significant, although it may be more than 1 % in a few seconds."""
+
+TOO_SLOW = 0.1
+TOO_LOW = 0.9
+
+
+def camera_findings(seen: Observation) -> Iterator[Finding]:
+    """Check whether cameras capture frames at their rate."""
+    cameras = seen.cameras()
+    if not cameras:
+        yield Finding("WARN", "cameras", "there is no camera", "zv camera --source synthetic")
+    for each in cameras:
+        yield _camera(seen, each)
+
+
+def _camera(seen: Observation, camera: NodeState) -> Finding:
+    about, report = camera.description, camera.report
+    assert about is not None
+    if report is None:
+        return _finding("OK", camera, "has just been started")
+    if report.level == Level.ERROR:
+        mend = "check cable, address and permission of its source; it tries again by itself"
+        return _finding("FAIL", camera, report.message, mend)
+    change = camera.change
+    expected_hz = about.rate_hz or seen.value(camera.name, "rate")
+    if change is None:
+        return _finding("OK", camera, "started too recently to be checked")
+    rate_hz = change.arrived / change.span_s
+    if expected_hz is not None and expected_hz * change.span_s < FEW:
+        return _finding("OK", camera, f"{expected_hz:g} Hz is too slow to be checked in this time")
+    if not change.arrived:
+        mend = "check its source; after stall_after it is opened again by itself"
+        return _finding("FAIL", camera, f"no picture in {change.span_s:.1f} s", mend)
+    if expected_hz is None:
+        return _finding("OK", camera, f"{rate_hz:.1f} Hz")
+    short = expected_hz * change.span_s - change.arrived
+    if rate_hz < TOO_LOW * expected_hz and short > FEW:
+        return _finding(
+            "WARN",
+            camera,
+            f"{rate_hz:.1f} Hz instead of {expected_hz:g} Hz",
+            "its source is slower (light, USB, network) or its machine is overloaded; lower the "
+            f"rate: {setting(seen, camera.name, 'rate', rate_hz / expected_hz)}",
+        )
+    return _finding("OK", camera, f"{rate_hz:.1f} Hz, {expected_hz:g} Hz expected")
+
+
+def loss_findings(seen: Observation) -> list[Finding]:
+    """Find nodes that lose more than 1 % of their frames, by reason."""
+    problems = []
+    watched = [(each, change) for each in seen.nodes if (change := each.change)]
+    for each, change in watched:
+        for reason, count in change.losses.items():
+            if reason == "overwritten" and change.share(reason) > TOO_SLOW:
+                continue  # reported by speed_findings
+            if reason == MISSED and count - _lost_before(seen, each) < FEW:
+                continue  # the camera never sent them: its own line reports it
+            how_much = _how_much(each, change, reason, count)
+            if how_much is not None:
+                said, remedy = f"{each.name} loses {how_much}", remedy_for(reason, each, seen)
+                problems.append(Finding("WARN", "drops", said, remedy, (each.name,)))
+    return or_ok(problems, "drops", "no node loses more than 1 % of its frames") if watched else []
+
+
+def _lost_before(seen: Observation, node: NodeState) -> int:
+    """Return how many frames the cameras of a node lost during the observation."""
+    assert node.description is not None
+    sending = {name for key in node.description.subscribes for name in seen.publishers_of(key)}
+    changes = [each.change for each in seen.cameras() if each.name in sending]
+    return sum(sum(change.losses.values()) for change in changes if change)
+
+
+def _how_much(node: NodeState, change: CounterChange, reason: str, count: int) -> str | None:
+    """Return a text with a node's losses for a reason, or None if they are small.
+
+    A loss of 1 or 2 % is at most a frame in a few seconds. In this case the totals since the
+    node's start decide, which alone would also report losses of the past.
+    """
+    assert node.report is not None
+    share = change.share(reason)
+    if count >= FEW and share > LOSSES:
+        return f"{100 * share:.1f} % of its frames as {reason} ({count} in {change.span_s:.1f} s)"
+    total = counter_change({}, node.report.counters, node.report.uptime_s)
+    if total is None or total.losses[reason] < FEW or total.share(reason) <= LOSSES:
+        return None
+    return (
+        f"{100 * total.share(reason):.1f} % of its frames as {reason} "
+        f"({total.losses[reason]} since its start, the last just now)"
+    )
+
+
+def speed_findings(seen: Observation) -> list[Finding]:
+    """Find nodes that are slower than the stream they get."""
+    problems = []
+    watched = [(each, change) for each in seen.nodes if (change := each.change)]
+    for each, change in watched:
+        about = each.description
+        count = change.losses.get("overwritten", 0)
+        few = count < FEW or change.share("overwritten") <= TOO_SLOW
+        if about is None or few or not change.arrived:
+            continue
+        came_hz, used_hz = change.arrived / change.span_s, change.done / change.span_s
+        on = f" on {', '.join(about.subscribes)}" if about.subscribes else " from its source"
+        slower = remedy_for("overwritten", each, seen, used_hz / came_hz)
+        cheaper = [setting(seen, each.name, name) for name in CHEAPER.get(about.service, ())]
+        said = f"{each.name} uses {used_hz:.1f} of {came_hz:.1f} Hz that arrive{on}"
+        remedy = "; or make its work cheaper: ".join([slower, *cheaper[:1]])
+        problems.append(Finding("WARN", "speed", said, remedy, (each.name,)))
+    return or_ok(problems, "speed", "no node is slower than its stream") if watched else []
+
+
+def health_findings(seen: Observation, explained: Collection[str]) -> list[Finding]:
+    """Report the problems that nodes report themselves and that no other check has explained."""
+    problems = []
+    for each in seen.nodes:
+        report, about = each.report, each.description
+        if report is None or about is None or report.level == Level.OK:
+            continue
+        if about.service == "camera" and report.level == Level.ERROR:
+            continue
+        if report.level not in (Level.ERROR, Level.STALE) and each.name in explained:
+            continue
+        level: Verdict = "FAIL" if report.level == Level.ERROR else "WARN"
+        remedy = _why_stale(seen, each) if report.level == Level.STALE else "see its log"
+        said = f"{each.name}: {report.message}"
+        problems.append(Finding(level, "health", said, remedy, (each.name,)))
+    return or_ok(problems, "health", "no node reports any other problem")
+
+
+def _why_stale(seen: Observation, node: NodeState) -> str:
+    """Return what to do about a node that gets no frames."""
+    assert node.description is not None
+    for key in node.description.subscribes:
+        if not seen.publishers_of(key):
+            there = sorted(
+                {c for n in seen.cameras() if n.description for c in n.description.cameras}
+            )
+            which = f"cameras here: {', '.join(there)}" if there else "there is no camera"
+            return f"nobody publishes {key}, {which}; start one or choose another with --camera"
+    return "its camera is running: see the lines about it"
+
+
+def _finding(level: Verdict, camera: NodeState, text: str, remedy: str = "") -> Finding:
+    return Finding(level, "cameras", f"{camera.name}: {text}", remedy, (camera.name,))

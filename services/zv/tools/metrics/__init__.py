@@ -1,0 +1,1 @@
+"""``zv metrics``: serves the health of a whole namespace to Prometheus."""

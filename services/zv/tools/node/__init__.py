@@ -1,0 +1,1 @@
+"""``zv node``: lists the running nodes and shows their descriptions."""

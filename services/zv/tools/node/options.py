@@ -1,0 +1,30 @@
+"""The options of ``zv node list`` and ``zv node info``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from zenoh_vision.config.settings import Argument
+from zv.tools.shared.options import ToolOptions
+
+
+class ListOptions(ToolOptions):
+    """Options of ``zv node list``."""
+
+    watch: Annotated[bool, Field(description="print nodes that start and end, until Ctrl-C")] = (
+        False
+    )
+
+
+class InfoOptions(ToolOptions):
+    """Options of ``zv node info``."""
+
+    node: Annotated[
+        str,
+        Argument("NODE"),
+        Field(
+            pattern=r"^[a-z0-9_*?]+$", description="name; * matches any characters, ? one character"
+        ),
+    ]

@@ -1,0 +1,1 @@
+"""``zv param``: read, set, save and load the parameters of running nodes."""

@@ -1,0 +1,1 @@
+"""Modules that all tools share: sessions, options, output, discovery."""

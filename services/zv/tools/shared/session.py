@@ -1,0 +1,105 @@
+"""The Zenoh session of a tool, which has no token and no queryable, and ends on a signal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Self
+
+import zenoh
+
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.host.signals import StopSignals
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.link import Declaration, Link
+from zenoh_vision.transport.query import POLL_S, REPLY_S, Query, Reply, ask
+from zenoh_vision.transport.session import direct
+from zenoh_vision.transport.zenoh_config import zenoh_error_text
+
+CONDITION_POLL_S = 0.02
+
+ROUTERS = "@/*/router"
+"""Keys of the routers' admin spaces, where those are enabled."""
+
+
+class ToolSession:
+    """A session that is open within the ``with`` block and whose waits end on SIGINT or SIGTERM.
+
+    Raises:
+        RouterUnreachable: On entering, if there is no router in time.
+        ToldToStop: On entering, if told to stop before there was one.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.namespace = connection.namespace
+        self.stopping = False
+        """Whether SIGINT or SIGTERM came, or ``stop()`` was called."""
+        self._signals = StopSignals(self.stop)
+
+    def __enter__(self) -> Self:
+        self._signals.catch()
+        try:
+            self.link = Link(self.connection, lambda: self.stopping, lambda: self.stopping)
+        except BaseException:
+            self._signals.release()
+            raise
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the session, in bounded time whatever the router does."""
+        self.link.close()
+        self._signals.release()
+
+    @property
+    def connected(self) -> bool:
+        """Whether a router is connected."""
+        return self.link.connected
+
+    def stop(self) -> None:
+        """End the waits; safe in a signal handler and from any thread."""
+        self.stopping = True
+
+    def wait(self, seconds: float, until: Callable[[], object] | None = None) -> bool:
+        """Wait for a time, until a condition holds or until told to stop; False if told to stop."""
+        end_s = time.monotonic() + seconds
+        while not self.stopping and not (until and until()):
+            left_s = end_s - time.monotonic()
+            if left_s <= 0:
+                break
+            time.sleep(min(POLL_S if until is None else CONDITION_POLL_S, left_s))
+        return not self.stopping
+
+    def subscribe(
+        self, key: str, on_sample: Callable[[zenoh.Sample], None]
+    ) -> Declaration[zenoh.Subscriber[None]]:
+        """Subscribe; the callback runs on Zenoh's thread and must be quick.
+
+        The subscription ends with the session, or when the returned object is undeclared.
+        """
+        return self.link.declare(lambda session: session.declare_subscriber(key, direct(on_sample)))
+
+    def ask(
+        self, key: str, payload: bytes | None = None, *, timeout_s: float = REPLY_S
+    ) -> list[Reply]:
+        """Return all replies to a query, errors included; see ``Query`` for the arguments."""
+        return self.ask_all(Query(key, payload, timeout_s))[0]
+
+    def ask_all(self, *queries: Query) -> list[list[Reply]]:
+        """Send queries together and return the replies to each; none when told to stop."""
+        return ask(self.link.session, queries, lambda: self.stopping)
+
+
+def key_expression(text: str) -> str:
+    """Return the canonical form of a key expression, without the leading slash of ROS topics.
+
+    Raises:
+        ConfigurationError: The text is not a key expression.
+    """
+    try:
+        return str(zenoh.KeyExpr.autocanonize(text.removeprefix("/")))
+    except zenoh.ZError as error:
+        raise ConfigurationError(
+            f"{text!r} is not a key expression ({zenoh_error_text(error)}); "
+            "allowed are chunks between single slashes, * for one chunk, ** for any number"
+        ) from None

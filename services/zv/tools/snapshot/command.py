@@ -1,0 +1,100 @@
+"""``zv snapshot``: save the newest picture of a key to a file, and print its identity."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
+from zenoh_vision.keys import JPEG, PNG
+from zenoh_vision.messages import Centroid, Tracks
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.subscriber import sample_of
+from zv.tools.shared.discovery import discover
+from zv.tools.shared.output import Output
+from zv.tools.shared.session import ToolSession, key_expression
+from zv.tools.snapshot.joining import join
+from zv.tools.snapshot.options import STDOUT, SnapshotOptions
+from zv.tools.snapshot.picture import Picture, checked, draw, encoded, form_of
+
+ANSWER_S = 2.0
+PATIENCE_S = 5.0
+
+
+def run(options: SnapshotOptions, connection: Connection, output: Output) -> None:
+    """Save the newest picture of a key.
+
+    Raises:
+        ConfigurationError: The key carries no pictures, or several keys match.
+        ExpectationNotMet: There is no picture, it is too old, or it is damaged.
+        SourceError: The file cannot be written.
+    """
+    if options.output == STDOUT and output.as_json:
+        raise ConfigurationError("-o - and --json both use standard output: give one of them")
+    key = key_expression(options.key)
+    with ToolSession(connection) as session:
+        result: Centroid | Tracks | None = None
+        picture: Picture | None
+        if options.draw:
+            picture, result = join(session, key, connection.timeout_s or PATIENCE_S)
+        else:
+            picture = _newest(session, key)
+        if picture is None:
+            return
+    if result is None:
+        file = picture.file(options.output, options.quality)
+    else:
+        file = _drawn(picture, result, options)
+    if options.max_age is not None and (picture.age_s is None or picture.age_s > options.max_age):
+        raise ExpectationNotMet(f"{picture.text()}, allowed {options.max_age * 1e3:g} ms")
+    _write(options.output, file)
+    drawn = None if result is None else type(result).__name__.lower()
+    if output.as_json:
+        about = {"file": options.output, "bytes": len(file), "drawn": drawn}
+        output.record(picture.record() | about)
+    else:
+        with_it = f", with its {drawn}" if drawn else ""
+        output.note(f"{picture.text()}{with_it}; {len(file)} bytes to {options.output}")
+
+
+def _newest(session: ToolSession, key: str) -> Picture | None:
+    """Return the newest picture of a key by query; None if told to stop."""
+    replies = session.ask(key, timeout_s=ANSWER_S)
+    if session.stopping:
+        return None
+    samples = [reply.ok for reply in replies if reply.ok is not None]
+    keys = sorted({str(sample.key_expr) for sample in samples})
+    if len(keys) > 1:
+        raise ConfigurationError(f"{key} matches {len(keys)} keys, name one: {', '.join(keys)}")
+    if not samples:
+        for reply in replies:
+            if reply.err is not None:
+                reason = reply.err.payload.to_bytes().decode(errors="replace")
+                raise ExpectationNotMet(f"{key}: {reason}")
+        raise ExpectationNotMet(discover(session).nothing_on(key))
+    try:
+        pictures = [checked(sample_of(sample)) for sample in samples]
+    except PayloadError as error:
+        raise ExpectationNotMet(f"{key}: {error}") from None
+    return max(pictures, key=lambda picture: picture.header.stamp_ns if picture.header else 0)
+
+
+def _drawn(picture: Picture, result: Centroid | Tracks, options: SnapshotOptions) -> bytes:
+    """Return a picture with its detections drawn, as a file with 8 bits per channel."""
+    try:
+        bgr = draw(picture.frame.bgr, result)
+    except PayloadError as error:
+        raise ExpectationNotMet(f"{picture.sample.key}: {error}") from None
+    form = form_of(options.output, default=JPEG if picture.frame.mime == JPEG else PNG)
+    return encoded(bgr, "bgr8", form, options.quality)
+
+
+def _write(name: str, file: bytes) -> None:
+    if name == STDOUT:
+        sys.stdout.buffer.write(file)
+        sys.stdout.buffer.flush()
+        return
+    try:
+        Path(name).write_bytes(file)
+    except (OSError, ValueError) as error:
+        raise SourceError(f"{name}: {getattr(error, 'strerror', None) or error}") from None

@@ -1,0 +1,1 @@
+"""``zv topic``: list, print, measure and publish data on key expressions."""

@@ -1,0 +1,177 @@
+"""``zv topic list``: list keys and their rates, without starting streams."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+from zenoh_vision.errors import ExpectationNotMet
+from zenoh_vision.topics import TOPICS, topic_of
+from zenoh_vision.transport.connection import Connection
+from zv.tools.shared.discovery import MAX_KEYS, Discovery, discover, intersect
+from zv.tools.shared.message_types import type_of
+from zv.tools.shared.output import Output, view_of
+from zv.tools.shared.session import ToolSession, key_expression
+from zv.tools.topic.options import ListOptions
+from zv.tools.topic.statistics import StreamMonitor, StreamStatistics, rate_of
+
+COLUMNS = ("key", "type", "encoding", "publishers", "subscribers", "rate Hz")
+
+State = Literal["flowing", "silent", "on demand"]
+
+
+def run(options: ListOptions, connection: Connection, output: Output) -> None:
+    """List keys once, or periodically.
+
+    Raises:
+        ExpectationNotMet: Nothing matches.
+    """
+    pattern = key_expression(options.key or f"{connection.namespace}/**")
+    with ToolSession(connection) as session:
+        if options.watch:
+            with output.display() as display:
+                while not session.stopping:
+                    entries, _ = _entries(session, discover(session), pattern, options)
+                    rows = [entry.row() for entry in entries]
+                    lines = [
+                        "  ".join("-" if cell is None else str(cell) for cell in row)
+                        for row in rows
+                    ]
+                    if not session.stopping:
+                        display.show(view_of(COLUMNS, rows, lines, list(map(asdict, entries))))
+            return
+        found = discover(session)
+        entries, left_out = _entries(session, found, pattern, options)
+        if session.stopping:
+            return
+        if not entries:
+            raise ExpectationNotMet(found.nothing_on(pattern))
+        output.table(COLUMNS, [entry.row() for entry in entries], map(asdict, entries))
+        if left_out:
+            output.note(f"{left_out} more keys are left out; name a narrower key expression")
+        if found.refused:
+            output.note(
+                f"{found.refused} nodes describe themselves at too great a length: left out"
+            )
+        if not found.answered:
+            output.note("the router does not list subscribers: streams on demand were not measured")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One key of the list; its fields are those of ``--json``.
+
+    Attributes:
+        publishers: Names of nodes, or ``?`` for each session of unknown name.
+        subscribers: Number of sessions without ours; None if the router does not tell.
+        rate_hz: Messages per second; None if unknown.
+    """
+
+    key: str
+    type: str
+    encoding: str
+    publishers: tuple[str, ...]
+    subscribers: int | None
+    state: State
+    rate_hz: float | None
+
+    def row(self) -> list[object]:
+        """Return its row of the table."""
+        rate: str = self.state
+        if self.state == "flowing":
+            rate = "~1" if self.rate_hz is None else f"{self.rate_hz:.1f}"
+        publishers = ", ".join(self.publishers) or None
+        return [self.key, self.type, self.encoding or None, publishers, self.subscribers, rate]
+
+
+def _entries(
+    session: ToolSession, found: Discovery, pattern: str, options: ListOptions
+) -> tuple[list[Entry], int]:
+    entries, left_out = observe(session, found, pattern, options.window, everything=options.all_)
+    shown = [each for each in entries if each.state == "flowing" or not options.flowing]
+    return shown, left_out
+
+
+def observe(
+    session: ToolSession,
+    found: Discovery,
+    pattern: str,
+    window_s: float,
+    *,
+    everything: bool = False,
+) -> tuple[list[Entry], int]:
+    """Measure streams for a while, and return all keys that are known or were seen, in order.
+
+    The second value is the number of keys that are left out, since there are too many.
+
+    With ``everything`` subscribe to the pattern itself, even if that starts streams.
+    """
+    patterns = [pattern] if everything else _harmless(found, pattern, session.namespace)
+    monitor = StreamMonitor(session, patterns)
+    begin_s = time.monotonic()
+    session.wait(window_s)
+    window = begin_s, time.monotonic()
+    monitor.close()
+    monitor.update()
+    seen: dict[str, list[StreamStatistics]] = {}
+    for stream in monitor.streams:
+        if intersect(pattern, stream.key):
+            seen.setdefault(stream.key, []).append(stream)
+    keys, left_out = found.listed(pattern, seen)
+    exact, wild = set(patterns), [each for each in patterns if "*" in each]
+    entries = []
+    for key in keys:
+        if session.stopping:
+            break
+        watched = key in exact or any(intersect(each, key) for each in wild)
+        entries.append(_entry(key, found, seen.get(key, []), watched, window))
+    return entries, left_out
+
+
+def _harmless(found: Discovery, pattern: str, namespace: str) -> list[str]:
+    """Return key expressions to which a subscription does not start a stream.
+
+    They are topics that are always published, keys of publishers that are not nodes and so do not
+    wait for subscribers, and keys that have a subscriber already.
+    """
+    patterns = [f"{namespace}/*/{topic.name}" for topic in TOPICS.values() if not topic.lazy]
+    patterns += list(found.subscribers)[:MAX_KEYS]
+    for key in found.listed(pattern)[0]:
+        topic = topic_of(key)
+        by_others = found.publisher_count(key) > len(found.nodes_publishing(key))
+        if topic is None or not topic.lazy or by_others:
+            patterns.append(key)
+    return [each for each in patterns if intersect(pattern, each)]
+
+
+def _entry(
+    key: str,
+    found: Discovery,
+    streams: Sequence[StreamStatistics],
+    watched: bool,
+    window: tuple[float, float],
+) -> Entry:
+    topic = topic_of(key)
+    names = sorted({*found.nodes_publishing(key), *(each.node for each in streams if each.node)})
+    unnamed = max(0, found.publisher_count(key) - len(names))
+    encoding = streams[-1].encoding if streams else topic.encoding if topic else ""
+    state: State = "on demand"
+    rate_hz = None
+    if streams:
+        state = "flowing"
+        times_s = sorted(time_s for stream in streams for time_s in stream.times_s)
+        if len(times_s) > 1:
+            rate_hz = round(rate_of(times_s, *window), 3)
+    elif watched:
+        state, rate_hz = "silent", 0.0
+    return Entry(
+        key,
+        type_of(encoding),
+        encoding,
+        (*names, *["?"] * unnamed),
+        found.subscriber_count(key),
+        state,
+        rate_hz,
+    )

@@ -1,0 +1,154 @@
+"""The options of ``zv topic list|info|echo|hz|bw|delay|pub``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+from pydantic import Field, model_validator
+
+from zenoh_vision.config.settings import Argument
+from zv.tools.shared.options import SECONDS, SHARE, ToolOptions, number_with_unit
+
+DAY_S = 86400.0
+FACTORS = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
+BANDWIDTH = number_with_unit(
+    {f"{prefix}{rest}": FACTORS[prefix] for prefix in FACTORS for rest in ("", "B", "/s", "B/s")},
+    "bandwidth such as 2.5MB/s, 300kB/s, 5000B/s",
+)
+
+Key = Annotated[str, Argument("KEY"), Field(description="key expression")]
+Window = Annotated[
+    float,
+    Field(gt=0, le=DAY_S, description="time over which the values are measured, such as 5s"),
+    SECONDS,
+]
+
+
+def _expect(what: str, limit: float | None = None) -> Any:
+    """Return the field of an expectation; the caller adds the marker of its unit."""
+    return Field(gt=0, le=limit, description=f"exit status 1 unless each stream has this {what}")
+
+
+class ListOptions(ToolOptions):
+    """Options of ``zv topic list``."""
+
+    key: Annotated[
+        str | None,
+        Argument("KEY"),
+        Field(description="key expression; default: everything in the namespace"),
+    ] = None
+    window: Window = 1.0
+    watch: Annotated[bool, Field(description="update the list until Ctrl-C")] = False
+    flowing: Annotated[bool, Field(description="only streams that are flowing")] = False
+    all_: Annotated[
+        bool,
+        Field(description="subscribe to everything, which starts streams produced on demand"),
+    ] = False
+
+
+class InfoOptions(ToolOptions):
+    """Options of ``zv topic info``."""
+
+    key: Key
+    window: Window = 1.0
+
+
+class EchoOptions(ToolOptions):
+    """Options of ``zv topic echo``."""
+
+    key: Key
+    field: Annotated[
+        str | None, Field(description="only this field of each message, such as header.seq or x")
+    ] = None
+    count: Annotated[int | None, Field(ge=1, description="end after this many messages")] = None
+    once: Annotated[bool, Field(description="end after the first message")] = False
+    for_: Annotated[
+        float | None, Field(gt=0, le=DAY_S, description="end after this time, such as 5s"), SECONDS
+    ] = None
+    header: Annotated[bool, Field(description="leave the header out")] = True
+    csv: Annotated[bool, Field(description="comma-separated values, titles first")] = False
+
+
+class MeasureOptions(ToolOptions):
+    """The common options of hz, bw and delay."""
+
+    keys: Annotated[
+        tuple[str, ...],
+        Argument("KEY"),
+        Field(
+            description="key expressions, in which * and ** match any chunks; "
+            "default: the compressed pictures of all cameras"
+        ),
+    ] = ()
+    window: Window = 5.0
+    for_: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            le=DAY_S,
+            description="measure for this time from the first message on, print the result, "
+            "and end",
+        ),
+        SECONDS,
+    ] = None
+    tolerance: Annotated[
+        float, Field(ge=0, lt=1, description="allowed deviation from --expect, such as 10%"), SHARE
+    ] = 0.1
+
+
+class HzOptions(MeasureOptions):
+    """Options of ``zv topic hz``."""
+
+    expect: Annotated[float | None, _expect("rate, Hz", limit=1e6)] = None
+
+
+class BwOptions(MeasureOptions):
+    """Options of ``zv topic bw``."""
+
+    expect: Annotated[float | None, _expect("bandwidth, such as 2.5MB/s"), BANDWIDTH] = None
+
+
+class DelayOptions(MeasureOptions):
+    """Options of ``zv topic delay``."""
+
+    expect: Annotated[float | None, _expect("mean delay, such as 20ms"), SECONDS] = None
+    at_most: Annotated[
+        float | None,
+        Field(gt=0, description="exit status 1 if a stream's p99 is over this delay, such as 50ms"),
+        SECONDS,
+    ] = None
+
+
+class PubOptions(ToolOptions):
+    """Options of ``zv topic pub``."""
+
+    key: Annotated[str, Argument("KEY"), Field(description="key, without * or **")]
+    data: Annotated[
+        str,
+        Argument("DATA"),
+        Field(description="message as JSON, a JSON file, or an image file; - reads standard input"),
+    ]
+    rate: Annotated[
+        float | None,
+        Field(gt=0, le=1000, description="messages per second, until Ctrl-C or --count"),
+    ] = None
+    count: Annotated[
+        int | None, Field(ge=1, description="end after this many messages; 1 without --rate")
+    ] = None
+    type_: Annotated[
+        str | None, Field(description="message type, for a key that is not in the topic table")
+    ] = None
+    size: Annotated[
+        str | None,
+        Field(
+            pattern=r"^[0-9]{1,5}x[0-9]{1,5}$",
+            description="frame size in the header, such as 640x480; "
+            "default: that of the camera's newest picture",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _count_has_a_rate(self) -> Self:
+        if self.count is not None and self.count > 1 and self.rate is None:
+            raise ValueError("--count over 1 needs a --rate")
+        return self

@@ -1,0 +1,1 @@
+"""The viewer: shows every stream in the browser, and serves the streams under URLs."""

@@ -1,0 +1,1 @@
+"""Discovers nodes, streams, health and parameters, and keeps their state."""

@@ -1,0 +1,185 @@
+"""Keeps the system state up to date: follows tokens, health and parameters, queries new nodes."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from typing import TypeVar
+
+import msgpack
+
+from zenoh_vision import keys
+from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadError
+from zenoh_vision.health.fleet import Event
+from zenoh_vision.health.fleet_monitor import Kind, follow
+from zenoh_vision.messages import NodeDescription, Parameter, ParameterList
+from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.query import Reply, messages_in
+from zv.viewer.discovery.network import Key, Mailbox, Network, in_slices
+from zv.viewer.discovery.system_state import SystemState
+
+log = logging.getLogger("viewer")
+
+TICK_S = 0.5
+TELL_EVERY = 4
+"""Ticks between two messages that show pages that the connection is alive."""
+
+DESCRIBE_EVERY = 10
+"""Ticks between two queries for all descriptions, since a node's subscriptions change."""
+
+SETTLE_S = 0.1
+SETTLE_NODE_S = 0.0005
+"""Events within this time, and more for each node listed, cause one query for descriptions and one
+message to pages."""
+
+MAX_DESCRIPTION_BYTES = 128 << 10
+"""Limit of a description or parameter list. They have some kB; decoding more blocks the loop."""
+
+ASK_AGAIN_S = 1.0
+ANSWER_S = 1.5
+
+M = TypeVar("M", NodeDescription, ParameterList)
+KINDS: tuple[Kind, ...] = ("token", "diagnostics", "parameter")
+ROUTER = ("", bool, "")
+"""Key in the mailbox for changes of the connection to the router."""
+
+
+class Unanswered(Exception):
+    """A node did not answer."""
+
+
+class SystemMonitor:
+    """Keeps a ``SystemState`` up to date; on the event loop.
+
+    Attributes:
+        pages: How many pages are open.
+    """
+
+    def __init__(self, system: SystemState, network: Network) -> None:
+        self.system = system
+        self.network = network
+        self.pages = 0
+        self._namespace = system.namespace
+        self._mailbox = Mailbox(network.loop, self._take)
+        self._asking: dict[str, asyncio.Task[None]] = {}
+        self._settling = False
+
+    def begin(self) -> None:
+        """Subscribe, now that there is a session."""
+        self.network.do(lambda link: follow(link, self._namespace, KINDS, self._post, _reject))
+
+    async def run(self) -> None:
+        """Watch the router and query the nodes forever."""
+        for turn in itertools.count(1):
+            self.network.do(self._check_router)
+            if turn % DESCRIBE_EVERY == 0 and (self.pages or self.system.fleet.left_out):
+                self._ask("*")
+            if turn % TELL_EVERY == 0:
+                self.system.tick()
+            self.system.expire()
+            self._settle_soon()
+            await asyncio.sleep(TICK_S)
+
+    async def set(self, node: str, values: Mapping[str, object]) -> ParameterList:
+        """Change parameters of a node, all or none, and return all parameters after the change.
+
+        Raises:
+            ParameterRefused: The node refuses.
+            Unanswered: The node does not answer.
+        """
+        try:
+            payload = msgpack.packb(dict(values))
+        except (TypeError, ValueError, OverflowError):
+            raise ParameterRefused(
+                "a value that is none of a parameter", "a number, a text, true, false or null"
+            ) from None
+        return await self.parameters(node, payload)
+
+    async def parameters(self, node: str, payload: bytes | None = None) -> ParameterList:
+        """Return the parameters of a node.
+
+        Raises:
+            Unanswered: The node does not answer.
+            ParameterRefused: The node refuses the change in the payload.
+        """
+        key = keys.parameters_key(self._namespace, node)
+        for reply in await self.network.ask(key, payload=payload, timeout_s=ANSWER_S):
+            try:
+                found = reply.message(ParameterList)
+            except (PayloadError, ExpectationNotMet) as error:
+                raise Unanswered(f"{node}: {error}") from None
+            if found.node == node:
+                return found
+        raise Unanswered(f"{node} does not answer")
+
+    # On the network's and Zenoh's threads
+
+    def _post(self, name: str, event: Event) -> None:
+        parameter = event.name if isinstance(event, Parameter) else ""
+        self._mailbox.put((name, type(event), parameter), event)
+
+    def _check_router(self, link: Link) -> None:
+        connected = link.connected
+        if connected != self.system.connected:
+            self._mailbox.put(ROUTER, connected)
+
+    # On the loop
+
+    def _take(self, key: Key, event: Event) -> None:
+        if key == ROUTER:
+            self.system.router(event is True)
+            if event is True:
+                self._ask("*")
+            return
+        try:
+            self.system.take(key[0], event)
+        except PayloadError as error:
+            _reject(error)
+        if isinstance(event, bool):
+            self._settle_soon()
+
+    def _settle_soon(self) -> None:
+        if not self._settling:
+            self._settling = True
+            delay_s = SETTLE_S + SETTLE_NODE_S * len(self.system.fleet.nodes())
+            self.network.loop.call_later(delay_s, self._settle)
+
+    def _settle(self) -> None:
+        self._settling = False
+        for name in self.system.fleet.to_ask(time.time_ns(), ASK_AGAIN_S):
+            self._ask(name)
+        self.system.flush()
+
+    def _ask(self, node: str) -> None:
+        """Begin to ask a node, or all with ``*``, unless that is going on."""
+        if node not in self._asking:
+            task = self._asking[node] = self.network.loop.create_task(self._learn(node))
+            task.add_done_callback(lambda _: self._asking.pop(node))
+
+    async def _learn(self, node: str) -> None:
+        """Query the description and parameters of a node, or of all nodes with ``*``."""
+        described, listed = await asyncio.gather(
+            self.network.ask(keys.node_key(self._namespace, node)),
+            self.network.ask(keys.parameters_key(self._namespace, node)),
+        )
+        async for description in in_slices(_of_their_nodes(described, NodeDescription)):
+            try:
+                self.system.describe(description)
+            except PayloadError as error:
+                _reject(error)
+        async for found in in_slices(_of_their_nodes(listed, ParameterList)):
+            self.system.set_parameters(found)
+        self._settle_soon()
+
+
+def _of_their_nodes(replies: list[Reply], kind: type[M]) -> Iterator[M]:
+    """Yield the messages of replies on the key of the node that they are about."""
+    small = (each for each in replies if each.ok and len(each.ok.payload) <= MAX_DESCRIPTION_BYTES)
+    return (found for reply, found in messages_in(small, kind) if found.node == reply.name)
+
+
+def _reject(error: PayloadError) -> None:
+    log.debug("%s", error)

@@ -1,0 +1,256 @@
+"""The state of the system that pages show: nodes, streams, health, parameters, log of changes."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator
+
+from zenoh_vision import keys
+from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet, NodeState
+from zenoh_vision.messages import (
+    Diagnostics,
+    Level,
+    NodeDescription,
+    Parameter,
+    ParameterList,
+)
+from zv.viewer import events
+from zv.viewer.discovery.matching import matches
+from zv.viewer.topics import is_stream, kind_of
+
+LINES = 200
+FORGET_S = 600.0
+MAX_PUBLISHED = 256
+"""Keys that a node publishes, and those that it subscribes to."""
+
+MAX_STREAMS = 4096
+CUT_AGAIN_S = 60.0
+
+
+class SystemState:
+    """A fleet, and the messages that describe it to pages; used on the event loop.
+
+    Messages about health and parameters are sent at once. The lists of nodes and streams are made
+    from all nodes, so ``flush`` sends them once for many changes; the JSON of each node's part is
+    made when the node changes.
+
+    Args:
+        namespace: First chunk of the nodes' keys.
+        say: Called with the text of each message to all pages, and with a name: the message
+            replaces a queued one of the same name. None replaces nothing.
+    """
+
+    def __init__(self, namespace: str, say: Callable[[str, Hashable | None], None]) -> None:
+        self.namespace = namespace
+        self.connected = False
+        self._cut_said: dict[str, float] = {}
+        self.fleet = Fleet(forget_s=FORGET_S)
+        self._say = say
+        self._lines: deque[tuple[str, Hashable]] = deque(maxlen=LINES)
+        self._lines_made = 0
+        self._items: dict[str, tuple[str, dict[str, str]]] = {}  # a node's, its streams' by keys
+        self._told: dict[str, str] = {}
+        self._changed = False
+        self._streams: list[str] | None = None
+
+    # What pages get
+
+    def overview(self) -> list[tuple[str, Hashable]]:
+        """Return the messages that a new page needs at once, each with what it replaces."""
+        return [*self._lines, (self._router_text(), "router"), *self._lists()]
+
+    def details(self) -> Iterator[tuple[str, Hashable]]:
+        """Yield the other messages that a new page needs, of each node as it is then."""
+        for name in [node.name for node in self.fleet.nodes()]:
+            node = self.fleet.node(name)
+            if node is not None and node.report is not None:
+                yield _health_text(node, node.report), ("health", name)
+            if node is not None and node.alive and node.parameters:
+                yield _parameters_text(node), ("parameters", name)
+
+    @property
+    def streams(self) -> list[str]:
+        """The keys of the streams of the living nodes, sorted."""
+        if self._streams is None:
+            alive = (node.name for node in self.fleet.nodes() if node.alive)
+            self._streams = sorted({key for name in alive for key in self._items[name][1]})
+        return self._streams
+
+    # What happens
+
+    def router(self, connected: bool) -> None:
+        """Note that the router was connected or lost."""
+        if connected != self.connected:
+            self.connected = connected
+            self._say(self._router_text(), "router")
+            there = "there" if connected else "gone"
+            self.log("INFO" if connected else "WARN", "", f"the router is {there}")
+
+    def take(self, name: str, event: Event) -> None:
+        """Note an event of a node.
+
+        Raises:
+            PayloadError: As for the methods of ``Fleet``.
+        """
+        before = self.fleet.node(name)
+        if isinstance(event, bool):
+            if self.fleet.token(name, event, time.time_ns()):
+                self.log("INFO" if event else "WARN", name, f"is {'there' if event else 'gone'}")
+                self._node_changed(name)
+        elif before is None:
+            return  # it has no token
+        elif isinstance(event, Diagnostics):
+            self._take_report(before, event)
+        elif self.fleet.change_parameter(name, event):
+            text = events.text("parameter", node=name, parameter=event.to_map())
+            self._say(text, ("parameter", name, event.name))
+            known = before.parameters.get(event.name)
+            if known is None or known.value != event.value:
+                was = "" if known is None else f"{_value(known)} -> "
+                self.log("INFO", name, f"{event.name} {was}{_value(event)}")
+
+    def describe(self, description: NodeDescription) -> None:
+        """Note a node's description; raises PayloadError, as ``Fleet.describe``."""
+        lists = {"publishes": description.publishes, "subscribes": description.subscribes}
+        kept = {name: found[:MAX_PUBLISHED] for name, found in lists.items()}
+        if kept != lists:
+            node = description.node[:100]
+            self._say_cut(f"{node} names more than {MAX_PUBLISHED} keys; the list is cut")
+        description = description.model_copy(update={"stamp_ns": None, **kept})
+        before = self.fleet.node(description.node)
+        if before is not None and before.answered and before.description == description:
+            return
+        if self.fleet.describe(description.node, description):
+            self._node_changed(description.node)
+
+    def set_parameters(self, found: ParameterList) -> None:
+        """Note all parameters of a node."""
+        if self.fleet.set_parameters(found.node, found.parameters):
+            node = self.fleet.node(found.node)
+            assert node is not None
+            self._say(_parameters_text(node), ("parameters", found.node))
+
+    def expire(self) -> None:
+        """Forget the nodes that have been gone for long."""
+        if self.fleet.expire(time.time_ns()):
+            self._changed = True
+            self._streams = None
+
+    def flush(self) -> None:
+        """Send the lists of nodes and streams to pages, if they have changed."""
+        if not self._changed:
+            return
+        self._changed = False
+        for text, op in self._lists():
+            if self._told.get(op) != text:
+                self._told[op] = text
+                self._say(text, op)
+
+    def log(self, level: str, node: str, text: str) -> None:
+        """Keep a line of the log and send it to all pages."""
+        line = events.text("log", at_ns=time.time_ns(), level=level, node=node, text=text[:500])
+        self._lines_made += 1
+        replaces = ("log", self._lines_made % LINES)  # so that as many wait for a page at most
+        self._lines.append((line, replaces))
+        self._say(line, replaces)
+
+    def tick(self) -> None:
+        """Send pages a sign that the connection is alive."""
+        self._say(events.text("tick", now_ns=time.time_ns()), "tick")
+
+    def _say_cut(self, text: str) -> None:
+        if time.monotonic() - self._cut_said.get(text, -CUT_AGAIN_S) >= CUT_AGAIN_S:
+            if len(self._cut_said) >= LINES:
+                self._cut_said.clear()
+            self._cut_said[text] = time.monotonic()
+            self.log("WARN", "", text)
+
+    def _take_report(self, before: NodeState, report: Diagnostics) -> None:
+        # By the time of arrival: a node's own clock may be wrong.
+        self.fleet.report(before.name, report, time.time_ns())
+        node = self.fleet.node(before.name)
+        if node is None or not node.alive:
+            return
+        self._say(_health_text(node, report), ("health", node.name))
+        known = before.report
+        was = (known.level, _without_digits(known.message)) if known else (0, "ok")
+        if (report.level, _without_digits(report.message)) != was:
+            self.log(Level(report.level).name, node.name, report.message)
+
+    def _node_changed(self, name: str) -> None:
+        """Make the items of a node anew, and have the lists sent."""
+        self._changed = True
+        self._streams = None
+        node = self.fleet.node(name)
+        assert node is not None
+        description = node.description
+        about = {"node": name} if description is None else description.to_map()
+        item = events.to_json({**about, "alive": node.alive, "since_ns": _gone_ns(node)})
+        published = () if description is None else description.publishes
+        streams = (key for key in published if is_stream(key, self.namespace))
+        self._items[name] = item, {key: _stream_item(key, node) for key in streams}
+        if len(self._items) > 2 * MAX_NODES:  # some are of nodes that the fleet has forgotten
+            self._items = {each.name: self._items[each.name] for each in self.fleet.nodes()}
+
+    # Texts
+
+    def _router_text(self) -> str:
+        return events.text("router", connected=self.connected)
+
+    def _lists(self) -> list[tuple[str, str]]:
+        """Return the messages with the lists of all nodes, each with its name."""
+        nodes = self.fleet.nodes()
+        streams: dict[str, str] = {}
+        # If two nodes publish a key, the later one in the list counts, which is alive.
+        for node in sorted(nodes, key=lambda each: each.alive):
+            streams |= self._items[node.name][1]
+        if len(nodes) >= MAX_NODES:
+            self._say_cut(f"there are {MAX_NODES} nodes, the maximum; more are left out")
+        if len(streams) > MAX_STREAMS:
+            self._say_cut(f"there are more than {MAX_STREAMS} streams; the list is cut")
+        shown = sorted(streams)[:MAX_STREAMS]
+        heard = (key for node in nodes if node.description for key in node.description.subscribes)
+        return [
+            (events.list_text("nodes", (self._items[node.name][0] for node in nodes)), "nodes"),
+            (events.list_text("streams", (streams[key] for key in shown)), "streams"),
+            (events.text("matches", expressions=matches(heard, shown)), "matches"),
+        ]
+
+
+def _stream_item(key: str, node: NodeState) -> str:
+    kind = kind_of(key)
+    item = {
+        "key": key,
+        "kind": "picture" if kind.picture else "message",
+        "camera": keys.camera_of(key),
+        "topic": keys.suffix_of(key),
+        "type": kind.type,
+        "node": node.name,
+        "live": node.alive,
+        "since_ns": _gone_ns(node),
+    }
+    return events.to_json(item)
+
+
+def _health_text(node: NodeState, report: Diagnostics) -> str:
+    fields = report.to_map()
+    return events.text("health", node=node.name, diagnostics=fields, at_ns=node.reported_ns)
+
+
+def _parameters_text(node: NodeState) -> str:
+    found = [each.to_map() for each in node.parameters.values()]
+    return events.text("parameters", node=node.name, parameters=found)
+
+
+def _gone_ns(node: NodeState) -> int | None:
+    return None if node.alive else node.since_ns
+
+
+def _value(parameter: Parameter) -> str:
+    return "not set" if parameter.value is None else repr(parameter.value)
+
+
+def _without_digits(message: str) -> str:
+    """Return a message without its numbers, which change every second."""
+    return "".join(character for character in message if not character.isdigit())

@@ -1,0 +1,1 @@
+"""The web server: listening socket, connections, access rules, token, routes and page files."""

@@ -1,0 +1,130 @@
+"""Decides which requests are allowed, by their host, the site of their origin, and a token."""
+
+from __future__ import annotations
+
+import hmac
+import re
+import socket
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+from zv.viewer.http.listener import is_address, is_loopback
+
+COOKIE = "zv_token"
+NAME = re.compile(r"[a-z0-9_.-]{1,100}")
+PORT = re.compile(r":([0-9]{1,5})$")
+PUBLIC_PATHS = ("/healthz",)
+"""Paths that need no token."""
+
+SECURITY_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' blob: data:; connect-src 'self'; manifest-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """The access rules of one viewer."""
+
+    token: str | None = field(repr=False)  # None: not required; only loopback names are served
+    names: frozenset[str]  # under which the viewer is served, besides IP addresses
+
+    def check(self, request: web.Request) -> None:
+        """Raise HTTPForbidden or HTTPUnauthorized for a wrong host, origin or token."""
+        host = request.headers.get("Host")
+        self.check_host(host)
+        kind, _, authorization = request.headers.get("Authorization", "").partition(" ")
+        bearer = authorization if kind.lower() == "bearer" else None
+        token, cookie = request.query.get("token"), request.cookies.get(cookie_name(host))
+        if "Upgrade" in request.headers or request.method not in ("GET", "HEAD"):
+            self.check_origin(request.headers.get("Origin"), host)
+        elif not (self.is_token(token) or self.is_token(bearer)):
+            self.check_site(request.headers, host)
+        if request.path not in PUBLIC_PATHS:
+            self.check_token((token, cookie, bearer))
+
+    def check_host(self, host: str | None) -> None:
+        """Raise HTTPForbidden for an unknown ``Host``: any name may resolve to this machine.
+
+        Even its own name may be answered for by others, so that it needs a token.
+        """
+        name = host_name(host or "")
+        if is_loopback(name) or (self.token and (name in self.names or is_address(name))):
+            return
+        shown = name if NAME.fullmatch(name) else "NAME"
+        raise web.HTTPForbidden(
+            text=f"host {host!r} is not served here; --allow-host {shown} allows it with a token\n"
+        )
+
+    def check_origin(self, origin: str | None, host: str | None) -> None:
+        """Raise HTTPForbidden for an ``Origin`` of another site; programs send none."""
+        if origin is None:
+            return
+        try:
+            site = urlsplit(origin).netloc.lower()
+        except ValueError:
+            site = ""
+        if site != (host or "").lower():
+            raise web.HTTPForbidden(
+                text=f"a page of {origin!r} may not request this; allowed: a page of {host!r}\n"
+            )
+
+    def check_site(self, headers: Mapping[str, str], host: str | None) -> None:
+        """Raise HTTPForbidden for what a page of another site loads, except by a link."""
+        sent = headers.get("Sec-Fetch-Mode"), headers.get("Sec-Fetch-Dest")
+        if sent == ("navigate", "document"):  # a page that takes up the whole tab
+            return
+        self.check_origin(headers.get("Origin"), host)
+        if headers.get("Sec-Fetch-Site") == "cross-site":
+            raise web.HTTPForbidden(
+                text="a page of another site may load this only with ?token=TOKEN; see --token\n"
+            )
+
+    def check_token(self, given: Iterable[str | None]) -> None:
+        """Raise HTTPUnauthorized unless URL, cookie or ``Authorization`` gave the token."""
+        found = [text for text in given if text is not None]
+        if self.token is None or any(map(self.is_token, found)):
+            return
+        raise web.HTTPUnauthorized(
+            text=f"{'the token is wrong' if found else 'a token is required'}: "
+            "open the address that `zv view` prints, or add ?token=TOKEN\n",
+            headers={"WWW-Authenticate": "Bearer"},
+        )
+
+    def is_token(self, text: str | None) -> bool:
+        """Tell whether a text is the token, in constant time."""
+        if self.token is None or text is None:
+            return False
+        given = text.encode(errors="surrogateescape")  # a header may hold any byte
+        return hmac.compare_digest(given, self.token.encode())
+
+
+def host_name(host: str) -> str:
+    """Return the name or address in a ``Host`` header, without its port, in lower case."""
+    host = host.strip().lower()
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.partition(":")[0].removesuffix(".")
+
+
+def cookie_name(host: str | None) -> str:
+    """Return the name of the cookie that holds the token of the viewer at a host and port.
+
+    Browsers send a host's cookies to all its ports, so two viewers on one machine need different
+    names. The port is that of the ``Host`` header ``host``: outside of a container it differs
+    from the port that the viewer listens on.
+    """
+    port = PORT.search((host or "").strip())
+    return f"{COOKIE}_{port[1]}" if port else COOKIE
+
+
+def own_names(host: str, allowed: Iterable[str]) -> frozenset[str]:
+    """Return the names of a viewer that listens on a host: its own, and those allowed."""
+    own = socket.gethostname().lower()
+    return frozenset({own, f"{own.partition('.')[0]}.local", host.lower(), *allowed})

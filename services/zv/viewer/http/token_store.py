@@ -1,0 +1,61 @@
+"""The token that browsers must present: from the settings, or generated and kept in a file."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+
+from zv.viewer.http.listener import is_loopback
+from zv.viewer.settings import TOKEN_PATTERN
+
+log = logging.getLogger("viewer")
+
+TOKEN_BYTES = 24
+
+
+def token_for(
+    host: str, configured: str | None, folder: Path | None = None, *, names: Iterable[str] = ()
+) -> str | None:
+    """Return the token that a viewer on this address requires; None if it requires none.
+
+    A generated token is kept in ``folder``; None for the user's state folder. ``names`` are the
+    other names of the viewer, besides ``host``.
+    """
+    if configured is not None:
+        return configured
+    if all(map(is_loopback, (host, *names))):
+        return None
+    path = (folder or state_folder()) / "viewer_token"
+    try:
+        return stored_token(path)
+    except OSError as error:
+        log.warning("the token is valid for this run only: %s: %s", path, error.strerror or error)
+        return secrets.token_urlsafe(TOKEN_BYTES)
+
+
+def stored_token(path: Path) -> str:
+    """Return the token in a file; generate one if the file has none."""
+    try:
+        text = path.read_text(errors="replace").strip()
+    except FileNotFoundError:
+        text = ""
+    if re.fullmatch(TOKEN_PATTERN, text):
+        path.chmod(0o600)
+        return text
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    token = secrets.token_urlsafe(TOKEN_BYTES)
+    path.unlink(missing_ok=True)
+    path.touch(0o600, exist_ok=False)
+    path.write_text(f"{token}\n")
+    return token
+
+
+def state_folder() -> Path:
+    """Return the folder of this user's state files, by the XDG specification."""
+    configured = os.environ.get("XDG_STATE_HOME", "")
+    base = Path(configured) if configured.startswith("/") else Path("~/.local/state").expanduser()
+    return base / "zenoh-vision"

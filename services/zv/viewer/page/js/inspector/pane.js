@@ -1,0 +1,165 @@
+// One picture of the large view: its canvas, the overlay's canvas above it, its text, and the
+// pointer on it.
+
+import { topicName } from "../model/streams.js";
+import { element, setData, setText } from "../ui/elements.js";
+import { drawOverlay } from "../video/overlay.js";
+import { release } from "../video/watches.js";
+
+const PIXELS_FROM_SCALE = 2; // from here on, pixels are seen as squares
+const WHEEL_STEP = 0.0015;
+
+export class Pane {
+	/** `grid` is the PaneGrid that receives the pointer events of this pane. */
+	constructor(stream, grid) {
+		this.stream = stream;
+		this.seq = null;
+		this.item = null;
+		this.pixel = ""; // the value under the pointer
+		this.probe = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+		this.picture = element("canvas", { class: "picture", "data-key": stream.key,
+			"data-live": "false", role: "img", "aria-label": `${stream.camera} ${topicName(stream)}` });
+		this.overlay = element("canvas", { class: "overlay", "aria-hidden": "true" });
+		this.state = element("p", { class: "pane-state", role: "status" });
+		this.badge = element("span");
+		this.value = element("output", { class: "pane-value" });
+		this.behind = element("span", { class: "pane-behind" });
+		this.surface = element("div", { class: "pane-surface" }, this.picture, this.overlay,
+			element("p", { class: "pane-badge" }, element("i", { class: "lamp" }), this.badge), this.state);
+		this.element = element("figure", { class: "pane", "data-key": stream.key }, this.surface,
+			element("figcaption", {}, element("b", {}, topicName(stream)), this.behind, this.value));
+		listenToPointer(this, grid);
+	}
+
+	get size() {
+		return { width: this.picture.width, height: this.picture.height };
+	}
+
+	/** Make the canvases as large as the pane is. */
+	fitToSurface() {
+		const width = Math.max(1, Math.round(this.surface.clientWidth * devicePixelRatio));
+		const height = Math.max(1, Math.round(this.surface.clientHeight * devicePixelRatio));
+		if (this.picture.width === width && this.picture.height === height) return;
+		for (const canvas of [this.picture, this.overlay]) Object.assign(canvas, { width, height });
+	}
+
+	/** Show this pane's picture of a frame; without one, keep the previous picture, with a mark. */
+	take(frame) {
+		const item = frame.items.get(this.stream.key);
+		if (!item?.bitmap) return;
+		if (this.item !== item) release(this.item);
+		this.item = item;
+		this.seq = frame.seq;
+	}
+
+	/**
+	 * Draw the picture, and the overlay if it is of the same frame. `overlay` is {keys, trails};
+	 * `pointer` is a point of the frame, or null.
+	 */
+	paint(frame, view, overlay, pointer) {
+		const { width, height } = this.size;
+		const picture = this.picture.getContext("2d", { alpha: false });
+		const marks = this.overlay.getContext("2d");
+		picture.fillStyle = "#000";
+		picture.fillRect(0, 0, width, height);
+		marks.clearRect(0, 0, width, height);
+		if (!this.item) return;
+		const { header } = frame;
+		const toCanvas = (point) => view.toPane(this.size, point);
+		const corner = toCanvas({ x: 0, y: 0 });
+		picture.imageSmoothingEnabled = view.scale < PIXELS_FROM_SCALE;
+		picture.drawImage(this.item.bitmap, corner.x, corner.y, header.width * view.scale,
+			header.height * view.scale);
+		const drawn = this.seq === frame.seq
+			? drawOverlay(marks, frame, overlay, toCanvas, devicePixelRatio) : [];
+		if (pointer) drawSpot(marks, toCanvas(pointer), 5 * devicePixelRatio);
+		this.describe(frame, view, overlay, drawn);
+		this.pixel = pointer ? this.valueAt(pointer, header) : "";
+		setText(this.value, this.pixel);
+	}
+
+	close() {
+		release(this.item);
+		this.item = null;
+	}
+
+	showState(live, text) {
+		setData(this.picture, { live });
+		setData(this.element, { live });
+		setText(this.state, text);
+	}
+
+	/** Describe what is drawn in data attributes, for styles and tests. */
+	describe(frame, view, overlay, drawn) {
+		const isJoined = overlay.keys.length > 0 && overlay.keys.every((key) => frame.items.has(key));
+		const isBehind = this.seq !== frame.seq;
+		setData(this.element, { step: !isBehind });
+		setText(this.behind, isBehind ? `frame ${this.seq}, not ${frame.seq}` : "");
+		const { epoch } = frame;
+		setData(this.picture, { epoch, seq: this.seq, overlay: isJoined ? "joined" : "without" });
+		setData(this.overlay, { boxes: JSON.stringify(drawn), view: `${view.scale} ${view.x} ${view.y}` });
+	}
+
+	valueAt({ x, y }, header) {
+		const { bitmap } = this.item;
+		const column = Math.floor((x * bitmap.width) / header.width);
+		const row = Math.floor((y * bitmap.height) / header.height);
+		this.probe.clearRect(0, 0, 1, 1);
+		this.probe.drawImage(bitmap, -column, -row);
+		const [red, green, blue] = this.probe.getImageData(0, 0, 1, 1).data;
+		return red === green && green === blue ? `${red}` : `R ${red}  G ${green}  B ${blue}`;
+	}
+}
+
+/** A small square at the pointer: the same in each pane. */
+function drawSpot(context, { x, y }, half) {
+	context.lineWidth = 1;
+	for (const [colour, by] of [["#000", half + 1], ["#fff", half]]) {
+		context.strokeStyle = colour;
+		context.strokeRect(x - by, y - by, 2 * by, 2 * by);
+	}
+}
+
+/** Pass the events of mouse, pen and fingers on a pane to its grid, in device pixels of the pane. */
+function listenToPointer(pane, grid) {
+	const { surface } = pane;
+	const down = new Map(); // id of a pointer -> its last point
+	const pointOf = (event) => {
+		const box = surface.getBoundingClientRect();
+		return { x: (event.clientX - box.left) * devicePixelRatio,
+			y: (event.clientY - box.top) * devicePixelRatio };
+	};
+
+	surface.addEventListener("pointerdown", (event) => {
+		if (event.button > 0) return;
+		down.set(event.pointerId, pointOf(event));
+		surface.setPointerCapture(event.pointerId);
+	});
+	surface.addEventListener("pointermove", (event) => {
+		const at = pointOf(event);
+		grid.setPointer(pane, at);
+		const before = down.get(event.pointerId);
+		if (!before) return;
+		if (down.size === 2) pinch(event.pointerId, before, at);
+		else grid.pan(at.x - before.x, at.y - before.y);
+		down.set(event.pointerId, at);
+	});
+	for (const name of ["pointerup", "pointercancel"]) {
+		surface.addEventListener(name, (event) => down.delete(event.pointerId));
+	}
+	surface.addEventListener("pointerleave", (event) => {
+		if (event.pointerType === "mouse") grid.setPointer(pane, null);
+	});
+	surface.addEventListener("wheel", (event) => {
+		event.preventDefault();
+		grid.zoom(Math.exp(-event.deltaY * WHEEL_STEP), pointOf(event));
+	}, { passive: false });
+	surface.addEventListener("dblclick", (event) => grid.toggleFit(pane, pointOf(event)));
+
+	function pinch(moving, before, at) {
+		const [, other] = [...down].find(([id]) => id !== moving);
+		const distance = (point) => Math.max(1, Math.hypot(point.x - other.x, point.y - other.y));
+		grid.zoom(distance(at) / distance(before), { x: (at.x + other.x) / 2, y: (at.y + other.y) / 2 });
+		grid.pan((at.x - before.x) / 2, (at.y - before.y) / 2);
+	}
+}

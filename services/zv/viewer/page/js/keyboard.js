@@ -1,0 +1,104 @@
+// Keyboard commands: one table for the keyboard and for the help.
+
+import { byId, element } from "./ui/elements.js";
+import { toggleTheme } from "./ui/preferences.js";
+
+const PAN_PX = 60;
+const ARROWS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const KEYS = { Space: [" "], "Shift S": ["S"], "← ↑ → ↓": Object.keys(ARROWS), "+": ["+", "="] };
+
+// Each row: the key as shown in the help, its effect, the command, its argument.
+const TABLE = {
+	Everywhere: [
+		["?", "keyboard shortcuts", "help"],
+		["w", "all streams", "wall"],
+		["/", "filter the streams", "filter"],
+		["e", "parameters", "panel", "parameters"],
+		["p", "plots", "panel", "plots"],
+		["g", "graph of nodes and keys", "panel", "graph"],
+		["h", "health", "panel", "health"],
+		["l", "log", "panel", "log"],
+		["d", "dark or light", "theme"],
+		["Esc", "close the menu, the panel, the large view"],
+	],
+	"On the wall": [
+		["← ↑ → ↓", "select a stream", "move"],
+		["Enter", "enlarge the stream"],
+	],
+	"In the large view": [
+		["Space", "pause, continue", "togglePause"],
+		[",", "one frame back", "step", -1],
+		[".", "one frame forward", "step", 1],
+		["+", "zoom in", "zoom", 1.25],
+		["-", "zoom out", "zoom", 0.8],
+		["0", "whole frame", "fit"],
+		["1", "one to one", "actual"],
+		["← ↑ → ↓", "move the picture", "move"],
+		["n", "next stream", "neighbour", 1],
+		["b", "previous stream", "neighbour", -1],
+		["o", "overlay on or off", "toggleOverlay"],
+		["f", "full screen", "fullScreen"],
+		["s", "save the picture as received", "save"],
+		["Shift S", "save with the overlay, PNG", "saveDrawn"],
+	],
+};
+const ROWS = new Map(Object.values(TABLE).flat().filter((row) => row.length > 2)
+	.flatMap((row) => (KEYS[row[0]] ?? [row[0]]).map((key) => [key, row])));
+
+/** Run a command; returns whether it had an effect. */
+function run({ wall, inspector, dock, go }, command, argument, key) {
+	if (command === "move" && !inspector.isOpen) return wall.move(key);
+	if (command === "move") inspector.pan(...ARROWS[key].map((share) => share * PAN_PX));
+	else if (command === "panel") dock.toggle(argument);
+	else if (command === "theme") toggleTheme();
+	else if (command === "help") byId("help").showModal();
+	else if (command === "wall" || command === "filter") {
+		go([]);
+		if (command === "filter") byId("filter").focus();
+	} else if (inspector.isOpen) inspector[command](argument);
+	else return false;
+	return true;
+}
+
+/** Listen to the keyboard; `parts` is {wall, inspector, dock, go}. */
+export function listenToKeyboard(parts) {
+	const help = byId("help");
+	byId("help-keys").replaceChildren(...Object.entries(TABLE).map(helpSection));
+	byId("help-button").addEventListener("click", () => help.showModal());
+	help.addEventListener("click", (event) => event.target === help && help.close());
+
+	addEventListener("keydown", (event) => {
+		if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
+		if (event.key === "Escape") {
+			if (isTyping(event)) event.target.blur();
+			else if (!help.open) escape(parts);
+			return;
+		}
+		if (help.open || isTyping(event)) return;
+		const row = ROWS.get(event.key);
+		if (row && run(parts, row[2], row[3], event.key)) event.preventDefault();
+	});
+}
+
+/** Close the panel if one is open, else the large view. Menus close by themselves. */
+function escape({ inspector, dock, go }) {
+	if (document.querySelector(":popover-open") || document.fullscreenElement) return;
+	if (dock.open && byId("dock").contains(document.activeElement)) dock.show("");
+	else if (inspector.isOpen) go([]);
+	else if (dock.open) dock.show("");
+}
+
+/** Tell whether a key belongs to the control that has the focus. */
+function isTyping({ target, key }) {
+	if (target.closest("select, input:not([type=checkbox], [type=range])")) return true;
+	const usesArrows = target.closest("input[type=range], #log-lines");
+	if (usesArrows && (key.startsWith("Arrow") || key === " ")) return true;
+	return key === " " && Boolean(target.closest("button, summary, input, a"));
+}
+
+function helpSection([title, rows]) {
+	return element("section", {}, element("h3", {}, title), element("dl", {},
+		...rows.flatMap(([keys, text]) => [
+			element("dt", {}, ...keys.split(" ").map((key) => element("kbd", {}, key))),
+			element("dd", {}, text)])));
+}

@@ -1,0 +1,108 @@
+// Streams: their names and order, the statistics of their arrival, and why one is not live.
+
+import { clock, duration } from "../ui/format.js";
+
+export const RAW = "raw";
+
+const ORDER = ["image", "tracked", "mask", "edges", "smoothed", "magnitude", "direction",
+	"suppressed", "thresholded", "background", RAW];
+const OVERLAY_ORDER = ["centroid", "tracks", "truth"];
+const WINDOW_MS = 3000;
+const SILENCE_MS = 1000;
+const FRAMES_OF_SILENCE = 3;
+const INTERVALS = 8;
+
+/** "image", "mask", "smoothed": the topic without its common suffix. */
+export function topicName(stream) {
+	if (stream.kind === "picture" && stream.topic === "image") return RAW; // the uncompressed version
+	return stream.topic.replace(/\/compressed$/, "").replace(/^edges\/(?=.)/, "");
+}
+
+export function streamName(stream) {
+	return `${stream.camera} / ${topicName(stream)}`;
+}
+
+/** Picture streams in the wall's order: live ones first, the cameras' own before derived ones. */
+export function pictureStreams(streams) {
+	const place = (stream) => {
+		const at = ORDER.indexOf(topicName(stream));
+		return at < 0 ? ORDER.length : at;
+	};
+	return streams
+		.filter((stream) => stream.kind === "picture")
+		.sort((a, b) => b.live - a.live || place(a) - place(b)
+			|| topicName(a).localeCompare(topicName(b)) || a.camera.localeCompare(b.camera));
+}
+
+/** The streams with boxes or a centroid of one camera, those of the tracker first. */
+export function overlayStreams(streams, camera) {
+	return streams
+		.filter((stream) => stream.camera === camera && stream.kind === "message"
+			&& /vision\.(Centroid|Tracks)\.v1/.test(stream.type))
+		.sort((a, b) => OVERLAY_ORDER.indexOf(a.topic) - OVERLAY_ORDER.indexOf(b.topic));
+}
+
+export function median(values) {
+	return [...values].sort((a, b) => a - b)[(values.length - 1) >> 1];
+}
+
+/** The silence, in ms, after which a stream with this frame time is not live. */
+export function longestSilence(frameTime) {
+	return Math.max(SILENCE_MS, FRAMES_OF_SILENCE * frameTime);
+}
+
+/** Statistics of one stream at this page: its rate, its losses, and whether it is live. */
+export class StreamStatistics {
+	constructor() {
+		this.endedSince = null; // since when the server has had nothing, ms since 1970
+		this.reset();
+	}
+
+	/** Reset to the state before the first picture. */
+	reset() {
+		Object.assign(this, { samples: [], intervals: [], lost: 0, skipped: 0, lastAt: null });
+	}
+
+	/** Count one picture that arrived at `now`, ms; `skipped` others were not sent to this page. */
+	add(now, { skipped = 0, lost = 0, header } = {}) {
+		if (header?.epoch !== this.epoch) {
+			Object.assign(this, { epoch: header?.epoch, samples: [], intervals: [] });
+		}
+		if (this.samples.length) {
+			this.intervals = [now - this.lastAt, ...this.intervals].slice(0, INTERVALS);
+		}
+		this.samples.push({ now, frames: 1 + skipped });
+		while (now - this.samples[0].now > WINDOW_MS && this.samples.length > 2) {
+			this.samples.shift();
+		}
+		this.lost = lost;
+		this.skipped += skipped;
+		this.lastAt = now;
+		this.endedSince = null;
+	}
+
+	/** Frames a second of the stream, whether shown here or not; null before the second frame. */
+	rate(now) {
+		if (this.samples.length < 2 || !this.isLive(now)) return null;
+		const frames = this.samples.slice(1).reduce((sum, sample) => sum + sample.frames, 0);
+		return 1000 / Math.max((this.samples.at(-1).now - this.samples[0].now) / frames, 0.1);
+	}
+
+	/** Tell whether a picture arrived within a second or three frame times. */
+	isLive(now) {
+		if (this.lastAt === null || this.endedSince !== null) return false;
+		// The median, since a single gap is not the usual frame time.
+		return now - this.lastAt <= longestSilence(median(this.intervals) ?? 0);
+	}
+
+	/** Return why a stream is not live; `serverNow` is in ms since 1970. */
+	explainSilence(stream, now, serverNow) {
+		const since = stream.live ? this.endedSince : stream.since;
+		if (since !== null) {
+			const passed = duration(Math.max(0, serverNow - since));
+			return `${stream.live ? "no picture" : "gone"} since ${clock(since)}\n${passed}`;
+		}
+		if (this.lastAt === null) return "waiting for a picture";
+		return `no picture for ${duration(now - this.lastAt)}`;
+	}
+}

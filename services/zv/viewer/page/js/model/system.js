@@ -1,0 +1,116 @@
+// The state of the running system: streams, nodes, their health, parameters, log lines.
+// Emits "hello", "streams", "matches", "nodes", "health", "parameters", "log", "router" when they
+// change.
+
+import { Events, milliseconds } from "../transport/connection.js";
+
+const LINES_KEPT = 1000;
+const HISTORY_MS = 5 * 60 * 1000;
+
+export class System extends Events {
+	constructor(connection) {
+		super();
+		this.hello = null;
+		this.streams = [];
+		this.nodes = [];
+		this.matches = {}; // key expression with wildcards -> the keys of streams that it matches
+		this.histories = new Map(); // node -> [{at, diagnostics, rate, p50, p99, drops}]
+		this.parameters = new Map(); // node -> (name -> parameter)
+		this.lines = [];
+		this.routerConnected = null;
+		this.clockOffset = performance.timeOrigin;
+		connection.on("hello", (hello) => this.onHello(hello));
+		connection.on("streams", ({ streams }) => {
+			this.streams = streams.map((stream) => ({ ...stream, since: milliseconds(stream.since_ns) }));
+			this.emit("streams");
+		});
+		connection.on("matches", ({ expressions }) => {
+			this.matches = expressions;
+			this.emit("matches");
+		});
+		connection.on("nodes", ({ nodes }) => this.onNodes(nodes));
+		connection.on("health", (report) => this.onHealth(report));
+		connection.on("parameters", ({ node, parameters }) => {
+			this.parameters.set(node, new Map(parameters.map((one) => [one.name, one])));
+			this.emit("parameters");
+		});
+		connection.on("parameter", ({ node, parameter }) => {
+			if (!this.parameters.has(node)) this.parameters.set(node, new Map());
+			this.parameters.get(node).set(parameter.name, parameter);
+			this.emit("parameters");
+		});
+		connection.on("log", (line) => this.onLog(line));
+		connection.on("router", ({ connected }) => this.setRouter(connected));
+		connection.on("close", () => this.setRouter(null));
+	}
+
+	/** Milliseconds since 1970 by the server's clock, which all times of streams refer to. */
+	get now() {
+		return performance.now() + this.clockOffset;
+	}
+
+	get cameras() {
+		return [...new Set(this.streams.map((stream) => stream.camera))].sort();
+	}
+
+	stream(key) {
+		return this.streams.find((stream) => stream.key === key);
+	}
+
+	node(name) {
+		return this.nodes.find((node) => node.node === name);
+	}
+
+	onHello(hello) {
+		if (this.hello && this.hello.version !== hello.version) location.reload();
+		this.hello = hello;
+		this.lines = []; // the server sends its last ones again
+		this.clockOffset = milliseconds(hello.now_ns) - performance.now();
+		this.emit("hello");
+		this.emit("log");
+	}
+
+	onNodes(nodes) {
+		this.nodes = [...nodes].sort((a, b) => (a.node < b.node ? -1 : 1));
+		for (const kept of [this.histories, this.parameters]) {
+			for (const name of kept.keys()) if (!this.node(name)) kept.delete(name);
+		}
+		this.emit("nodes");
+	}
+
+	onHealth({ node, diagnostics, at_ns: at }) {
+		const now = milliseconds(at);
+		const history = this.histories.get(node) ?? [];
+		const before = this.report(node)?.diagnostics ?? diagnostics;
+		const { rate_hz: rate, latency_ms: latency } = diagnostics;
+		// The counters of a restarted node begin at 0.
+		const drops = Math.max(0, droppedFrames(diagnostics) - droppedFrames(before));
+		history.push({ at: now, diagnostics, rate, p50: latency?.p50, p99: latency?.p99, drops });
+		while (now - history[0].at > HISTORY_MS) history.shift();
+		this.histories.set(node, history);
+		this.emit("health");
+	}
+
+	/** The newest report of a node's health, or undefined. */
+	report(node) {
+		return this.histories.get(node)?.at(-1);
+	}
+
+	onLog(fields) {
+		const line = { ...fields, at: milliseconds(fields.at_ns) };
+		this.lines.push(line);
+		if (this.lines.length > LINES_KEPT) this.lines.shift();
+		this.emit("log", line);
+	}
+
+	setRouter(connected) {
+		this.routerConnected = connected;
+		this.emit("router");
+	}
+}
+
+export function droppedFrames(diagnostics) {
+	return Object.entries(diagnostics.counters ?? {})
+		.filter(([name]) => name.startsWith("dropped."))
+		.reduce((sum, [, number]) => sum + number, 0);
+}

@@ -1,0 +1,154 @@
+// The control of one parameter, by its description: a checkbox, a choice, a slider with a number,
+// or a text. Changes are sent at once, but one at a time: after the reply, the newest is sent.
+//
+// Ranges are often much wider than the useful values (0 to 100 000 with a default of 40). Such a
+// slider is not linear, so that the default is at 40 % of its length and small values can be chosen
+// precisely.
+
+import { element, setData, setText } from "../ui/elements.js";
+
+export const STEPS = 1000;
+const DEFAULT_AT = 0.4;
+const MOST_BENT = 12;
+const WIDE = 1000;
+
+/** The exponent of a parameter's slider: 1 for a linear one. */
+export function bend({ minimum, maximum, default: usual }) {
+	const share = typeof usual === "number" ? (usual - minimum) / (maximum - minimum) : 0;
+	if (share <= 0 || share >= 1) return maximum - minimum > WIDE ? 3 : 1;
+	if (share > 0.1) return 1;
+	return Math.min(MOST_BENT, Math.log(share) / Math.log(DEFAULT_AT));
+}
+
+/** The value at a slider's position, 0 to `STEPS`. */
+export function valueAt(parameter, position) {
+	const { minimum, maximum, type } = parameter;
+	const value = minimum + (maximum - minimum) * (position / STEPS) ** bend(parameter);
+	if (type === "int") return Math.round(value);
+	const fine = Number(value.toPrecision(3));
+	return Math.min(maximum, Math.max(minimum, fine));
+}
+
+export function positionOf(parameter, value) {
+	const { minimum, maximum } = parameter;
+	if (typeof value !== "number") return 0;
+	const share = Math.min(1, Math.max(0, (value - minimum) / (maximum - minimum)));
+	return Math.round(STEPS * share ** (1 / bend(parameter)));
+}
+
+/** A control's text as a value of the parameter's type; null for empty text, if that is allowed. */
+export function parse(parameter, text) {
+	if (text === "" && parameter.default === null) return null;
+	if (parameter.type === "int" || parameter.type === "float") {
+		return text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text);
+	}
+	return text;
+}
+
+/** Show why a change was refused and what is allowed, or nothing if it was not. */
+export function showRefusal(target, { ok, error, allowed }) {
+	target.hidden = ok;
+	setText(target, ok ? "" : [error, allowed].filter(Boolean).join(". Allowed: "));
+}
+
+export class Control {
+	/** `change(value)` sends a change and resolves to the reply {ok, error, allowed}. */
+	constructor(parameter, change) {
+		const { node, name, unit, description } = parameter;
+		const id = `parameter-${node}-${name}`;
+		Object.assign(this, { parameter, change, busy: false });
+		this.field = this.makeField({ id, "aria-describedby": `${id}-words ${id}-error`,
+			onchange: ({ target }) => this.send(
+				target.type === "checkbox" ? target.checked : parse(this.parameter, target.value)) });
+		this.slider = this.makeSlider();
+		this.error = element("p", { class: "refusal", id: `${id}-error`, role: "alert", hidden: true });
+		this.reset = element("button", { type: "button", class: "reset", title: "Back to the default",
+			"aria-label": `${name} back to the default`,
+			onclick: () => this.send(this.parameter.default) }, "↺");
+		this.element = element("div", { class: "parameter", title: this.tooltip(), "data-name": name },
+			element("label", { for: id }, name, unit ? element("small", {}, unit) : null),
+			element("div", { class: "inputs" }, this.slider, this.field),
+			this.reset,
+			element("p", { class: "description", id: `${id}-words` }, description),
+			this.error);
+		this.draw();
+	}
+
+	/** Show a new value, unless it is the known one, or a change is pending. */
+	update(parameter) {
+		if (parameter === this.parameter) return;
+		this.parameter = parameter;
+		if (!this.busy) this.draw();
+	}
+
+	makeField(common) {
+		const { type, choices, minimum, maximum, default: usual } = this.parameter;
+		if (choices) {
+			const listed = usual === null ? ["", ...choices] : choices;
+			return element("select", common,
+				...listed.map((choice) => element("option", { value: choice }, choice || "not set")));
+		}
+		if (type === "bool") return element("input", { ...common, type: "checkbox" });
+		if (type === "str") {
+			return element("input", { ...common, type: "text", autocomplete: "off", spellcheck: "false" });
+		}
+		return element("input", { ...common, type: "number", inputmode: "decimal", min: minimum,
+			max: maximum, step: type === "int" ? 1 : "any",
+			placeholder: usual === null ? "not set" : "" });
+	}
+
+	/** Make the slider of a number with both limits, else null. */
+	makeSlider() {
+		const { name, minimum, maximum } = this.parameter;
+		if (this.field.type !== "number" || minimum === null || maximum === null) return null;
+		return element("input", { type: "range", min: 0, max: STEPS, step: 1,
+			"aria-label": `${name}, slider`,
+			oninput: ({ target }) => {
+				const value = valueAt(this.parameter, Number(target.value));
+				this.show(value);
+				this.send(value);
+			} });
+	}
+
+	show(value) {
+		const { field, slider, parameter } = this;
+		if (field.type === "checkbox") field.checked = Boolean(value);
+		else field.value = String(value ?? "");
+		// Several positions may mean the same value; then the slider stays where it is.
+		if (slider && valueAt(parameter, Number(slider.value)) !== value) {
+			slider.value = positionOf(parameter, value ?? parameter.default ?? parameter.minimum);
+		}
+		slider?.setAttribute("aria-valuetext", value === null ? "not set" : String(value));
+	}
+
+	async send(value) {
+		this.next = value;
+		if (this.busy) return;
+		this.busy = true;
+		let reply;
+		while (this.next !== undefined) {
+			const wanted = this.next;
+			this.next = undefined;
+			reply = await this.change(wanted);
+		}
+		this.busy = false;
+		showRefusal(this.error, reply);
+		this.field.setAttribute("aria-invalid", String(!reply.ok));
+		this.draw();
+	}
+
+	draw() {
+		const { value, default: usual } = this.parameter;
+		this.show(value);
+		this.reset.disabled = value === usual;
+		setData(this.element, { changed: value !== usual, value });
+	}
+
+	tooltip() {
+		const { description, minimum, maximum, choices, unit, default: usual } = this.parameter;
+		const range = choices ? choices.join(", ")
+			: minimum !== null && maximum !== null ? `${minimum} to ${maximum}` : "";
+		return [description, range && `allowed: ${range}${unit ? ` ${unit}` : ""}`,
+			`default: ${usual === null ? "not set" : usual}`].filter(Boolean).join("\n");
+	}
+}

@@ -1,0 +1,73 @@
+// The dock beside the main view: which panel is open. Also the list of cameras that panels share.
+
+import { byId, element, setData, setText } from "../ui/elements.js";
+import { loadPreference, savePreference } from "../ui/preferences.js";
+
+export class Dock {
+	/** `panels`: name -> object with `draw()`, whose `visible` is set while the panel is open. */
+	constructor(panels) {
+		this.panels = panels;
+		this.open = "";
+		this.buttons = [...byId("panels").querySelectorAll("button")];
+		for (const button of this.buttons) {
+			button.addEventListener("click", () => this.toggle(button.dataset.panel));
+		}
+		byId("dock-close").addEventListener("click", () => this.show(""));
+		this.show(matchMedia("(min-width: 1000px)").matches ? loadPreference("panel", "") : "");
+	}
+
+	toggle(name) {
+		this.show(name === this.open ? "" : name);
+	}
+
+	/** Open a panel; "" closes it. If the closed panel had the focus, its button gets it. */
+	show(name) {
+		const closed = this.open;
+		this.open = name in this.panels ? name : "";
+		const hadFocus = byId("dock").contains(document.activeElement);
+		byId("dock").hidden = !this.open;
+		setData(document.body, { panel: this.open });
+		for (const [other, panel] of Object.entries(this.panels)) {
+			const section = byId(`panel-${other}`);
+			panel.visible = other === this.open;
+			section.hidden = !panel.visible;
+			if (panel.visible) setText(byId("dock-title"), section.dataset.title);
+			panel.draw();
+		}
+		for (const button of this.buttons) {
+			button.setAttribute("aria-expanded", String(button.dataset.panel === this.open));
+		}
+		if (!this.open && hadFocus) {
+			this.buttons.find((button) => button.dataset.panel === closed)?.focus();
+		}
+		savePreference("panel", this.open);
+	}
+}
+
+/** A list of the present cameras, which follows the one that the large view shows. */
+export class CameraList {
+	/** `current()` returns the camera in the large view, or null; `changed()` is called on choice. */
+	constructor(list, system, current, changed, { withAll = false } = {}) {
+		Object.assign(this, { list, system, current, withAll, before: null });
+		list.addEventListener("change", changed);
+	}
+
+	/** The chosen camera; empty for all. */
+	get camera() {
+		return this.list.value;
+	}
+
+	/** Offer the present cameras; choose the one in the large view if that changed. */
+	update() {
+		const cameras = [...this.system.cameras, ...(this.withAll ? [""] : [])];
+		const current = this.current();
+		const wanted = current && current !== this.before ? current : this.list.value;
+		if ([...this.list.options].map((option) => option.value).join() !== cameras.join()) {
+			this.list.replaceChildren(...cameras.map((camera) =>
+				element("option", { value: camera }, camera || "all cameras")));
+		}
+		this.before = current;
+		const value = cameras.includes(wanted) ? wanted : cameras[0];
+		if (this.list.value !== value) this.list.value = value;
+	}
+}

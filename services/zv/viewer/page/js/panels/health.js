@@ -1,0 +1,94 @@
+// The panels of health, one row for each node with its counters below, and of the log.
+
+import { droppedFrames } from "../model/system.js";
+import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
+import { clock, count, duration, number, rate } from "../ui/format.js";
+
+const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
+const STALE_MS = 3500;
+const CELLS = ["level", "rate", "p50", "p99", "drops"];
+const AT_END_PX = 24;
+
+export class HealthPanel {
+	constructor(system) {
+		this.system = system;
+		this.rows = new Map(); // node -> {element, message, about, counters, and the cells}
+		system.on("nodes health", () => this.draw());
+		setInterval(() => this.draw(), 1000);
+	}
+
+	draw() {
+		const { nodes } = this.system;
+		const bad = nodes.filter((node) => !["OK", "–"].includes(this.stateOf(node).level)).length;
+		setText(byId("health-count"), bad ? String(bad) : ""); // also visible with the panel closed
+		if (!this.visible) return;
+		syncViews(byId("health"), this.rows, nodes.map((node) => node.node), makeHealthRow);
+		for (const node of nodes) this.fill(this.rows.get(node.node), node);
+	}
+
+	/** A node's level as a word, and its status text. */
+	stateOf(node) {
+		const report = this.system.report(node.node);
+		if (node.alive === false) return { level: "GONE", message: "its liveliness token is gone" };
+		if (!report) return { level: "–", message: "no report yet" };
+		const silence = this.system.now - report.at;
+		if (silence > STALE_MS) return { level: "STALE", message: `no report for ${duration(silence)}` };
+		const { level, message } = report.diagnostics;
+		return { level: LEVELS[level] ?? String(level), message };
+	}
+
+	fill(row, node) {
+		const { level, message } = this.stateOf(node);
+		const { diagnostics, rate: hz, p50, p99 } = this.system.report(node.node) ?? {};
+		const uptime = diagnostics ? `, up ${duration(1000 * diagnostics.uptime_s)}` : "";
+		const texts = {
+			level,
+			rate: rate(hz),
+			p50: number(p50, 1),
+			p99: number(p99, 1),
+			drops: diagnostics ? count(droppedFrames(diagnostics)) : "–",
+			message: message || "well",
+			about: `${node.service} ${node.version} on ${node.host}, process ${node.pid}${uptime}`,
+		};
+		for (const [name, text] of Object.entries(texts)) setText(row[name], text);
+		setData(row.element, { level });
+		if (!row.element.open) return;
+		row.counters.replaceChildren(...Object.entries(diagnostics?.counters ?? {}).flatMap(
+			([name, value]) => [element("dt", {}, name), element("dd", {}, count(value))]));
+	}
+}
+
+function makeHealthRow(node) {
+	const cells = CELLS.map((name) => [name, element("span", { class: `cell-${name}` })]);
+	const row = { ...Object.fromEntries(cells), message: element("p", { class: "message" }),
+		about: element("p", { class: "about" }), counters: element("dl", { class: "counters" }) };
+	row.element = element("details", { "data-node": node }, element("summary", {},
+		element("i", { class: "lamp" }), element("b", {}, node), ...cells.map(([, cell]) => cell)),
+	row.message, row.about, row.counters);
+	return row;
+}
+
+/** The log of changes of the system, newest last. */
+export class LogPanel {
+	constructor(system) {
+		this.system = system;
+		system.on("log", (line) => this.draw(line));
+	}
+
+	/** Add a line, or draw all again; the list scrolls along only if its end was visible. */
+	draw(added = null) {
+		if (!this.visible) return;
+		const list = byId("log-lines");
+		const { lines } = this.system;
+		const atEnd = !added || list.scrollHeight - list.scrollTop - list.clientHeight < AT_END_PX;
+		if (added) list.append(makeLogRow(added));
+		else list.replaceChildren(...lines.map(makeLogRow));
+		while (list.children.length > lines.length) list.firstChild.remove();
+		if (atEnd) list.scrollTop = list.scrollHeight;
+	}
+}
+
+function makeLogRow({ at, level, node, text }) {
+	return element("li", { "data-level": level }, element("time", {}, clock(at)),
+		element("span", { class: "level" }, level), node ? element("b", {}, node) : null, text);
+}

@@ -1,0 +1,85 @@
+// The panel of parameters: each node's controls, its defaults, its settings as a file.
+
+import { offer } from "../export/saving.js";
+import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
+import { loadPreference, savePreference } from "../ui/preferences.js";
+import { Control, showRefusal } from "./controls.js";
+
+export class ParametersPanel {
+	/** `current()` returns the camera in the large view, or null. */
+	constructor(system, connection, current) {
+		Object.assign(this, { system, connection, current });
+		this.sections = new Map(); // node and names of its parameters -> {element, update}
+		system.on("parameters nodes streams hello", () => this.draw());
+	}
+
+	/** Show a section for each node, those of the camera in the large view first. */
+	draw() {
+		const camera = this.current();
+		const rank = (node) => (this.system.node(node)?.cameras?.includes(camera) ? 0 : 1);
+		const known = [...this.system.parameters.keys()].filter((node) => this.of(node).length)
+			.sort((a, b) => rank(a) - rank(b) || a.localeCompare(b))
+			.map((node) => ({ node, key: [node, ...this.of(node).map(({ name }) => name)].join() }));
+		syncViews(byId("parameters"), this.sections, known, ({ node }) => this.makeSection(node));
+		for (const section of this.sections.values()) section.update();
+	}
+
+	/** All parameters of a node. */
+	of(node) {
+		return [...this.system.parameters.get(node)?.values() ?? []];
+	}
+
+	/** The parameters that do not have their default values. */
+	changed(node) {
+		return this.of(node).filter((parameter) => parameter.value !== parameter.default);
+	}
+
+	/** Make a node's section: its element, and `update()`, which shows new values. */
+	makeSection(node) {
+		const controls = this.of(node).map((parameter) =>
+			new Control(parameter, (value) => this.set(node, { [parameter.name]: value })));
+		const state = element("span", { class: "node-state" });
+		const refusal = element("p", { class: "refusal", role: "alert", hidden: true });
+		const service = this.system.node(node)?.service ?? node;
+		const details = element("details", { class: "node-parameters", "data-node": node,
+			open: loadPreference(`open.${service}`, this.isOpenAtFirst(node)),
+			ontoggle: () => savePreference(`open.${service}`, details.open) },
+		element("summary", {}, element("b", {}, node), state),
+		element("div", { class: "row" },
+			element("button", { type: "button", onclick: () => this.setDefaults(node, refusal) },
+				"Reset to defaults"),
+			element("button", { type: "button", onclick: () => this.save(node, refusal) },
+				"Save as TOML")),
+		refusal,
+		...controls.map((control) => control.element));
+		return { element: details, update: () => {
+			const isAlive = this.system.node(node)?.alive ?? true;
+			const changed = this.changed(node).length;
+			setData(details, { alive: isAlive });
+			setText(state, !isAlive ? "gone" : changed ? `${changed} changed` : "");
+			this.of(node).forEach((parameter, index) => controls[index].update(parameter));
+		} };
+	}
+
+	/** Few nodes: all but cameras are open. Many: only those of the camera in the large view. */
+	isOpenAtFirst(node) {
+		const { service, cameras } = this.system.node(node) ?? {};
+		const isNear = this.system.nodes.length <= 5 || cameras?.includes(this.current());
+		return service !== "camera" && isNear;
+	}
+
+	set(node, values) {
+		return this.connection.request({ op: "set", node, values });
+	}
+
+	async setDefaults(node, refusal) {
+		const values = this.changed(node).map((parameter) => [parameter.name, parameter.default]);
+		if (values.length) showRefusal(refusal, await this.set(node, Object.fromEntries(values)));
+	}
+
+	async save(node, refusal) {
+		const reply = await this.connection.request({ op: "dump", node });
+		showRefusal(refusal, reply);
+		if (reply.ok) offer([reply.toml], "text/plain", `${node}.toml`);
+	}
+}

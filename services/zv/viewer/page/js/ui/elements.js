@@ -1,0 +1,62 @@
+// Creates and changes elements. Text is always set as text, so that nothing from the network
+// becomes markup.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/** Make an HTML element: `element("a", {href: "#", class: "back", onclick: f}, "Wall")`. */
+export function element(tag, attributes = {}, ...children) {
+	return fill(document.createElement(tag), attributes, children);
+}
+
+export function svg(tag, attributes = {}, ...children) {
+	return fill(document.createElementNS(SVG, tag), attributes, children);
+}
+
+function fill(made, attributes, children) {
+	for (const [name, value] of Object.entries(attributes)) {
+		if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+		else if (value === true) made.setAttribute(name, "");
+		else if (value !== false && value !== null && value !== undefined) {
+			made.setAttribute(name, value);
+		}
+	}
+	made.append(...children.flat().filter((child) => child ?? false));
+	return made;
+}
+
+/** Set an element's text, but touch the document only if it differs. */
+export function setText(target, text) {
+	if (target.textContent !== text) target.textContent = text;
+}
+
+/** Set data attributes, but touch the document only where one differs. */
+export function setData(target, values) {
+	for (const [name, value] of Object.entries(values)) {
+		if (target.dataset[name] !== String(value)) target.dataset[name] = value;
+	}
+}
+
+export function byId(id) {
+	return document.getElementById(id);
+}
+
+/**
+ * Make a list show one view for each of `items`, in that order; views in place are not touched.
+ * Items are keys or have a `key`. `views` maps keys to objects with an `element`: `make(item)` adds
+ * those that are missing, `close(view)` is called for those that are removed.
+ */
+export function syncViews(list, views, items, make, close = () => {}) {
+	const keys = items.map((item) => item.key ?? item);
+	for (const [key, view] of views) {
+		if (keys.includes(key)) continue;
+		views.delete(key);
+		view.element.remove();
+		close(view);
+	}
+	keys.forEach((key, index) => {
+		if (!views.has(key)) views.set(key, make(items[index]));
+		const wanted = views.get(key).element;
+		const present = list.children[index];
+		if (present !== wanted) list.insertBefore(wanted, present ?? null);
+	});
+}

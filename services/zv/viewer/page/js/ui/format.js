@@ -1,0 +1,44 @@
+// Formats numbers as text: few digits, always with their unit; "–" for unknown values.
+
+const UNKNOWN = "–";
+
+export function duration(ms) {
+	if (ms === null || ms === undefined || Number.isNaN(ms)) return UNKNOWN;
+	if (ms < 0) return `-${duration(-ms)}`;
+	if (ms < 1000) return `${Math.round(ms)} ms`;
+	if (ms < 10_000) return `${(ms / 1000).toFixed(1)} s`;
+	const seconds = Math.round(ms / 1000);
+	if (seconds < 60) return `${seconds} s`;
+	const minutes = Math.floor(seconds / 60);
+	if (minutes < 60) return `${minutes} min ${seconds % 60} s`;
+	const hours = Math.floor(minutes / 60);
+	if (hours < 24) return `${hours} h ${String(minutes % 60).padStart(2, "0")} min`;
+	return `${Math.floor(hours / 24)} d ${hours % 24} h`;
+}
+
+export function rate(hz) {
+	if (hz === null || hz === undefined) return UNKNOWN;
+	if (hz >= 100) return `${Math.round(hz)} Hz`;
+	return `${hz.toFixed(hz < 1 && hz > 0 ? 2 : 1)} Hz`;
+}
+
+/** "1 240", with thin spaces, so that long counters can be read. */
+export function count(number) {
+	return String(number).replace(/\B(?=(\d{3})+(?!\d))/g, "\u2009");
+}
+
+export function size(bytes) {
+	if (bytes < 1000) return `${bytes} B`;
+	if (bytes < 1_000_000) return `${(bytes / 1000).toFixed(bytes < 10_000 ? 1 : 0)} kB`;
+	return `${(bytes / 1_000_000).toFixed(1)} MB`;
+}
+
+/** "14:03:22" in this browser's time zone, from milliseconds since 1970. */
+export function clock(ms) {
+	return ms === null ? UNKNOWN : new Date(ms).toTimeString().slice(0, 8);
+}
+
+/** A number with as many digits as it needs, at most `digits` after the point. */
+export function number(value, digits = 3) {
+	return value === null || value === undefined ? UNKNOWN : String(Number(value.toFixed(digits)));
+}

@@ -1,0 +1,41 @@
+// Stores the user's preferences in the browser, and applies the theme, which is the system's until
+// the user chooses one.
+
+import { byId, setText } from "./elements.js";
+
+const PREFIX = "zv.";
+const PREFERS_LIGHT = "(prefers-color-scheme: light)";
+
+export function loadPreference(name, fallback) {
+	try {
+		const text = localStorage.getItem(PREFIX + name);
+		return text === null ? fallback : JSON.parse(text);
+	} catch {
+		return fallback;
+	}
+}
+
+export function savePreference(name, value) {
+	try {
+		localStorage.setItem(PREFIX + name, JSON.stringify(value));
+	} catch {
+		// In private windows or on a full disk, the choice is kept until the page is closed.
+	}
+}
+
+export function startTheme() {
+	matchMedia(PREFERS_LIGHT).addEventListener("change", applyTheme);
+	byId("theme").addEventListener("click", toggleTheme);
+	applyTheme();
+}
+
+function applyTheme() {
+	const theme = loadPreference("theme", matchMedia(PREFERS_LIGHT).matches ? "light" : "dark");
+	document.documentElement.dataset.theme = theme;
+	setText(byId("theme"), theme === "light" ? "Dark" : "Light");
+}
+
+export function toggleTheme() {
+	savePreference("theme", document.documentElement.dataset.theme === "light" ? "dark" : "light");
+	applyTheme();
+}

@@ -1,0 +1,137 @@
+// Draws boxes, centres, ids and trails of messages on a canvas.
+
+import { between } from "../transport/connection.js";
+
+const TRAIL_MS = 2000;
+const POINTS_KEPT = 400;
+const CENTROID_COLOUR = "#00ff00"; // the tutorial's green
+const TRACK_COLOURS = ["#ffd400", "#ff6ad5", "#36c5ff", "#ff8a3c", "#b48cff", "#8affc1"];
+const OUTLINE = "rgba(0, 0, 0, 0.65)";
+const LONGEST_STEP = 0.06; // of the frame's width
+const DASHES = { lost: [4, 4], tentative: [2, 3] };
+
+/** The positions of objects in the last seconds, by stream and id. */
+export class Trails {
+	constructor() {
+		this.streams = new Map();
+	}
+
+	/** Keep the positions of one message: a centroid or tracks. */
+	add(key, header, body) {
+		const { epoch, seq, stamp_ns: stamp } = header;
+		if (this.streams.get(key)?.epoch !== epoch) this.streams.set(key, { epoch, points: [] });
+		const { points } = this.streams.get(key);
+		points.push({ seq, stamp, marks: marksOf(body) });
+		if (points.length > POINTS_KEPT) points.shift();
+	}
+
+	/** Return id -> [[x, y], ...], oldest first, of the two seconds up to this frame. */
+	upTo(key, header) {
+		const kept = this.streams.get(key);
+		const trails = new Map();
+		if (kept?.epoch !== header.epoch) return trails;
+		for (const { seq, stamp, marks } of kept.points) {
+			if (seq > header.seq || between(stamp, header.stamp_ns) > TRAIL_MS) continue;
+			for (const { id, x, y } of marks) {
+				if (!trails.has(id)) trails.set(id, []);
+				trails.get(id).push([x, y]);
+			}
+		}
+		return trails;
+	}
+}
+
+/** The objects of a message: [{id, label, x, y, box, state}]; id "" is a centroid. */
+export function marksOf({ tracks, x, y, box }) {
+	const marks = Array.isArray(tracks) ? tracks.map((track) => ({ ...track,
+		label: track?.state === "confirmed" ? `${track.id}` : `${track?.id} ${track?.state}` }))
+		: [{ id: "", label: `${x}, ${y}`, x, y, box, state: "confirmed" }];
+	// Fields unknown to the server are passed on unchanged, and may have any value.
+	return marks.filter((mark) => Array.isArray(mark.box) && mark.box.length === 4
+		&& [mark.x, mark.y, ...mark.box].every(Number.isFinite));
+}
+
+/**
+ * Draw the messages `keys` of a frame; `trails` is a Trails or null, `toCanvas(point)` maps a point
+ * of the frame to the canvas, `ratio` is device pixels per CSS pixel. Returns what was drawn, in the
+ * frame's pixels: [{key, id, box, x, y}].
+ */
+export function drawOverlay(context, frame, { keys, trails }, toCanvas, ratio) {
+	const drawn = [];
+	const labels = []; // last, so that no line crosses them
+	for (const key of keys.filter((one) => frame.items.has(one))) {
+		const marks = marksOf(frame.items.get(key));
+		const paths = trails?.upTo(key, frame.header);
+		for (const { id } of marks) {
+			const points = paths?.get(id) ?? [];
+			drawTrail(context, points, colourOf(id), frame.header.width, toCanvas, ratio);
+		}
+		for (const mark of marks) {
+			labels.push(drawMark(context, mark, toCanvas, ratio));
+			drawn.push({ key, id: mark.id, box: mark.box, x: mark.x, y: mark.y });
+		}
+	}
+	for (const [text, corner, colour] of labels) drawLabel(context, text, corner, colour, ratio);
+	return drawn;
+}
+
+function colourOf(id) {
+	return id === "" ? CENTROID_COLOUR : TRACK_COLOURS[Number(id) % TRACK_COLOURS.length];
+}
+
+/** Draw box and centre; returns the label that belongs to them: [text, corner, colour]. */
+function drawMark(context, mark, toCanvas, ratio) {
+	const [left, top, width, height] = mark.box;
+	const from = toCanvas({ x: left, y: top });
+	const to = toCanvas({ x: left + width, y: top + height });
+	const centre = toCanvas(mark);
+	const colour = colourOf(mark.id);
+	for (const [style, line] of [[OUTLINE, 4], [colour, 2]]) {
+		context.strokeStyle = style;
+		context.lineWidth = line * ratio;
+		context.setLineDash((style === colour ? DASHES[mark.state] ?? [] : []).map((d) => d * ratio));
+		context.strokeRect(from.x, from.y, to.x - from.x, to.y - from.y);
+	}
+	context.setLineDash([]);
+	for (const [style, radius] of [[OUTLINE, 4.5], [colour, 3.5]]) {
+		context.fillStyle = style;
+		context.beginPath();
+		context.arc(centre.x, centre.y, radius * ratio, 0, 2 * Math.PI);
+		context.fill();
+	}
+	// A centroid's numbers are at its centre, since its box may share a corner with a track's.
+	const corner = mark.id === "" ? { x: centre.x + 8 * ratio, y: centre.y - 4 * ratio } : from;
+	return [mark.label, corner, colour];
+}
+
+function drawLabel(context, text, corner, colour, ratio) {
+	const size = 12 * ratio;
+	context.font = `600 ${size}px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace`;
+	context.textBaseline = "alphabetic";
+	const width = context.measureText(text).width + 6 * ratio;
+	// Above the box, or inside it at the border of the picture.
+	const above = corner.y - size * 1.35 > 0;
+	const top = above ? corner.y - size * 1.35 - ratio : corner.y + ratio;
+	context.fillStyle = colour;
+	context.fillRect(corner.x - ratio, top, width, size * 1.35);
+	context.fillStyle = "#000";
+	context.fillText(text, corner.x + 2 * ratio, top + size * 1.05);
+}
+
+/** A trail is interrupted at jumps, where the largest object has changed. */
+function drawTrail(context, points, colour, frameWidth, toCanvas, ratio) {
+	context.lineWidth = 1.5 * ratio;
+	context.lineJoin = "round";
+	context.strokeStyle = colour;
+	context.globalAlpha = 0.85;
+	context.beginPath();
+	points.forEach(([x, y], index) => {
+		const at = toCanvas({ x, y });
+		const before = points[index - 1];
+		const isStep = before && Math.hypot(x - before[0], y - before[1]) < frameWidth * LONGEST_STEP;
+		if (isStep) context.lineTo(at.x, at.y);
+		else context.moveTo(at.x, at.y);
+	});
+	context.stroke();
+	context.globalAlpha = 1;
+}

@@ -1,0 +1,70 @@
+// Pause and step: passes frames on or holds them back, and can show the last ones again.
+
+import { decode, release } from "./watches.js";
+
+const MOST_BYTES = 32_000_000;
+const MOST_FRAMES = 300;
+
+export class Playback {
+	/** `display(frame, isNew)` shows a frame and owns its bitmaps. */
+	constructor(display) {
+		this.display = display;
+		this.reset();
+	}
+
+	reset() {
+		this.frames = []; // the last ones, not decoded, each with its `bytes`
+		this.bytes = 0;
+		this.paused = false;
+		this.index = null;
+		this.wantsOne = false;
+	}
+
+	add(frame) {
+		if (this.paused && !this.wantsOne) {
+			frame.items.forEach(release);
+			return;
+		}
+		this.wantsOne = false;
+		this.keep(frame);
+		if (this.paused) this.index = this.frames.length - 1;
+		this.display(frame, true);
+	}
+
+	toggle() {
+		this.paused = !this.paused;
+		this.index = this.paused ? this.frames.length - 1 : null;
+		this.wantsOne = false;
+	}
+
+	/** Show the frame before (-1) or after (1) the current one; after the newest, the next. */
+	async step(by) {
+		const index = this.index + by;
+		if (index < 0) return;
+		if (index >= this.frames.length) {
+			this.wantsOne = true;
+			return;
+		}
+		this.index = index;
+		const kept = this.frames[index];
+		const items = new Map(kept.items);
+		for (const [key, { picture }] of items) {
+			if (picture) items.set(key, { picture, bitmap: await decode(picture) });
+		}
+		if (this.paused && this.index === index) this.display({ ...kept, items }, false);
+		else items.forEach(release);
+	}
+
+	/** Keep a frame's messages and the bytes of its pictures, but not its bitmaps. */
+	keep(frame) {
+		const items = new Map([...frame.items].map(([key, { bitmap, ...item }]) => [key, item]));
+		const bytes = [...items.values()].reduce(
+			(sum, { picture }) => sum + (picture?.data?.byteLength ?? 0), 0);
+		this.frames.push({ ...frame, items, bytes });
+		this.bytes += bytes;
+		while (this.frames.length > 1
+				&& (this.bytes > MOST_BYTES || this.frames.length > MOST_FRAMES)) {
+			this.bytes -= this.frames.shift().bytes;
+		}
+	}
+}

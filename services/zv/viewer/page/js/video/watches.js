@@ -1,0 +1,134 @@
+// Watches streams at the server: one watch per key, again after a reconnect, none while the page is
+// hidden, and never more than the server allows. Pictures are decoded to bitmaps.
+
+import { milliseconds } from "../transport/connection.js";
+
+const MOST = 30; // the server's limit is 32
+const SETTLE_MS = 60; // so that scrolling past a tile causes no watch and unwatch
+const HIDDEN_MS = 2000;
+const RETRY_MS = 5000;
+const EXACT = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
+
+export class Watches {
+	constructor(connection) {
+		this.connection = connection;
+		this.pictures = new Map(); // key -> {size, statistics, receive}
+		this.messages = new Map(); // function -> the key whose messages it receives
+		this.sent = new Map(); // key -> size as JSON
+		this.hidden = false;
+		connection.on("open", () => {
+			this.sent.clear();
+			this.sync();
+		});
+		connection.on("error", ({ key }) => { // tried again later, when others may watch less
+			if (this.sent.has(key)) setTimeout(() => this.sent.delete(key) && this.sync(), RETRY_MS);
+		});
+		connection.on("picture", (picture) => {
+			const watch = this.pictures.get(picture.key);
+			if (watch) watch.receive(picture);
+			else connection.shown(picture.key);
+		});
+		connection.on("ended", ({ key, since_ns: since }) => {
+			const watch = this.pictures.get(key);
+			if (watch) watch.statistics.endedSince = milliseconds(since);
+		});
+		connection.on("message", (message) => {
+			for (const [receive, key] of this.messages) if (key === message.key) receive(message);
+		});
+		document.addEventListener("visibilitychange", () => {
+			clearTimeout(this.hideTimer);
+			this.hideTimer = setTimeout(() => {
+				this.hidden = document.hidden;
+				this.sync();
+			}, document.hidden ? HIDDEN_MS : 0);
+		});
+	}
+
+	/**
+	 * Watch a picture stream at `size` ({width, quality}), or unchanged if that is null; returns a
+	 * function that ends it. `statistics` counts the pictures. One picture is decoded at a time, then
+	 * the newest. `decoded(picture, bitmap)` owns the bitmap; `delay(taken)` may delay the request
+	 * for the next picture.
+	 */
+	watchPictures(key, size, statistics, decoded, delay = (taken) => taken()) {
+		let next = null; // the newest picture that is not decoded
+		let busy = false;
+		const taken = () => this.connection.shown(key);
+		const receive = async (picture) => {
+			statistics.add(performance.now(), picture);
+			if (next) delay(taken);
+			next = picture;
+			if (busy) return;
+			busy = true;
+			while (next) {
+				const current = next;
+				next = null;
+				const bitmap = await decode(current).catch(() => null); // null for a damaged picture
+				delay(taken);
+				if (this.pictures.get(key) !== watch) bitmap?.close();
+				else if (bitmap) decoded(current, bitmap);
+			}
+			busy = false;
+		};
+		const watch = { size, statistics, receive };
+		this.pictures.set(key, watch);
+		this.syncSoon();
+		return () => {
+			if (this.pictures.get(key) === watch) this.pictures.delete(key);
+			if (next) delay(taken);
+			next = null;
+			this.syncSoon();
+		};
+	}
+
+	/** Watch a message stream, together with others; returns a function that ends it. */
+	watchMessages(key, receive) {
+		this.messages.set(receive, key);
+		this.syncSoon();
+		return () => {
+			this.messages.delete(receive);
+			this.syncSoon();
+		};
+	}
+
+	/** Tell whether a stream is not watched because of the limit. */
+	isLeftOut(key) {
+		return this.sent.size >= MOST && !this.sent.has(key) && this.pictures.has(key);
+	}
+
+	syncSoon() {
+		this.timer ??= setTimeout(() => this.sync(), SETTLE_MS);
+	}
+
+	/** Send the operations that make the server's watches match the wanted ones. */
+	sync() {
+		clearTimeout(this.timer);
+		this.timer = null;
+		if (!this.connection.isOpen) return;
+		const wanted = new Map(this.hidden ? [] : [
+			...[...new Set(this.messages.values())].map((key) => [key, null]),
+			...[...this.pictures].map(([key, watch]) => [key, watch.size]),
+		].slice(0, MOST));
+		for (const key of this.sent.keys()) {
+			if (wanted.has(key)) continue;
+			this.connection.send({ op: "unwatch", key });
+			this.sent.delete(key);
+		}
+		for (const [key, size] of wanted) {
+			const text = JSON.stringify(size);
+			if (this.sent.get(key) === text) continue;
+			this.connection.send({ op: "watch", key, ...size });
+			this.sent.set(key, text);
+		}
+	}
+}
+
+/** Return a picture's bitmap; rejects if its bytes are not a picture. */
+export function decode(picture) {
+	return createImageBitmap(new Blob([picture.data], { type: picture.mime }), EXACT);
+}
+
+/** Free the bitmap of a frame's item: {picture, bitmap}, or a message, which has none. */
+export function release(item) {
+	item?.bitmap?.close();
+}

@@ -1,0 +1,105 @@
+// One stream on the wall: a small picture that shows whether the stream is live.
+
+import { StreamStatistics, streamName, topicName } from "../model/streams.js";
+import { element, setData, setText } from "../ui/elements.js";
+import { duration, rate } from "../ui/format.js";
+
+const WIDTHS = [160, 240, 320, 480, 640];
+const QUALITY = 70;
+
+export class Tile {
+	/** `pace()`: minimum ms between two pictures; `serverNow()`: server time, ms since 1970. */
+	constructor(stream, watches, pace, serverNow) {
+		Object.assign(this, { key: stream.key, stream, watches, pace, serverNow });
+		this.statistics = new StreamStatistics();
+		this.stop = null; // ends the watch
+		this.reset();
+		this.canvas = element("canvas", { width: 320, height: 240, "data-live": "false",
+			"data-key": this.key });
+		this.context = this.canvas.getContext("2d", { alpha: false });
+		this.state = element("span", { class: "tile-state" });
+		this.rate = element("span", { class: "tile-rate" });
+		this.age = element("span", { class: "tile-age" });
+		this.link = element("a", { href: `#${this.key}`, "aria-label": `Show ${streamName(stream)} large` },
+			element("span", { class: "tile-picture" }, this.canvas, this.state),
+			element("span", { class: "tile-caption" },
+				element("i", { class: "lamp", "aria-hidden": "true" }),
+				element("b", {}, stream.camera), element("span", { class: "topic" }, topicName(stream)),
+				this.rate, this.age));
+		this.element = element("li", { class: "tile", "data-key": this.key }, this.link);
+	}
+
+	update(stream) {
+		this.stream = stream;
+		if (stream.live) this.statistics.endedSince = null;
+		this.tick(performance.now());
+	}
+
+	/** Watch the stream while the tile is visible. */
+	show(visible) {
+		if (visible === Boolean(this.stop)) return;
+		if (visible) {
+			this.width = this.wantedWidth();
+			const size = { width: this.width, quality: QUALITY };
+			this.stop = this.watches.watchPictures(this.key, size, this.statistics,
+				(picture, bitmap) => this.paint(picture, bitmap), (taken) => this.delay(taken));
+		} else {
+			this.stop();
+			this.stop = null;
+			this.reset();
+		}
+	}
+
+	/** Watch the stream in another size if the tile's size has changed. */
+	resize() {
+		if (!this.stop || this.wantedWidth() === this.width) return;
+		this.show(false);
+		this.show(true);
+	}
+
+	tick(now) {
+		const { statistics, stream, picture } = this;
+		const live = this.stop !== null && statistics.isLive(now) && stream.live;
+		const isWaiting = stream.live && statistics.endedSince === null && statistics.lastAt === null;
+		setData(this.canvas, { live });
+		setData(this.element, { state: live ? "live" : isWaiting ? "waiting" : "stopped" });
+		setText(this.state, live ? ""
+			: this.watches.isLeftOut(this.key) ? "too many are in view at once"
+				: statistics.explainSilence(stream, now, this.serverNow()));
+		setText(this.rate, live ? rate(statistics.rate(now)) : "");
+		setText(this.age, live && picture ? duration(picture.ageMs + now - picture.at) : "");
+	}
+
+	wantedWidth() {
+		const pixels = (this.element.clientWidth || 320) * Math.min(devicePixelRatio || 1, 2);
+		return WIDTHS.find((width) => width >= pixels * 0.9) ?? WIDTHS.at(-1);
+	}
+
+	/** Reset, since the picture that was shown before is not live. */
+	reset() {
+		this.statistics.reset();
+		this.picture = null; // the one that is painted
+		this.nextAt = 0;
+	}
+
+	/** Call `taken` when this tile's next picture is due; the server then sends the newest. */
+	delay(taken) {
+		const now = performance.now();
+		const wait = this.nextAt - now;
+		this.nextAt = Math.max(now, this.nextAt) + this.pace();
+		if (wait > 1) setTimeout(taken, wait);
+		else taken();
+	}
+
+	paint(picture, bitmap) {
+		this.picture = picture;
+		const { width, height } = bitmap;
+		if (this.canvas.width !== width || this.canvas.height !== height) {
+			Object.assign(this.canvas, { width, height });
+		}
+		this.context.drawImage(bitmap, 0, 0);
+		bitmap.close();
+		setData(this.canvas, { epoch: picture.header.epoch, seq: picture.header.seq });
+		this.tick(performance.now());
+	}
+}

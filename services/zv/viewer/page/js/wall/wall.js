@@ -1,0 +1,138 @@
+// All picture streams at once. Only visible tiles are watched, at their displayed size, and their
+// total rate is limited to what a small machine can encode and a page can decode.
+
+import { pictureStreams, RAW, streamName, topicName } from "../model/streams.js";
+import { byId, element, setText, syncViews } from "../ui/elements.js";
+import { loadPreference, savePreference } from "../ui/preferences.js";
+import { Tile } from "./tile.js";
+
+const PICTURES_PER_SECOND = 150;
+const FASTEST_HZ = 30;
+const SLOWEST_HZ = 4;
+const TICK_MS = 250;
+const LARGEST_TILE = 640;
+const SMALLEST_TILE = 260;
+
+export class Wall {
+	constructor(system, watches) {
+		Object.assign(this, { system, watches, open: false });
+		this.tiles = new Map(); // key -> Tile
+		this.topics = new Map(); // topic -> its button
+		this.inView = new Set(); // keys
+		this.list = byId("tiles");
+		this.filter = byId("filter");
+		this.hidden = new Set(loadPreference("hiddenTopics", [RAW]));
+		this.observer = new IntersectionObserver((entries) => this.intersected(entries),
+			{ rootMargin: "64px" });
+		new ResizeObserver(() => this.setSize()).observe(this.list);
+		this.filter.addEventListener("input", () => this.draw());
+		system.on("streams", () => this.draw());
+		setInterval(() => this.tick(), TICK_MS);
+	}
+
+	show(visible) {
+		this.open = visible;
+		for (const key of this.inView) this.tiles.get(key).show(visible);
+	}
+
+	/** Move the focus among tiles: "ArrowLeft" and so on. Returns whether it did. */
+	move(key) {
+		const links = [...this.list.querySelectorAll("a")];
+		if (!links.length) return false;
+		const at = links.indexOf(document.activeElement);
+		const columns = getComputedStyle(this.list).gridTemplateColumns.split(" ").length;
+		const step = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -columns, ArrowDown: columns }[key];
+		links[at < 0 ? 0 : at + step]?.focus();
+		return true;
+	}
+
+	focus(key) {
+		this.tiles.get(key)?.link.focus();
+	}
+
+	draw() {
+		const all = pictureStreams(this.system.streams);
+		const words = this.filter.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
+		const shown = all.filter((stream) => !this.hidden.has(topicName(stream))
+			&& words.every((word) => `${streamName(stream)} ${stream.key}`.includes(word)));
+		syncViews(this.list, this.tiles, shown, (stream) => this.makeTile(stream),
+			(tile) => this.closeTile(tile));
+		for (const stream of shown) this.tiles.get(stream.key).update(stream);
+		this.drawTopics(all);
+		const cameras = new Set(shown.map((stream) => stream.camera)).size;
+		setText(byId("wall-count"), all.length
+			? `${shown.length} of ${all.length} streams, ${cameras} camera${cameras === 1 ? "" : "s"}` : "");
+		byId("wall-empty").hidden = all.length > 0;
+		byId("wall-none").hidden = all.length === 0 || shown.length > 0;
+		this.setSize();
+	}
+
+	makeTile(stream) {
+		const tile = new Tile(stream, this.watches, () => this.pace(), () => this.system.now);
+		this.observer.observe(tile.element);
+		return tile;
+	}
+
+	closeTile(tile) {
+		this.observer.unobserve(tile.element);
+		this.inView.delete(tile.key);
+		tile.show(false);
+	}
+
+	intersected(entries) {
+		for (const { target, isIntersecting } of entries) {
+			const tile = this.tiles.get(target.dataset.key);
+			if (!tile) continue;
+			if (isIntersecting) this.inView.add(tile.key);
+			else this.inView.delete(tile.key);
+			tile.show(isIntersecting && this.open);
+		}
+	}
+
+	/** Minimum time between two pictures of a tile, ms: longer with more visible tiles. */
+	pace() {
+		const each = PICTURES_PER_SECOND / Math.max(1, this.inView.size);
+		return 1000 / Math.min(FASTEST_HZ * 1.5, Math.max(SLOWEST_HZ, each));
+	}
+
+	/** Write a button for each topic, which shows or hides its streams. */
+	drawTopics(all) {
+		const topics = all.map(topicName);
+		syncViews(byId("topics"), this.topics, [...new Set(topics)], (topic) => ({
+			element: element("button", { type: "button", class: "chip",
+				title: `Show or hide all ${topic} streams`, onclick: () => this.toggle(topic) },
+			topic, element("small")),
+		}));
+		for (const [topic, { element: button }] of this.topics) {
+			button.setAttribute("aria-pressed", String(!this.hidden.has(topic)));
+			setText(button.lastChild, String(topics.filter((other) => other === topic).length));
+		}
+	}
+
+	toggle(topic) {
+		if (!this.hidden.delete(topic)) this.hidden.add(topic);
+		savePreference("hiddenTopics", [...this.hidden]);
+		this.draw();
+	}
+
+	/** Make tiles as wide as possible with all of them visible, but not tiny. */
+	setSize() {
+		const { clientWidth: width, clientHeight: height } = this.list;
+		let size = SMALLEST_TILE;
+		for (let columns = 1; columns <= this.tiles.size; columns += 1) {
+			const each = Math.floor((width - 14 - 10 * columns) / columns);
+			const rows = Math.ceil(this.tiles.size / columns);
+			if (each > LARGEST_TILE || rows * (each * 0.75 + 40) + 14 > height) continue;
+			size = Math.max(each, size);
+			break;
+		}
+		this.list.style.setProperty("--tile", `${size}px`);
+	}
+
+	tick() {
+		if (!this.open) return;
+		const now = performance.now();
+		for (const tile of this.tiles.values()) tile.resize();
+		for (const tile of this.tiles.values()) tile.tick(now);
+	}
+}

@@ -1,0 +1,1 @@
+"""Streams shared by all clients: subscriptions, pictures in several forms, messages, snapshots."""

@@ -1,0 +1,113 @@
+"""The streams that are watched now: one subscription per key for any number of clients."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any, TypeVar
+
+from zenoh_vision.errors import VisionError
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.stream.frame_intake import snapshot_of
+from zenoh_vision.transport.subscriber import sample_of
+from zv.viewer.streams.message_stream import MessageFeed, MessageStream
+from zv.viewer.streams.picture_stream import PictureFeed, PictureStream
+from zv.viewer.streams.rendering import EncodedPicture, RenderOptions, original, render
+from zv.viewer.streams.shared_stream import SharedStream, StreamContext
+from zv.viewer.topics import kind_of
+
+MAX_KEYS = 256
+"""Streams that are subscribed to at once; beyond that, each client still has an equal share."""
+
+QUERY_S = 1.0
+SNAPSHOT_BYTES = 1 << 20
+"""Limit of all replies but the first; small ones may come before the picture."""
+
+MAX_QUERIES = 32
+"""Limit of simultaneous queries for single pictures."""
+
+S = TypeVar("S", bound=SharedStream[Any])
+
+
+class TooManyStreams(VisionError):
+    """More streams are requested than the viewer subscribes to."""
+
+
+class StreamRegistry:
+    """Opens a stream for its first client and shares it with the others; used on the event loop."""
+
+    def __init__(self, context: StreamContext) -> None:
+        self.context = context
+        self.clients = 1  # each has its share of the streams
+        self._pictures: dict[str, PictureStream] = {}
+        self._messages: dict[str, MessageStream] = {}
+        self._queries = asyncio.Semaphore(MAX_QUERIES)
+
+    def pictures(
+        self, key: str, options: RenderOptions, ready: asyncio.Event | None = None, has: int = 0
+    ) -> PictureFeed:
+        """Return a feed of the pictures of a key; it sets ``ready`` when one can be taken.
+
+        Like ``messages``, it raises TooManyStreams if the limit of keys is reached and the client,
+        which ``has`` that many, has its share.
+        """
+        return self._stream(PictureStream, self._pictures, key, has).feed(options, ready)
+
+    def messages(self, key: str, ready: asyncio.Event, has: int = 0) -> MessageFeed:
+        """Return a feed of the messages of a key; it sets ``ready`` when one can be taken."""
+        return MessageFeed(self._stream(MessageStream, self._messages, key, has), ready)
+
+    async def snapshot(self, key: str, options: RenderOptions) -> EncodedPicture | None:
+        """Return the newest picture of a key; None if none arrives in time.
+
+        It is taken from an open stream, else from the publisher's reply to a query, else from a
+        new subscription.
+
+        Raises:
+            TooManyStreams: A subscription is needed, but the limit of keys is reached.
+            PayloadError: The sample is not a picture, or cannot be decoded.
+        """
+        wait_s = self.context.settings().wait
+        end_s = time.monotonic() + wait_s
+        stream = self._pictures.get(key)
+        if stream is not None and stream.newest is not None and stream.ended_ns is None:
+            return await self._render(stream.newest[1], options)
+        async with self._queries:
+            time_s = min(QUERY_S, wait_s)
+            ask = self.context.network.ask
+            for reply in await ask(key, timeout_s=time_s, most_bytes=SNAPSHOT_BYTES):
+                if reply.ok is not None and reply.key == key:
+                    frame = snapshot_of(sample_of(reply.ok), raw=kind_of(key).raw)
+                    return await self._render(frame, options)
+        feed = self.pictures(key, options)  # its publisher answers no queries
+        try:
+            return await feed.next(max(0.05, end_s - time.monotonic()))
+        finally:
+            feed.close()
+
+    def open(self) -> None:
+        """Subscribe to all keys that are watched: there is a session now."""
+        streams: list[SharedStream[Any]] = [*self._pictures.values(), *self._messages.values()]
+        for stream in streams:
+            stream.open()
+
+    async def _render(self, frame: Frame, options: RenderOptions) -> EncodedPicture:
+        found = original(frame, options)
+        if found is None:
+            quality = self.context.settings().quality
+            found = await self.context.run(render, frame, options, quality)
+        return found
+
+    def _stream(self, kind: type[S], streams: dict[str, S], key: str, has: int) -> S:
+        """Return the open stream of a key, or open it."""
+        stream = streams.get(key)
+        if stream is None:
+            share = max(1, MAX_KEYS // max(1, self.clients))
+            if has >= share and len(self._pictures) + len(self._messages) >= MAX_KEYS:
+                raise TooManyStreams(
+                    f"{MAX_KEYS} streams are watched already, {has} of them by this client; the "
+                    f"maximum is then {share}"
+                )
+            stream = streams[key] = kind(self.context, key, streams.pop)
+            stream.open()
+        return stream

@@ -1,0 +1,154 @@
+"""Renders pictures for clients: resizes, rotates, and encodes as JPEG or PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import Literal, cast
+
+import cv2
+import numpy as np
+
+from zenoh_vision.image import codecs
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.pixel_formats import Pixels
+from zenoh_vision.keys import JPEG, PNG
+from zenoh_vision.messages import Header
+from zv.viewer.topics import kind_of
+
+MAX_SIDE = 7680
+MAX_PIXELS = 4096 * 2304
+"""Limit of the size of enlarged pictures, since all clients share memory and CPU time."""
+
+USUAL_PIXELS = 1920 * 1080
+DIM = 0.35
+
+
+@dataclass(frozen=True, slots=True)
+class RenderOptions:
+    """How pictures are rendered for a client; by default the bytes are not changed.
+
+    With ``fit``, the picture is scaled down to fit into width and height, never enlarged; else it
+    is stretched to them, and if one of them is None it is derived from the other.
+    """
+
+    width: int | None = None  # pixels
+    height: int | None = None
+    fit: bool = False
+    quality: int | None = None  # of a JPEG; None for the viewer's setting
+    invert: bool = False  # rotate by 180 degrees
+    format: Literal["jpeg", "png"] | None = None  # None to keep the format
+
+    def size(self, width: int, height: int) -> tuple[int, int]:
+        """Return the size to which a picture of this width and height is rendered, pixels."""
+        if self.fit:
+            scale = min(1.0, (self.width or width) / width, (self.height or height) / height)
+            return max(1, round(width * scale)), max(1, round(height * scale))
+        if (self.width is None) == (self.height is None):
+            return self.width or width, self.height or height
+        wide = self.width or width * (self.height or height) / height
+        high = self.height or height * (self.width or width) / width
+        scale = min(1.0, (MAX_PIXELS / (wide * high)) ** 0.5, MAX_SIDE / wide, MAX_SIDE / high)
+        return max(1, round(wide * scale)), max(1, round(high * scale))
+
+    @property
+    def cost(self) -> int:
+        """About how many pixels must be rendered; 0 if the original bytes are sent."""
+        if self.width is None and self.height is None:
+            return 0 if self == RenderOptions() else USUAL_PIXELS
+        wide = self.width or (self.height or 0) * 16 // 9
+        return wide * (self.height or wide * 9 // 16)
+
+    def unchanged(self, mime: str, width: int, height: int) -> bool:
+        """Tell whether an encoded picture of this type and size needs no change."""
+        return (
+            self.size(width, height) == (width, height)
+            and not self.invert
+            and not (self.quality is not None and mime == JPEG)
+            and self.format in (None, mime.removeprefix("image/"))
+        )
+
+
+@dataclass(slots=True, eq=False)
+class EncodedPicture:
+    """A picture for clients: the header is the frame's, the size is that of this picture."""
+
+    key: str
+    header: Header
+    payload: bytes
+    mime: str
+    width: int
+    height: int
+    number: int = 0  # number of frames that had arrived on the key, including this one
+    missed: int = 0  # number of frames that never arrived, by sequence numbers
+    ended_ns: int | None = None  # when the last picture arrived, if it shows that; ns since 1970
+    _messages: dict[str, bytes] = field(default_factory=dict, repr=False)
+
+    def age_ms(self, now_ns: int) -> float:
+        """Return the time from its capture to ``now_ns``, ns since 1970, in milliseconds."""
+        return (now_ns - self.header.stamp_ns) / 1e6
+
+    def once(self, name: str, make: Callable[[EncodedPicture], bytes]) -> bytes:
+        """Return the bytes that ``make`` makes of the picture, cached under a name."""
+        if name not in self._messages:
+            self._messages[name] = make(self)
+        return self._messages[name]
+
+
+def original(frame: Frame, options: RenderOptions) -> EncodedPicture | None:
+    """Return a frame's bytes unchanged as its picture; None if they are raw or must change."""
+    header = frame.header
+    if kind_of(frame.key).raw or not options.unchanged(frame.mime, header.width, header.height):
+        return None
+    payload = frame.compressed
+    return EncodedPicture(frame.key, header, payload, frame.mime, header.width, header.height)
+
+
+def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture:
+    """Return a frame's rendered picture; 16 bits are scaled to 8 for a JPEG.
+
+    ``quality`` is that of a JPEG, unless the options have one.
+
+    Raises:
+        PayloadError: ``corrupt``: it cannot be decoded.
+    """
+    header = frame.header
+    width, height = options.size(header.width, header.height)
+    as_png = options.format == "png" or (options.format is None and frame.mime == PNG)
+    encoding = header.encoding or "bgr8"
+    shown = "mono8" if encoding.startswith("mono") else "bgr8"
+    sixteen = encoding == "mono16" and as_png
+    pixels: Pixels = frame.pixels if sixteen else frame.reduced(shown, width, height)
+    if (width, height) != pixels.shape[1::-1]:
+        smaller = width * height < pixels.shape[0] * pixels.shape[1]
+        interpolation = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+        pixels = cast("Pixels", cv2.resize(pixels, (width, height), interpolation=interpolation))
+    if options.invert:
+        pixels = cast("Pixels", np.ascontiguousarray(pixels[::-1, ::-1]))
+    if as_png:
+        payload = codecs.encode_png(pixels)
+    else:
+        payload = codecs.encode_jpeg(pixels, shown, options.quality or quality)
+    return EncodedPicture(frame.key, header, payload, PNG if as_png else JPEG, width, height)
+
+
+def render_ended(picture: EncodedPicture, since_ns: int) -> EncodedPicture:
+    """Return the last picture of a stream that has ended: dim, grey, with the time.
+
+    ``since_ns`` is when it arrived, ns since 1970. The picture keeps its size and type.
+
+    Raises:
+        PayloadError: ``corrupt``: it cannot be decoded.
+    """
+    gray = Frame(picture.header, compressed=picture.payload).gray
+    dim = np.asarray(gray * np.float32(DIM), np.uint8)
+    clock = datetime.fromtimestamp(since_ns / 1e9, UTC).strftime("%H:%M:%S UTC")
+    words = f"no picture since {clock}"
+    (text_width, _), _ = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 2)
+    scale = min(1.5, 0.9 * picture.width / text_width)
+    place = (round(0.05 * picture.width), picture.height // 2)
+    cv2.putText(dim, words, place, cv2.FONT_HERSHEY_SIMPLEX, scale, 255, 1 + round(scale))
+    as_png = picture.mime == PNG
+    payload = codecs.encode_png(dim) if as_png else codecs.encode_jpeg(dim, "mono8", 80)
+    return replace(picture, payload=payload, ended_ns=since_ns, _messages={})

@@ -1,0 +1,199 @@
+"""Handlers of ``/stream``, ``/snapshot`` and ``/stream_viewer``, as in ROS's web_video_server."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import html
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager, suppress
+from email.utils import formatdate
+from urllib.parse import quote, urlencode
+
+from aiohttp import web
+
+from zenoh_vision.errors import PayloadError
+from zv.viewer.discovery.system_state import SystemState
+from zv.viewer.streams.picture_stream import PictureFeed
+from zv.viewer.streams.registry import StreamRegistry
+from zv.viewer.streams.rendering import MAX_PIXELS, EncodedPicture, RenderOptions, render_ended
+from zv.viewer.topics import kind_of, resolve
+from zv.viewer.web_video_server.multipart import BOUNDARY, parts_for
+from zv.viewer.web_video_server.query import NAMES, InvalidQuery, StreamQuery, parse_query
+
+MAX_SNAPSHOTS = 16
+"""Limit of snapshots that are made or sent at once."""
+
+NEVER_CACHED = {"Cache-Control": "no-store", "Pragma": "no-cache"}
+MAX_LISTED = 20
+ENDED_POLL_S = 0.5
+
+
+class MultipartResponse(web.StreamResponse):
+    """A response that ends with its connection, and is not chunked although it has no length.
+
+    Many readers of such streams are simple programs that do not support chunked encoding.
+    """
+
+    _length_check = False
+
+
+class RenderBudget:
+    """Limits the pixels that are rendered at once for one address; all share the threads."""
+
+    def __init__(self) -> None:
+        self._taken: Counter[tuple[str | None, str, RenderOptions]] = Counter()
+
+    @contextmanager
+    def taken(self, address: str | None, key: str, options: RenderOptions) -> Iterator[None]:
+        """Count the pixels of a stream, once for each address, or raise HTTPTooManyRequests."""
+        name = address, key, options
+        others = sum(o.cost for a, k, o in self._taken if a == address and (a, k, o) != name)
+        if options.cost and others + options.cost > MAX_PIXELS:
+            raise web.HTTPTooManyRequests(
+                text=f"{others} pixels are rendered for {address} already, {options.cost} more are "
+                f"too many; allowed: {MAX_PIXELS}; request smaller pictures, or the original\n"
+            )
+        self._taken[name] += 1
+        try:
+            yield
+        finally:
+            self._taken -= Counter([name])
+
+
+class WebVideoServer:
+    """The handlers, which serve the streams of the registry, and list those of the system."""
+
+    def __init__(self, registry: StreamRegistry, system: SystemState) -> None:
+        self._registry = registry
+        self._system = system
+        self._budget = RenderBudget()
+        self._sending = asyncio.Semaphore(MAX_SNAPSHOTS)
+
+    async def stream(self, request: web.Request) -> web.StreamResponse:
+        """Send a stream as multipart/x-mixed-replace until the client disconnects."""
+        query, key = self._parse(request)
+        if key not in self._system.streams:
+            with suppress(PayloadError):  # data arrives, although it is not a picture
+                if await self._registry.snapshot(key, query.options) is None:
+                    raise self._not_found(query.topic)
+        with self._budget.taken(request.remote, key, query.options):
+            return await self._send(request, self._registry.pictures(key, query.options))
+
+    async def _send(self, request: web.Request, feed: PictureFeed) -> web.StreamResponse:
+        parts = parts_for(request.headers)
+        content_type = f"multipart/x-mixed-replace;boundary={BOUNDARY}"
+        response = MultipartResponse(headers={"Content-Type": content_type, **NEVER_CACHED})
+        response.force_close()
+        try:
+            await response.prepare(request)
+            await response.write(parts.begin)
+            async for picture in self._pictures(feed):
+                await response.write(parts.part(picture))
+                await request.writer.drain()
+        except ConnectionError:
+            if request.transport is not None:
+                request.transport.abort()
+        finally:
+            feed.close()
+        return response
+
+    async def snapshot(self, request: web.Request) -> web.Response:
+        """Send the newest picture, with its identity and age in the headers."""
+        if self._sending.locked():
+            raise unavailable(f"{MAX_SNAPSHOTS} snapshots are being sent, which is the maximum")
+        async with self._sending:
+            response = await self._snapshot(request)
+            await response.prepare(request)
+            await response.write_eof()
+            await request.writer.drain()
+            return response
+
+    async def _snapshot(self, request: web.Request) -> web.Response:
+        query, key = self._parse(request, single=True)
+        try:
+            with self._budget.taken(request.remote, key, query.options):
+                picture = await self._registry.snapshot(key, query.options)
+        except PayloadError as error:
+            raise web.HTTPBadGateway(text=f"{key}: {error}\n") from None
+        if picture is None:
+            if key not in self._system.streams:
+                raise self._not_found(query.topic)
+            wait_s = self._registry.context.settings().wait
+            raise unavailable(f"{key}: no picture arrived within {wait_s:g} s")
+        return web.Response(body=picture.payload, headers=_snapshot_headers(picture))
+
+    async def stream_viewer(self, request: web.Request) -> web.Response:
+        """Send a page that shows one stream."""
+        query, key = self._parse(request)
+        given = {name: value for name, value in request.query.items() if name in (*NAMES, "token")}
+        source = html.escape(f"stream?{urlencode(given, quote_via=quote)}")
+        name = html.escape(query.topic)
+        text = (
+            f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
+            f"<title>{name}</title></head>\n<body>\n<h1>{name}</h1>\n"
+            f'<img src="{source}" alt="{html.escape(key)}">\n</body>\n</html>\n'
+        )
+        return web.Response(text=text, content_type="text/html", headers=NEVER_CACHED)
+
+    def _parse(self, request: web.Request, *, single: bool = False) -> tuple[StreamQuery, str]:
+        """Return the query of a request and the key of its stream."""
+        try:
+            query = parse_query(request.query, single=single)
+        except InvalidQuery as error:
+            raise web.HTTPBadRequest(text=f"{error}\n") from None
+        key = resolve(query.topic, self._system.namespace, self._system.streams, raw=query.raw)
+        if key is None:
+            raise web.HTTPBadRequest(
+                text=f"topic = {query.topic[:200]!r} is not allowed; allowed: a stream of pictures "
+                f"such as /front/image/compressed{self._listed()}\n"
+            )
+        return query, key
+
+    async def _pictures(self, feed: PictureFeed) -> AsyncIterator[EncodedPicture]:
+        """Yield each newest picture, and a grey one with the time when the stream ends."""
+        last: EncodedPicture | None = None
+        while True:
+            picture = await feed.next(ENDED_POLL_S)
+            ended_ns = feed.stream.ended_ns
+            if picture is not None:
+                last = picture
+                yield picture
+            elif last is not None and ended_ns is not None and feed.options != RenderOptions():
+                with suppress(PayloadError):
+                    yield await self._registry.context.run(render_ended, last, ended_ns)
+                last = None
+
+    def _not_found(self, topic: str) -> web.HTTPException:
+        if not self._system.connected:
+            return unavailable("there is no router, so there are no streams")
+        return web.HTTPNotFound(text=f"there is no stream {topic[:200]!r}{self._listed()}\n")
+
+    def _listed(self) -> str:
+        found = [key for key in self._system.streams if kind_of(key).picture]
+        more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
+        return f"; there are: {', '.join(found[:MAX_LISTED])}{more}" if found else ""
+
+
+def _snapshot_headers(picture: EncodedPicture) -> dict[str, str]:
+    header = picture.header
+    tag = hashlib.sha256(picture.payload).hexdigest()[:16]
+    return {
+        "Content-Type": picture.mime,
+        "X-Age-Ms": f"{picture.age_ms(time.time_ns()):.1f}",
+        "X-Camera": header.camera,
+        "X-Epoch": str(header.epoch),
+        "X-Seq": str(header.seq),
+        "X-Stamp-Ns": str(header.stamp_ns),
+        "Last-Modified": formatdate(header.stamp_ns / 1e9, usegmt=True),
+        "ETag": f'"{header.epoch}-{header.seq}-{tag}"',
+        **NEVER_CACHED,
+    }
+
+
+def unavailable(reason: str, retry_s: int = 1) -> web.HTTPException:
+    """Return a response with status 503 that asks the client to try again later."""
+    headers = {"Retry-After": str(retry_s)}
+    return web.HTTPServiceUnavailable(text=f"{reason}\n", headers=headers)

@@ -1,0 +1,153 @@
+"""Every example runs as its docstring says, against real processes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import jsonschema
+import numpy as np
+import pytest
+
+from tests.support import systems
+from tests.support.listening import Listener, newest, open_client
+from tests.support.processes import ROOT, START_S, Program, run_program
+from tests.support.routing import free_endpoint
+from tests.support.systems import running_router, service
+from tests.support.waiting import wait_until
+from zenoh_vision.messages import Centroid
+
+EXAMPLES = ROOT / "examples"
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A router, the synthetic camera and a tracker; the endpoint, once centroids flow."""
+    with systems.system(tmp_path_factory.mktemp("system"), "tracker") as endpoint:
+        yield endpoint
+
+
+@pytest.fixture
+def tracker_alone(tmp_path: Path) -> Iterator[str]:
+    """A router and a tracker that waits for a camera; the endpoint."""
+    with running_router(tmp_path) as endpoint, service("tracker", tmp_path, "--connect", endpoint):
+        yield endpoint
+
+
+def run_once(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    return run_program([sys.executable, EXAMPLES / name, *arguments])
+
+
+def centroids(endpoint: str, count: int) -> list[Centroid]:
+    """Return the next centroids that the tracker publishes."""
+    with open_client(endpoint) as session:
+        found = Listener(session, "vision/front/centroid").wait_for(count, START_S)
+        return [Centroid.from_bytes(message.payload) for message in found[:count]]
+
+
+def test_subscribe_prints_centroids_and_ends_with_ctrl_c(system: str, tmp_path: Path):
+    with Program([EXAMPLES / "subscribe.py", system], tmp_path, "subscribe") as program:
+        lines = program.lines(r"front (\d+) (\d+|None) (\d+|None) (-?[\d.]+) ms", count=10)
+        assert program.interrupt() == 0
+        assert not program.complaints
+    numbers = [int(line[1]) for line in lines]
+    assert numbers == sorted(set(numbers))
+
+
+def test_subscribe_is_about_ten_lines_and_imports_nothing_of_ours():
+    text = (EXAMPLES / "subscribe.py").read_text()
+    code = text.split('"""')[2].strip().splitlines()
+    work = [line for line in code if line and not line.startswith(("import ", "from "))]
+    assert len(work) <= 13
+    assert "zenoh_vision" not in text
+
+
+def test_save_frame_writes_the_newest_picture(system: str, tmp_path: Path):
+    picture = tmp_path / "frame.jpg"
+    done = run_once("save_frame.py", picture, system)
+    assert done.returncode == 0, done.stderr
+    assert cv2.imread(str(picture)).shape == (480, 640, 3)
+
+
+def test_save_frame_says_when_nobody_answers(system: str, tmp_path: Path):
+    done = run_once("save_frame.py", tmp_path / "x.jpg", system, "vision/nowhere/image/compressed")
+    assert done.returncode == 1
+    assert done.stderr == "nobody answered on vision/nowhere/image/compressed\n"
+
+
+def test_own_service_publishes_its_message_and_answers_its_schema(system: str, tmp_path: Path):
+    with (
+        Program([EXAMPLES / "own_service.py", system], tmp_path, "own") as program,
+        open_client(system) as session,
+    ):
+        sample = newest(session, "vision/front/brightness")
+        assert sample.encoding == "application/msgpack;my.Brightness.v1"
+        message = sample.body
+        assert 0 < message["mean"] < 255
+        assert message["header"]["node"] == "brightness_front"
+        assert sample.header == message["header"]
+        for name in ("Brightness", "my.Brightness.v1"):
+            schema = newest(session, f"@vision/schema/{name}")
+            jsonschema.validate(message, json.loads(schema.payload))
+        assert program.interrupt() == 0
+        assert not program.output
+
+
+def test_own_service_ends_with_ctrl_c_while_it_waits_for_a_router(tmp_path: Path):
+    with Program([EXAMPLES / "own_service.py", free_endpoint()], tmp_path, "own") as program:
+        wait_until(lambda: catches_sigint(program), START_S, lambda: program.complaints)
+        assert program.interrupt() == 0
+        assert not program.complaints
+
+
+def catches_sigint(program: Program) -> bool:
+    """Tell whether the node has put its own handler in place (bit 1 is SIGINT, by the kernel)."""
+    status = Path(f"/proc/{program.process.pid}/status")
+    if not status.exists():
+        pytest.skip("needs /proc to see a signal handler")
+    assert program.process.poll() is None, program.complaints
+    loaded = "zenoh" in Path(f"/proc/{program.process.pid}/maps").read_text()
+    caught = next(line for line in status.read_text().splitlines() if line.startswith("SigCgt"))
+    sigterm = 1 << 14
+    return loaded and bool(int(caught.split()[1], 16) & sigterm)
+
+
+@pytest.mark.parametrize("files", [False, True], ids=["drawn", "from files"])
+def test_a_bare_publisher_is_tracked_under_an_identity_made_up(
+    tracker_alone: str, tmp_path: Path, files: bool
+):
+    arguments: list[str | Path] = [EXAMPLES / "publish_from_anything.py", tracker_alone]
+    if files:
+        for number in range(3):
+            picture = np.full((120, 160, 3), 80 * number, np.uint8)
+            cv2.imwrite(str(tmp_path / f"{number}.jpg"), picture)
+            arguments.append(tmp_path / f"{number}.jpg")
+    with Program(arguments, tmp_path, "publish") as program:
+        first, *_, last = centroids(tracker_alone, 5)
+        assert program.interrupt() == 0
+        assert not program.complaints
+    assert first.header.assumed is True
+    assert last.header.epoch == first.header.epoch
+    assert last.header.seq > first.header.seq
+    assert (last.header.width, last.header.height) == ((160, 120) if files else (320, 240))
+
+
+def test_a_publisher_with_three_more_lines_gives_its_own_identity(
+    tracker_alone: str, tmp_path: Path
+):
+    arguments = [EXAMPLES / "publish_from_anything.py", tracker_alone, "--header"]
+    with Program(arguments, tmp_path, "publish") as program:
+        found = centroids(tracker_alone, 10)
+        assert program.interrupt() == 0
+    assert {centroid.header.assumed for centroid in found} == {None}
+    assert len({centroid.header.epoch for centroid in found}) == 1
+    assert any(centroid.x is not None for centroid in found)  # the square moves
+
+
+def test_every_example_is_tested():
+    text = Path(__file__).read_text()
+    assert all(f'"{path.name}"' in text for path in EXAMPLES.glob("*.py"))

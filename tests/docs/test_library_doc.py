@@ -1,0 +1,60 @@
+"""docs/library.md names all that the library offers, and its example runs as written."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import zenoh_vision
+from tests.support.pages import Page
+from tests.support.processes import Program
+from tests.support.systems import system
+
+PAGE = Page("docs/library.md")
+
+
+def test_every_public_name_is_on_the_page():
+    named = set(re.findall(r"`(\w+)", PAGE.text))
+    assert set(zenoh_vision.__all__) <= named
+
+
+@pytest.mark.parametrize("name", zenoh_vision.__all__)
+def test_a_public_name_can_be_imported_and_is_documented(name: str):
+    found = getattr(zenoh_vision, name)
+    assert name in ("TOPICS", "latest") or found.__doc__
+
+
+def test_what_the_page_says_of_a_node_is_there():
+    said = set(re.findall(r"`node\.(\w+)", PAGE.text))
+    node = zenoh_vision.Node("any", camera=())
+    assert {name for name in said if not hasattr(type(node), name)} <= set(vars(node))
+
+
+def test_a_name_that_is_none_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="has no attribute 'Nod'"):
+        _ = zenoh_vision.Nod  # type: ignore[attr-defined]
+
+
+def test_importing_the_library_loads_no_zenoh_until_a_node_is_asked_for():
+    program = (
+        "import sys, zenoh_vision\n"
+        "assert not {'zenoh', 'cv2', 'pydantic'} & set(sys.modules)\n"
+        "zenoh_vision.Node\n"
+        "assert 'zenoh' in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_the_example_prints_frames_and_centroids_of_every_camera(tmp_path: Path):
+    with system(tmp_path, "tracker") as endpoint:
+        program = tmp_path / "onlooker.py"
+        program.write_text(PAGE.blocks("python")[0].replace("tcp/127.0.0.1:7447", endpoint))
+        with Program([program], tmp_path, "onlooker") as running:
+            running.lines(r"front \d+ \d+\.\d+", count=3)
+            running.lines(r"front \d+ (\d+|None) (\d+|None)", count=3)
+            assert running.interrupt() == 0
+            assert not running.complaints

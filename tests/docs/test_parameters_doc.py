@@ -1,0 +1,81 @@
+"""docs/parameters.md and the README's part on it are true: what they show runs as written."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgpack
+import pytest
+
+from tests.support.listening import open_client
+from tests.support.pages import Page, run_as_written
+from tests.support.processes import Program, run_program
+from tests.support.systems import system
+from zenoh_vision.config.settings import load_settings
+from zv.registry import model_of
+from zv.tools.registry import TOOLS
+
+PAGE = Page("docs/parameters.md")
+README = Page("README.md")
+OURS = "zv param "
+
+
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Of a router, the synthetic camera and a tracker."""
+    with system(tmp_path_factory.mktemp("system"), "tracker") as endpoint:
+        yield endpoint
+
+
+def test_every_command_of_the_tool_is_shown():
+    shown = {" ".join(line.split()[1:3]) for line in PAGE.commands(OURS)}
+    assert shown == {words for words in TOOLS if words.startswith("param ")}
+
+
+@pytest.mark.parametrize("page", [PAGE, README], ids=lambda page: page.name)
+def test_the_commands_run_as_written_one_after_the_other(page: Page, endpoint: str, tmp_path: Path):
+    assert page.commands(OURS)
+    for command in page.commands(OURS):
+        done = run_as_written(command, tmp_path, ZV_CONNECT=endpoint)
+        assert done.returncode == 0, (command, done.stderr)
+        assert done.stdout or "at revision" in done.stderr or "written to" in done.stderr
+    saved = load_settings(model_of("tracker"), config=tmp_path / "tracker.toml")
+    assert saved.model_dump()["closing"] == 10
+
+
+def test_the_program_sets_two_parameters_as_written(endpoint: str, tmp_path: Path):
+    program = tmp_path / "set.py"
+    program.write_text(PAGE.blocks("python")[0])
+    done = run_program([sys.executable, program, endpoint])
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert re.fullmatch(r"revision \d+", lines[0])
+    assert {"closing 10", "threshold 100"} <= set(lines)
+
+
+def test_the_service_of_ones_own_takes_what_is_set(endpoint: str, tmp_path: Path):
+    program = tmp_path / "dimmer.py"
+    connected = f"zenoh_vision.Connection({endpoint!r})"
+    code = PAGE.blocks("python")[1].replace('"dimmer", ', f'"dimmer", connection={connected}, ')
+    program.write_text("import zenoh_vision\n" + code)
+    with Program([program], tmp_path, "dimmer") as running, open_client(endpoint) as session:
+        running.lines(r"\d+ [1-9][\d.]+")
+        (reply,) = session.get("@vision/param/dimmer_front/gain", payload=msgpack.packb(0))
+        assert msgpack.unpackb(reply.ok.payload.to_bytes())["unit"] == "ratio"
+        running.lines(r"\d+ 0\.0")
+        assert running.interrupt() == 0
+
+
+def test_what_the_page_names_is_a_parameter():
+    live = {name for service in ("camera", "tracker", "edge") for name in fields(service)}
+    said = re.findall(
+        r"`([a-z_]+)`", PAGE.text.split("## When a change takes effect")[1].split("\n## ")[0]
+    )
+    assert set(said) - {"truth", "now"} <= live
+
+
+def fields(service: str) -> set[str]:
+    return set(model_of(service).model_fields)

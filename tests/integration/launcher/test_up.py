@@ -1,0 +1,317 @@
+"""`zv up` as a user types it: real processes, real signals, nothing left behind."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+import zenoh
+
+from tests.integration.conftest import QUICK_ZV
+from tests.support import processes
+from tests.support.listening import Listener, living_nodes, open_client
+from tests.support.processes import ROOT, START_S, STOP_S, Program, environment
+from tests.support.routing import free_endpoint
+from tests.support.terminal import Terminal
+from tests.support.waiting import wait_until
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.session import open_session
+
+NODES = {"router", "camera_front", "tracker_front", "edge_front", "viewer"}
+
+
+def some_of(folder: Path, *services: str) -> str:
+    """Write a launch file of some services, where a test needs no more; return its path."""
+    file = folder / "some.toml"
+    file.write_text("".join(f'[[node]]\nservice = "{service}"\n' for service in services))
+    return str(file)
+
+
+def up(folder: Path, *arguments: str) -> Program:
+    return Program(["-m", QUICK_ZV, "up", "--plain", *arguments], folder, "up")
+
+
+def open_when_ready(endpoint: str) -> zenoh.Session:
+    return open_session(Connection(connect=endpoint, timeout_s=20))
+
+
+def children(program: Program) -> list[psutil.Process]:
+    return psutil.Process(program.process.pid).children()
+
+
+def running(processes: list[psutil.Process]) -> list[psutil.Process]:
+    return [p for p in processes if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
+
+
+def service_of(process: psutil.Process) -> str:
+    return process.cmdline()[4]
+
+
+def wait_for_children(program: Program, *services: str) -> None:
+    """Wait until these are its children: one that has just begun still looks like its parent."""
+    wait_until(
+        lambda: sorted(map(service_of, children(program))) == sorted(services),
+        explain=lambda: str([child.cmdline() for child in children(program)]),
+    )
+
+
+@pytest.mark.quiet
+def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_path):
+    endpoint = free_endpoint()
+    with up(tmp_path, "--listen", endpoint) as program:
+        client = open_when_ready(endpoint)
+        with client:
+            Listener(client, "vision/front/centroid").wait_for(5)
+            Listener(client, "vision/front/edges/compressed").wait_for(5)
+        for node in NODES:
+            program.lines(rf"{node} +running .*")
+        started = children(program)
+        assert sorted(map(service_of, started)) == ["camera", "edge", "router", "tracker", "view"]
+        begun_s = time.monotonic()
+        program.process.send_signal(signal.SIGINT)
+        assert program.process.wait(5) == 0
+        assert time.monotonic() - begun_s < 2.0
+        assert not running(started)
+    assert f"router: {endpoint}" in program.output
+    assert "vision/front/centroid" in program.output
+    assert f"python examples/subscribe.py {endpoint}" in program.output
+    greeting = program.output.partition("for example: ")[2].splitlines()
+    assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+/", greeting[1])
+    assert "Traceback" not in program.complaints
+
+
+def test_nothing_is_left_behind_when_zv_up_itself_is_killed(tmp_path):
+    with up(
+        tmp_path, some_of(tmp_path, "camera", "viewer"), "--listen", free_endpoint()
+    ) as program:
+        started = wait_until(lambda: len(children(program)) == 3 and children(program))
+        program.lines(r"camera_front +running +rate.*")
+        program.process.kill()
+        program.process.wait(STOP_S)
+        wait_until(lambda: not running(started))
+
+
+def test_a_killed_tracker_is_started_again_and_that_is_said(tmp_path):
+    endpoint = free_endpoint()
+    with up(tmp_path, some_of(tmp_path, "camera", "tracker"), "--listen", endpoint) as program:
+        with open_when_ready(endpoint) as client:
+            centroids = Listener(client, "vision/front/centroid")
+            centroids.wait_for(5)
+            (tracker,) = (p for p in children(program) if service_of(p) == "tracker")
+            os.kill(tracker.pid, signal.SIGKILL)
+            wait_until(lambda: "tracker_front died (signal 9)" in program.complaints)
+            centroids.wait_for(5, after_s=time.monotonic())
+        assert "starting again in 1 s" in program.complaints
+
+
+def test_a_killed_router_is_started_again_and_all_flows_come_back(tmp_path):
+    endpoint = free_endpoint()
+    with (
+        up(tmp_path, some_of(tmp_path, "camera", "tracker"), "--listen", endpoint) as program,
+        open_when_ready(endpoint) as client,
+    ):
+        centroids = Listener(client, "vision/front/centroid")
+        centroids.wait_for(5)
+        (router,) = (p for p in children(program) if service_of(p) == "router")
+        others = {p.pid for p in children(program)} - {router.pid}
+        os.kill(router.pid, signal.SIGKILL)
+        wait_until(lambda: "router died (signal 9)" in program.complaints)
+        centroids.wait_for(5, after_s=time.monotonic())
+        assert others < {p.pid for p in children(program)}
+
+
+@pytest.mark.quiet
+@pytest.mark.parametrize("by", ["a router", "another program"])
+def test_a_taken_port_is_explained_at_once_and_nothing_is_started(tmp_path, router, by):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        other = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        endpoint = router.endpoint if by == "a router" else other
+        with up(tmp_path, "--listen", endpoint) as program:
+            begun_s = time.monotonic()
+            assert program.process.wait(START_S) == 2
+            assert time.monotonic() - begun_s < 3
+    assert "the port is in use" in program.complaints
+    assert f"--connect {endpoint}" in program.complaints
+    assert len(program.complaints.splitlines()) == 1
+    assert program.output == ""
+    with open_client(router.endpoint) as client:
+        assert not living_nodes(client)
+
+
+def test_a_router_that_cannot_listen_after_all_ends_everything_with_2(tmp_path):
+    # The port is tried beforehand, which does not work for every transport.
+    launch = tmp_path / "sock.toml"
+    launch.write_text(
+        f'[router]\nlisten = "unixsock-stream/{tmp_path}/no/such/folder"\n'
+        '[[node]]\nservice = "tracker"\n'
+    )
+    with up(tmp_path, str(launch)) as program:
+        started: list[psutil.Process] = []
+        while program.process.poll() is None:
+            started += [child for child in children(program) if child not in started]
+        assert program.process.poll() == 2
+        assert started
+        assert not running(started)
+    assert "router ended with status 2" in program.complaints
+    assert "is not possible" in program.complaints
+
+
+def test_connect_uses_the_router_that_is_there(tmp_path, router):
+    with up(tmp_path, "--connect", router.endpoint) as program:
+        with open_client(router.endpoint) as client:
+            Listener(client, "vision/front/centroid").wait_for(5)
+        wait_for_children(program, "camera", "edge", "tracker", "view")
+        assert "already running" in program.output
+        program.process.send_signal(signal.SIGTERM)
+        assert program.process.wait(STOP_S) == 0
+
+
+def test_the_environment_names_router_and_namespace_as_the_flags_do(tmp_path, router, monkeypatch):
+    changed = {**environment(), "ZV_CONNECT": router.endpoint, "ZV_NAMESPACE": "mine"}
+    monkeypatch.setattr(processes, "environment", lambda: changed)
+    with (
+        up(tmp_path, some_of(tmp_path, "camera", "tracker")) as program,
+        open_client(router.endpoint) as client,
+    ):
+        Listener(client, "mine/front/centroid").wait_for(5)
+        wait_for_children(program, "camera", "tracker")
+
+
+def test_a_launch_file_names_router_and_namespace(tmp_path, router):
+    launch = tmp_path / "there.toml"
+    launch.write_text(
+        f'namespace = "mine"\n[router]\nconnect = "{router.endpoint}"\n'
+        '[[node]]\nservice = "camera"\n[[node]]\nservice = "tracker"\n'
+    )
+    with up(tmp_path, str(launch)) as program, open_client(router.endpoint) as client:
+        Listener(client, "mine/front/centroid").wait_for(5)
+        wait_for_children(program, "camera", "tracker")
+
+
+@pytest.mark.quiet
+def test_nodes_that_hang_are_killed_and_all_ends_within_2_s(tmp_path):
+    endpoint = free_endpoint()
+    with up(tmp_path, some_of(tmp_path, "camera", "tracker"), "--listen", endpoint) as program:
+        with open_when_ready(endpoint) as client:
+            Listener(client, "vision/front/centroid").wait_for(5)
+        started = children(program)
+        hanging = [p for p in started if service_of(p) in ("tracker", "router")]
+        for process in hanging:
+            process.suspend()
+        begun_s = time.monotonic()
+        program.process.send_signal(signal.SIGINT)
+        assert program.process.wait(5) == 0
+        assert time.monotonic() - begun_s < 2.0
+        assert not running(started)
+    assert "tracker_front did not end in time: killed" in program.complaints
+
+
+def test_a_node_that_is_stuck_is_shown_as_silent(tmp_path):
+    endpoint = free_endpoint()
+    with up(tmp_path, some_of(tmp_path, "camera", "tracker"), "--listen", endpoint) as program:
+        program.lines(r"tracker_front +running +rate.*")
+        (tracker,) = (p for p in children(program) if service_of(p) == "tracker")
+        tracker.suspend()
+        program.lines(r"tracker_front +silent for \d+ s .*")
+
+
+def test_it_ends_with_all_its_processes_when_nobody_reads_its_lines(tmp_path):
+    file = some_of(tmp_path, "camera")
+    command = [sys.executable, "-m", "zv", "up", file, "--plain", "--listen", free_endpoint()]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, env=environment()
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith(b"router: ")
+    started = psutil.Process(process.pid).children()
+    process.stdout.close()
+    _, complaints = process.communicate(timeout=START_S)
+    assert process.returncode == 0
+    assert b"Traceback" not in complaints
+    assert b"Exception" not in complaints
+    assert not running(started)
+
+
+def test_on_a_terminal_a_table_is_drawn_and_lines_go_above_it(tmp_path):
+    file = some_of(tmp_path, "camera", "tracker")
+    terminal = Terminal(["up", file, "--listen", free_endpoint()], columns=80)
+    shown = terminal.until(lambda text: re.search(r"tracker_front +running +\d", text))
+    assert "Ctrl-C ends it" in shown
+    (tracker,) = (p for p in psutil.Process(terminal.pid).children() if service_of(p) == "tracker")
+    tracker.kill()
+    terminal.until(lambda text: "tracker_front died (signal 9), starting again in 1 s" in text)
+    terminal.until(lambda text: re.search(r"tracker_front +restarting in", text))
+    # Only what the new process says is shown of it.
+    again = r"tracker_front +restarting in(?s:.*)tracker_front +starting(?s:.*)tracker_front +run"
+    terminal.until(lambda text: re.search(again, text))
+    terminal.press_ctrl_c()
+    assert terminal.end() == 0
+    assert "\x1b[32m" in terminal.raw  # green: it runs
+    assert "Traceback" not in terminal.text
+
+
+@pytest.mark.parametrize(
+    ("variables", "sign"),
+    [({"TERM": "dumb"}, r"camera_front +running +rate \d"), ({"NO_COLOR": "1"}, "Ctrl-C ends it")],
+    ids=["no cursor", "no colours"],
+)
+def test_a_terminal_that_can_do_less_is_asked_for_less(tmp_path, variables, sign):
+    command = ["up", some_of(tmp_path, "camera"), "--listen", free_endpoint()]
+    terminal = Terminal(command, variables=variables, program=QUICK_ZV)
+    terminal.until(lambda text: re.search(sign, text))
+    terminal.press_ctrl_c()
+    assert terminal.end() == 0
+    assert "\x1b[32m" not in terminal.raw
+    assert variables.get("TERM") != "dumb" or "\x1b[" not in terminal.raw
+
+
+def test_a_file_that_was_played_is_not_played_again(tmp_path, router):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    import cv2
+    import numpy as np
+
+    for number in range(3):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((48, 64, 3), 40 * number, np.uint8))
+    launch = tmp_path / "played.toml"
+    launch.write_text(
+        f'[[node]]\nservice = "camera"\nsettings = {{ source = "{folder}" }}\n'
+        '[[node]]\nservice = "tracker"\n'
+    )
+    with up(tmp_path, str(launch), "--connect", router.endpoint) as program:
+        wait_until(lambda: "camera_front has finished" in program.complaints)
+        program.lines(r"camera_front +finished.*")
+        assert [service_of(p) for p in running(children(program))] == ["tracker"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nosuch.toml"], "nosuch.toml: No such file"),
+        (["--connect", "tcp/127.0.0.1:1", "--listen", "tcp/127.0.0.1:2"], "give one"),
+        (["--listen", "7447"], "--listen = '7447' is not allowed"),
+    ],
+)
+def test_wrong_use_ends_with_2_before_anything_is_started(tmp_path, arguments, said):
+    with up(tmp_path, *arguments) as program:
+        assert program.process.wait(START_S) == 2
+        assert program.output == ""
+    assert said in program.complaints
+    assert "Traceback" not in program.complaints
+
+
+def test_a_wrong_option_of_any_node_ends_with_2_before_anything_is_started(tmp_path):
+    launch = tmp_path / "wrong.toml"
+    launch.write_text(
+        '[[node]]\nservice = "camera"\n[[node]]\nservice = "edge"\nsettings = { apertur = 3 }\n'
+    )
+    with up(tmp_path, str(launch)) as program:
+        assert program.process.wait(START_S) == 2
+    assert "did you mean 'aperture'" in program.complaints
+    assert "router" not in program.complaints.replace(str(launch), "")

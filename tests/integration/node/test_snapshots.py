@@ -1,0 +1,255 @@
+"""Every stream key answers ``get`` with its newest sample, and nothing is made for nobody."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+
+from tests.support.listening import Listener, Message, ask, newest, wait_for_nodes
+from tests.support.pictures import HEIGHT, WIDTH, scene
+from tests.support.publishing import PlainCamera
+from tests.support.waiting import wait_until
+from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zenoh_vision.node.node import Node
+from zenoh_vision.transport.connection import Connection
+
+# The camera's last frame is its 20th: after it, the newest sample of every stream stays.
+STALLED = ("--faults", "stall@20+999999", "--stall-after", 3600, "--rate", 20)
+SMALL = ("--width", 320, "--height", 240)
+
+CAMERA_KEYS = {
+    "image/compressed": "image/jpeg",
+    "image": "application/octet-stream;vision.Image.v1",
+    "truth": "application/msgpack;vision.Tracks.v1",
+}
+DERIVED_KEYS = {
+    "centroid": "application/msgpack;vision.Centroid.v1",
+    "tracked/compressed": "image/jpeg",
+    "mask/compressed": "image/png",
+    "edges/compressed": "image/png",
+}
+
+
+def last_of(session: zenoh.Session, suffix: str, seq: int) -> Message:
+    """Return the snapshot of a key as soon as it is of a frame."""
+
+    def reached() -> Message | None:
+        return next(
+            (
+                found
+                for found in ask(session, f"vision/front/{suffix}")
+                if found.header["seq"] == seq
+            ),
+            None,
+        )
+
+    return wait_until(reached, 15, lambda: f"{suffix} never came to {seq}")
+
+
+def test_a_camera_answers_with_its_newest_frame_also_when_nobody_subscribes(client, service):
+    service("camera", *STALLED, *SMALL)
+    found = {suffix: last_of(client, suffix, 19) for suffix in CAMERA_KEYS}
+    assert {suffix: message.encoding for suffix, message in found.items()} == CAMERA_KEYS
+    assert found["image"].attachment == found["image/compressed"].attachment
+    pixels = np.frombuffer(found["image"].payload, np.uint8).reshape(240, 320, 3)
+    decoded = cv2.imdecode(
+        np.frombuffer(found["image/compressed"].payload, np.uint8), cv2.IMREAD_COLOR
+    )
+    assert np.abs(pixels.astype(int) - decoded).mean() < 5
+
+
+@pytest.mark.parametrize("subscribed", [True, False], ids=["subscribed", "nobody subscribes"])
+def test_derived_streams_answer_with_the_very_sample_that_was_published(
+    client, service, subscribed
+):
+    for name in ("tracker", "edge"):  # the last frame is never too late, however busy the machine
+        service(name, "--max-age", 30)
+    wait_for_nodes(client, "tracker_front", "edge_front")
+    listeners = {
+        suffix: Listener(client, f"vision/front/{suffix}") for suffix in DERIVED_KEYS if subscribed
+    }
+    camera = PlainCamera(client)
+    with camera.at(20):
+        Listener(client, "vision/front/centroid").wait_for(10)
+        for listener in listeners.values():
+            listener.wait_for(1)
+    last = camera.seq - 1
+    for suffix, encoding in DERIVED_KEYS.items():
+        assert last_of(client, suffix, last).encoding == encoding
+    if not subscribed:
+        return
+    with camera.at(5):  # a frame may be lost on its way to a subscriber, but not each of them
+        for suffix, listener in listeners.items():
+            snapshot, published = wait_until(partial(twins, client, suffix, listener))
+            assert snapshot.payload == published.payload
+            assert snapshot.attachment == published.attachment
+            assert snapshot.encoding == published.encoding
+
+
+def twins(client, suffix: str, listener: Listener) -> tuple[Message, Message] | None:
+    """Return a snapshot and the sample of the same frame that the listener got, if it has it."""
+    snapshot = newest(client, f"vision/front/{suffix}")
+    published = {message.header["seq"]: message for message in listener.messages}
+    found = published.get(snapshot.header["seq"])
+    return None if found is None else (snapshot, found)
+
+
+def test_diagnostics_answer_with_the_newest_as_well(client, service):
+    service("tracker")
+    published = Listener(client, "@vision/diagnostics/tracker_front").wait_for(1)[0]
+    assert newest(client, "@vision/diagnostics/tracker_front").payload == published.payload
+
+
+def test_a_camera_that_nobody_listens_to_says_that_it_published_nothing(client, service):
+    service("camera", "--rate", 20, *SMALL)
+    health = Listener(client, "@vision/diagnostics/camera_front")
+    unheard = health.wait_for(2)[-1].body["counters"]
+    assert unheard["published"] == 0
+    assert unheard["dropped.no_subscriber"] >= 15
+    listener = Listener(client, "vision/front/image/compressed")
+    listener.wait_for(15)
+    health.wait_for(1, after_s=time.monotonic())
+    listener.close()
+    seen = len(listener.messages)
+
+    def settled() -> dict[str, int] | None:
+        one, other = (message.body["counters"] for message in health.messages[-2:])
+        return other if one["published"] == other["published"] else None
+
+    counters = wait_until(settled)
+    # At the two ends of a subscription a frame may be put that the subscriber does not see.
+    assert seen <= counters["published"] <= seen + 3
+
+
+class Encoders:
+    """Counts the encoder calls of this process."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.calls = {"encode_jpeg": 0, "encode_png": 0, "to_raw": 0}
+        for name in self.calls:
+            module = pixel_formats if name == "to_raw" else codecs
+            patch.setattr(module, name, self._counting(name, getattr(module, name)))
+
+    def _counting(self, name, encode):
+        lock = threading.Lock()
+
+        def counted(*arguments, **options):
+            with lock:
+                self.calls[name] += 1
+            return encode(*arguments, **options)
+
+        return counted
+
+
+class OwnCamera:
+    """A camera of this process, whose encoders can be counted."""
+
+    def __init__(self, node: Node, encoding: str = "bgr8") -> None:
+        self.node = node
+        self.seq = 0
+        self.epoch = time.time_ns()
+        self._encoding = encoding
+
+    def send(self) -> bool:
+        pixels = scene(self.seq)
+        header = Header(
+            camera="front",
+            epoch=self.epoch,
+            seq=self.seq,
+            stamp_ns=time.time_ns(),
+            width=WIDTH,
+            height=HEIGHT,
+            encoding=self._encoding,
+            node=self.node.name,
+        )
+        self.seq += 1
+        return self.node.publish_frame(Frame(header, pixels=pixels))
+
+
+@pytest.fixture
+def camera(router) -> Iterator[OwnCamera]:
+    connection = Connection(connect=router.endpoint, timeout_s=5)
+    with Node("camera", connection=connection, publishes=["image/compressed", "image"]) as node:
+        yield OwnCamera(node)
+
+
+@pytest.fixture
+def encoders(monkeypatch: pytest.MonkeyPatch) -> Encoders:
+    return Encoders(monkeypatch)
+
+
+def test_nothing_is_encoded_while_nobody_listens(client, camera, encoders):
+    published = [camera.send() for _ in range(20)]
+    assert not any(published)
+    assert encoders.calls == {"encode_jpeg": 0, "encode_png": 0, "to_raw": 0}
+
+
+def test_a_frame_is_encoded_once_for_any_number_of_listeners_and_snapshots(
+    client, camera, encoders
+):
+    listeners = [Listener(client, "vision/front/image/compressed") for _ in range(3)]
+    wait_until(camera.send)
+    sent = camera.seq
+    assert encoders.calls["encode_jpeg"] == 1  # all before it went to nobody
+    for _ in range(5):
+        newest(client, "vision/front/image/compressed")
+    assert encoders.calls == {"encode_jpeg": 1, "encode_png": 0, "to_raw": 0}
+    for listener in listeners:
+        assert listener.wait_for(1)[0].header["seq"] == sent - 1
+        listener.close()
+
+
+def test_a_snapshot_alone_encodes_the_frame_that_it_answers_and_only_when_asked(
+    client, camera, encoders
+):
+    for _ in range(10):
+        camera.send()
+    for _ in range(3):
+        assert newest(client, "vision/front/image/compressed").header["seq"] == 9
+    assert encoders.calls == {"encode_jpeg": 1, "encode_png": 0, "to_raw": 0}
+
+
+def test_the_raw_key_is_put_only_while_someone_subscribes_to_it(client, camera, encoders):
+    compressed = Listener(client, "vision/front/image/compressed")
+    wait_until(camera.send)
+    for _ in range(5):
+        camera.send()
+    assert encoders.calls["to_raw"] == 0
+    raw = Listener(client, "vision/front/image")
+
+    def arrives() -> list[Message]:
+        camera.send()
+        return raw.messages
+
+    wait_until(arrives)
+    assert encoders.calls["to_raw"] >= 1
+    raw.close()
+
+    def quiet() -> bool:
+        before = encoders.calls["to_raw"]
+        camera.send()
+        return encoders.calls["to_raw"] == before
+
+    wait_until(quiet)
+    before = dict(encoders.calls)
+    for _ in range(5):
+        camera.send()
+    assert encoders.calls["to_raw"] == before["to_raw"]
+    assert encoders.calls["encode_jpeg"] == before["encode_jpeg"] + 5
+    compressed.close()
+
+
+@pytest.mark.quiet
+def test_a_key_that_has_nothing_yet_answers_nothing_at_once(client, camera):
+    started_s = time.monotonic()
+    assert ask(client, "vision/front/image/compressed", timeout_s=5) == []
+    assert time.monotonic() - started_s < 1

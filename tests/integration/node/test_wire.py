@@ -1,0 +1,366 @@
+"""What is on the wire, seen by a plain Zenoh program: keys, encodings, headers, messages."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import jsonschema
+import numpy as np
+import pytest
+import zenoh
+
+from tests.integration.conftest import a_router, some_services
+from tests.support.listening import (
+    Listener,
+    Message,
+    ask,
+    balance,
+    drops,
+    living_nodes,
+    newest,
+    open_client,
+    wait_for_nodes,
+)
+from tests.support.processes import Program
+from tests.support.waiting import wait_until
+
+SIZE = ("--width", 320, "--height", 240)
+IDENTITY = ("camera", "epoch", "seq", "stamp_ns")
+IMAGE_FIELDS = {"camera", "epoch", "seq", "stamp_ns", "width", "height", "encoding"} | {
+    "node",
+    "revision",
+}
+DERIVED_FIELDS = IMAGE_FIELDS - {"encoding"} | {"received_ns", "done_ns"}
+
+
+@dataclass
+class System:
+    """A camera, a tracker and an edge detector that run, and a client."""
+
+    client: zenoh.Session
+    programs: dict[str, Program]
+
+    def listen(self, suffix: str) -> Listener:
+        """Subscribe to one key of the camera."""
+        return Listener(self.client, f"vision/front/{suffix}")
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    folder = tmp_path_factory.mktemp("wire")
+    with (
+        a_router(folder) as router,
+        some_services(router.endpoint, folder) as start,
+        open_client(router.endpoint) as client,
+    ):
+        programs = {
+            "camera_front": start("camera", "--rate", 20, *SIZE),
+            "tracker_front": start("tracker"),
+            "edge_front": start("edge"),
+        }
+        wait_for_nodes(client, *programs)
+        yield System(client, programs)
+
+
+def png_depth_and_color(payload: bytes) -> tuple[int, int]:
+    """Return bit depth and colour type of a PNG, from its IHDR chunk."""
+    assert payload.startswith(b"\x89PNG\r\n\x1a\n")
+    assert payload[12:16] == b"IHDR"
+    return payload[24], payload[25]
+
+
+def decoded(message: Message) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(message.payload, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def test_a_camera_frame_is_a_bare_jpeg_with_its_header_as_attachment(system):
+    images = system.listen("image/compressed").wait_for(10)
+    for image in images:
+        assert image.encoding == "image/jpeg"
+        assert image.payload.startswith(b"\xff\xd8\xff")
+        assert image.payload.endswith(b"\xff\xd9")
+        assert decoded(image).shape == (240, 320, 3)
+        header = image.header
+        assert set(header) == IMAGE_FIELDS
+        assert header["camera"] == "front"
+        assert header["node"] == "camera_front"
+        assert header["encoding"] == "bgr8"
+        assert (header["width"], header["height"]) == (320, 240)
+        assert 0 <= image.age_s < 2
+        assert time.time_ns() - 120e9 < header["epoch"] <= header["stamp_ns"]
+    headers = [image.header for image in images]
+    assert len({header["epoch"] for header in headers}) == 1
+    numbers = [header["seq"] for header in headers]
+    assert numbers == sorted(set(numbers))
+    stamps = [header["stamp_ns"] for header in headers]
+    assert stamps == sorted(set(stamps))
+
+
+def test_a_raw_image_is_the_pixels_that_its_header_says(system):
+    raw = system.listen("image").wait_for(3)[-1]
+    assert raw.encoding == "application/octet-stream;vision.Image.v1"
+    assert set(raw.header) == IMAGE_FIELDS
+    assert len(raw.payload) == 320 * 240 * 3
+
+
+def test_raw_and_compressed_are_the_same_frame_under_the_same_header(system):
+    raws, images = system.listen("image"), system.listen("image/compressed")
+
+    def pairs() -> list[tuple[Message, Message]]:
+        by_seq = {image.header["seq"]: image for image in images.messages}
+        return [
+            (raw, by_seq[raw.header["seq"]]) for raw in raws.messages if raw.header["seq"] in by_seq
+        ]
+
+    raw, image = wait_until(pairs)[0]
+    assert raw.attachment == image.attachment
+    pixels = np.frombuffer(raw.payload, np.uint8).reshape(240, 320, 3)
+    # Quality 80 with halved colour changes noise of 2 grey levels by a few levels at most.
+    assert np.abs(pixels.astype(int) - decoded(image)).mean() < 5
+
+
+def test_a_centroid_carries_its_frames_identity_in_a_field_and_as_attachment(system):
+    images, centroids = system.listen("image/compressed"), system.listen("centroid")
+    centroids.wait_for(10)
+    identities = {tuple(image.header[name] for name in IDENTITY) for image in images.messages}
+    for centroid in centroids.messages[2:]:  # whose frames came after the subscription
+        assert centroid.encoding == "application/msgpack;vision.Centroid.v1"
+        body = centroid.body
+        assert set(body) == {"header", "x", "y", "box", "area"}
+        header = body["header"]
+        assert header == centroid.header
+        assert set(header) == DERIVED_FIELDS
+        assert header["node"] == "tracker_front"
+        assert header["stamp_ns"] <= header["received_ns"] <= header["done_ns"] <= centroid.at_ns
+        assert tuple(header[name] for name in IDENTITY) in identities
+    assert len(centroids.messages) >= 10
+
+
+def test_a_centroid_is_the_centre_of_its_box_or_nothing_at_all(system):
+    centroids = system.listen("centroid")
+
+    def moving() -> list[Message]:
+        return [message for message in centroids.messages if message.body["box"] is not None]
+
+    wait_until(lambda: len(moving()) >= 10)
+    for message in centroids.messages:
+        body = message.body
+        if body["box"] is None:
+            assert body["x"] is body["y"] is body["area"] is None
+            continue
+        x, y, width, height = body["box"]
+        assert (body["x"], body["y"]) == (x + int(width / 2), y + int(height / 2))
+        assert 0 <= x < x + width <= 320
+        assert 0 <= y < y + height <= 240
+        assert 0 <= body["area"] <= width * height
+
+
+def test_there_is_one_centroid_for_every_processed_frame_also_when_nothing_moves(system):
+    def dropped(after_ns: int) -> int:
+        """Return what camera and tracker had dropped in all, by reports after a time."""
+
+        def counters(node: str) -> dict[str, int] | None:
+            found = newest(system.client, f"@vision/diagnostics/{node}").body
+            return found["counters"] if found["stamp_ns"] > after_ns else None
+
+        nodes = ("camera_front", "tracker_front")
+        return sum(drops(wait_until(lambda node=node: counters(node))) for node in nodes)
+
+    before = dropped(0)
+    centroids = system.listen("centroid").wait_for(20)
+    numbers = [message.header["seq"] for message in centroids]
+    missing = set(range(numbers[0], numbers[-1])) - set(numbers)
+    assert numbers == sorted(set(numbers))
+    # What a busy machine overwrites in a slot was not processed, and is counted.
+    assert len(missing) <= dropped(centroids[-1].at_ns) - before
+
+
+@pytest.mark.parametrize(
+    ("suffix", "node"), [("mask", "tracker_front"), ("edges", "edge_front")], ids=["mask", "edges"]
+)
+def test_a_map_is_a_png_of_one_bit_a_pixel_with_0_and_255(system, suffix, node):
+    found = system.listen(f"{suffix}/compressed").wait_for(3)[-1]
+    assert found.encoding == "image/png"
+    assert png_depth_and_color(found.payload) == (1, 0)  # one bit, grey
+    pixels = decoded(found)
+    assert pixels.shape == (240, 320)
+    assert set(np.unique(pixels)) <= {0, 255}
+    assert set(found.header) == IMAGE_FIELDS | {"received_ns", "done_ns"}
+    assert found.header["encoding"] == "mono8"
+    assert found.header["node"] == node
+
+
+def test_the_tracked_picture_is_the_frame_with_a_green_box(system):
+    images, tracked = system.listen("image/compressed"), system.listen("tracked/compressed")
+    centroids = system.listen("centroid")
+
+    def drawn() -> tuple[Message, Message, Message] | None:
+        by_seq = {message.header["seq"]: message for message in tracked.messages}
+        frames = {message.header["seq"]: message for message in images.messages}
+        for centroid in centroids.messages:
+            seq = centroid.header["seq"]
+            if centroid.body["box"] and seq in by_seq and seq in frames:
+                return frames[seq], by_seq[seq], centroid
+        return None
+
+    image, picture, centroid = wait_until(drawn)
+    assert picture.encoding == "image/jpeg"
+    assert picture.header["encoding"] == "bgr8"
+    assert picture.header["node"] == "tracker_front"
+    frame, marked = decoded(image).astype(int), decoded(picture).astype(int)
+    assert marked.shape == frame.shape == (240, 320, 3)
+    x, y, width, height = centroid.body["box"]
+    middle = (min(y + height // 2, 239), min(x, 319))  # on the left side of the box
+    blue, green, red = marked[middle]
+    assert green > blue + 60
+    assert green > red + 60
+    outside = np.ones((240, 320), bool)
+    outside[max(0, y - 40) : y + height + 12, max(0, x - 20) : x + width + 160] = False
+    if outside.any():
+        assert np.abs(marked - frame)[outside].mean() < 6
+
+
+def test_health_comes_once_a_second_from_every_node_and_balances(system):
+    listeners = {
+        node: Listener(system.client, f"@vision/diagnostics/{node}") for node in system.programs
+    }
+    for node, listener in listeners.items():
+        messages = listener.wait_for(4)
+        gaps = [(b.body["stamp_ns"] - a.body["stamp_ns"]) / 1e9 for a, b in pairwise(messages)]
+        assert all(0.7 < gap < 1.5 for gap in gaps), (node, gaps)
+        for message in messages:
+            check_health(node, message)
+        first, last = messages[0].body, messages[-1].body
+        done = "published" if node == "camera_front" else "processed"
+        assert last["counters"][done] > first["counters"][done]
+        # Over 5 s, and not over the 3 s between these two: what a busy machine lets through varies.
+        rate_hz = (last["counters"][done] - first["counters"][done]) / sum(gaps)
+        assert rate_hz / 2 < last["rate_hz"] < rate_hz * 2
+        assert 0 < last["latency_ms"]["p50"] <= last["latency_ms"]["p99"]
+
+
+def check_health(node: str, message: Message) -> None:
+    body = message.body
+    assert message.encoding == "application/msgpack;vision.Diagnostics.v1"
+    assert set(body) == {
+        *("node", "stamp_ns", "level", "message", "uptime_s", "counters", "rate_hz"),
+        *("latency_ms", "latency_histogram_ms"),
+    }
+    assert body["node"] == node
+    # A machine that is too busy for 20 Hz is warned of, rightly.
+    assert body["level"] == 0 or " Hz " in body["message"], body["message"]
+    assert abs(body["stamp_ns"] - message.at_ns) < 1e9
+    assert set(body["latency_ms"]) == {"p50", "p99"}
+    histogram = body["latency_histogram_ms"]
+    assert set(histogram) == {"bounds", "counts", "sum"}
+    assert len(histogram["counts"]) == len(histogram["bounds"]) + 1
+    arrived = body["counters"]["captured" if node == "camera_front" else "received"]
+    assert 0 < histogram["counts"][-1] <= arrived + 1  # the two are read one after the other
+    assert balance(body["counters"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("node", "publishes", "subscribes"),
+    [
+        ("camera_front", {"image/compressed", "image", "truth"}, set()),
+        (
+            "tracker_front",
+            {"centroid", "tracked/compressed", "mask/compressed"},
+            {"image/compressed"},
+        ),
+        ("edge_front", {"edges/compressed"}, {"image/compressed"}),
+    ],
+    ids=["camera", "tracker", "edge"],
+)
+def test_a_node_describes_itself(system, node, publishes, subscribes):
+    wait_until(
+        lambda: newest(system.client, f"@vision/node/{node}").body["subscribes"] or publishes
+    )
+    description = newest(system.client, f"@vision/node/{node}")
+    assert description.encoding == "application/msgpack;vision.Node.v1"
+    body = description.body
+    assert set(body) == {
+        *("node", "service", "cameras", "version", "host", "pid", "started_ns"),
+        *("publishes", "subscribes", "stamp_ns"),
+        *(["rate_hz"] if node == "camera_front" else []),
+    }
+    assert body["node"] == node
+    assert abs(body["stamp_ns"] - description.at_ns) < 1e9
+    assert body.get("rate_hz", 20) == 20  # the camera's
+    assert body["service"] == node.split("_")[0]
+    assert body["cameras"] == ["front"]
+    assert body["pid"] == system.programs[node].process.pid
+    assert 0 < time.time_ns() - body["started_ns"] < 300e9
+    assert {f"vision/front/{suffix}" for suffix in publishes} == set(body["publishes"])
+    assert {f"vision/front/{suffix}" for suffix in subscribes} == set(body["subscribes"])
+
+
+def test_every_node_shows_a_token_that_no_wildcard_of_data_matches(system):
+    tokens = {f"@vision/node/{node}" for node in ("camera_front", "tracker_front", "edge_front")}
+    wait_until(lambda: living_nodes(system.client) == tokens)
+    data = Listener(system.client, "**")
+    found = {message.key for message in data.wait_for(30)}
+    data.close()
+    assert found <= {
+        f"vision/front/{suffix}"
+        for suffix in (
+            *("image/compressed", "image", "truth", "centroid", "tracked/compressed"),
+            *("mask/compressed", "edges/compressed"),
+        )
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("Centroid", "vision/front/centroid"),
+        ("vision.Centroid.v1", "vision/front/centroid"),
+        ("Tracks", "vision/front/truth"),
+        ("Diagnostics", "@vision/diagnostics/tracker_front"),
+        ("vision.Node.v1", "@vision/node/edge_front"),
+        ("Parameter", "@vision/param/camera_front/rate"),
+        ("ParameterList", "@vision/param/edge_front"),
+    ],
+)
+def test_a_message_satisfies_the_schema_that_its_senders_answer(system, name, key):
+    schema = newest(system.client, f"@vision/schema/{name}")
+    assert schema.encoding == "application/json"
+    message = newest(system.client, key)
+    validate(message.body, schema)
+    broken = {field: value for field, value in message.body.items() if field != "header"}
+    broken.pop("node", None)
+    with pytest.raises(jsonschema.ValidationError):
+        validate(broken, schema)
+
+
+def test_a_header_satisfies_its_schema(system):
+    schema = newest(system.client, "@vision/schema/Header")
+    validate(newest(system.client, "vision/front/image/compressed").header, schema)
+    validate(newest(system.client, "vision/front/centroid").header, schema)
+
+
+SCHEMAS = (
+    *("Header", "Centroid", "Tracks", "Diagnostics", "Node"),
+    *("Parameter", "ParameterList", "Refusal"),
+)
+
+
+def test_a_query_for_all_schemas_answers_every_message_under_both_names(system):
+    found = {reply.key for reply in ask(system.client, "@vision/schema/*")}
+    assert found == {
+        f"@vision/schema/{prefix}{name}{suffix}"
+        for name in SCHEMAS
+        for prefix, suffix in (("", ""), ("vision.", ".v1"))
+    }
+
+
+def validate(body: object, schema: Message) -> None:
+    """Check a decoded map against a schema that came off the wire."""
+    loaded = json.loads(schema.payload)
+    jsonschema.Draft202012Validator.check_schema(loaded)
+    jsonschema.validate(body, loaded, jsonschema.Draft202012Validator)

@@ -1,0 +1,363 @@
+"""A service survives whatever comes on its key, drops it by name, and goes on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import msgpack
+import numpy as np
+import psutil
+import pytest
+import zenoh
+
+from tests.integration.conftest import QUICK_ZV, a_router, some_services
+from tests.support.listening import Listener, newest, open_client, wait_for_nodes
+from tests.support.pictures import PICTURES, damaged, forged_size
+from tests.support.processes import Program, peak_bytes
+from tests.support.publishing import IMAGE_KEY, PlainCamera
+from tests.support.waiting import wait_until
+from zenoh_vision.image import codecs
+from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
+
+NODES = ("tracker_front", "edge_front")
+COPIES = 4
+DAY_NS = 86_400 * 10**9
+GOOD = PICTURES[0]
+Send = Callable[[PlainCamera], None]
+
+
+def picture(payload: bytes, **changes: object) -> Send:
+    """Return what sends a payload under a header of the stream, with changes."""
+
+    def send(camera: PlainCamera) -> None:
+        camera.put(payload, msgpack.packb(camera.header(GOOD, **changes)))
+
+    return send
+
+
+def attached(attachment: bytes | None) -> Send:
+    """Return what sends a good picture with any attachment."""
+    return lambda camera: camera.put(GOOD, attachment)
+
+
+def without(field: str) -> Send:
+    """Return what sends a good picture whose header lacks a field."""
+
+    def send(camera: PlainCamera) -> None:
+        header = camera.header(GOOD)
+        del header[field]
+        camera.put(GOOD, msgpack.packb(header))
+
+    return send
+
+
+def stamped(offset_ns: int) -> Send:
+    """Return what sends a good picture with a stamp that is off."""
+    return lambda camera: picture(GOOD, stamp_ns=time.time_ns() + offset_ns)(camera)
+
+
+# What is wrong, the reason under which it is counted.
+BAD: dict[str, tuple[Send, str]] = {
+    "not a JPEG": (picture(b"GIF89a" + bytes(500)), "not_an_image"),
+    "empty": (picture(b""), "empty"),
+    "truncated": (picture(GOOD[: len(GOOD) // 2]), "corrupt"),
+    "cut in its header": (picture(GOOD[:30]), "corrupt"),
+    "corrupt entropy data": (picture(damaged(GOOD)), "corrupt"),
+    "forged 32767x32767": (
+        picture(forged_size(GOOD, 32767, 32767), width=32767, height=32767),
+        "too_large",
+    ),
+    "8K, over max_pixels": (
+        picture(forged_size(GOOD, 7680, 4320), width=7680, height=4320),
+        "too_large",
+    ),
+    "forged size unlike the header's": (picture(forged_size(GOOD, 640, 480)), "wrong_size"),
+    "too many bytes": (picture(GOOD + bytes(MAX_COMPRESSED_BYTES)), "too_large"),
+    "attachment of garbage": (attached(b"\xc1garbage\xff" * 5), "bad_header"),
+    "attachment empty": (attached(b""), "bad_header"),
+    "attachment not a map": (attached(msgpack.packb([1, 2, 3])), "bad_header"),
+    "attachment huge": (attached(bytes(1_000_000)), "bad_header"),
+    "seq as text": (picture(GOOD, seq="7"), "bad_header"),
+    "epoch as a float": (picture(GOOD, epoch=1.5), "bad_header"),
+    "seq negative": (picture(GOOD, seq=-1), "bad_header"),
+    "seq missing": (without("seq"), "bad_header"),
+    "another camera's header": (picture(GOOD, camera="rear"), "wrong_camera"),
+    "an encoding nobody knows": (picture(GOOD, encoding="yuv422"), "unsupported_encoding"),
+    "stamp negative": (stamped(-2 * time.time_ns()), "bad_stamp"),
+    "stamp days ahead": (stamped(3 * DAY_NS), "bad_stamp"),
+    "epoch days ahead": (picture(GOOD, epoch=time.time_ns() + 3 * DAY_NS), "bad_stamp"),
+    "no attachment beside an identified stream": (attached(None), "no_header"),
+}
+
+
+@dataclass
+class System:
+    """A tracker and an edge detector, fed by a plain publisher."""
+
+    client: zenoh.Session
+    programs: dict[str, Program]
+    camera: PlainCamera
+    centroids: Listener
+    edges: Listener
+
+    def feed(self) -> None:
+        """Send good frames until one is seen by both."""
+        wait_until(self._seen)
+
+    def _seen(self) -> bool:
+        seq, patience_s = self.camera.send(), time.monotonic() + 0.5
+        while time.monotonic() < patience_s:
+            if all(
+                any(message.header["seq"] == seq for message in listener.messages[-5:])
+                for listener in (self.centroids, self.edges)
+            ):
+                return True
+            time.sleep(0.002)
+        return False
+
+    def gained(self, bad: int) -> dict[str, dict[str, int]]:
+        """Return what each node counted since the last call, once it counted all that was sent.
+
+        Args:
+            bad: How many were sent beside the good frames.
+        """
+        arrived = self.camera.seq - self._fed + bad
+        try:
+            return self._gained(arrived)
+        except AssertionError:
+            self._begin()  # what this test left behind must fail no other
+            raise
+
+    def _gained(self, arrived: int) -> dict[str, dict[str, int]]:
+        self._fed = self.camera.seq
+        found = {}
+        for node in NODES:
+            before = self._counted[node]
+
+            def all_arrived(node: str = node, before: dict[str, int] = before) -> dict[str, int]:
+                counters = newest(self.client, f"@vision/diagnostics/{node}").body["counters"]
+                return counters if counters["received"] >= before["received"] + arrived else {}
+
+            self._counted[node] = wait_until(all_arrived, 15)
+            found[node] = difference(before, self._counted[node])
+            assert found[node].pop("received") == arrived
+        return found
+
+    def __post_init__(self) -> None:
+        """Begin to count."""
+        self._begin()
+
+    def _begin(self) -> None:
+        """Count from now on, once both nodes see frames and nothing is on its way any more."""
+        self.feed()
+        self._fed = self.camera.seq
+        self._counted = {node: self._counters_now(node) for node in NODES}
+
+    def _counters_now(self, node: str) -> dict[str, int]:
+        """Return the counters by a health message that was made after this call."""
+        after_ns = time.time_ns()
+
+        def fresh() -> dict[str, int]:
+            body = newest(self.client, f"@vision/diagnostics/{node}").body
+            return body["counters"] if body["stamp_ns"] > after_ns else {}
+
+        return wait_until(fresh, 5)
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    folder = tmp_path_factory.mktemp("bad input")
+    with (
+        a_router(folder) as router,
+        some_services(router.endpoint, folder, QUICK_ZV) as start,
+        open_client(router.endpoint) as client,
+    ):
+        yield a_system(client, start)
+
+
+def a_system(client: zenoh.Session, start: Callable[..., Program]) -> System:
+    programs = {"tracker_front": start("tracker"), "edge_front": start("edge")}
+    wait_for_nodes(client, *NODES)
+    return System(
+        client,
+        programs,
+        PlainCamera(client),
+        Listener(client, "vision/front/centroid"),
+        Listener(client, "vision/front/edges/compressed"),
+    )
+
+
+@pytest.mark.parametrize(("send", "reason"), BAD.values(), ids=BAD.keys())
+def test_it_is_dropped_and_counted_exactly_and_the_next_good_frame_is_processed(
+    system, send, reason
+):
+    system.feed()  # the stream is alive
+    one_at_a_time(system, send, rate_hz=10 if reason == "corrupt" else 30)
+    system.feed()
+    for node, gained in system.gained(COPIES).items():
+        replaced = gained.pop("dropped.overwritten", 0) + gained.pop("dropped.stale", 0)
+        # Only what its bytes alone tell is judged on arrival; a broken picture waits for its
+        # turn to be decoded, and may be replaced before.
+        waited = replaced if reason == "corrupt" else 0
+        assert COPIES - waited <= gained.pop(f"dropped.{reason}") <= COPIES
+        assert gained.pop("processed") >= 1
+        assert waited <= COPIES // 2
+        assert gained == {}, node
+    for node, program in system.programs.items():
+        assert program.process.poll() is None, f"{node} died: {program.complaints}"
+
+
+def one_at_a_time(system: System, send: Send, rate_hz: float = 30) -> None:
+    """Send copies at the pace of a camera, so that each has its turn."""
+    with (pace := system.camera.at(rate_hz, lambda: pace.calls < COPIES and send(system.camera))):
+        wait_until(lambda: pace.calls >= COPIES, 20)
+
+
+def difference(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:
+    """Return the counters that grew, and by how much."""
+    names = after.keys() - {"pending", "missed"}
+    grown = {name: after[name] - before.get(name, 0) for name in names}
+    return {name: count for name, count in grown.items() if count}
+
+
+def test_a_forged_size_is_refused_before_memory_is_spent(system):
+    forged = picture(forged_size(GOOD, 32767, 32767), width=32767, height=32767)
+    processes = [psutil.Process(program.process.pid) for program in system.programs.values()]
+    before = [process.memory_info().rss for process in processes]
+    one_at_a_time(system, forged)
+    system.feed()
+    system.gained(COPIES)
+    after = [process.memory_info().rss for process in processes]
+    # Decoding it would take 32767 x 32767 x 3 = 3.2 GB.
+    assert all(b - a < 200e6 for a, b in zip(before, after, strict=True)), (before, after)
+
+
+def test_small_files_of_large_pictures_take_no_gigabytes(system):
+    flat = np.full((4320, 7680), 90, np.uint16)
+    deep, gray = codecs.encode_png(flat), codecs.encode_jpeg(flat.astype(np.uint8), "mono8", 80)
+    # The costliest that the tracker takes, see its max_pixels: 16 bits, with alpha.
+    allowed = codecs.encode_png(np.full((1200, 1920, 4), 90, np.uint16))
+    for bytes_, width, height in ((gray, 7680, 4320), (deep, 7680, 4320), (allowed, 1920, 1200)):
+        assert len(bytes_) < 400_000
+        one_at_a_time(system, picture(bytes_, width=width, height=height, encoding="mono16"))
+        system.feed()
+    for node, gained in system.gained(3 * COPIES).items():
+        assert gained["dropped.too_large"] == 2 * COPIES, node
+    for node, program in system.programs.items():
+        assert peak_bytes(program.process.pid) < 512 << 20, node  # a container's limit
+
+
+def test_a_delete_is_dropped_as_empty(system):
+    for _ in range(COPIES):
+        system.client.delete(IMAGE_KEY)
+    system.feed()
+    for gained in system.gained(COPIES).values():
+        assert gained["dropped.empty"] == COPIES
+
+
+def test_each_reason_is_logged_once_per_burst(client, service):
+    system = a_system(client, service)
+    sends = [send for what, (send, _) in BAD.items() if what != "too many bytes"]
+    for send in sends * 3:
+        system.feed()  # or a bare picture would find the identified stream silent, and be welcome
+        send(system.camera)
+    system.feed()
+    system.gained(3 * len(sends))
+    reasons = {reason for _, reason in BAD.values()}
+    for node, program in system.programs.items():
+        lines = [line for line in program.complaints.splitlines() if "WARNING" in line]
+        logged = [line.split("dropped a sample, ")[1].split(":")[0] for line in lines]
+        assert sorted(logged) == sorted(reasons), (node, lines)
+        assert len(program.complaints.splitlines()) == len(lines)
+        assert program.output == ""
+
+
+def test_bare_jpegs_alone_are_processed_under_an_identity_made_up_on_arrival(client, service):
+    service("tracker")
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    before_ns = time.time_ns()
+    camera = PlainCamera(client)
+    pictures = iter(PICTURES)
+    with camera.at(20, lambda: camera.put(next(pictures, GOOD), None)):
+        headers = [message.header for message in centroids.wait_for(15)]
+    for header in headers:
+        assert header["assumed"] is True
+        assert header["camera"] == "front"
+        assert (header["width"], header["height"]) == (320, 240)
+        assert before_ns < header["epoch"] <= header["stamp_ns"] <= header["received_ns"]
+        assert header["done_ns"] < time.time_ns()
+    assert len({header["epoch"] for header in headers}) == 1
+    numbers = [header["seq"] for header in headers]
+    assert numbers[0] == 0
+    assert numbers == sorted(set(numbers))
+    stamps = [header["stamp_ns"] for header in headers]
+    assert stamps == sorted(set(stamps))
+
+
+def test_a_camera_that_identifies_itself_takes_over_from_bare_jpegs(client, service):
+    service("tracker")
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    camera = PlainCamera(client)  # it runs since before the first bare picture came
+    with camera.at(20, lambda: camera.put(GOOD, None)):
+        centroids.wait_for(3)
+        with camera.at(20):
+            first = wait_until(lambda: identified(centroids))[0]
+            after = centroids.wait_for(20, after_s=first.at_s)
+    assert {message.header["epoch"] for message in after} == {camera.epoch}
+
+
+def identified(listener: Listener) -> list:
+    return [message for message in listener.messages if "assumed" not in message.header]
+
+
+def test_a_clock_that_is_seconds_ahead_is_accepted_and_reported(client, service):
+    service("tracker", "--max-age", 30)  # however busy the machine, no frame is late
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    camera = PlainCamera(client)
+    ahead_ns = 7 * 10**9
+    with camera.at(30, lambda: camera.send(stamp_ns=time.time_ns() + ahead_ns)):
+        assert len(centroids.wait_for(20)) >= 20
+
+        def report() -> str:
+            message = newest(client, "@vision/diagnostics/tracker_front").body["message"]
+            return message if "clock" in message else ""
+
+        assert "+7.0 s" in wait_until(report)
+    counters = newest(client, "@vision/diagnostics/tracker_front").body["counters"]
+    assert not [name for name in counters if name.startswith("dropped.") and "over" not in name]
+
+
+@pytest.mark.quiet
+def test_a_flood_of_broken_pictures_leaves_the_frames_of_a_camera_alone(client, service):
+    service("tracker")
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    camera = PlainCamera(client)
+    sends = [send for what, (send, _) in BAD.items() if what != "too many bytes"]
+    sends += [picture(damaged(GOOD), epoch=time.time_ns() + number) for number in range(5)]
+    turn = iter(range(10**9))
+
+    def flood() -> None:
+        sends[next(turn) % len(sends)](camera)
+
+    with camera.at(30):
+        centroids.wait_for(10)
+        quiet = share(camera, centroids, 45)
+        with camera.at(200, flood) as flooding:
+            flooded = share(camera, centroids, 90)
+    assert flooding.calls > 400  # it was a flood
+    assert flooded >= 0.9 * quiet, (flooded, quiet)
+
+
+def share(camera: PlainCamera, centroids: Listener, frames: int) -> float:
+    """Return the share of the camera's next frames that is processed."""
+    first = camera.seq
+    wait_until(lambda: camera.seq >= first + frames, 20)
+    wanted = set(range(first, first + frames))
+    wait_until(lambda: centroids.messages[-1].header["seq"] >= first + frames)
+    return len(wanted & {message.header["seq"] for message in centroids.messages}) / frames

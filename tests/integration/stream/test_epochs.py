@@ -1,0 +1,148 @@
+"""Runs of a source: a new one starts afresh, an old one does not come back while it lives."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tests.support.listening import Listener, balance, newest, wait_for_nodes
+from tests.support.pictures import HEIGHT, STILL, WIDTH, jpeg, scene
+from tests.support.publishing import IMAGE_KEY, PlainCamera, wait_for_subscriber
+from tests.support.waiting import wait_until
+
+HEALTH = "@vision/diagnostics/tracker_front"
+
+
+# With shadows on, MOG2 takes the very first frame for shadow, 127, which the threshold drops;
+# with shadows off it takes it for foreground: the whole picture.
+NO_SHADOWS = "--no-detect-shadows"
+
+
+def first_frames_box(picture: bytes) -> list[int]:
+    """Return what the tutorial's own chain finds in the first frame it ever sees."""
+    bgr = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+    mask = cv2.createBackgroundSubtractorMOG2(700, 25, False).apply(bgr)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((20, 20), np.uint8))
+    _, mask = cv2.threshold(cv2.medianBlur(mask, 5), 127, 255, cv2.THRESH_BINARY)
+    contours, _ = cv2.findContours(mask, cv2.RETR_TREE, cv2.CHAIN_APPROX_SIMPLE)
+    return list(cv2.boundingRect(max(contours, key=cv2.contourArea)))
+
+
+def test_a_new_epoch_starts_a_new_background(client, quick_service):
+    centroids = tracker(client, quick_service, NO_SHADOWS)
+    old = PlainCamera(client, pictures=(STILL,))
+    with old.at(30):
+        wait_until(lambda: len(centroids.messages) > 5 and not centroids.messages[-1].body["box"])
+    new = PlainCamera(client, pictures=(STILL,))
+    new.send()
+    first = wait_until(lambda: of_epoch(centroids, new.epoch))[0]
+    assert first.body["box"] == first_frames_box(STILL) == [0, 0, WIDTH, HEIGHT]
+    new.send()
+    assert not wait_until(lambda: of_epoch(centroids, new.epoch)[1:])[0].body["box"]
+
+
+def test_a_new_size_starts_a_new_background(client, quick_service):
+    centroids = tracker(client, quick_service, NO_SHADOWS)
+    camera = PlainCamera(client, pictures=(STILL,))
+    with camera.at(30):
+        wait_until(lambda: len(centroids.messages) > 5 and not centroids.messages[-1].body["box"])
+    half = jpeg(cv2.resize(scene(None), (WIDTH // 2, HEIGHT // 2)))
+    seq = camera.send(half)
+    found = wait_until(lambda: [m for m in centroids.messages if m.header["seq"] == seq])[0]
+    assert found.body["box"] == [0, 0, WIDTH // 2, HEIGHT // 2]
+    assert (found.header["width"], found.header["height"]) == (WIDTH // 2, HEIGHT // 2)
+
+
+def test_an_older_epoch_is_refused_while_the_current_one_is_alive(client, quick_service):
+    centroids = tracker(client, quick_service)
+    old, new = PlainCamera(client), PlainCamera(client)
+    assert old.epoch < new.epoch
+    with new.at(30):
+        wait_until(lambda: of_epoch(centroids, new.epoch))
+        for _ in range(9):
+            old.send()
+        counters = wait_until(lambda: with_drops(client, "out_of_order", 9))
+    assert counters["dropped.out_of_order"] == 9
+    assert not of_epoch(centroids, old.epoch)
+
+
+def test_an_older_epoch_takes_over_when_the_current_one_has_been_silent(client, quick_service):
+    centroids = tracker(client, quick_service)
+    old, new = PlainCamera(client), PlainCamera(client)
+    with new.at(30):
+        wait_until(lambda: of_epoch(centroids, new.epoch))
+    with old.at(30):  # a camera that was started again while its clock was set back
+        taken = wait_until(lambda: of_epoch(centroids, old.epoch))[0]
+    last = of_epoch(centroids, new.epoch)[-1]
+    # By the tracker's clock: it accepted the last frame of the newer epoch after its arrival.
+    assert taken.header["received_ns"] - last.header["received_ns"] > 1.49e9
+
+
+def test_of_two_publishers_that_fight_only_the_newer_epoch_is_seen(client, quick_service):
+    centroids = tracker(client, quick_service)
+    old = PlainCamera(client)
+    with old.at(30):
+        wait_until(lambda: of_epoch(centroids, old.epoch))
+        new = PlainCamera(client)
+        with new.at(30):
+            wait_until(lambda: len(of_epoch(centroids, new.epoch)) >= 60)
+        last = new.send()
+        wait_until(lambda: of_epoch(centroids, new.epoch)[-1].header["seq"] == last)
+    epochs = [message.header["epoch"] for message in centroids.messages]
+    assert epochs == sorted(epochs)  # never back to the older
+    numbers = [message.header["seq"] for message in of_epoch(centroids, new.epoch)]
+    assert numbers == sorted(set(numbers))
+    counters = newest(client, HEALTH).body["counters"]
+    assert counters["dropped.out_of_order"] > 0  # the older epoch
+    # No frame of the newer epoch is lost to the other: at most to a newer frame of its own.
+    assert new.seq - len(numbers) <= counters.get("dropped.overwritten", 0)
+    assert balance(counters) == 0
+
+
+def test_a_frame_that_was_seen_is_not_seen_again(client, quick_service):
+    centroids = tracker(client, quick_service)
+    camera = PlainCamera(client)
+    first = camera.send()
+    wait_until(lambda: centroids.messages)
+    for _ in range(5):
+        camera.seq = first
+        camera.send()
+    assert wait_until(lambda: with_drops(client, "out_of_order", 5))["dropped.out_of_order"] == 5
+    last = camera.send()
+    wait_until(lambda: [m for m in centroids.messages if m.header["seq"] == last])
+    assert [message.header["seq"] for message in centroids.messages] == [first, last]
+
+
+def test_frames_that_never_came_are_counted_as_missed(client, quick_service):
+    centroids = tracker(client, quick_service)
+    camera = PlainCamera(client)
+    camera.send()
+    wait_until(lambda: centroids.messages)
+    camera.seq += 17
+    camera.send()
+    wait_until(lambda: len(centroids.messages) == 2)
+    counters = wait_until(lambda: processed(client, 2))
+    assert counters["missed"] == 17
+    assert counters["received"] == 2
+
+
+def tracker(client, quick_service, *flags: str) -> Listener:
+    # A single frame must count also where the machine is so busy that it is seen late.
+    quick_service("tracker", "--max-age", 30, *flags)
+    wait_for_nodes(client, "tracker_front")
+    wait_for_subscriber(client, IMAGE_KEY)  # a token says nothing of it
+    return Listener(client, "vision/front/centroid")
+
+
+def of_epoch(listener: Listener, epoch: int) -> list:
+    return [message for message in listener.messages if message.header["epoch"] == epoch]
+
+
+def with_drops(client, reason: str, count: int) -> dict[str, int] | None:
+    counters = newest(client, HEALTH).body["counters"]
+    return counters if counters.get(f"dropped.{reason}", 0) >= count else None
+
+
+def processed(client, count: int) -> dict[str, int] | None:
+    counters = newest(client, HEALTH).body["counters"]
+    return counters if counters["processed"] >= count else None

@@ -1,0 +1,181 @@
+"""A slow or frozen consumer sees the newest frame, never an old one, and every loss is counted."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+
+from tests.support.listening import Listener, balance, newest, open_client, wait_for_nodes
+from tests.support.processes import Program
+from tests.support.publishing import PlainCamera
+from tests.support.waiting import in_time, wait_until
+from zenoh_vision.node.node import Node
+from zenoh_vision.transport.connection import Connection
+
+SMALL = ("--width", 320, "--height", 240)
+SECONDS = 7
+"""Of these a queue would hold up a consumer of 5 Hz for 5.8 s: 25 of 30 frames a second wait."""
+
+FROZEN_S = 4.5
+"""Longer than the lease of 2 s by more than the silence that is allowed."""
+
+
+@pytest.mark.quiet
+def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, service):
+    service("camera", "--rate", 30, *SMALL)
+    wait_for_nodes(client, "camera_front")
+    health = {
+        node: Listener(client, f"@vision/diagnostics/{node}")
+        for node in ("camera_front", "slow_front")
+    }
+    seen: list[tuple[int, int]] = []
+    ages_ms: list[float] = []
+    work = threading.Event()
+    connection = Connection(connect=router.endpoint, timeout_s=5)
+    with Node("slow", connection=connection) as node:
+        for frame in in_time(node, node.frames("image/compressed", want="bgr"), SECONDS):
+            ages_ms.append((time.time_ns() - frame.header.stamp_ns) / 1e6)
+            seen.append((frame.header.epoch, frame.header.seq))
+            work.wait(0.2)
+    print(
+        f"{len(ages_ms)} seen, p50 {sorted(ages_ms)[len(ages_ms) // 2]:.1f}, max {max(ages_ms):.1f}"
+    )
+    assert len(seen) >= 4 * SECONDS  # 1 s / 200 ms = 5, less what starting takes
+    assert max(ages_ms) < 250, ages_ms
+    assert sorted(ages_ms)[len(ages_ms) // 2] < 60  # at 30 Hz the newest is at most 33 ms old
+    assert seen == sorted(set(seen))
+    for listener in health.values():
+        messages = listener.messages
+        assert len(messages) >= SECONDS - 2
+        assert [balance(message.body["counters"]) for message in messages] == [0] * len(messages)
+    last = health["slow_front"].messages[-1].body["counters"]
+    assert last["processed"] == len(seen)
+    assert last["dropped.overwritten"] >= 4 * len(seen)  # five of six frames
+    assert last["pending"] <= 1  # the one that waited when the consumer ended
+
+
+@pytest.mark.quiet
+def test_a_tracker_that_was_frozen_for_3_s_goes_on_with_fresh_frames(client, service):
+    tracker = service("tracker")
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    camera = PlainCamera(client)
+    with camera.at(30):
+        centroids.wait_for(15)
+        os.kill(tracker.process.pid, signal.SIGSTOP)
+        stopped_s = time.monotonic()
+        threading.Event().wait(3.0)  # the length of the freeze is what is tested
+        os.kill(tracker.process.pid, signal.SIGCONT)
+        resumed_s = time.monotonic()
+        after = centroids.wait_for(30, after_s=resumed_s)
+        health = newest(client, "@vision/diagnostics/tracker_front")
+        wait_until(lambda: fresher(client, health.body["stamp_ns"]))
+        counters = newest(client, "@vision/diagnostics/tracker_front").body["counters"]
+    # What left the tracker before the freeze may have waited in the router.
+    sent = [message for message in after if message.header["done_ns"] / 1e9 > wall(resumed_s)]
+    print(f"after {sent[0].at_s - resumed_s:.3f} s one of age {sent[0].age_s:.3f} s", counters)
+    assert sent[0].at_s - resumed_s < 2
+    assert sent[0].age_s < 0.5
+    for message in sent:
+        assert message.header["done_ns"] - message.header["stamp_ns"] < 0.5e9
+    assert centroids.since(stopped_s + 0.5)[0].at_s >= resumed_s
+    numbers = [message.header["seq"] for message in centroids.messages]
+    assert numbers == sorted(set(numbers))
+    assert balance(counters) == 0
+    lost = counters.get("dropped.stale", 0) + counters.get("dropped.overwritten", 0)
+    assert lost >= 1
+    # What did not come because the router gave the frozen tracker up was missed, not dropped.
+    unseen = camera_seqs(camera, stopped_s + 0.1, resumed_s) - set(numbers)
+    assert unseen >= camera_seqs(camera, stopped_s + 0.1, resumed_s - 1)
+    assert lost + counters.get("missed", 0) >= len(unseen) > 0
+
+
+def camera_seqs(camera: PlainCamera, since_s: float, until_s: float) -> set[int]:
+    """Return the numbers of the frames that were sent between two monotonic times."""
+    return {seq for seq, at_s in camera.sent_s.items() if since_s < at_s < until_s}
+
+
+def fresher(client, stamp_ns: int) -> bool:
+    return newest(client, "@vision/diagnostics/tracker_front").body["stamp_ns"] > stamp_ns
+
+
+def wall(at_s: float) -> float:
+    """Return a monotonic time as seconds since 1970."""
+    return time.time() - time.monotonic() + at_s
+
+
+@pytest.mark.quiet
+def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
+    # Frames of 0.7 MB fill the buffers on the way to it long before its lease of 2 s is over.
+    noise = np.random.default_rng(1).integers(0, 256, (720, 1280, 3), np.uint8)
+    picture = cv2.imencode(".jpg", noise, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
+    assert len(picture) > 600_000
+    camera = PlainCamera(
+        client, pictures=(picture,), congestion_control=zenoh.CongestionControl.BLOCK_FIRST
+    )
+    with (
+        open_client(router.endpoint) as other,
+        Program(["examples/own_service.py", router.endpoint], tmp_path, "own") as program,
+    ):
+        wait_for_nodes(client, "brightness_front")
+        frames = Listener(other, "vision/front/image/compressed")
+        with camera.at(20):
+            Listener(client, "vision/front/brightness").wait_for(5)
+            os.kill(program.process.pid, signal.SIGSTOP)
+            frozen_s = time.monotonic()
+            try:
+                # With Zenoh's own wait of 5 s there would be silence from the lease's end to here.
+                threading.Event().wait(FROZEN_S)
+            finally:
+                os.kill(program.process.pid, signal.SIGCONT)
+        times = [message.at_s for message in frames.since(frozen_s)]
+    longest_s = max(b - a for a, b in pairwise(times))
+    print(f"{len(times)} frames in {FROZEN_S} s, longest silence {longest_s:.2f} s")
+    assert longest_s < 1.5
+    assert len(times) > 0.65 * 20 * FROZEN_S
+
+
+def test_no_frame_older_than_max_age_is_seen(client, service):
+    service("tracker", "--max-age", 0.2)
+    wait_for_nodes(client, "tracker_front")
+    centroids = Listener(client, "vision/front/centroid")
+    camera = PlainCamera(client)
+    with camera.at(30):
+        centroids.wait_for(15)
+    overwritten = counters_now(client).get("dropped.overwritten", 0)
+    queue_s = threading.Event()
+    last_stamp_ns = time.time_ns()
+    queue_s.wait(0.6)  # for so long nothing came through: what comes then has waited in a queue
+    late: list[int] = []
+
+    def send_late() -> None:
+        late.append(camera.send(stamp_ns=last_stamp_ns + len(late) * 30_000_000))
+
+    with camera.at(30, send_late):
+        wait_until(lambda: len(late) >= 5)
+    fresh = camera.send()
+    wait_until(lambda: fresh in {message.header["seq"] for message in centroids.messages})
+    assert not set(late) & {message.header["seq"] for message in centroids.messages}
+
+    def all_counted() -> dict[str, int] | None:
+        """Return the counters of a report that was made after the last frame."""
+        counters = counters_now(client)
+        replaced = counters.get("dropped.overwritten", 0) - overwritten
+        return counters if counters.get("dropped.stale", 0) + replaced >= len(late) else None
+
+    counters = wait_until(all_counted)
+    replaced = counters.get("dropped.overwritten", 0) - overwritten
+    assert counters["dropped.stale"] + replaced == len(late)
+    assert counters["dropped.stale"] >= 1
+
+
+def counters_now(client) -> dict[str, int]:
+    return newest(client, "@vision/diagnostics/tracker_front").body["counters"]

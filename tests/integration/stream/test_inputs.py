@@ -1,0 +1,131 @@
+"""What a loop can take from: several inputs, cameras by wildcard, messages, parameters."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from typing import Annotated, ClassVar
+
+import pytest
+from pydantic import Field
+
+from tests.support.listening import wait_for_nodes
+from tests.support.publishing import PlainCamera
+from tests.support.waiting import in_time, wait_until
+from zenoh_vision import (
+    Centroid,
+    Connection,
+    Diagnostics,
+    Frame,
+    Live,
+    Node,
+    NodeDescription,
+    ServiceSettings,
+    queue,
+)
+
+
+class DimmerSettings(ServiceSettings):
+    env_prefix: ClassVar[str] = "ZV_DIMMER_"
+
+    level: Annotated[int, Field(ge=0, description="how dim"), Live()] = 0
+    max_age: Annotated[float, Field(ge=0, description="how old", gt=0), Live("s")] = 5.0
+
+
+@pytest.fixture
+def connection(router) -> Connection:
+    return Connection(router.endpoint, timeout_s=10)
+
+
+def test_one_loop_takes_frames_of_every_camera_and_messages_of_every_node(client, connection):
+    cameras = [PlainCamera(client, camera=name) for name in ("door", "yard")]
+    with (
+        Node("mixer", camera=(), connection=connection) as node,
+        cameras[0].at(30),
+        cameras[1].at(30),
+    ):
+        inputs = (
+            node.frames(camera="*", want="gray"),
+            node.messages("@vision/diagnostics/*"),
+            node.messages("centroid", camera="*", buffering=queue(5)),
+        )
+        seen: set[str] = set()
+        for item in in_time(node, node.receive(*inputs), 15):
+            match item:
+                case Frame():
+                    assert item.gray.ndim == 2
+                    seen.add(item.header.camera)
+                case Diagnostics():
+                    seen.add(item.node)
+            if seen == {"door", "yard", "mixer"}:
+                break
+        assert seen == {"door", "yard", "mixer"}
+        counted = node.counters.snapshot()
+        assert counted["processed"] > 2
+        states = {state.key for each in node.health.inputs for state in each.states()}
+        assert states == set(), "the loop's end closes its inputs"
+
+
+def test_messages_of_a_topic_come_as_their_class(client, connection):
+    header = PlainCamera(client).header()
+    with (
+        Node("sender", connection=connection, publishes=["centroid"]) as sender,
+        Node("taker", connection=connection) as taker,
+    ):
+        centroids = taker.messages("centroid")
+        (reply,) = client.get("@vision/node/taker_front", timeout=5.0)
+        assert NodeDescription.from_bytes(reply.ok.payload.to_bytes()).subscribes == (
+            "vision/front/centroid",
+        )
+        wait_until(lambda: sender.outputs._publisher("centroid", "front").wanted)
+        made = Centroid.from_map(
+            {"header": header, "x": 1, "y": 2, "box": (0, 0, 2, 2), "area": 4.0}
+        )
+        sender.publish("centroid", made)
+        found = next(iter(in_time(taker, iter(centroids))))
+        assert found == made
+
+
+def test_a_frame_carries_the_revision_that_was_activated_for_it(client, connection):
+    camera = PlainCamera(client)
+    with (
+        Node("dimmer", connection=connection, parameters=DimmerSettings()) as node,
+        camera.at(30),
+    ):
+        assert node.parameters is not None
+        for frame in in_time(node, node.frames(want="gray")):
+            before = frame.revision
+            assert node.header(frame).revision == before.number
+            node.parameters.change({"level": before.number + 1})
+            # The change is newest at once and becomes active with the next frame, not before.
+            assert node.parameters.newest.number == before.number + 1
+            assert node.parameters.active is before
+            assert frame.revision.settings.level == before.number
+            if before.number == 3:
+                return
+
+
+def test_a_key_that_is_not_published_and_a_topic_that_is_none_are_explained(connection):
+    with Node("quiet", connection=connection, publishes=["centroid"]) as node:
+        with pytest.raises(ValueError, match="quiet_front does not publish tracks of front"):
+            node.outputs._publisher("tracks", "front")
+        with pytest.raises(ValueError, match="no topic 'picture'; known are image/compressed"):
+            node.frames("picture")
+
+
+def test_a_start_that_fails_half_way_leaves_nothing_open(client, connection, monkeypatch):
+    before = signal.getsignal(signal.SIGTERM)
+    threads = set(threading.enumerate())
+    node = Node("broken", connection=connection, publishes=["centroid"])
+
+    def fail() -> None:
+        raise RuntimeError("half way")
+
+    monkeypatch.setattr(node._announcement, "start", fail)
+    with pytest.raises(RuntimeError, match="half way"), node:
+        pass
+    assert signal.getsignal(signal.SIGTERM) is before
+    ours = {"queries", "link", "health"}
+    wait_until(lambda: not {t.name for t in set(threading.enumerate()) - threads} & ours)
+    with Node("broken", connection=connection):  # its name and keys are free
+        wait_for_nodes(client, "broken_front")

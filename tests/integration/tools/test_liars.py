@@ -1,0 +1,157 @@
+"""Programs that answer what no node would: no tool fails, and it says when two answer for one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import msgpack
+import pytest
+import zenoh
+
+from tests.integration.conftest import a_router
+from tests.support.listening import open_client
+from tests.support.standing_in import StandIn
+from tests.support.typist import zv
+
+NODE = "tracker_front"
+ROUTER = f"@/{'ab' * 8}/router"
+DEEP = b"[" * 100_000
+
+
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with a_router(tmp_path_factory.mktemp("router")) as router:
+        yield router.endpoint
+
+
+@pytest.fixture
+def client(endpoint: str) -> Iterator[zenoh.Session]:
+    with open_client(endpoint) as session:
+        yield session
+
+
+@contextmanager
+def answering(
+    session: zenoh.Session, key: str, say: Callable[[zenoh.Query], Any]
+) -> Iterator[None]:
+    """Answer queries on a key; with an error where an exception is said."""
+
+    def on_query(query: zenoh.Query) -> None:
+        with query:
+            said = say(query)
+            if isinstance(said, Exception):
+                query.reply_err(said.args[0])
+            else:
+                query.reply(key.replace("**", "publisher/x"), said)
+
+    queryable = session.declare_queryable(key, zenoh.handlers.Callback(on_query, indirect=False))
+    yield
+    queryable.undeclare()
+
+
+def parameters(low: float, *, node: str = NODE, revision: int = 1) -> bytes:
+    one = {"node": node, "name": "low", "type": "float", "value": low, "default": 1.0}
+    return msgpack.packb({"node": node, "revision": revision, "parameters": [one]})
+
+
+@pytest.mark.parametrize("words", ["doctor configs/edge.toml --for 1.2", "topic list --window 0.1"])
+def test_json_nested_without_end_in_a_routers_admin_space_ends_no_tool(endpoint, client, words):
+    with (
+        answering(client, f"{ROUTER}/**", lambda _: DEEP),
+        answering(client, ROUTER, lambda _: DEEP),
+    ):
+        done = zv(endpoint, *words.split())
+    assert done.returncode in (0, 1), done.stderr
+
+
+@pytest.mark.parametrize(
+    "counters",
+    [
+        pytest.param(
+            lambda s: {"received": 0, "missed": int(20 * s) + 5, "dropped.overwritten": int(9 * s)},
+            id="more lost than came",
+        ),
+        pytest.param(
+            lambda s: {"received": 100 - int(s), "dropped.stale": max(0, 50 - int(s))},
+            id="backwards",
+        ),
+        pytest.param(lambda s: {"captured": int(s), "pending": 2**64 - 1}, id="pending"),
+    ],
+)
+def test_impossible_counters_hide_no_check_of_the_doctor(endpoint, client, counters):
+    namespace = "counts"
+    stand_in = StandIn(
+        client, NODE, namespace=namespace, counters=counters, second_s=0.2, service="tracker"
+    )
+    done = zv(endpoint, "doctor", "configs/edge.toml", "--for", "1.2", "--namespace", namespace)
+    assert done.returncode in (0, 1), done.stderr
+    assert "\nhealth" in done.stdout.replace("OK   ", "").replace("WARN ", "")
+    del stand_in
+
+
+def test_an_answer_with_other_parameters_than_before_is_no_fault(endpoint, client):
+    empty = msgpack.packb({"node": NODE, "revision": 1, "parameters": []})
+
+    def say(query: zenoh.Query) -> bytes:
+        return empty if query.payload is None else parameters(3.0)
+
+    with answering(client, f"@vision/param/{NODE}", say):
+        done = zv(endpoint, "param", "set", NODE, "low=3")
+    assert (done.returncode, done.stdout) == (0, "low: not set -> 3.0\n"), done.stderr
+
+
+def test_when_two_answer_for_a_node_that_is_said(endpoint, client):
+    key = f"@vision/param/{NODE}"
+    with (
+        open_client(endpoint) as other,
+        answering(client, key, lambda _: parameters(1.0)),
+        answering(other, key, lambda _: parameters(2.0)),
+    ):
+        for words in ("get", "describe", "dump", "set low=1"):
+            command, *rest = words.split()
+            done = zv(endpoint, "param", command, NODE, *rest)
+            assert f"2 answer for {NODE}, and one may speak for another" in done.stderr
+            assert done.returncode == 0, done.stderr
+        listed = zv(endpoint, "param", "list")
+        assert f"2 answer for {NODE}" in listed.stderr
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"\x91" * 900_000 + b"\x90",
+        b"no message",
+        parameters(9.0, node="camera_front"),
+        ValueError(b"\x1b[2Jgo away"),
+    ],
+    ids=["deep", "garbage", "another node", "error"],
+)
+def test_an_impostors_unreadable_answer_does_not_hide_the_nodes_own(endpoint, client, said):
+    key = f"@vision/param/{NODE}"
+    with (
+        open_client(endpoint) as other,
+        answering(client, key, lambda _: parameters(1.0)),
+        answering(other, key, lambda _: said),
+    ):
+        done = zv(endpoint, "param", "get", NODE, "low")
+    assert (done.returncode, done.stdout) == (0, "1.0\n"), done.stderr
+    assert f"2 answer for {NODE}" in done.stderr
+
+
+def test_the_refusal_of_one_of_two_is_shown(endpoint, client):
+    key = f"@vision/param/{NODE}"
+    refusal = ValueError(msgpack.packb({"error": "low = 7 is too much", "allowed": "0 to 5"}))
+
+    def refuse(query: zenoh.Query) -> Any:
+        return parameters(1.0) if query.payload is None else refusal
+
+    with (
+        open_client(endpoint) as other,
+        answering(client, key, refuse),
+        answering(other, key, lambda _: parameters(7.0, revision=2)),
+    ):
+        done = zv(endpoint, "param", "set", NODE, "low=7")
+    assert done.returncode == 2
+    assert "low = 7 is too much; allowed: 0 to 5" in done.stderr

@@ -1,0 +1,208 @@
+"""A node whose link got slower while its router was away: back all the same, with all it offers."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import pytest
+import zenoh
+
+from tests.support.listening import Listener, living_nodes, wait_for_nodes
+from tests.support.publishing import PlainCamera
+from tests.support.routing import ONE_WAY_S, Router, far, silent_listener
+from tests.support.waiting import in_time, wait_until
+from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.messages import Centroid
+from zenoh_vision.node.node import Node
+from zenoh_vision.transport import link
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.session import direct
+from zv.edge.settings import EdgeSettings
+
+
+@pytest.fixture(autouse=True)
+def _tried_anew_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "REPLACE_AFTER_S", 0.3)
+
+
+def test_a_node_is_back_with_all_that_it_offers_where_its_link_got_slower(
+    router: Router, client: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    camera = PlainCamera(client)
+    with (
+        far(router) as way,
+        camera.at(20),
+        Node(
+            "seer",
+            connection=Connection(connect=way.endpoint, timeout_s=20),
+            publishes=["centroid"],
+            parameters=ParameterStore(EdgeSettings()),
+        ) as node,
+    ):
+        frames = in_time(node, node.frames(max_age_s=5), deadline_s=60)
+        next(frames)
+        way.delay_s = ONE_WAY_S
+        router.kill()
+        router.start()
+        wait_for_nodes(client, "seer_front", deadline_s=40)
+        centroids = Listener(client, "vision/front/centroid")
+        health = Listener(client, "@vision/diagnostics/seer_front")
+        changes = Listener(client, "@vision/param/seer_front/low")
+        sent = camera.seq
+        for frame in frames:
+            header = node.header(frame)
+            nothing = Centroid(header=header, found=False, x=None, y=None, box=None, area=None)
+            node.publish("centroid", nothing)
+            if frame.header.seq > sent and centroids.messages and health.messages:
+                break
+        assert not node.stopping, "no frame, no centroid or no health came in 60 s"
+        (described,) = client.get("@vision/node/seer_front", timeout=5.0)
+        assert msgpack.unpackb(described.ok.payload.to_bytes())["node"] == "seer_front"
+        (schema,) = client.get("@vision/schema/Centroid", timeout=5.0)
+        assert schema.ok is not None
+        low = "@vision/param/seer_front/low"
+        (answer,) = client.get(low, payload=msgpack.packb(7.0), timeout=5.0)
+        assert answer.ok is not None
+        wait_until(lambda: bool(changes.messages), 10)
+    assert "another session was opened" in caplog.text
+
+
+def test_a_router_that_was_only_away_is_found_again_and_nothing_is_there_twice(
+    router: Router, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts: list[zenoh.Session | None] = []
+    try_once = link.open_replacement
+
+    def noted(*how: Any) -> zenoh.Session | None:
+        attempts.append(try_once(*how))
+        return attempts[-1]
+
+    monkeypatch.setattr(link, "open_replacement", noted)
+    with Node("seer", connection=Connection(connect=router.endpoint, timeout_s=20)):
+        wait_for_nodes(client, "seer_front")
+        router.kill()
+        wait_until(lambda: attempts == [None, None], 30, lambda: f"{attempts}")
+        router.start()
+        wait_for_nodes(client, "seer_front")
+        replies = list(client.get("@vision/node/seer_front", timeout=2.0))
+        assert len(replies) == 1
+        health = Listener(client, "@vision/diagnostics/seer_front")
+        wait_until(lambda: len(health.messages) >= 3, 10)
+        sent = [message.body["stamp_ns"] for message in health.messages]
+        assert len(set(sent)) == len(sent)
+    wait_until(lambda: "seer_front" not in living_nodes(client), 10)
+
+
+def test_what_was_undeclared_before_is_not_declared_on_the_next_session(
+    router: Router, client: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+    kept, ended = [], []
+    with far(router) as way:
+        between = Link(Connection(connect=way.endpoint, timeout_s=20))
+        between.declare(lambda session: session.declare_subscriber("a/**", direct(kept.append)))
+        between.declare(
+            lambda session: session.declare_subscriber("a/**", direct(ended.append))
+        ).undeclare()
+        way.delay_s = ONE_WAY_S
+        router.kill()
+        router.start()
+        wait_until(lambda: "another session was opened" in caplog.text, 40)
+
+        def arrived() -> bool:
+            client.put("a/b", b"1")
+            return bool(kept)
+
+        wait_until(arrived, 20)
+        assert ended == []
+        between.close()
+    assert not between.connected
+
+
+@pytest.mark.quiet
+def test_closing_waits_for_an_attempt_that_is_not_answered_but_not_long(
+    router: Router,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An interpreter that ends while Zenoh opens a session aborts."""
+    monkeypatch.setattr(link, "REPLACE_AFTER_S", 0.1)
+    between = Link(Connection(connect=router.endpoint, timeout_s=20))
+    router.kill()
+    with silent_listener(router.port):
+        wait_until(lambda: "connect" in _threads(), 20)
+        began_s = time.monotonic()
+        between.close()
+        assert time.monotonic() - began_s < 1.5
+        assert not {"link", "connect"} & set(_threads())
+
+
+def test_closed_while_another_session_takes_over_it_leaves_neither(
+    router: Router, client: zenoh.Session
+) -> None:
+    slow = threading.Event()
+    declaring = threading.Event()
+
+    def make(session: zenoh.Session) -> zenoh.LivelinessToken:
+        if slow.is_set():
+            declaring.set()
+            time.sleep(0.3)  # not to wait for something: declaring is to take long
+        return session.liveliness().declare_token("@vision/node/slow")
+
+    with far(router) as way:
+        between = Link(Connection(connect=way.endpoint, timeout_s=20))
+        between.declare(make)
+        slow.set()
+        way.delay_s = ONE_WAY_S
+        router.kill()
+        router.start()
+        assert declaring.wait(40)
+        between.close()
+        wait_until(lambda: not living_nodes(client), 5)
+
+
+def test_while_the_router_is_away_a_camera_that_is_gone_is_still_said_to_be(
+    router: Router, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "health"
+    monkeypatch.setenv("ZV_HEALTH_FILE", str(file))
+    with Node("seer", connection=Connection(connect=router.endpoint, timeout_s=20)) as node:
+        router.kill()
+        wait_until(lambda: not node.link.connected)
+        node.health.failure = lambda: "the camera is gone"  # type: ignore[method-assign]
+        said: list[str] = []
+
+        def read() -> bool:
+            said.append(file.read_text())
+            return len(said) > 400
+
+        wait_until(lambda: "gone" in file.read_text(), 10)
+        wait_until(read, 10)
+        assert all("gone" in text for text in said)
+
+
+def test_what_goes_wrong_in_an_attempt_does_not_end_the_attempts(
+    router: Router, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link, "REPLACE_AFTER_S", 0.1)
+    attempts: list[int] = []
+
+    def failing(*_: Any) -> None:
+        attempts.append(1)
+        raise ConfigurationError("the file is gone")
+
+    monkeypatch.setattr(link, "open_replacement", failing)
+    between = Link(Connection(connect=router.endpoint, timeout_s=20))
+    router.kill()
+    wait_until(lambda: len(attempts) > 1, 20)
+    between.close()
+
+
+def _threads() -> list[str]:
+    return [thread.name for thread in threading.enumerate()]

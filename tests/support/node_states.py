@@ -1,0 +1,61 @@
+"""States of nodes, made by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.messages import Diagnostics, Latency, NodeDescription
+
+S = 1_000_000_000
+NOW_NS = 1_750_000_000 * S
+
+
+def report(**fields: Any) -> Diagnostics:
+    return Diagnostics.model_validate(
+        {
+            "node": "tracker_front",
+            "stamp_ns": NOW_NS - S // 2,
+            "level": 0,
+            "message": "ok",
+            "uptime_s": 60.0,
+            "counters": {"received": 100, "processed": 100, "pending": 0},
+            "rate_hz": 30.0,
+            "latency_ms": Latency(p50=5.0, p99=9.0),
+            **fields,
+        }
+    )
+
+
+def description(**fields: Any) -> NodeDescription:
+    return NodeDescription.model_validate(
+        {
+            "node": "tracker_front",
+            "service": "tracker",
+            "cameras": ("front",),
+            "version": "0.1.0",
+            "host": "roof",
+            "pid": 77,
+            "started_ns": NOW_NS - 60 * S,
+            "publishes": (),
+            "subscribes": (),
+            "stamp_ns": NOW_NS,
+            **fields,
+        }
+    )
+
+
+def node_state(
+    name: str = "tracker_front",
+    session: str = "a1",
+    health: Diagnostics | None = None,
+    **about: Any,
+) -> NodeState:
+    return NodeState(
+        name,
+        session,
+        has_token=True,
+        answered=True,
+        description=description(node=name, **about),
+        reports=(health or report(),),
+    )

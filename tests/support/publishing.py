@@ -1,0 +1,207 @@
+"""Cameras and streams of a few lines: plain Zenoh, OpenCV and msgpack, by the contract alone."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Self
+
+import msgpack
+import zenoh
+
+from tests.support.pictures import PICTURES, size_of
+from tests.support.waiting import wait_until
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zenoh_vision.node.node import Node
+from zenoh_vision.topics import COMPRESSED, RAW
+from zenoh_vision.transport.zenoh_config import Connection
+from zv.camera.synthetic.scene import Scene
+
+IMAGE_KEY = "vision/front/image/compressed"
+
+
+def wait_for_subscriber(session: zenoh.Session, key: str) -> None:
+    """Wait until a session knows that somebody subscribes to a key: what it puts then arrives."""
+    with session.declare_publisher(key) as publisher:
+        wait_until(lambda: publisher.matching_status.matching, 15)  # type: ignore[attr-defined]
+
+
+class PlainCamera:
+    """Publishes JPEGs with headers, one by one or at a rate.
+
+    Args:
+        session: Of a client.
+        epoch: Its run; now, if not given.
+        pictures: JPEGs that are shown in turn.
+        camera: Its name.
+        key: Where it publishes.
+        congestion_control: What happens when the way is full: by default nothing is lost.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        *,
+        epoch: int | None = None,
+        pictures: tuple[bytes, ...] = PICTURES,
+        camera: str = "front",
+        key: str | None = None,
+        congestion_control: zenoh.CongestionControl = zenoh.CongestionControl.BLOCK,
+    ) -> None:
+        self.epoch = time.time_ns() if epoch is None else epoch
+        self.seq = 0
+        self.sent_s: dict[int, float] = {}
+        self._session = session
+        self._pictures = pictures
+        self._camera = camera
+        self._key = key or IMAGE_KEY.replace("front", camera)
+        self._congestion_control = congestion_control
+
+    def header(self, picture: bytes | None = None, **changes: Any) -> dict[str, Any]:
+        """Return the header that the next picture gets."""
+        width, height = size_of(self._pictures[0] if picture is None else picture)
+        header = {
+            "camera": self._camera,
+            "epoch": self.epoch,
+            "seq": self.seq,
+            "stamp_ns": time.time_ns(),
+            "width": width,
+            "height": height,
+            "encoding": "bgr8",
+            "node": "plain",
+            "revision": 0,
+        }
+        return header | changes
+
+    def send(self, picture: bytes | None = None, **changes: Any) -> int:
+        """Publish one good frame and return its number."""
+        seq, picture = self.seq, picture or self._pictures[self.seq % len(self._pictures)]
+        header = self.header(picture, **changes)
+        self.sent_s[seq] = time.monotonic()
+        self.seq += 1
+        self.put(picture, msgpack.packb(header))
+        return seq
+
+    def put(self, payload: bytes, attachment: bytes | None) -> None:
+        """Publish anything."""
+        self._session.put(
+            self._key,
+            payload,
+            encoding="image/jpeg",
+            attachment=attachment,
+            congestion_control=self._congestion_control,
+        )
+
+    def at(self, rate_hz: float, send: Callable[[], object] | None = None) -> Paced:
+        """Return a context in which ``send`` is called at a rate: by default one good frame."""
+        return Paced(rate_hz, send or self.send)
+
+
+class Paced:
+    """Calls something at a steady rate on a thread of its own while the context lasts."""
+
+    def __init__(self, rate_hz: float, call: Callable[[], object]) -> None:
+        self.calls = 0
+        self._period_s = 1 / rate_hz
+        self._call = call
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Stop and wait for the call in work."""
+        self._stop.set()
+        self._thread.join(10)
+
+    def _run(self) -> None:
+        due_s = time.monotonic()
+        while not self._stop.wait(max(0.0, due_s - time.monotonic())):
+            self._call()
+            self.calls += 1
+            due_s += self._period_s
+
+
+KEPT = zenoh.CongestionControl.BLOCK
+"""For what a test counts: by default Zenoh drops what a busy machine does not take at once."""
+
+JPEG = "image/jpeg"
+CENTROID = "application/msgpack;vision.Centroid.v1"
+
+
+def header(seq: int, **changes: Any) -> dict[str, Any]:
+    return {
+        "camera": "c",
+        "epoch": 1_000,
+        "seq": seq,
+        "stamp_ns": time.time_ns(),
+        "width": 64,
+        "height": 48,
+        "node": "camera_c",
+        **changes,
+    }
+
+
+def put_picture(session: zenoh.Session, key: str, seq: int, **changes: Any) -> None:
+    attachment = msgpack.packb(header(seq, encoding="bgr8", **changes))
+    picture = b"\xff\xd8\xff" + b"x" * 997
+    session.put(key, picture, encoding=JPEG, attachment=attachment, congestion_control=KEPT)
+
+
+def put_centroid(session: zenoh.Session, key: str, seq: int, **changes: Any) -> None:
+    head = header(seq, node="tracker_c", **changes)
+    body = {"header": head, "x": seq * 10, "y": 2, "box": [1, 2, 3, 4], "area": 0.5}
+    payload, attachment = msgpack.packb(body), msgpack.packb(head)
+    session.put(key, payload, encoding=CENTROID, attachment=attachment, congestion_control=KEPT)
+
+
+def counting(session: zenoh.Session, key: str, put: Callable = put_picture) -> Callable[[], None]:
+    """Return what puts message after message on a key."""
+    numbers = iter(range(10**9))
+    return lambda: put(session, key, next(numbers))
+
+
+WIDTH = 320
+HEIGHT = 240
+
+
+@contextmanager
+def publish_cameras(endpoint: str, count: int, rate_hz: float) -> Iterator[tuple[str, ...]]:
+    """Publish from so many cameras until the end; yield their names."""
+    names = tuple(f"bay_{number:02d}" for number in range(1, count + 1))
+    stop = threading.Event()
+    with Node(
+        "camera", camera=names, connection=Connection(endpoint), publishes=[COMPRESSED, RAW]
+    ) as node:
+        thread = threading.Thread(target=_publish, args=(node, rate_hz, stop))
+        thread.start()
+        try:
+            yield names
+        finally:
+            stop.set()
+            thread.join()
+
+
+def _publish(node: Node, rate_hz: float, stop: threading.Event) -> None:
+    scenes = [Scene(WIDTH, HEIGHT, seed=seed) for seed, _ in enumerate(node.cameras, 1)]
+    epoch = time.time_ns()
+    seq = 0
+    while not stop.wait(1 / rate_hz):
+        for camera, scene in zip(node.cameras, scenes, strict=True):
+            header = Header(
+                camera=camera,
+                epoch=epoch,
+                seq=seq,
+                stamp_ns=time.time_ns(),
+                width=WIDTH,
+                height=HEIGHT,
+                encoding="bgr8",
+                node=node.name,
+            )
+            node.publish_frame(Frame(header, pixels=scene.render(round(seq * 30 / rate_hz))))
+        seq += 1

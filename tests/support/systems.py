@@ -1,0 +1,49 @@
+"""Whole systems for tests of what a user types: a router, and services of ours at it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+
+from tests.support.fork_server import ZV
+from tests.support.listening import newest, open_client
+from tests.support.processes import START_S, Program
+from tests.support.routing import Router
+
+RESULTS = {"tracker": "vision/front/centroid", "edge": "vision/front/edges/compressed"}
+"""Key of what a service makes of the camera's pictures."""
+
+
+@contextmanager
+def running_router(folder: Path) -> Iterator[str]:
+    """Yield the endpoint of a router.
+
+    Args:
+        folder: Where its output goes.
+    """
+    with closing(Router(folder)) as router:
+        router.start()
+        yield router.endpoint
+
+
+def service(name: str, folder: Path, *flags: str) -> Program:
+    """Start a service of ours, or any other command."""
+    return Program([name, *flags], folder, name, forked=ZV)
+
+
+@contextmanager
+def system(folder: Path, *services: str) -> Iterator[str]:
+    """Yield the endpoint of a router with services at it, once their results flow.
+
+    Args:
+        folder: Where the programs' output goes.
+        services: Beside the synthetic camera: ``tracker``, ``edge``.
+    """
+    with running_router(folder) as endpoint, ExitStack() as running:
+        for name in ("camera", *services):
+            running.enter_context(service(name, folder, "--connect", endpoint))
+        with open_client(endpoint) as session:
+            for name in services:
+                newest(session, RESULTS[name], START_S)
+        yield endpoint

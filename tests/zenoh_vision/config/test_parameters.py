@@ -1,0 +1,181 @@
+"""What a parameter says of itself, and which changes are allowed."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from tests.support.library import LIVE, LampSettings
+from zenoh_vision.config.constraints import allowed
+from zenoh_vision.config.parameters import changed, live_fields, parameter
+from zenoh_vision.errors import ParameterRefused
+from zenoh_vision.messages import Parameter
+from zv.registry import SERVICES, model_of
+
+NODE_SERVICES = [name for name in SERVICES if name != "router"]
+
+
+def said(name: str, **values: Any) -> dict[str, Any]:
+    found = parameter("lamp_front", LampSettings(**values), name, 7).to_map()
+    assert (found.pop("node"), found.pop("name"), found.pop("revision")) == ("lamp_front", name, 7)
+    return found
+
+
+def test_the_live_options_are_those_with_the_mark_in_the_models_order():
+    assert tuple(live_fields(LampSettings)) == LIVE
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("power", ("int", 0, 100, None, "percent", "how bright")),
+        ("blink", ("float", 0.5, 20, None, "Hz", "how often; it clicks")),
+        ("on", ("bool", None, None, None, None, "whether it is lit")),
+        ("colour", ("str", None, None, ("white", "red"), None, "of the light")),
+        ("bulbs", ("int", None, None, ("1", "2", "4"), None, "how many")),
+        ("seed", ("int", 0, 255, None, None, "of the flicker")),
+        ("label", ("str", None, None, None, None, "on it")),
+    ],
+)
+def test_a_parameter_says_type_range_choices_unit_and_meaning(name: str, expected: tuple):
+    kinds = ("type", "minimum", "maximum", "choices", "unit", "description")
+    found = said(name)
+    assert tuple(found[kind] for kind in kinds) == expected
+
+
+def test_a_parameter_says_its_value_and_its_default_with_their_types():
+    found = said("power", power=3)
+    assert (found["value"], found["default"]) == (3, 50)
+    assert said("on", on=False)["value"] is False
+    assert (said("blink")["value"], said("blink", blink=2)["value"]) == (None, 2.0)
+
+
+@pytest.mark.parametrize("service", NODE_SERVICES)
+def test_every_parameter_of_a_service_allows_its_default_its_bounds_and_its_choices(service: str):
+    model = model_of(service)
+    settings = model()
+    for name in live_fields(model):
+        found: Parameter = parameter("node", settings, name, 0)
+        assert found.description
+        values: list[Any] = [found.default, found.minimum, found.maximum, *(found.choices or ())]
+        types = {"int": int, "float": float, "str": str, "bool": bool}
+        for value in values:
+            if value is None:
+                continue
+            typed = types[found.type](value)
+            # Edge's thresholds must be in order.
+            both = {"low": typed, "high": typed} if name in ("low", "high") else {name: typed}
+            assert getattr(changed(settings, both), name) == typed
+
+
+@pytest.mark.parametrize("service", NODE_SERVICES)
+def test_just_outside_its_bounds_a_parameter_is_refused(service: str):
+    model = model_of(service)
+    for name in live_fields(model):
+        found = parameter("node", model(), name, 0)
+        step = 1 if found.type == "int" else 1e-6
+        for bound, sign in ((found.minimum, -1), (found.maximum, 1)):
+            if bound is not None:
+                value = (int if found.type == "int" else float)(bound) + sign * step
+                with pytest.raises(ParameterRefused, match=f"^{name} = "):
+                    changed(model(), {name: value})
+
+
+def test_the_live_options_of_the_services_are_all_but_those_that_say_who_they_are():
+    fixed = {
+        service: set(model_of(service).model_fields) - set(live_fields(model_of(service)))
+        for service in NODE_SERVICES
+    }
+    # The source is not live: whoever may set parameters could read any file of the machine.
+    # Nor is anything that says who may reach the viewer, or how much memory a frame may take.
+    assert fixed == {
+        "camera": {"camera", "source"},
+        "tracker": {"camera", "max_pixels"},
+        "edge": {"camera", "max_pixels"},
+        "viewer": {"host", "port", "address", "token", "allow_host"},
+    }
+
+
+def test_several_values_change_at_once():
+    before = LampSettings()
+    after = changed(before, {"low": 5.0, "high": 6, "on": False, "blink": None})
+    assert (after.low, after.high, after.on, after.power) == (5.0, 6.0, False, 50)
+    assert type(after.high) is float
+    assert before == LampSettings()
+
+
+def test_nothing_is_changed_by_nothing():
+    assert changed(LampSettings(), {}) == LampSettings()
+
+
+def test_an_option_that_is_not_live_may_come_along_if_it_stays_as_it_is():
+    settings = LampSettings(camera="rear", socket="7")
+    assert changed(settings, {"camera": "rear", "socket": "7", "power": 1}).power == 1
+
+
+REFUSED = {
+    "above the range": ({"power": 101}, "power = 101 is not allowed", "a whole number from 0 to"),
+    "below the range": ({"low": -0.1}, "low = -0.1 is not allowed", "a number from 0 to 10"),
+    "not a number": ({"low": float("nan")}, "low = nan", "a number from 0 to 10"),
+    "infinity": ({"high": float("inf")}, "high = inf", "a number from 0 to 10"),
+    "text for a number": ({"power": "50"}, "power = '50'", "a whole number"),
+    "bytes for text": ({"label": b"x"}, "label = b'x'", "a text of at most 8 characters"),
+    "a float for a whole number": ({"power": 50.0}, "power = 50.0", "a whole number"),
+    "true for a number": ({"power": True}, "power = True", "a whole number"),
+    "true for a choice of numbers": ({"bulbs": True}, "bulbs = True", "one of 1, 2, 4"),
+    "a float for a choice": ({"bulbs": 2.0}, "bulbs = 2.0", "one of 1, 2, 4"),
+    "one for true": ({"on": 1}, "on = 1", "true or false"),
+    "no such choice": ({"colour": "blue"}, "colour = 'blue'", "one of white, red"),
+    "a list": ({"power": (1, 2)}, "power = (1, 2)", "a whole number"),
+    "a map": ({"label": {"a": 1}}, "label = {'a': 1}", "a text"),
+    "nil": ({"power": None}, "power = None", "a whole number"),
+    "too large for 64 bits": ({"power": 2**80}, "power = 120892581961", "a whole number"),
+    "too long": ({"label": "x" * 9}, "label = 'xxxxxxxxx'", "at most 8 characters"),
+    "nearly nil": ({"blink": 0}, "blink = 0 ", "a number from 0.5 to 20, or nil: not set"),
+    "together": ({"low": 9.0, "high": 3.0}, "low = 9 is above high", "low at most high"),
+    "with what holds": ({"low": 9.0}, "low = 9 is above high", "low at most high"),
+    "unknown": ({"bulb": 1}, "no parameter 'bulb'; did you mean 'bulbs'?", "power, blink, on"),
+    "not text": ({b"power": 1}, "there is no parameter b'power'", "power, blink, on"),
+    "a number as name": ({5: 1}, "there is no parameter 5", "power, blink, on"),
+    "not live": ({"socket": "desk"}, "socket cannot change while the node runs", "power, blink"),
+    "who it is": ({"camera": "rear"}, "camera cannot change while the node runs", "power"),
+    "one of several": ({"power": 1, "high": 11}, "high = 11 is not allowed", "a number from 0"),
+}
+
+
+@pytest.mark.parametrize(("values", "error", "allowed"), REFUSED.values(), ids=REFUSED)
+def test_what_is_wrong_is_refused_as_a_whole_with_what_would_be_right(
+    values: dict[Any, Any], error: str, allowed: str
+):
+    settings = LampSettings()
+    with pytest.raises(ParameterRefused) as caught:
+        changed(settings, values)
+    assert error in caught.value.error
+    assert allowed in caught.value.allowed
+    assert settings == LampSettings()
+    assert "\n" not in str(caught.value)
+
+
+def test_each_of_several_wrong_values_is_named():
+    with pytest.raises(ParameterRefused) as caught:
+        changed(LampSettings(), {"power": 500, "colour": "blue", "on": True})
+    assert re.findall(r"(\w+) = ", caught.value.error) == ["power", "colour"]
+    assert "power: a whole number from 0 to 100; colour: one of white, red" in caught.value.allowed
+
+
+def test_a_huge_value_is_not_repeated():
+    with pytest.raises(ParameterRefused) as caught:
+        changed(LampSettings(), {"label": "x" * 60_000})
+    assert len(str(caught.value)) < 300
+
+
+def test_what_is_allowed_is_what_a_refusal_says():
+    assert allowed(LampSettings, "bulbs") == "one of 1, 2, 4"
+
+
+def test_the_settings_stay_frozen():
+    with pytest.raises(ValidationError):
+        LampSettings().power = 5  # type: ignore[misc]

@@ -1,0 +1,78 @@
+"""Queries are answered one after the other, and the server ends in time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import SimpleNamespace
+
+import zenoh
+
+from zenoh_vision.messages import Centroid
+from zenoh_vision.node.query_server import MAX_WAITING_QUERIES, QueryServer, schema_answer
+
+
+class Query:
+    """What the server needs of a query."""
+
+    def __init__(self) -> None:
+        self.errors: list[bytes] = []
+
+    def __enter__(self) -> Query:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def reply_err(self, payload: bytes, encoding: str) -> None:
+        self.errors.append(payload)
+
+
+def test_close_does_not_wait_for_a_full_queue():
+    server = QueryServer()
+    working, go_on = threading.Event(), threading.Event()
+
+    def answer(_query: object) -> None:
+        working.set()
+        assert go_on.wait(10)
+
+    server.queue(Query(), answer)  # type: ignore[arg-type]
+    server.start()
+    assert working.wait(5)
+    for _ in range(MAX_WAITING_QUERIES):
+        server.queue(Query(), answer)  # type: ignore[arg-type]
+    refused = Query()
+    server.queue(refused, answer)  # type: ignore[arg-type]
+    assert refused.errors == [b"busy: too many queries are waiting"]
+    closing = threading.Thread(target=server.close)
+    began_s = time.monotonic()
+    closing.start()
+    closing.join(10)
+    assert not closing.is_alive()
+    go_on.set()
+    server._thread.join(5)
+    assert not server._thread.is_alive(), "it answers the whole queue before it ends"
+    assert time.monotonic() - began_s < 10
+
+
+def test_the_schema_of_a_message_is_made_once_however_often_it_is_asked_for(monkeypatch):
+    made: list[type] = []
+
+    def schema(cls: type, *_: object) -> dict[str, str]:
+        made.append(cls)
+        return {"title": cls.__name__}
+
+    monkeypatch.setattr(Centroid, "model_json_schema", classmethod(schema))
+    replies: list[tuple[str, str]] = []
+    query = SimpleNamespace(
+        key_expr=zenoh.KeyExpr("@vision/schema/*"),
+        reply=lambda key, text, encoding: replies.append((str(key), text)),
+    )
+    answer = schema_answer("vision", [Centroid])
+    for _ in range(100):
+        answer(query)  # type: ignore[arg-type]
+    assert len(made) == 1
+    assert set(replies) == {
+        ("@vision/schema/vision.Centroid.v1", '{"title": "Centroid"}'),
+        ("@vision/schema/Centroid", '{"title": "Centroid"}'),
+    }

@@ -1,0 +1,150 @@
+"""The newest item wins, and nothing is lost without a word."""
+
+from __future__ import annotations
+
+import threading
+
+from zenoh_vision.stream.buffer import Buffer, latest, queue
+
+
+def test_the_newest_item_displaces_the_one_that_waits():
+    replaced: list[int] = []
+    buffer = Buffer[int](latest, replaced.append)
+    for item in range(4):
+        buffer.put(item)
+    assert replaced == [0, 1, 2]
+    assert buffer.take(0) == 3
+    assert buffer.take(0) is None
+
+
+def test_an_item_that_was_taken_displaces_nothing():
+    replaced: list[int] = []
+    buffer = Buffer[int](latest, replaced.append)
+    for item in range(4):
+        buffer.put(item)
+        assert buffer.take(0) == item
+    assert replaced == []
+
+
+def test_a_unverified_waits_beside_the_current_stream_and_behind_it():
+    replaced: list[str] = []
+    buffer = Buffer[str](latest, replaced.append)
+    buffer.put("unverified", unverified=True)
+    buffer.put("current")
+    assert replaced == []
+    assert [buffer.take(0), buffer.take(0), buffer.take(0)] == ["current", "unverified", None]
+
+
+def test_each_lane_has_one_place():
+    replaced: list[str] = []
+    buffer = Buffer[str](latest, replaced.append)
+    buffer.put("current 1")
+    buffer.put("unverified 1", unverified=True)
+    buffer.put("unverified 2", unverified=True)
+    buffer.put("current 2")
+    assert replaced == ["unverified 1", "current 1"]
+    assert [buffer.take(0), buffer.take(0)] == ["current 2", "unverified 2"]
+
+
+def test_filled_says_whether_an_item_waits_in_either_lane():
+    buffer = Buffer[int](latest, lambda _: None)
+    assert not buffer.filled
+    buffer.put(0)
+    assert buffer.filled
+    buffer.take(0)
+    buffer.put(0, unverified=True)
+    assert buffer.filled
+    buffer.take(0)
+    assert not buffer.filled
+
+
+def test_taking_from_an_empty_slot_ends_after_the_time_given():
+    assert Buffer[int](latest, lambda _: None).take(0.001) is None
+
+
+def test_an_item_that_comes_wakes_the_one_who_waits():
+    buffer = Buffer[int](latest, lambda _: None)
+    taken: list[int | None] = []
+    taker = threading.Thread(target=lambda: taken.append(buffer.take(60)))
+    taker.start()
+    buffer.put(5)
+    taker.join(5)
+    assert taken == [5]
+
+
+def test_the_slot_is_free_while_someone_is_told_of_a_displaced_item():
+    """A callback that waits for another thread, which needs the buffer, does not deadlock."""
+    seen: list[bool] = []
+
+    def ask_on_another_thread(_item: int) -> None:
+        other = threading.Thread(target=lambda: seen.append(buffer.filled), daemon=True)
+        other.start()
+        other.join(1)
+        assert seen == [True]
+
+    buffer = Buffer[int](latest, ask_on_another_thread)
+    buffer.put(1)
+    buffer.put(2)
+    assert seen == [True]
+
+
+def test_items_of_many_threads_are_each_taken_or_displaced_exactly_once():
+    replaced: list[tuple[int, int]] = []
+    buffer = Buffer[tuple[int, int]](latest, replaced.append)
+    putters, items = 4, 2000
+
+    def put(number: int) -> None:
+        for item in range(items):
+            buffer.put((number, item), unverified=number == 0)
+
+    threads = [threading.Thread(target=put, args=(number,)) for number in range(putters)]
+    for thread in threads:
+        thread.start()
+    taken = []
+    while any(thread.is_alive() for thread in threads) or buffer.filled:
+        item = buffer.take(0.001)
+        if item is not None:
+            taken.append(item)
+    for thread in threads:
+        thread.join()
+    everything = sorted(taken + replaced)
+    assert everything == [(number, item) for number in range(putters) for item in range(items)]
+    for number in range(putters):  # newest wins: no thread's item is seen after a later one
+        mine = [item for who, item in taken if who == number]
+        assert mine == sorted(mine)
+
+
+def test_of_several_keys_the_one_that_waits_longest_is_next_whatever_arrives_meanwhile():
+    buffer = Buffer[str](latest, lambda _: None)
+    buffer.put("a1", "a")
+    buffer.put("b1", "b", unverified=True)  # an unverified epoch does not wait for other keys
+    buffer.put("a2", "a")
+    taken = [buffer.take(0)]
+    for number in range(3, 6):
+        buffer.put(f"a{number}", "a")
+        taken.append(buffer.take(0))
+        buffer.put(f"b{number}", "b")
+    assert taken == ["a2", "b1", "a4", "b4"]  # in turn, each the newest of its key
+
+
+def test_a_queue_keeps_the_order_of_arrival_also_where_an_epoch_is_verified_meanwhile():
+    buffer = Buffer[int](queue(10), lambda _: None)
+    for number in range(5):
+        buffer.put(number, unverified=number < 3)
+    assert [buffer.take(0) for _ in range(5)] == [0, 1, 2, 3, 4]
+
+
+def test_a_queue_is_full_by_bytes_too_and_always_has_room_for_the_newest():
+    replaced: list[str] = []
+    buffer = Buffer[str](queue(10, max_bytes=100), replaced.append)
+    for item, size in (("a", 40), ("b", 40), ("c", 20)):
+        buffer.put(item, size=size)
+    assert replaced == [], "100 bytes wait"
+    buffer.put("d", size=50)
+    assert replaced == ["a", "b"], "60 + 50 and then 20 + 50 bytes are left"
+    assert buffer.take(0) == "c"
+    buffer.put("e", size=50)
+    assert replaced == ["a", "b"], "what was taken is out of the count"
+    buffer.put("f", size=1000)
+    assert replaced == ["a", "b", "d", "e"]
+    assert buffer.take(0) == "f"

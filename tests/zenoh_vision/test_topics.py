@@ -1,0 +1,96 @@
+"""The topic table is the contract's, row by row."""
+
+from __future__ import annotations
+
+import pytest
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.topics import TOPICS
+
+STAGES = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
+
+# name: key of the camera "front", Zenoh encoding, how it competes, made only when wanted
+TABLE = {
+    "image/compressed": ("vision/front/image/compressed", "image/jpeg", "frame", True),
+    "image": ("vision/front/image", "application/octet-stream;vision.Image.v1", "frame", True),
+    "camera_info": (
+        "vision/front/camera_info",
+        "application/msgpack;vision.CameraInfo.v1",
+        "message",
+        False,
+    ),
+    "centroid": (
+        "vision/front/centroid",
+        "application/msgpack;vision.Centroid.v1",
+        "message",
+        False,
+    ),
+    "tracks": ("vision/front/tracks", "application/msgpack;vision.Tracks.v1", "message", False),
+    "events": ("vision/front/events", "application/msgpack;vision.TrackEvent.v1", "message", False),
+    "tracked/compressed": ("vision/front/tracked/compressed", "image/jpeg", "frame", True),
+    "mask/compressed": ("vision/front/mask/compressed", "image/png", "frame", True),
+    "background/compressed": ("vision/front/background/compressed", "image/jpeg", "frame", True),
+    "edges/compressed": ("vision/front/edges/compressed", "image/png", "frame", True),
+    **{
+        f"edges/{stage}/compressed": (
+            f"vision/front/edges/{stage}/compressed",
+            "image/png",
+            "frame",
+            True,
+        )
+        for stage in STAGES
+    },
+    "truth": ("vision/front/truth", "application/msgpack;vision.Tracks.v1", "message", False),
+}
+
+
+def test_the_table_has_exactly_the_contracts_rows():
+    assert set(TOPICS) == set(TABLE)
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_a_row_is_the_contracts(name: str):
+    topic = TOPICS[name]
+    key = topic.key("vision", "front")
+    assert (key, topic.encoding, topic.delivery, topic.lazy) == TABLE[name]
+    assert topic.name == name
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_a_key_is_a_canonical_key_expression_of_its_camera_alone(name: str):
+    key = TOPICS[name].key("plant_2", "rear")
+    assert key.startswith("plant_2/rear/")
+    assert str(zenoh.KeyExpr.autocanonize(key)) == key
+    assert zenoh.KeyExpr("plant_2/rear/**").includes(zenoh.KeyExpr(key))
+
+
+def test_no_two_topics_share_a_key():
+    assert len({topic.name for topic in TOPICS.values()}) == len(TOPICS)
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        (keys.node_key("vision", "tracker_front"), "@vision/node/tracker_front"),
+        (keys.diagnostics_key("vision", "camera_front"), "@vision/diagnostics/camera_front"),
+        (keys.schema_key("vision", "Centroid"), "@vision/schema/Centroid"),
+    ],
+    ids=["node", "diagnostics", "schema"],
+)
+def test_what_is_about_nodes_is_hidden_from_wildcards(key: str, expected: str):
+    assert key == expected
+    for wild in ("**", "*/**", "vision/**"):
+        assert not zenoh.KeyExpr(wild).intersects(zenoh.KeyExpr(key))
+
+
+@pytest.mark.parametrize("name", ["front", "cam_2", "0", "_", "a" * 64])
+def test_these_are_names(name: str):
+    assert keys.is_name(name)
+
+
+@pytest.mark.parametrize(
+    "name", ["", "Front", "front/left", "front-left", "*", "@front", "früh", "front\n", "a b", "$*"]
+)
+def test_these_are_no_names(name: str):
+    assert not keys.is_name(name)

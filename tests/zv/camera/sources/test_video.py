@@ -1,0 +1,316 @@
+"""A video file at its own pace, in its own colours, and what broken files do."""
+
+from __future__ import annotations
+
+import logging
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.support.videos import (
+    HEIGHT,
+    WIDTH,
+    colour_bars,
+    decoded,
+    level,
+    make_sound,
+    make_video,
+    noise,
+)
+from zenoh_vision.errors import SourceError
+from zv.camera.sources import libav
+from zv.camera.sources.base import Picture
+from zv.camera.sources.libav import Timeline
+from zv.camera.sources.video import VideoSource
+
+MJPEG = {"codec": "mjpeg", "pixel_format": "yuvj420p"}
+
+
+def pictures(path: Path) -> list[Picture]:
+    source = VideoSource(path)
+    try:
+        return list(iter(source.read, None))
+    finally:
+        source.close()
+
+
+def mean(picture: Picture) -> float:
+    return float(picture.pixels.mean())
+
+
+def test_every_picture_comes_once_and_in_order(tmp_path: Path):
+    given = pictures(make_video(tmp_path / "a.avi", frames=20))
+    assert [mean(picture) for picture in given] == pytest.approx(
+        [level(index) for index in range(20)], abs=4
+    )
+
+
+def test_a_video_tells_its_rate_and_is_paced_by_the_camera(tmp_path: Path):
+    source = VideoSource(make_video(tmp_path / "a.avi", rate=25))
+    assert (source.rate_hz, source.live) == (25.0, False)
+    assert source.description == "video file a.avi (64x48, MPEG4, 25 Hz)"
+
+
+def test_pictures_are_due_at_the_rate_of_the_file(tmp_path: Path):
+    given = pictures(make_video(tmp_path / "a.avi", rate=10))
+    assert [picture.due_s for picture in given] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+
+
+def test_a_variable_rate_is_honoured_and_counted_from_the_first_picture(tmp_path: Path):
+    times_ms = [2000, 2040, 2500, 2510, 4000]
+    given = pictures(make_video(tmp_path / "a.mkv", times_ms=times_ms))
+    assert [picture.due_s for picture in given] == pytest.approx([0.0, 0.04, 0.5, 0.51, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("times_s", "due_s"),
+    [
+        ([5.0, 5.5, 6.0], [0.0, 0.5, 1.0]),
+        ([None, None, None], [0.0, 0.1, 0.2]),
+        ([0.0, None, 0.3], [0.0, 0.1, 0.2]),
+        ([None, 7.0, 7.5], [0.0, 0.1, 0.6]),
+        ([9.0, 9.5, 0.0, 0.5], [0.0, 0.5, 0.6, 1.1]),
+    ],
+    ids=["from anywhere", "no times", "one missing", "first missing", "clock starts again"],
+)
+def test_missing_and_backward_times_are_bridged_by_the_rate(
+    times_s: list[float | None], due_s: list[float]
+):
+    timeline = Timeline(rate_hz=10.0)
+    assert [timeline.due_s(time_s) for time_s in times_s] == pytest.approx(due_s)
+
+
+@pytest.mark.parametrize(
+    ("codec", "pixel_format", "array_format", "frame", "encoding"),
+    [
+        ("ffv1", "gray", "gray", noise(HEIGHT, WIDTH), "mono8"),
+        ("ffv1", "gray16le", "gray16le", noise(HEIGHT, WIDTH, depth=np.uint16), "mono16"),
+        ("ffv1", "bgra", "bgra", noise(HEIGHT, WIDTH, 4), "bgra8"),
+        ("ffv1", "bgr0", "bgr24", noise(HEIGHT, WIDTH, 3), "bgr8"),
+        ("rawvideo", "bgr24", "bgr24", noise(HEIGHT, WIDTH, 3), "bgr8"),
+        ("png", "rgb24", "bgr24", noise(HEIGHT, WIDTH, 3), "bgr8"),
+    ],
+    ids=["mono8", "mono16", "bgra8", "bgr0", "bgr8", "rgb8"],
+)
+def test_lossless_pixels_come_out_exactly_with_depth_and_channels(
+    tmp_path: Path,
+    codec: str,
+    pixel_format: str,
+    array_format: str,
+    frame: np.ndarray,
+    encoding: str,
+):
+    path = make_video(
+        tmp_path / ("a.mkv" if codec == "ffv1" else "a.avi"),
+        codec=codec,
+        pixel_format=pixel_format,
+        array_format=array_format,
+        frames=[frame, frame[::-1].copy()],
+    )
+    first, second = pictures(path)
+    assert (first.encoding, first.width, first.height) == (encoding, WIDTH, HEIGHT)
+    assert first.pixels.dtype == frame.dtype
+    assert np.array_equal(first.pixels, frame)
+    assert np.array_equal(second.pixels, frame[::-1])
+
+
+def test_an_odd_width_needs_no_padding(tmp_path: Path):
+    frame = noise(33, 51, 3)
+    path = make_video(tmp_path / "a.mkv", codec="ffv1", pixel_format="bgr0", frames=[frame])
+    (picture,) = pictures(path)
+    assert picture.pixels.flags.c_contiguous
+    assert np.array_equal(picture.pixels, frame)
+
+
+def test_changing_a_picture_does_not_spoil_the_next(tmp_path: Path):
+    # Flash screen video is BGR as it is, and only sends what differs from the picture before.
+    path = make_video(
+        tmp_path / "a.flv",
+        codec="flashsv",
+        pixel_format="bgr24",
+        frames=[half_white(index) for index in range(8)],
+    )
+    untouched = pictures(path)
+    source = VideoSource(path)
+    for expected in untouched:
+        picture = source.read()
+        assert np.array_equal(picture.pixels, expected.pixels)
+        picture.pixels[:] = 77
+    source.close()
+
+
+@pytest.mark.parametrize(("color_range", "black"), [(1, 16), (2, 30)], ids=["limited", "full"])
+def test_the_range_that_a_stream_states_is_heeded(tmp_path: Path, color_range: int, black: int):
+    # Luma 30 is 30 in full range, and (30 - 16) * 255 / 219 = 16.3 in the range 16 to 235.
+    path = make_video(
+        tmp_path / "a.mkv",
+        codec="ffv1",
+        pixel_format="yuv420p",
+        array_format="yuv420p",
+        frames=[planar(30)],
+        tags={"color_range": color_range},
+    )
+    (picture,) = pictures(path)
+    assert mean(picture) == pytest.approx(black, abs=1)
+
+
+def half_white(index: int) -> np.ndarray:
+    """Return a picture whose lower rows stay as they are and whose first ones change."""
+    pixels = np.full((256, 256, 3), 255, np.uint8)
+    pixels[:64] = level(index)
+    return pixels
+
+
+def planar(luma: int) -> np.ndarray:
+    """Return a plain 4:2:0 picture as one array of (height * 3 / 2, width)."""
+    chroma = np.full((HEIGHT // 2, WIDTH), 128, np.uint8)
+    return np.concatenate([np.full((HEIGHT, WIDTH), luma, np.uint8), chroma])
+
+
+def test_packets_of_an_mjpeg_file_come_through_undecoded(tmp_path: Path):
+    path = make_video(tmp_path / "a.avi", **MJPEG, frames=3)
+    data = path.read_bytes()
+    given = pictures(path)
+    assert len(given) == 3
+    for index, picture in enumerate(given):
+        assert picture.pixels is None
+        assert picture.jpeg in data
+        assert (picture.encoding, picture.width, picture.height) == ("bgr8", WIDTH, HEIGHT)
+        assert decoded(picture.jpeg).mean() == pytest.approx(level(index), abs=3)
+        assert picture.due_s == pytest.approx(index / 10)
+
+
+def test_an_mjpeg_file_without_huffman_tables_gets_them(tmp_path: Path):
+    path = make_video(tmp_path / "a.avi", **MJPEG, frames=1, options={})
+    data = path.read_bytes()
+    (whole,) = pictures(path)
+    # Same length, so that the container stays valid: the table segments become comments.
+    path.write_bytes(data.replace(b"\xff\xc4", b"\xff\xfe"))
+    (picture,) = pictures(path)
+    assert whole.jpeg not in path.read_bytes()
+    assert np.array_equal(decoded(picture.jpeg), decoded(whole.jpeg))
+
+
+def test_a_turned_video_is_shown_upright_as_opencv_shows_it(tmp_path: Path):
+    path = make_video(tmp_path / "a.mp4", frames=[colour_bars()], options={"movflags": "faststart"})
+    upright = pictures(path)[0].pixels
+    data = path.read_bytes()
+    # The 3x3 matrix of the track header in 16.16 (last column 2.30): a turn by 90 degrees.
+    identity = struct.pack(">9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
+    turn = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, HEIGHT << 16, 0, 1 << 30)
+    track = data.index(b"tkhd")
+    path.write_bytes(data[:track] + data[track:].replace(identity, turn, 1))
+    (picture,) = pictures(path)
+    assert (picture.width, picture.height) == (HEIGHT, WIDTH)
+    assert np.array_equal(picture.pixels, np.rot90(upright, -1))
+    _, opencv = cv2.VideoCapture(str(path)).read()
+    assert np.array_equal(picture.pixels, opencv)
+
+
+def test_a_name_with_a_colon_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    make_video(tmp_path / "a.avi").rename(tmp_path / "http:b.avi")
+    monkeypatch.chdir(tmp_path)
+    assert len(pictures(Path("http:b.avi"))) == 5
+
+
+def test_a_file_that_is_cut_short_gives_what_is_there_and_ends(tmp_path: Path):
+    path = make_video(tmp_path / "a.avi", frames=[noise(HEIGHT, WIDTH, 3)] * 20)
+    whole, data = pictures(path), path.read_bytes()
+    path.write_bytes(data[: len(data) * 2 // 3])
+    given = pictures(path)
+    assert 8 <= len(given) <= 14
+    for picture, expected in zip(given[:8], whole, strict=False):
+        assert np.array_equal(picture.pixels, expected.pixels)
+
+
+def test_a_damaged_mjpeg_packet_is_left_out_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    path = make_video(tmp_path / "a.avi", **MJPEG, frames=4)
+    data = path.read_bytes()
+    second = pictures(path)[1].jpeg
+    path.write_bytes(data.replace(second, second[:-2] + b"\0\0"))
+    with caplog.at_level(logging.WARNING):
+        given = pictures(path)
+    assert [picture.due_s for picture in given] == pytest.approx([0.0, 0.2, 0.3])
+    assert len(caplog.records) == 1
+
+
+def test_a_video_of_larger_pictures_than_allowed_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    path = make_video(tmp_path / "a.avi")
+    monkeypatch.setattr(libav, "MAX_PIXELS", WIDTH * HEIGHT - 1)
+    with pytest.raises(SourceError, match="too large: 64x48"):
+        VideoSource(path)
+
+
+def test_a_file_of_only_damaged_packets_ends_without_a_picture(tmp_path: Path):
+    path = make_video(tmp_path / "a.avi", **MJPEG)
+    path.write_bytes(path.read_bytes().replace(b"\xff\xd9", b"\0\0"))
+    assert pictures(path) == []
+
+
+def cut_mp4(path: Path) -> None:
+    # Its index is at the end, so nothing can be read without it.
+    make_video(path.with_suffix(".mp4"))
+    path.write_bytes(path.with_suffix(".mp4").read_bytes().partition(b"moov")[0])
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda path: path.touch(), "empty"),
+        (lambda path: path.write_bytes(noise(20_000).tobytes()), "not a video that can be read"),
+        (lambda path: path.write_text("just words\n" * 1000), "not a video"),
+        (lambda path: make_sound(path.with_suffix(".wav")).rename(path), "sound, but no video"),
+        (cut_mp4, "cut short"),
+    ],
+    ids=["empty", "garbage", "text", "sound", "no index"],
+)
+@pytest.mark.parametrize("name", ["a.avi", "a.txt"])
+def test_what_is_no_video_is_refused_with_the_reason(
+    tmp_path: Path, make: Callable[[Path], object], reason: str, name: str
+):
+    path = tmp_path / name
+    make(path)
+    with pytest.raises(SourceError, match=reason) as caught:
+        VideoSource(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_closed_video_gives_nothing_more(tmp_path: Path):
+    source = VideoSource(make_video(tmp_path / "a.avi"))
+    assert source.read() is not None
+    source.close()
+    source.close()
+    assert source.read() is None
+
+
+@pytest.mark.parametrize(
+    ("name", "frames"), [("vtest.avi", 795), ("intel_bottle-detection.mp4", 1189)]
+)
+def test_real_video_is_equal_to_what_opencv_reads_to_the_pixel_and_in_time(
+    real_data: Callable[[str], Path], name: str, frames: int
+):
+    source = VideoSource(real_data(name))
+    capture = cv2.VideoCapture(str(real_data(name)))
+    for _ in range(frames):
+        picture = source.read()
+        _, expected = capture.read()
+        assert np.array_equal(picture.pixels, expected)
+        assert picture.due_s * 1e3 == pytest.approx(capture.get(cv2.CAP_PROP_POS_MSEC), abs=1)
+    assert source.read() is None
+
+
+def test_a_video_that_aborts_opencv_is_read(real_data: Callable[[str], Path]):
+    given = pictures(real_data("bgslib_demo.avi"))
+    assert len(given) == 51
+    assert {(picture.encoding, picture.width, picture.height) for picture in given} == {
+        ("bgr8", 48, 48)
+    }
+    assert given[-1].due_s == pytest.approx(50 / 15)

@@ -1,0 +1,288 @@
+"""A source under settings that change: what is opened again, and which revision a picture has."""
+
+from __future__ import annotations
+
+import gc
+import queue
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from tests.support.waiting import DEADLINE_S, wait_until
+from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.errors import SourceError
+from zenoh_vision.stream.counters import FrameCounters
+from zv.camera import capture
+from zv.camera.capture import Capture
+from zv.camera.reader import CapturedFrame
+from zv.camera.settings import CameraSettings
+from zv.camera.sources.base import Picture
+
+
+class ScriptedSource:
+    """Gives a picture whenever the test says so; as wide as it was opened with."""
+
+    description = "scripted"
+
+    def __init__(self, settings: CameraSettings, *, live: bool, period_s: float = 0.0) -> None:
+        self.live = live
+        self.rate_hz: float | None = 30.0
+        self.closed = False
+        self.given: queue.Queue[str] = queue.Queue()
+        self.reading = threading.Event()
+        self._width = settings.width or 16
+        self._count = 0
+        self._period_s = period_s
+
+    def read(self) -> Picture | None:
+        self.reading.set()
+        word = self.given.get(timeout=60)
+        self.reading.clear()
+        if word == "end":
+            return None
+        pixels = np.full((16, self._width, 3), self._count % 256, np.uint8)
+        due_s = None if self.live else self._count * self._period_s
+        self._count += 1
+        return Picture("bgr8", self._width, 16, pixels=pixels, due_s=due_s)
+
+    def close(self) -> None:
+        self.closed = True
+        self.given.put("end")
+
+
+class Rig:
+    """A capture on a thread, with the sources that it opened and the pictures that it gave."""
+
+    def __init__(self, settings: CameraSettings, *, live: bool, period_s: float) -> None:
+        self.parameters = ParameterStore(settings)
+        self.sources: list[ScriptedSource] = []
+        self.pictures: list[CapturedFrame] = []
+        self.at_s: list[float] = []
+        self.troubles: list[str] = []
+        self.broken: Callable[[CameraSettings], bool] = lambda _settings: False
+
+        def open_source(
+            opened: CameraSettings, newest: Callable[[], CameraSettings]
+        ) -> ScriptedSource:
+            if self.broken(opened):
+                raise SourceError("the device cannot do that")
+            assert all(source.closed for source in self.sources), "opened while another is open"
+            self.sources.append(ScriptedSource(opened, live=live, period_s=period_s))
+            return self.sources[-1]
+
+        self.capture = Capture(self.parameters, FrameCounters("captured", "published"), open_source)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def _run(self) -> None:
+        for captured in self.capture.frames(self._stop.is_set, self.troubles.append):
+            self.at_s.append(time.monotonic())
+            self.pictures.append(captured)
+
+    def start(self) -> None:
+        self.capture.open()
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._thread.join(DEADLINE_S)
+        for source in self.sources:
+            source.close()
+        self.capture.__exit__(None, None, None)
+
+    def give(self, count: int = 1) -> list[CapturedFrame]:
+        """Have the newest source give so many pictures, and return them."""
+        for _ in range(count):
+            before = len(self.pictures)
+            self.sources[-1].given.put("picture")
+            wait_until(lambda before=before: len(self.pictures) > before)
+        return self.pictures[-count:]
+
+
+@contextmanager
+def rigged(source: str, *, live: bool, period_s: float = 0.0, **settings: object) -> Iterator[Rig]:
+    rig = Rig(
+        CameraSettings.model_validate({"source": source, **settings}), live=live, period_s=period_s
+    )
+    try:
+        rig.start()
+        yield rig
+    finally:
+        rig.stop()
+
+
+def numbers(pictures: list[CapturedFrame]) -> list[int]:
+    return [captured.revision.number for captured in pictures]
+
+
+def test_a_device_follows_what_it_can_without_being_opened_again():
+    with rigged("0", live=True) as rig:
+        rig.give(2)
+        for changes in ({"quality": 5}, {"flip": "both"}, {"encoding": "mono8", "loop": True}):
+            rig.parameters.change(changes)
+            rig.give()
+        assert numbers(rig.pictures) == [0, 0, 1, 2, 3]
+        assert [captured.seq for captured in rig.pictures] == [0, 1, 2, 3, 4]
+        assert len(rig.sources) == 1
+
+
+def test_a_picture_that_comes_after_a_change_is_made_with_it_though_reading_began_before():
+    with rigged("0", live=True) as rig:
+        rig.give()
+        assert rig.sources[0].reading.wait(DEADLINE_S)  # it waits for the device
+        rig.parameters.change({"quality": 5})
+        (captured,) = rig.give()
+        assert (captured.revision.number, captured.revision.settings.quality) == (1, 5)
+
+
+def test_a_device_is_opened_again_for_another_size_in_a_new_epoch_once_the_old_one_is_closed():
+    with rigged("0", live=True, width=16) as rig:
+        rig.give(2)
+        rig.parameters.change({"width": 32, "quality": 5})
+        # More of the size before: nobody may get them as of the new.
+        wait_until(lambda: rig.sources[0].given.put("picture") or len(rig.sources) == 2)
+        rig.give()
+        first, last = rig.pictures[0], rig.pictures[-1]
+        assert (last.picture.width, last.seq, last.revision.number) == (32, 0, 1)
+        assert last.epoch > first.epoch
+        assert rig.sources[0].closed
+        assert rig.troubles == []
+        sizes = {(c.revision.settings.width, c.picture.width) for c in rig.pictures}
+        assert sizes == {(16, 16), (32, 32)}
+
+
+def test_a_size_that_the_device_refuses_is_given_back_by_the_next_change():
+    with rigged("0", live=True, reopen_min=60, reopen_max=60) as rig:
+        rig.broken = lambda settings: settings.width == 7680
+        rig.give()
+        rig.parameters.change({"width": 7680})
+        rig.sources[0].given.put("end")
+        wait_until(lambda: rig.troubles)
+        assert "the device cannot do that" in rig.troubles[0]
+        rig.parameters.change({"width": 32})  # at once, not after the 60 s
+        wait_until(lambda: len(rig.sources) == 2)
+        assert rig.give()[0].picture.width == 32
+        assert rig.troubles[-1] == ""
+
+
+def test_a_faster_rate_ends_the_wait_for_a_picture_that_was_due_much_later():
+    with rigged("clip.avi", live=False, period_s=1000.0, rate=0.001) as rig:
+        rig.give()
+        rig.sources[0].given.put("picture")  # due in 1000 s
+        wait_until(lambda: rig.sources[0].given.empty())
+        rig.parameters.change({"rate": 1000.0})
+        wait_until(lambda: len(rig.pictures) == 2)
+        assert numbers(rig.pictures) == [0, 1]
+        rig.give(3)
+        assert len(rig.sources) == 1
+
+
+def test_a_change_of_something_else_does_not_disturb_the_wait():
+    with rigged("clip.avi", live=False, period_s=1000.0, rate=4.0) as rig:
+        begun_s = time.monotonic()
+        rig.give()
+        rig.sources[0].given.put("picture")
+        wait_until(lambda: rig.sources[0].given.empty())
+        for quality in range(1, 20):
+            rig.parameters.change({"quality": quality})
+        wait_until(lambda: len(rig.pictures) == 2)
+        assert rig.at_s[1] - begun_s > 1 / 4  # due that long after the first, which came later
+        assert numbers(rig.pictures) == [0, 19]
+
+
+def test_a_source_that_is_too_fast_is_thinned_out_at_the_rate_of_now():
+    with rigged("0", live=True, rate=1000.0) as rig:
+        rig.give(3)
+        rig.parameters.change({"rate": 0.0001})
+        rig.give()  # the first at a rate always is
+        for _ in range(5):
+            rig.sources[0].given.put("picture")
+        wait_until(lambda: rig.sources[0].given.empty() and rig.sources[0].reading.is_set())
+        assert len(rig.pictures) == 4
+        rig.parameters.change({"rate": 1000.0})  # it was asked for that when it was opened
+        rig.give(3)
+        assert len(rig.sources) == 1
+
+
+def test_stalls_leave_no_reader_behind_that_could_have_ended():
+    settings = CameraSettings(
+        width=32,
+        height=32,
+        rate=100,
+        faults="stall@3+999999",
+        stall_after=0.3,
+        reopen_min=0.01,
+        reopen_max=0.01,
+    )
+    epochs: set[int] = set()
+    with Capture(ParameterStore(settings), FrameCounters("captured", "published")) as capture:
+        capture.open()
+        for captured in capture.frames(lambda: len(epochs) == 5, lambda _trouble: None):
+            epochs.add(captured.epoch)
+        wait_until(lambda: len(readers_of(epochs)) <= 1)
+
+
+def readers_of(epochs: set[int]) -> list[threading.Thread]:
+    names = {f"source {epoch}" for epoch in epochs}
+    return [thread for thread in threading.enumerate() if thread.name in names]
+
+
+@pytest.fixture
+def clip(tmp_path, monkeypatch):
+    """A file that exists: what kind of source it is depends on that."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "clip.avi").write_bytes(b"x")
+
+
+pytestmark = pytest.mark.usefixtures("clip")
+
+
+def test_openings_that_do_not_end_are_limited_and_it_goes_on_when_one_ends(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(capture, "OPEN_MARGIN_S", 0.0)
+    stuck, begun = threading.Event(), 0
+    with rigged("0", live=True, stall_after=0.1, reopen_min=0.01) as rig:
+        rig.give()
+
+        def blocks(_settings: CameraSettings) -> bool:
+            nonlocal begun
+            begun += 1
+            stuck.wait(20)
+            return True
+
+        rig.broken = blocks
+        rig.sources[-1].given.put("end")
+        wait_until(lambda: capture.STUCK in rig.troubles)
+        assert begun == capture.MAX_ABANDONED
+        rig.broken = lambda _settings: False
+        stuck.set()
+        wait_until(lambda: len(rig.sources) == 2)
+        rig.give()
+        assert begun == capture.MAX_ABANDONED
+
+
+def test_a_closed_source_gives_its_memory_back_without_the_garbage_collector():
+    opened: list[weakref.ref[ScriptedSource]] = []
+
+    def open_source(settings: CameraSettings, _newest: object) -> ScriptedSource:
+        source = ScriptedSource(settings, live=True)
+        opened.append(weakref.ref(source))
+        return source
+
+    store = ParameterStore(CameraSettings(source="0"))
+    gc.disable()
+    try:
+        with Capture(store, FrameCounters("captured", "published"), open_source) as camera:
+            camera.open()
+            source = opened[0]()
+            source.given.put("end")
+            del source
+        wait_until(lambda: opened[0]() is None, 5)
+    finally:
+        gc.enable()

@@ -1,0 +1,100 @@
+"""Pacing without a clock: the test is the clock."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zv.camera.pacing import Pacer, Schedule
+
+PERIOD_S = 1 / 30
+
+
+def handed_over(
+    pacer: Pacer, work_s: list[float], oversleep_s: list[float], start_s: float = 1000.0
+) -> np.ndarray:
+    """Return when each picture is handed over by who works, waits as told, and oversleeps."""
+    now_s = start_s
+    times = []
+    for n, (work, oversleep) in enumerate(zip(work_s, oversleep_s, strict=True)):
+        now_s += work
+        wait_s = pacer.wait_s(n * PERIOD_S, now_s)
+        now_s += wait_s + (oversleep if wait_s else 0.0)
+        times.append(now_s)
+    return np.array(times)
+
+
+def test_the_first_picture_is_handed_over_at_once_whenever_it_is_due():
+    assert Pacer().wait_s(0.0, 50.0) == 0.0
+    assert Pacer().wait_s(7.5, 50.0) == 0.0
+
+
+def test_the_wait_is_what_is_left_until_the_picture_is_due():
+    pacer = Pacer()
+    pacer.wait_s(0.0, 50.0)
+    assert pacer.wait_s(0.5, 50.25) == 0.25
+    assert pacer.wait_s(1.0, 51.0) == 0.0
+
+
+def test_10_000_pictures_do_not_drift_whatever_the_jitter():
+    random = np.random.default_rng(2)
+    work = random.uniform(0.0, 0.02, 10_000).tolist()
+    work[0] = 0.0
+    oversleep = random.uniform(0.0, 0.005, 10_000).tolist()
+    times = handed_over(Pacer(), work, oversleep)
+    late = times - (1000.0 + np.arange(10_000) * PERIOD_S)
+    assert late.min() > -1e-6
+    assert late.max() < 0.005 + 1e-6  # one oversleep, never the sum of two
+
+
+def test_a_picture_late_within_the_slack_does_not_move_the_schedule():
+    work = [0.0] + [0.001] * 99
+    work[50] = PERIOD_S + 0.09
+    times = handed_over(Pacer(slack_s=0.1), work, [0.0] * 100)
+    due = 1000.0 + np.arange(100) * PERIOD_S
+    assert times[50] - due[50] > 0.08
+    assert np.allclose(times[60:], due[60:])
+
+
+@pytest.mark.parametrize("pause_s", [0.5, 5.0, 3600.0])
+def test_there_is_no_burst_after_a_pause(pause_s: float):
+    work = [0.0] + [0.001] * 99
+    work[50] = pause_s
+    times = handed_over(Pacer(slack_s=0.1), work, [0.0] * 100)
+    assert np.allclose(np.diff(times)[50:], PERIOD_S)
+
+
+def test_a_decoder_that_is_too_slow_is_never_told_to_wait():
+    times = handed_over(Pacer(), [0.05] * 300, [0.0] * 300)
+    assert np.allclose(np.diff(times), 0.05)
+
+
+def dues(schedule: Schedule, own: list[float], rates: list[float | None]) -> list[float]:
+    """Return when pictures are due that are at these times of their source, at these rates."""
+    found = []
+    for own_s, rate_hz in zip(own, rates, strict=True):
+        found.append(schedule.due_s(own_s, rate_hz))
+        schedule.advance(own_s, found[-1])
+    return found
+
+
+def test_a_schedule_without_a_rate_is_the_sources_own():
+    assert dues(Schedule(), [0.5, 0.7, 2.0], [None] * 3) == [0.5, 0.7, 2.0]
+
+
+def test_a_schedule_at_a_rate_counts_pictures_whatever_their_own_time():
+    assert dues(Schedule(), [0.5, 0.7, 2.0], [4.0] * 3) == [0.0, 0.25, 0.5]
+
+
+def test_a_schedule_goes_on_at_another_rate_from_the_picture_before():
+    own = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    found = dues(Schedule(), own, [4.0, 4.0, 2.0, 2.0, None, None, 10.0])
+    # 0, 1/4; then 1/2 each: 0.75, 1.25; then the source's 0.1 each; then 1/10.
+    assert found == pytest.approx([0.0, 0.25, 0.75, 1.25, 1.35, 1.45, 1.55])
+
+
+def test_a_picture_that_is_still_to_come_is_due_by_the_rate_of_now():
+    schedule = Schedule()
+    dues(schedule, [0.0, 0.1], [4.0, 4.0])
+    asked = [schedule.due_s(0.2, rate_hz) for rate_hz in (4.0, 100.0, 0.5, 4.0)]
+    assert asked == pytest.approx([0.5, 0.26, 2.25, 0.5])  # 0.25 and one period

@@ -1,0 +1,195 @@
+"""The launch file: what it may say, and what is said of a wrong one."""
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from zenoh_vision.errors import ConfigurationError
+from zv.cli.loading import load
+from zv.launcher.child import command_of
+from zv.launcher.launch_file import read_launch_file
+from zv.launcher.starting import addresses, with_ports
+
+ROOT = Path(__file__).parent.parent.parent.parent
+NODE = '[[node]]\nservice = "camera"\n'
+
+
+def launch(folder: Path, text: str) -> Path:
+    path = folder / "up.toml"
+    path.write_text(text)
+    return path
+
+
+def complaint(path: Path) -> str:
+    with pytest.raises(ConfigurationError) as caught:
+        read_launch_file(path)
+    assert caught.value.exit_status == 2
+    return str(caught.value)
+
+
+def test_the_default_file_names_a_camera_a_tracker_and_an_edge_detector():
+    plan = read_launch_file(ROOT / "configs" / "up.toml")
+    names = ["camera_front", "tracker_front", "edge_front", "viewer"]
+    assert [node.name for node in plan.nodes] == names
+    assert plan.connection == {"namespace": "vision"}
+    assert plan.listen == "tcp/127.0.0.1:7447"
+
+
+def test_two_cameras_differ_in_name_and_scene():
+    plan = read_launch_file(ROOT / "configs" / "two-cameras.toml")
+    assert sorted(node.name for node in plan.nodes) == sorted(
+        f"{service}_{camera}"
+        for service in ("camera", "tracker", "edge")
+        for camera in ("left", "right")
+    )
+    assert [command_of(node)[0][1:] for node in plan.nodes[:2]] == [
+        ["--camera", "left"],
+        ["--camera", "right", "--seed", "2"],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", ["node", "missing"]),
+        ("node = 3\n", ["node", "3"]),
+        ("nodes = []\n" + NODE, ["'nodes'", "did you mean 'node'"]),
+        ('[router]\nlisen = "x"\n' + NODE, ["router.lisen", "did you mean 'listen'"]),
+        ("[router]\nlisten = 7447\n" + NODE, ["router.listen = 7447", "a text"]),
+        ('[router]\nzenoh_config = "x.json5"\n' + NODE, ["router.zenoh_config", "'x.json5'"]),
+        ("namespace = 1\n" + NODE, ["namespace = 1", "key expression"]),
+        ('[node]\nservice = "camera"\n', ["node = ", "one or more [[node]]"]),
+        ("node = []\n", ["node = []", "one or more [[node]]"]),
+        ('[[node]]\ncamera = "x"\n', ["node[0].service is missing", "camera, tracker, edge"]),
+        (NODE + 'camera = "Front!"\n', ["node[0].camera = 'Front!'", "[a-z0-9_]+"]),
+        (NODE + "config = 3\n", ["node[0].config = 3", "a text"]),
+        ('[[node]]\nservice = "camra"\n', ["node[0].service = 'camra'", "mean 'camera'?"]),
+        ('[[node]]\nservice = "router"\n', ["node[0]", "'router'"]),
+        (NODE + "restart = 1\n", ["node[0].restart", "1"]),
+        (NODE + NODE, ["node[1]", "camera_front"]),
+        (NODE + "settings = { qualty = 3 }\n", ["settings", "'qualty'", "did you mean 'quality'"]),
+        (NODE + "settings = { quality = 300 }\n", ["quality = 300", "1 to 100"]),
+        (NODE + 'settings = { quality = "3" }\n', ["quality = '3'"]),
+        (NODE + 'settings = { camera = "x" }\n', ["settings.camera = 'x'", "beside settings"]),
+        (NODE + 'config = "none.toml"\n', ["node[0].config = 'none.toml'", "there is no file"]),
+        ("[[node]\n", ["not TOML", "line 1"]),
+    ],
+)
+def test_a_wrong_file_is_refused_naming_place_value_and_what_is_allowed(tmp_path, text, said):
+    path = launch(tmp_path, text)
+    message = complaint(path)
+    assert str(tmp_path) in message
+    assert all(word in message for word in said), message
+
+
+def test_a_config_file_stands_beside_the_launch_file_and_settings_go_over_it(tmp_path):
+    (tmp_path / "mine.toml").write_text("quality = 30\nrate = 5.0\n")
+    path = launch(tmp_path, NODE + 'config = "mine.toml"\nsettings = { quality = 40 }\n')
+    (node,) = read_launch_file(path).nodes
+    assert command_of(node)[0][1:] == ["--camera", "front", "--rate", "5.0", "--quality", "40"]
+
+
+def test_a_wrong_value_in_a_config_file_is_blamed_on_that_file(tmp_path):
+    (tmp_path / "mine.toml").write_text("quality = 0\n")
+    message = complaint(launch(tmp_path, NODE + 'config = "mine.toml"\n'))
+    assert str(tmp_path / "mine.toml") in message
+    assert "quality = 0" in message
+
+
+def test_the_environment_goes_over_the_files(tmp_path, monkeypatch):
+    monkeypatch.setenv("ZV_CAMERA_SOURCE", "0")
+    path = launch(tmp_path, NODE + 'settings = { source = "synthetic", loop = true }\n')
+    (node,) = read_launch_file(path).nodes
+    assert command_of(node)[0][1:] == ["--camera", "front", "--source", "0", "--loop"]
+
+
+def test_a_secret_in_a_url_goes_by_environment_where_other_users_cannot_read_it(tmp_path):
+    url = "rtsp://me:secret@10.0.0.9/1"
+    (node,) = read_launch_file(
+        launch(tmp_path, NODE + f'settings = {{ source = "{url}" }}\n')
+    ).nodes
+    assert command_of(node) == (["camera", "--camera", "front"], {"ZV_CAMERA_SOURCE": url})
+
+
+@pytest.mark.parametrize("source", ["rtsp://10.0.0.9/1", "user@host.avi", "http://[broken"])
+def test_what_holds_no_secret_can_be_seen_and_repeated(tmp_path, source):
+    text = NODE + f'settings = {{ source = "{source}" }}\n'
+    (node,) = read_launch_file(launch(tmp_path, text)).nodes
+    assert command_of(node) == (["camera", "--camera", "front", "--source", source], {})
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        '{ source = "-1.avi", quality = 7, loop = true, rate = 0.5, fourcc = "MJPG" }',
+        "{ seed = 4294967295, frozen_after = 0.0, flip = 'both', faults = 'stall@9+6' }",
+    ],
+)
+def test_the_command_line_of_a_node_means_the_same_settings(tmp_path, monkeypatch, settings):
+    (node,) = read_launch_file(launch(tmp_path, NODE + f"settings = {settings}\n")).nodes
+    understood = []
+    monkeypatch.setattr("zv.camera.service.run", lambda found, _: understood.append(found))
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    arguments, _ = command_of(node)
+    load("camera").main(arguments[1:], standalone_mode=False)
+    assert understood == [node.settings]
+
+
+def test_a_viewer_belongs_to_no_camera(tmp_path):
+    path = launch(tmp_path, '[[node]]\nservice = "viewer"\ncamera = "front"\n')
+    with pytest.raises(ConfigurationError, match=r"node\[0\]\.camera = 'front' is not allowed"):
+        read_launch_file(path)
+    path = launch(tmp_path, '[[node]]\nservice = "viewer"\nsettings = { port = 0 }\n')
+    (node,) = with_ports(read_launch_file(path)).nodes
+    assert node.name == "viewer"
+    assert node.settings.port > 0
+    assert command_of(node) == (["view", "--port", str(node.settings.port)], {})
+
+
+def test_a_token_goes_by_the_environment_and_into_the_address(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    path = launch(
+        tmp_path, '[[node]]\nservice = "viewer"\nsettings = { host = "0.0.0.0", port = 0 }\n'
+    )
+    plan = with_ports(read_launch_file(path))
+    flags, secret = command_of(plan.nodes[0])
+    (token,) = secret.values()
+    assert list(secret) == ["ZV_VIEWER_TOKEN"]
+    assert token not in " ".join(flags)
+    (address,) = addresses(plan)
+    assert address.endswith(f"/?token={token}")
+    assert "0.0.0.0" not in address
+
+
+def test_a_viewer_with_another_name_gets_its_token_into_the_address(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    text = """[[node]]
+service = "viewer"
+[node.settings]
+port = 0
+allow_host = "robot.example"
+"""
+    plan = with_ports(read_launch_file(launch(tmp_path, text)))
+    (address,) = addresses(plan)
+    token = (tmp_path / "zenoh-vision" / "viewer_token").read_text().strip()
+    assert address.endswith(f"/?token={token}")
+
+
+def test_a_viewers_port_that_is_taken_is_named_with_the_ways_out_that_there_are(
+    tmp_path, monkeypatch
+):
+    table = '[[node]]\nservice = "viewer"\nsettings = { port = %d }\n'
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        path = launch(tmp_path, table % port)
+        with pytest.raises(ConfigurationError) as refused:
+            with_ports(read_launch_file(path))
+        assert str(refused.value) == (
+            f"{path}: viewer: port {port} on 127.0.0.1 is in use, perhaps by another viewer; "
+            "choose another with ZV_VIEWER_PORT=PORT, "
+            "or port = PORT in the settings of its [[node]]"
+        )
+        assert with_ports(read_launch_file(launch(tmp_path, table % 0)))  # one way out
+        monkeypatch.setenv("ZV_VIEWER_PORT", "0")  # the other
+        assert with_ports(read_launch_file(launch(tmp_path, table % port)))

@@ -1,0 +1,86 @@
+"""Which replies of nodes count, and how nodes are found again."""
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any
+
+import zenoh
+
+from tests.support.node_states import description
+from tests.support.waiting import DEADLINE_S
+from zenoh_vision.health.fleet import MAX_NODES
+from zenoh_vision.messages import NodeDescription
+from zenoh_vision.transport.query import Reply
+from zv.viewer.discovery import monitor
+from zv.viewer.discovery.monitor import MAX_DESCRIPTION_BYTES, SystemMonitor, _of_their_nodes
+from zv.viewer.discovery.system_state import SystemState
+
+
+def reply(key: str, payload: bytes) -> Reply:
+    sample: Any = SimpleNamespace(key_expr=key, payload=zenoh.ZBytes(payload))
+    return Reply(sample, None, "", 0, 0)
+
+
+def test_a_description_counts_on_the_key_of_its_node_alone_and_up_to_a_size():
+    own = description(node="a")
+    endless = description(node="b", publishes=("x" * MAX_DESCRIPTION_BYTES,))
+    replies = [
+        reply("@vision/node/other", own.to_bytes()),
+        reply("@vision/node/b", endless.to_bytes()),
+        reply("@vision/node/a", b"nonsense"),
+        reply("@vision/node/a", own.to_bytes()),
+    ]
+    assert list(_of_their_nodes(replies, NodeDescription)) == [own]
+
+
+def test_a_node_that_was_left_out_is_found_without_a_page(monkeypatch):
+    monkeypatch.setattr(monitor, "TICK_S", 0.001)
+    asked: list[str] = []
+    late = description(node="late")
+
+    async def ask(key: str, **_options: object) -> list[Reply]:
+        asked.append(key)
+        found = key == "@vision/node/*" and len(asked) > 2
+        return [reply("@vision/node/late", late.to_bytes())] if found else []
+
+    async def find() -> None:
+        loop = asyncio.get_running_loop()
+        network: Any = SimpleNamespace(loop=loop, ask=ask, do=lambda work: None)
+        system = SystemState("vision", lambda text, replaces: None)
+        system.take("late", True)
+        for number in range(MAX_NODES):
+            system.take(f"n{number}", True)
+        assert system.fleet.node("late") is None
+        monkeypatch.setattr(system.fleet, "to_ask", lambda at_ns, again_s: [])
+        task = asyncio.create_task(SystemMonitor(system, network).run())
+        async with asyncio.timeout(DEADLINE_S):
+            while system.fleet.node("late") is None:
+                await asyncio.sleep(0)
+        task.cancel()
+        node = system.fleet.node("late")
+        assert node is not None
+        assert (node.alive, node.answered) == (True, True)
+
+    asyncio.run(find())
+
+
+def test_descriptions_that_are_refused_do_not_stop_the_others():
+    endless = description(node="b", publishes=tuple(f"{n}".zfill(400) for n in range(256)))
+    replies = [
+        reply("@vision/node/b", endless.to_bytes()),
+        reply("@vision/node/a", description(node="a").to_bytes()),
+    ]
+
+    async def ask(key: str, **_options: object) -> list[Reply]:
+        return replies if key.startswith("@vision/node/") else []
+
+    async def learn() -> None:
+        network: Any = SimpleNamespace(loop=asyncio.get_running_loop(), ask=ask)
+        system = SystemState("vision", lambda text, replaces: None)
+        system.take("a", True)
+        system.take("b", True)
+        await SystemMonitor(system, network)._learn("*")
+        nodes = {node.name: node.answered for node in system.fleet.nodes()}
+        assert nodes == {"a": True, "b": False}
+
+    asyncio.run(learn())

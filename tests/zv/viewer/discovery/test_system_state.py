@@ -1,0 +1,229 @@
+"""What pages are told of nodes, streams, health and parameters."""
+
+import asyncio
+import json
+import time
+from collections import Counter
+from collections.abc import Hashable, Mapping
+from contextlib import suppress
+
+import pytest
+
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.health.fleet import MAX_NODES, MAX_PARAMETERS
+from zenoh_vision.messages import Diagnostics, Latency, NodeDescription, Parameter, ParameterList
+from zv.viewer import events
+from zv.viewer.discovery.system_state import LINES, MAX_PUBLISHED, SystemState
+from zv.viewer.websocket.session import Outbox
+
+
+class Told:
+    """A system and what it told."""
+
+    def __init__(self) -> None:
+        self.texts: list[dict] = []
+        self.system = SystemState("vision", self._say)
+
+    def _say(self, text: str, replaces: Hashable | None) -> None:
+        self.texts.append(json.loads(text))
+
+    def health(self, report: Diagnostics) -> None:
+        self.system.take(report.node, report)
+
+    def last(self, op: str) -> dict:
+        self.system.flush()
+        return [text for text in self.texts if text["op"] == op][-1]
+
+    def count(self, op: str) -> int:
+        self.system.flush()
+        return len([text for text in self.texts if text["op"] == op])
+
+
+@pytest.fixture
+def told() -> Told:
+    return Told()
+
+
+def description(node: str = "camera_front", *publishes: str) -> NodeDescription:
+    return NodeDescription(
+        node=node, service="camera", cameras=("front",), version="1", host="h", pid=1,
+        started_ns=5, publishes=publishes, subscribes=(), stamp_ns=7,
+    )  # fmt: skip
+
+
+def report(level: int, message: str, node: str = "camera_front") -> Diagnostics:
+    return Diagnostics(
+        node=node, stamp_ns=9, level=level, message=message, uptime_s=1.0, counters={},
+        rate_hz=1.0, latency_ms=Latency(p50=None, p99=None),
+    )  # fmt: skip
+
+
+def test_streams_come_with_their_nodes_and_stay_as_gone_when_those_go(told):
+    keys = ("vision/front/image/compressed", "vision/front/centroid", "@vision/x", "other/front/y")
+    told.system.take("camera_front", True)
+    told.system.describe(description("camera_front", *keys))
+    streams = told.last("streams")["streams"]
+    assert [(each["key"], each["kind"], each["live"]) for each in streams] == [
+        ("vision/front/centroid", "message", True),
+        ("vision/front/image/compressed", "picture", True),
+    ]
+    assert streams[1]["topic"] == "image/compressed"
+    assert told.system.streams == ["vision/front/centroid", "vision/front/image/compressed"]
+    told.system.take("camera_front", False)
+    streams = told.last("streams")["streams"]
+    assert [each["live"] for each in streams] == [False, False]
+    assert all(each["since_ns"].isdecimal() for each in streams)
+    assert told.system.streams == []
+
+
+def test_of_two_nodes_with_one_key_the_one_that_lives_counts(told):
+    for node in ("old", "new"):
+        told.system.take(node, True)
+        told.system.describe(description(node, "vision/front/image"))
+    told.system.take("old", False)
+    (stream,) = told.last("streams")["streams"]
+    assert (stream["node"], stream["live"]) == ("new", True)
+
+
+def test_what_has_not_changed_is_not_told_again(told):
+    told.system.take("camera_front", True)
+    told.system.flush()
+    for _ in range(3):
+        told.system.describe(description("camera_front", "vision/front/image"))
+        told.system.take("camera_front", True)
+        told.system.flush()
+    assert told.count("streams") == 2  # empty, then with it
+    assert told.count("log") == 1
+
+
+def test_changes_of_health_make_lines_but_changing_numbers_do_not(told):
+    told.system.take("camera_front", True)
+    told.texts.clear()
+    for seconds in range(3):
+        told.health(report(3, f"no frame for {seconds} s"))
+    told.health(report(0, "ok"))
+    assert told.count("health") == 4
+    assert [text["level"] for text in told.texts if text["op"] == "log"] == ["STALE", "OK"]
+
+
+def test_a_report_is_as_old_as_its_arrival_whatever_its_nodes_clock_says(told):
+    told.system.take("camera_front", True)
+    before_ns = time.time_ns()
+    told.health(report(0, "ok"))  # its stamp is of 1970
+    assert before_ns <= int(told.last("health")["at_ns"]) <= time.time_ns()
+
+
+def test_a_change_of_a_parameter_is_told_and_an_older_one_is_not(told):
+    def low(value: float, revision: int) -> Parameter:
+        return Parameter(
+            node="edge", name="low", type="float", value=value, default=4.0, revision=revision
+        )
+
+    told.system.take("edge", True)
+    told.system.set_parameters(ParameterList(node="edge", revision=0, parameters=(low(4.0, 0),)))
+    told.system.take("edge", low(9.0, 2))
+    told.system.take("edge", low(5.0, 1))  # overtaken on the way
+    assert told.last("parameter")["parameter"]["value"] == 9.0
+    assert told.last("log")["text"] == "low 4.0 -> 9.0"
+    assert told.count("parameter") == 1
+
+
+def test_a_new_page_is_told_all_and_the_last_lines(told):
+    for number in range(LINES + 50):
+        told.system.log("INFO", "", f"line {number}")
+    told.system.router(True)
+    told.system.take("camera_front", True)
+    told.health(report(0, "ok"))
+    pairs = [*told.system.overview(), *told.system.details()]
+    everything = [json.loads(text) for text, _ in pairs]
+    lines = [text for text in everything if text["op"] == "log"]
+    assert len(lines) == LINES
+    assert lines[-1]["text"] == "is there"
+    ops = [text["op"] for text in everything[LINES:]]
+    assert ops == ["router", "nodes", "streams", "matches", "health"]
+    assert everything[LINES] == {"op": "router", "connected": True}
+
+
+def test_health_of_nodes_without_a_token_is_nobodys(told):
+    told.health(report(0, "ok", "ghost"))
+    assert not told.texts
+
+
+def a_thousand_nodes(told: Told) -> None:
+    for number in range(MAX_NODES):
+        name = f"camera_{number:03}"
+        told.system.take(name, True)
+        topics = (f"vision/c{number}/image", f"vision/c{number}/centroid")
+        told.system.describe(description(name, *topics))
+
+
+def test_the_lists_of_a_thousand_nodes_are_made_once_and_not_for_each(told):
+    a_thousand_nodes(told)
+    assert (told.count("nodes"), told.count("streams")) == (1, 1)
+    assert len(told.last("nodes")["nodes"]) == MAX_NODES
+    assert len(told.system.streams) == 2 * MAX_NODES
+
+
+def test_a_change_of_one_node_of_a_thousand_makes_the_texts_of_that_one_alone(told, monkeypatch):
+    a_thousand_nodes(told)
+    told.health(report(0, "ok", "camera_007"))
+    told.system.flush()
+    made: list[Mapping[str, object]] = []
+    to_json = events.to_json
+    monkeypatch.setattr(events, "to_json", lambda fields: made.append(fields) or to_json(fields))
+    told.system.take("camera_007", False)
+    told.system.flush()
+    names = [fields.get("node") for fields in made if fields.get("op") != "matches"]
+    assert names == ["camera_007"] * 4  # a line of the log, the node, its two streams
+    made.clear()
+    told.system.describe(description("camera_008", "vision/c8/image", "vision/c8/centroid"))
+    told.system.flush()  # the same answer as before
+    assert not made
+    assert told.system.streams
+    assert len([*told.system.overview(), *told.system.details()]) < LINES + 10
+    ops = [fields["op"] for fields in made]
+    assert ops == ["router", "matches", "health"]  # a new page makes no item of a list again
+
+
+def test_a_node_that_names_endless_keys_is_cut_and_that_is_said_once(told):
+    told.system.take("camera_front", True)
+    keys = [f"vision/front/x{number}" for number in range(25_000)]
+    for started_ns in (1, 2):
+        told.system.describe(description("camera_front", *keys[started_ns:]))
+    assert len(told.last("streams")["streams"]) == len(told.system.streams) == MAX_PUBLISHED
+    assert len(told.last("nodes")["nodes"][0]["publishes"]) == MAX_PUBLISHED
+    lines = [text["text"] for text in told.texts if text["op"] == "log"]
+    assert lines == ["is there", "camera_front names more than 256 keys; the list is cut"]
+
+
+def test_more_nodes_than_there_is_place_for_are_said_to_be_cut(told):
+    a_thousand_nodes(told)
+    with pytest.raises(PayloadError):
+        told.system.take("one_more", True)
+    assert told.last("log")["text"] == "there are 1000 nodes, the maximum; more are left out"
+
+
+def test_endless_parameters_at_once_do_not_disconnect_a_page(told):
+    outbox = Outbox(asyncio.Event())
+    told.system = SystemState("vision", outbox.put)
+    told.system.take("edge", True)
+    for number in range(2000):
+        one = Parameter(node="edge", name=f"p{number}", type="int", value=1, default=1)
+        with suppress(PayloadError):
+            told.system.take("edge", one)
+    assert not outbox.full
+    count = Counter(json.loads(text)["op"] for text in iter(outbox.take, None))
+    assert count == {"log": LINES, "parameter": MAX_PARAMETERS}
+
+
+def test_what_waits_for_a_page_of_a_thousand_nodes_does_not_disconnect_it(told):
+    outbox = Outbox(asyncio.Event())
+    told.system = SystemState("vision", outbox.put)
+    a_thousand_nodes(told)
+    for number in range(MAX_NODES):
+        told.health(report(1, "slow", f"camera_{number:03}"))
+    told.system.flush()
+    assert not outbox.full
+    waiting = [json.loads(text)["op"] for text in iter(outbox.take, None)]
+    count = Counter(waiting)
+    assert count == {"log": LINES, "nodes": 1, "streams": 1, "matches": 1, "health": MAX_NODES}

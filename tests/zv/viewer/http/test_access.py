@@ -1,0 +1,120 @@
+"""Which requests are allowed: hosts, origins, tokens."""
+
+import socket
+
+import pytest
+from aiohttp import web
+
+from zv.viewer.http.access import Access, cookie_name, own_names
+
+TOKEN = "0123456789abcdef-secret"
+NAMES = own_names("127.0.0.1", ("robot.example", "door"))
+
+
+def allowed(check, *given) -> bool:
+    try:
+        check(*given)
+    except (web.HTTPForbidden, web.HTTPUnauthorized):
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("host", "right"),
+    [
+        ("127.0.0.1:8080", True),
+        ("localhost:8080", True),
+        ("LOCALHOST", True),
+        ("[::1]:8080", True),
+        ("192.0.2.7:8080", True),  # an address cannot be made to lead elsewhere
+        ("robot.example", True),
+        ("robot.example.:8080", True),
+        ("door:80", True),
+        (socket.gethostname(), True),
+        ("evil.example:8080", False),
+        ("127.0.0.1.evil.example", False),
+        ("localhost.evil.example", False),
+        ("", False),
+        (None, False),
+        ("[::1", True),
+    ],
+)
+def test_a_foreign_name_that_leads_here_is_refused(host, right):
+    access = Access(TOKEN, NAMES)
+    assert allowed(access.check_host, host) == right
+
+
+@pytest.mark.parametrize("host", ["localhost:8080", "127.0.0.1", "127.8.8.8:80", "[::1]:8080"])
+def test_without_a_token_loopback_names_are_served(host):
+    assert allowed(Access(None, NAMES).check_host, host)
+
+
+@pytest.mark.parametrize(
+    "host",
+    [socket.gethostname(), f"{socket.gethostname()}.local", "robot.example", "192.0.2.7:8080"],
+)
+def test_without_a_token_no_name_is_served_that_others_may_answer_for(host):
+    assert not allowed(Access(None, NAMES).check_host, host)
+
+
+def test_the_refusal_says_how_to_allow_the_name():
+    with pytest.raises(web.HTTPForbidden) as refused:
+        Access(None, NAMES).check_host("cam.example:8080")
+    assert "--allow-host cam.example allows" in str(refused.value.text)
+
+
+@pytest.mark.parametrize(
+    ("origin", "right"),
+    [
+        (None, True),  # no browser
+        ("http://localhost:8080", True),
+        ("https://localhost:8080", True),
+        ("http://localhost:9090", False),
+        ("http://evil.example", False),
+        ("null", False),
+        ("", False),
+        ("http://[", False),
+        ("\udcff", False),
+    ],
+)
+def test_a_page_of_another_site_is_refused(origin, right):
+    assert allowed(Access(None, NAMES).check_origin, origin, "localhost:8080") == right
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_the_token_is_taken_from_each_place(place):
+    access = Access(TOKEN, NAMES)
+
+    def given(token: str) -> list[str | None]:
+        return [token if each == place else None for each in range(3)]
+
+    assert allowed(access.check_token, given(TOKEN))
+    for wrong in (TOKEN[:-1], TOKEN + "x", "", "ä", "\udcff"):
+        assert not allowed(access.check_token, given(wrong))
+    assert not allowed(access.check_token, [None] * 3)
+
+
+@pytest.mark.parametrize(
+    ("host", "name"),
+    [
+        ("localhost:8080", "zv_token_8080"),
+        ("[::1]:8081 ", "zv_token_8081"),
+        ("192.0.2.7:80", "zv_token_80"),
+        ("robot.example", "zv_token"),
+        ("[::1]", "zv_token"),
+        ("localhost:", "zv_token"),
+        ("localhost:8080; x=y", "zv_token"),
+        ("localhost:123456", "zv_token"),
+        (None, "zv_token"),
+    ],
+)
+def test_each_port_has_a_cookie_of_its_own(host, name):
+    assert cookie_name(host) == name
+
+
+def test_without_a_token_nobody_is_asked_for_one():
+    assert allowed(Access(None, NAMES).check_token, ["whatever"])
+
+
+def test_the_token_does_not_show_in_a_traceback():
+    assert TOKEN not in repr(Access(TOKEN, NAMES))

@@ -1,0 +1,91 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+
+import { overlayStreams, pictureStreams, StreamStatistics, topicName } from "./model/streams.js";
+import { System } from "./model/system.js";
+import { Events } from "./transport/connection.js";
+
+test("the rate counts pictures that were not sent to this page", () => {
+  const statistics = new StreamStatistics();
+  // Every third of a stream at 30 Hz: one picture each 100 ms, two skipped before each.
+  for (let now = 0; now <= 1000; now += 100) statistics.add(now, { skipped: 2 });
+  assert.ok(Math.abs(statistics.rate(1000) - 30) < 0.01);
+});
+
+test("a stream is live for a second after its last picture", () => {
+  const statistics = new StreamStatistics();
+  assert.equal(statistics.isLive(0), false);
+  for (let now = 0; now <= 330; now += 33) statistics.add(now);
+  assert.equal(statistics.isLive(1330), true);
+  assert.equal(statistics.isLive(1331), false);
+  assert.equal(statistics.rate(1331), null);
+});
+
+test("a slow stream is live for three of its frame times", () => {
+  const statistics = new StreamStatistics();
+  for (const now of [0, 2000, 4000]) statistics.add(now);
+  assert.equal(statistics.isLive(10_000), true);
+  assert.equal(statistics.isLive(10_001), false);
+});
+
+/** Statistics that saw ten pictures of epoch 1 in a second. */
+function practised() {
+  const statistics = new StreamStatistics();
+  for (let now = 0; now < 1000; now += 100) statistics.add(now, { header: { epoch: "1" } });
+  return statistics;
+}
+
+test("one picture after a gap does not make the next gap usual", () => {
+  const statistics = practised();
+  statistics.add(60_900, { header: { epoch: "1" } });
+  assert.equal(statistics.isLive(61_900), true);
+  assert.equal(statistics.isLive(61_901), false);
+});
+
+test("nor does it where few pictures came before", () => {
+  const statistics = new StreamStatistics();
+  for (const now of [0, 100, 60_100]) statistics.add(now);
+  assert.equal(statistics.isLive(61_101), false);
+});
+
+test("a new epoch begins with no rate and nothing usual", () => {
+  const statistics = new StreamStatistics();
+  for (const now of [0, 9000, 18_000]) statistics.add(now, { header: { epoch: "1" } });
+  assert.equal(statistics.isLive(40_000), true);
+  statistics.add(40_000, { header: { epoch: "2" } });
+  assert.equal(statistics.rate(40_000), null);
+  assert.equal(statistics.isLive(41_001), false);
+  statistics.add(40_100, { header: { epoch: "2" } });
+  assert.equal(statistics.rate(40_100), 10);
+});
+
+const STREAMS = ["mask/compressed", "image/compressed", "edges/smoothed/compressed", "image"]
+  .flatMap((topic) => ["rear", "front"].map((camera) => ({ kind: "picture", topic, camera,
+    live: true, type: "image/jpeg", key: `v/${camera}/${topic}` })));
+
+test("the wall begins with all cameras, then what is made of them", () => {
+  assert.deepEqual(pictureStreams(STREAMS).map((stream) => `${stream.camera} ${topicName(stream)}`), [
+    "front image", "rear image", "front mask", "rear mask", "front smoothed", "rear smoothed",
+    "front raw", "rear raw"]);
+});
+
+test("overlays are the centroid and all tracks of the same camera", () => {
+  const message = (camera, topic, type) => ({ kind: "message", camera, topic, type });
+  const streams = [...STREAMS, message("front", "truth", "vision.Tracks.v1"),
+    message("front", "centroid", "vision.Centroid.v1"),
+    message("front", "events", "vision.TrackEvent.v1"),
+    message("rear", "centroid", "vision.Centroid.v1")];
+  assert.deepEqual(overlayStreams(streams, "front").map((stream) => stream.topic),
+    ["centroid", "truth"]);
+});
+
+test("of the log the last 1000 lines are kept, and none from before a new greeting", () => {
+  const connection = new Events();
+  const system = new System(connection);
+  const line = (number) => ({ at_ns: String(number), level: "INFO", node: "", text: `${number}` });
+  for (let number = 0; number < 1500; number += 1) connection.emit("log", line(number));
+  assert.equal(system.lines.length, 1000);
+  assert.deepEqual([system.lines[0].text, system.lines.at(-1).text], ["500", "1499"]);
+  connection.emit("hello", { version: "0", now_ns: "0" });
+  assert.deepEqual(system.lines, []);
+});

@@ -1,0 +1,474 @@
+"""Fan-out of one stream: newest only, each form at most once a frame, nothing for nobody."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import zenoh
+
+from tests.support.waiting import DEADLINE_S
+from zenoh_vision.health.health import Health
+from zenoh_vision.image import codecs
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zenoh_vision.stream.buffer import Buffer, latest
+from zenoh_vision.stream.counters import FrameCounters
+from zenoh_vision.stream.epoch_gate import EpochGate
+from zenoh_vision.stream.frame_intake import Arrival, KeyStream
+from zenoh_vision.stream.sample import Sample
+from zv.viewer.settings import ViewerSettings
+from zv.viewer.streams import picture_stream
+from zv.viewer.streams.picture_stream import PictureStream
+from zv.viewer.streams.rendering import RenderOptions
+from zv.viewer.streams.shared_stream import StreamContext
+
+KEY = "vision/front/image/compressed"
+JPEG = codecs.encode_jpeg(np.zeros((48, 64, 3), np.uint8), "bgr8", 80)
+SMALL = RenderOptions(32, 24)
+
+
+class Registry:
+    """The context of a stream, with counters of its own; knows which streams were closed."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.counters = FrameCounters()
+        self.pool = ThreadPoolExecutor(2)
+        self.closed: list[str] = []
+        self.context = StreamContext(
+            SimpleNamespace(do=lambda work: None, loop=loop),  # type: ignore[arg-type]
+            self.pool,
+            Health("viewer", self.counters),
+            self.counters,
+            ViewerSettings,
+        )
+
+
+class Source:
+    """A stream whose frames come when the test says so, and an intake that accepts them all."""
+
+    def __init__(self, registry: Registry) -> None:
+        self.stream = PictureStream(registry.context, KEY, registry.closed.append)
+        self.stream._intake = self  # type: ignore[assignment]
+        self.number = 0
+        self.believe = threading.Event()  # unverified epochs wait for it
+        self.believe.set()
+        self.accepted: list[tuple[int, str]] = []
+        self.closed = False
+        self._counters = registry.counters
+        self._buffer = Buffer[Arrival](latest, lambda _: registry.counters.drop("overwritten"))
+
+    def arrival(self, timeout_s: float) -> Arrival | None:
+        return self._buffer.take(timeout_s)
+
+    def accept(self, arrival: Arrival, max_age_s: float) -> Frame:
+        payload = bytes(arrival.sample.payload)
+        self.accepted.append((arrival.number, threading.current_thread().name))
+        if arrival.unverified:
+            assert self.believe.wait(DEADLINE_S)
+        if payload == b"unforeseen":
+            raise MemoryError
+        return Frame(arrival.header, compressed=payload, key=KEY)
+
+    def close(self, unread: str) -> None:
+        self.closed = True
+
+    def comes(self, payload: bytes = JPEG, missed: int = 0, unverified: bool = False) -> None:
+        self.number += 1
+        header = Header(
+            camera="front", epoch=1, seq=self.number, stamp_ns=time.time_ns(),
+            width=64, height=48, encoding="bgr8",
+        )  # fmt: skip
+        stream = KeyStream(EpochGate("front"))
+        arrival = Arrival(Sample(KEY, payload), stream, header, unverified, self.number, missed)
+        self._counters.arrive()
+        self._buffer.put(arrival, KEY, unverified=unverified)
+        self.stream._on_arrival()
+
+
+@pytest.fixture
+def rendered(monkeypatch) -> list[int]:
+    """The numbers of the frames that were rendered, as it happens."""
+    found: list[int] = []
+    real = picture_stream.render
+
+    def render(frame: Frame, options: RenderOptions, quality: int) -> Any:
+        found.append(frame.header.seq)
+        return real(frame, options, quality)
+
+    monkeypatch.setattr(picture_stream, "render", render)
+    return found
+
+
+def run(test: Callable[[Registry, Source], Coroutine[Any, Any, None]]) -> Registry:
+    async def main() -> Registry:
+        registry = Registry(asyncio.get_running_loop())
+        await asyncio.wait_for(test(registry, Source(registry)), DEADLINE_S)
+        registry.pool.shutdown()
+        return registry
+
+    return asyncio.run(main())
+
+
+def balance(registry: Registry) -> dict[str, int]:
+    counters = registry.counters.snapshot()
+    dropped = sum(count for name, count in counters.items() if name.startswith("dropped."))
+    assert counters["received"] == counters["processed"] + dropped + counters["pending"]
+    return counters
+
+
+def test_the_original_bytes_are_handed_on_to_every_client(rendered):
+    async def test(registry: Registry, source: Source) -> None:
+        feeds = [source.stream.feed(RenderOptions()) for _ in range(20)]
+        waiting = [asyncio.ensure_future(feed.next(DEADLINE_S)) for feed in feeds]
+        await asyncio.sleep(0)
+        source.comes()
+        found = await asyncio.gather(*waiting)
+        assert all(picture is found[0] for picture in found)
+        assert found[0] is not None
+        assert found[0].payload is JPEG
+
+    registry = run(test)
+    assert rendered == []
+    assert balance(registry)["processed"] == 1
+
+
+def test_one_form_is_made_once_a_frame_for_twenty_clients(rendered):
+    async def test(registry: Registry, source: Source) -> None:
+        feeds = [source.stream.feed(SMALL) for _ in range(20)]
+        for _ in range(3):
+            waiting = [asyncio.ensure_future(feed.next(DEADLINE_S)) for feed in feeds]
+            await asyncio.sleep(0)
+            source.comes()
+            found = await asyncio.gather(*waiting)
+            assert {(each.width, each.height, each.header.seq) for each in found if each} == {
+                (32, 24, source.number)
+            }
+
+    run(test)
+    assert rendered == [1, 2, 3]
+
+
+def test_nothing_is_made_while_no_client_is_ready(rendered):
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(SMALL)
+        for _ in range(50):
+            source.comes()
+        picture = await feed.next(DEADLINE_S)
+        assert picture is not None
+        assert picture.header.seq == 50
+
+    registry = run(test)
+    assert rendered == [50]
+    counters = balance(registry)
+    assert (counters["processed"], counters["dropped.overwritten"]) == (1, 49)
+
+
+def test_a_client_that_is_slow_gets_the_newest_and_what_it_missed_is_counted(rendered):
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(RenderOptions())
+        source.comes()
+        first = await feed.next(DEADLINE_S)
+        for _ in range(4):
+            source.comes(missed=2)
+        second = await feed.next(DEADLINE_S)
+        assert first is not None
+        assert second is not None
+        assert (first.header.seq, second.header.seq) == (1, 5)
+        assert feed.skipped == 3  # 2, 3 and 4
+        assert feed.lost == 2
+        assert await feed.next(0.05) is None  # none twice
+
+    run(test)
+
+
+def test_a_frame_that_waits_for_a_thread_gives_way_to_the_newest(rendered):
+    async def test(registry: Registry, source: Source) -> None:
+        free = threading.Event()
+        busy = [registry.pool.submit(free.wait, DEADLINE_S) for _ in range(2)]
+        feed = source.stream.feed(SMALL)
+        waiting = asyncio.ensure_future(feed.next(DEADLINE_S))
+        await asyncio.sleep(0)
+        for _ in range(3):
+            source.comes()
+        free.set()
+        picture = await waiting
+        assert all(work.result() for work in busy)
+        assert picture is not None
+        assert (picture.number, rendered) == (3, [3])
+        feed.close()
+
+    counters = balance(run(test))
+    assert (counters["processed"], counters["dropped.overwritten"]) == (1, 2)
+
+
+def test_while_one_frame_is_made_the_next_ones_replace_one_another(rendered, monkeypatch):
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(SMALL)
+        feed.want()
+        for _ in range(30):  # the renderer's thread has no chance to be asked 30 times
+            source.comes()
+        seen = []
+        while not seen or seen[-1] != 30:
+            picture = await feed.next(DEADLINE_S)
+            assert picture is not None
+            seen.append(picture.header.seq)
+        assert seen == sorted(set(seen))
+
+    run(test)
+    assert len(rendered) <= 3
+
+
+def test_who_begins_to_watch_gets_the_newest_at_once_but_not_of_a_stream_that_ended(monkeypatch):
+    async def test(registry: Registry, source: Source) -> None:
+        source.stream.feed(RenderOptions()).want()
+        source.comes()
+        picture = await source.stream.feed(RenderOptions()).next(DEADLINE_S)
+        assert picture is not None
+        monkeypatch.setattr(picture_stream, "SILENT_S", 0.0)
+        await asyncio.sleep(0.01)
+        assert source.stream.ended_ns is not None
+        assert await source.stream.feed(RenderOptions()).next(0.05) is None
+
+    run(test)
+
+
+@pytest.mark.parametrize("steps_s", [(0, 0.1, 0.1, 60, 0.1, 0.1), (0, 60, 0.1), (0, 0.1, 60)])
+def test_a_gap_behind_which_the_camera_came_back_does_not_make_the_next_one_usual(
+    monkeypatch, steps_s
+):
+    now_s = 1000.0
+    monkeypatch.setattr(picture_stream.time, "monotonic", lambda: now_s)
+
+    async def test(registry: Registry, source: Source) -> None:
+        nonlocal now_s
+        source.stream.feed(RenderOptions()).want()
+        for step_s in steps_s:
+            now_s += step_s
+            source.comes()
+        now_s += 0.9
+        assert source.stream.ended_ns is None
+        now_s += 0.2
+        assert source.stream.ended_ns is not None
+
+    run(test)
+
+
+def test_a_picture_that_cannot_be_decoded_is_dropped_and_the_next_is_shown(rendered):
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(SMALL)
+        feed.want()
+        source.comes(JPEG[:300])
+        assert await feed.next(0.3) is None
+        source.comes()
+        picture = await feed.next(DEADLINE_S)
+        assert picture is not None
+        assert picture.header.seq == 2
+
+    registry = run(test)
+    counters = balance(registry)
+    assert (counters["processed"], counters["dropped.corrupt"]) == (1, 1)
+
+
+class HeldUp:
+    """A renderer that waits for each frame until the test lets it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.began = threading.Event()
+        self._go = threading.Semaphore(0)
+        self._real = picture_stream.render
+        monkeypatch.setattr(picture_stream, "render", self._render)
+
+    def _render(self, frame: Frame, options: RenderOptions, quality: int) -> Any:
+        self.began.set()
+        assert self._go.acquire(timeout=DEADLINE_S)
+        return self._real(frame, options, quality)
+
+    def let(self, frames: int = 1) -> None:
+        self._go.release(frames)
+
+
+def test_a_frame_that_was_given_after_the_next_had_come_is_the_one_that_counts(monkeypatch):
+    renderer = HeldUp(monkeypatch)
+
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(SMALL)
+        feed.want()
+        source.comes()
+        assert renderer.began.wait(DEADLINE_S)
+        for _ in range(3):
+            source.comes()  # while the first is being made
+        assert balance(registry)["pending"] == 2  # the first and the newest
+        renderer.let()
+        first = await feed.next(DEADLINE_S)
+        assert first is not None
+        assert first.header.seq == 1
+        counters = balance(registry)
+        assert (counters["processed"], counters["dropped.overwritten"]) == (1, 2)
+        assert counters["pending"] == 1  # the newest: nobody has got it
+        renderer.let()
+        last = await feed.next(DEADLINE_S)
+        assert last is not None
+        assert last.header.seq == 4
+
+    counters = balance(run(test))
+    assert (counters["processed"], counters["pending"]) == (2, 0)
+
+
+def test_a_frame_that_several_clients_get_late_and_in_several_forms_counts_once(monkeypatch):
+    renderer = HeldUp(monkeypatch)
+
+    async def test(registry: Registry, source: Source) -> None:
+        original, small = source.stream.feed(RenderOptions()), source.stream.feed(SMALL)
+        small.want()
+        source.comes()
+        assert (await original.next(DEADLINE_S)) is not None
+        assert renderer.began.wait(DEADLINE_S)
+        source.comes()
+        renderer.let()
+        assert (await small.next(DEADLINE_S)) is not None
+        counters = balance(registry)
+        assert (counters["processed"], counters["pending"]) == (1, 1)
+        small.close()
+        renderer.let(9)
+
+    run(test)
+
+
+def test_what_was_made_and_not_taken_is_dropped_when_its_form_is_wanted_no_more(monkeypatch):
+    async def test(registry: Registry, source: Source) -> None:
+        source.stream.feed(RenderOptions())
+        small = source.stream.feed(SMALL)
+        small.want()
+        source.comes()
+        while source.stream.newest is None or not small.waiting:
+            await asyncio.sleep(0.01)
+        source.comes()
+        assert balance(registry)["pending"] == 2
+        small.close()
+        counters = balance(registry)
+        assert (counters["dropped.overwritten"], counters["pending"]) == (1, 1)
+
+    run(test)
+
+
+def test_the_first_frame_of_a_run_is_decoded_elsewhere_and_before_those_that_follow():
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(RenderOptions())
+        feed.want()
+        source.believe.clear()
+        source.comes(unverified=True)
+        for _ in range(4):
+            source.comes()
+        assert await feed.next(0.1) is None  # the loop goes round meanwhile
+        assert balance(registry)["dropped.overwritten"] == 3
+        source.believe.set()
+        newest = await feed.next(DEADLINE_S)
+        assert newest is not None
+        assert newest.header.seq == 5
+        (first, elsewhere), (second, here) = source.accepted
+        assert (first, second) == (1, 5)
+        assert elsewhere != here == threading.current_thread().name
+
+    counters = balance(run(test))
+    assert (counters["processed"], counters["dropped.overwritten"]) == (1, 4)
+
+
+def test_a_first_frame_that_is_decoded_after_all_have_left_was_for_nobody():
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(RenderOptions())
+        source.believe.clear()
+        source.comes(unverified=True)
+        feed.close()
+        source.believe.set()
+        while balance(registry)["pending"]:
+            await asyncio.sleep(0.01)
+
+    assert balance(run(test))["dropped.unwatched"] == 1
+
+
+def test_memory_is_not_given_back_while_the_first_frame_of_a_run_is_decoded():
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(RenderOptions())
+        source.stream._subscription = SimpleNamespace(undeclare=lambda: None)  # type: ignore[assignment]
+        registry.context.health.watch(source)  # type: ignore[arg-type]
+        source.believe.clear()
+        source.comes(unverified=True)
+        feed.close()
+        source.stream._unsubscribe()
+        assert not source.closed
+        source.believe.set()
+        while not source.closed:
+            await asyncio.sleep(0.01)
+
+    run(test)
+
+
+def test_a_stream_that_cannot_subscribe_is_not_watched_until_it_can():
+    async def test(registry: Registry, source: Source) -> None:
+        health, stream = registry.context.health, PictureStream(registry.context, KEY, print)
+
+        def fail(_declare: object) -> None:
+            raise zenoh.ZError("no link")
+
+        with pytest.raises(zenoh.ZError):
+            stream._subscribe(SimpleNamespace(declare=fail))  # type: ignore[arg-type]
+        assert health.inputs == []
+        subscription = SimpleNamespace(undeclare=lambda: None)
+        stream._subscribe(SimpleNamespace(declare=lambda _: subscription))  # type: ignore[arg-type]
+        assert [each.key for each in health.inputs] == [KEY]
+        stream.close()
+        stream._unsubscribe()
+        assert health.inputs == []
+
+    run(test)
+
+
+def test_a_first_frame_that_fails_as_none_should_does_not_hold_up_the_next():
+    async def test(registry: Registry, source: Source) -> None:
+        feed = source.stream.feed(RenderOptions())
+        feed.want()
+        source.comes(b"unforeseen", unverified=True)
+        source.comes(unverified=True)
+        picture = await feed.next(DEADLINE_S)
+        assert picture is not None
+        assert picture.header.seq == 2
+
+    counters = balance(run(test))
+    assert (counters["processed"], counters["dropped.not_rendered"]) == (1, 1)
+
+
+def test_the_last_clients_leave_ends_the_stream():
+    async def test(registry: Registry, source: Source) -> None:
+        feeds = [
+            source.stream.feed(options) for options in (RenderOptions(), RenderOptions(), SMALL)
+        ]
+        source.comes()
+        for feed in feeds[:-1]:
+            feed.close()
+            assert not registry.closed
+        feeds[-1].close()
+        assert registry.closed == [KEY]
+
+    registry = run(test)
+    assert balance(registry)["dropped.unwatched"] == 1
+
+
+def test_an_unverified_frame_that_waits_behind_a_frame_is_taken_without_another_to_come():
+    async def test(registry: Registry, source: Source) -> None:
+        source.stream.feed(RenderOptions()).want()
+        taken, source.stream._on_arrival = source.stream._on_arrival, lambda: None  # type: ignore[method-assign]
+        source.comes(unverified=True)
+        source.comes()
+        source.stream._on_arrival = taken  # type: ignore[method-assign]
+        source.stream._on_arrival()
+        while len(source.accepted) < 2:  # the deadline is run's
+            await asyncio.sleep(0.01)
+        assert [number for number, _ in source.accepted] == [2, 1]
+
+    run(test)

@@ -1,0 +1,138 @@
+"""Sizes and forms of pictures, without network or browser."""
+
+import cv2
+import numpy as np
+import pytest
+
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zv.viewer.streams.rendering import EncodedPicture, RenderOptions, render, render_ended
+
+
+def frame(pixels: np.ndarray, encoding: str, mime: str | None = "image/jpeg") -> Frame:
+    height, width = pixels.shape[:2]
+    header = Header(
+        camera="front", epoch=1, seq=0, stamp_ns=1, width=width, height=height, encoding=encoding
+    )
+    if mime is None:
+        return Frame(header, pixels=pixels)
+    if mime == "image/png":
+        return Frame(header, compressed=codecs.encode_png(pixels))
+    return Frame(header, compressed=codecs.encode_jpeg(pixels, encoding, 95))
+
+
+def halves() -> np.ndarray:
+    """A picture whose left half is blue and right half is red, 64x48."""
+    pixels = np.zeros((48, 64, 3), np.uint8)
+    pixels[:, :32, 0] = 255
+    pixels[:, 32:, 2] = 255
+    return pixels
+
+
+@pytest.mark.parametrize(
+    ("options", "size"),
+    [
+        (RenderOptions(), (640, 480)),
+        (RenderOptions(320), (320, 240)),  # the shape is kept
+        (RenderOptions(height=240), (320, 240)),
+        (RenderOptions(100, 100), (100, 100)),  # stretched, as in ROS
+        (RenderOptions(1280, 960), (1280, 960)),
+        (RenderOptions(100, 100, fit=True), (100, 75)),  # 100 / 640 = 0.156; 480 * 0.156 = 75
+        (RenderOptions(1280, 960, fit=True), (640, 480)),  # never enlarged
+        (RenderOptions(width=64, fit=True), (64, 48)),
+        (RenderOptions(1, 1, fit=True), (1, 1)),
+        # 10240 x 7680 has too many pixels: of 9437184 in the shape 4:3, the height is
+        # sqrt(9437184 * 3 / 4) = 2660.4 and the width 4 / 3 of it.
+        (RenderOptions(height=7680), (3547, 2660)),
+    ],
+)
+def test_the_size_follows_from_what_is_asked(options, size):
+    assert options.size(640, 480) == size
+
+
+@pytest.mark.parametrize(
+    ("options", "mime", "left"),
+    [
+        (RenderOptions(), "image/jpeg", True),
+        (RenderOptions(), "image/png", True),
+        (RenderOptions(format="jpeg"), "image/jpeg", True),
+        (RenderOptions(format="jpeg"), "image/png", False),
+        (RenderOptions(format="png"), "image/jpeg", False),
+        (RenderOptions(640, 480), "image/jpeg", True),
+        (RenderOptions(9999, 9999, fit=True), "image/jpeg", True),
+        (RenderOptions(320, 240), "image/jpeg", False),
+        (RenderOptions(quality=80), "image/jpeg", False),
+        (RenderOptions(quality=80), "image/png", True),
+        (RenderOptions(invert=True), "image/jpeg", False),
+    ],
+)
+def test_only_what_must_change_is_changed(options, mime, left):
+    assert options.unchanged(mime, 640, 480) == left
+
+
+def test_inverted_is_turned_by_180_degrees():
+    picture = render(frame(halves(), "bgr8"), RenderOptions(32, invert=True), 90)
+    assert (picture.mime, picture.width, picture.height) == ("image/jpeg", 32, 24)
+    pixels = codecs.decode_jpeg(picture.payload, "bgr8")
+    assert pixels.shape == (24, 32, 3)
+    assert pixels[12, 4, 2] > 200 > 50 > pixels[12, 4, 0]  # red is on the left now
+
+
+def test_sixteen_bits_become_eight_in_a_jpeg_and_stay_sixteen_in_a_png():
+    depth = np.full((48, 64), 0x8080, np.uint16)  # 0x8080 / 257 = 128
+    source = frame(depth, "mono16", "image/png")
+    picture = render(source, RenderOptions(format="jpeg"), 95)
+    assert picture.mime == "image/jpeg"
+    assert abs(int(codecs.decode_jpeg(picture.payload, "mono8")[5, 5]) - 128) <= 1
+    picture = render(source, RenderOptions(32), 95)
+    assert picture.mime == "image/png"
+    small = cv2.imdecode(np.frombuffer(picture.payload, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert (small.dtype, small.shape, small[5, 5]) == (np.uint16, (24, 32), 0x8080)
+
+
+@pytest.mark.parametrize("encoding", ["bgr8", "rgb8", "mono8", "bgra8"])
+def test_raw_pixels_of_each_encoding_are_shown_in_their_colours(encoding):
+    pixels = pixel_formats.convert(halves(), "bgr8", encoding)
+    picture = render(frame(pixels, encoding, None), RenderOptions(), 95)
+    assert (picture.mime, picture.width, picture.height) == ("image/jpeg", 64, 48)
+    shown = codecs.decode_jpeg(picture.payload, "bgr8")[24, 10].astype(int)
+    wanted = [29, 29, 29] if encoding == "mono8" else [255, 0, 0]  # luma of blue: 0.114 * 255
+    assert np.abs(shown - wanted).max() < 12
+
+
+def test_edges_as_jpeg_are_grey():
+    edges = np.zeros((48, 64), np.uint8)
+    edges[10] = 255
+    picture = render(frame(edges, "mono8", "image/png"), RenderOptions(format="jpeg"), 95)
+    assert picture.mime == "image/jpeg"
+    assert codecs.decode_jpeg(picture.payload, "mono8")[10].min() > 230
+
+
+def test_a_broken_picture_is_refused():
+    good = frame(halves(), "bgr8")
+    broken = Frame(good.header, compressed=good.compressed[:200])
+    with pytest.raises(PayloadError, match="corrupt"):
+        render(broken, RenderOptions(32), 80)
+
+
+@pytest.mark.parametrize("kind", ["jpeg", "png", "depth", "alpha"])
+def test_the_picture_of_an_ended_stream_is_dim_grey_and_as_large(kind):
+    white = np.full((240, 320, 3), 250, np.uint8)
+    pictures = {
+        "jpeg": lambda: codecs.encode_jpeg(white, "bgr8", 90),
+        "png": lambda: codecs.encode_png(white),
+        "depth": lambda: codecs.encode_png(np.full((240, 320), 64000, np.uint16)),
+        "alpha": lambda: codecs.encode_png(np.full((240, 320, 4), 250, np.uint8)),
+    }
+    before = pictures[kind]()
+    mime = "image/jpeg" if kind == "jpeg" else "image/png"
+    header = frame(white, "mono16" if kind == "depth" else "bgr8", None).header
+    last = EncodedPicture("vision/front/image/compressed", header, before, mime, 320, 240)
+    after = render_ended(last, 1_790_000_000_000_000_000).payload
+    assert after[:3] == before[:3]
+    pixels = cv2.imdecode(np.frombuffer(after, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert pixels.shape == (240, 320)
+    assert 80 < np.median(pixels) < 95  # 250 * 0.35 = 87
+    assert pixels.max() > 200  # the words
