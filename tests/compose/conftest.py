@@ -14,6 +14,7 @@ from tests.compose.stack import IMAGE, Stack, compose_command, run
 from tests.compose.witness import Witness
 from tests.support.processes import ROOT
 
+SMALL = {"ZV_CAMERA_WIDTH": "320", "ZV_CAMERA_HEIGHT": "240"}
 BASES = ("debian:bookworm-slim", "eclipse/zenoh:1.10.2")
 
 
@@ -75,8 +76,13 @@ def new_stack(image: str, clone: Path) -> Iterator[Callable[..., Stack]]:
 
 @pytest.fixture(scope="module")
 def stack(image: str, clone: Path) -> Iterator[Stack]:
-    """A system with no settings at all, shared by the tests of a module."""
-    with Stack(clone) as running:
+    """A system with small pictures, shared by the tests of a module.
+
+    At 30 Hz, as by default, but a quarter of the pixels: what these tests break is the network and
+    the processes, and a slow machine that cannot keep up with larger pictures drops frames of its
+    own. Tests that take ``new_stack`` start it with no settings at all.
+    """
+    with Stack(clone, settings=SMALL) as running:
         running.wait_until_healthy()
         yield running
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -236,13 +237,15 @@ class Stack:
     # Faults
 
     def crash(self, service: str) -> float:
-        """Kill the process inside, as a crash does, and return the time after it.
+        """Kill the process inside, as a crash does, and return the time at which it was dead.
 
-        Not ``docker kill``: that is an order, after which no restart policy acts.
+        Not ``docker kill``: that is an order, after which no restart policy acts. A process that
+        was killed still takes connections until its sockets are closed.
         """
-        kill = "p=$(cat /proc/1/task/1/children); for p in $p; do :; done; "
-        kill += "c=$(cat /proc/$p/task/$p/children); kill -9 ${c:-$p}"
-        run("docker", "exec", self.container(service), "sh", "-c", kill)
+        process = self.worker(service)
+        os.kill(process, signal.SIGKILL)
+        # Not until it is a zombie: its sockets are closed when its last thread has ended.
+        wait_until(lambda: not Path(f"/proc/{process}").exists(), 10)
         return time.monotonic()
 
     def cut_off(self, service: str) -> None:

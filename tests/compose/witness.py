@@ -138,17 +138,22 @@ class Witness:
         return [message.body for message in self.health.messages if message.key == key]
 
     def counted_drops(self, key: str, since_s: float) -> int:
-        """Return how many frames the nodes behind a stream say they dropped since a time."""
+        """Return how many frames the nodes behind a stream say they dropped since a time.
+
+        Between the last report before that time, or the node's start if none was seen, and the
+        next report from now on.
+        """
         found = 0
-        for node in {IMAGE: ("camera",), CENTROID: ("camera", "tracker")}.get(
+        for service in {IMAGE: ("camera",), CENTROID: ("camera", "tracker")}.get(
             key, ("camera", "edge")
         ):
-            totals = [
-                drops(message.body["counters"])
-                for message in self.health.since(since_s)
-                if message.key == f"@vision/diagnostics/{node}_front"
+            node = f"{service}_front"
+            before = [
+                message.body["counters"]
+                for message in self.health.messages
+                if message.key == f"@vision/diagnostics/{node}" and message.at_s <= since_s
             ]
-            found += max(totals, default=0) - min(totals, default=0)
+            found += drops(self.counters(node)) - (drops(before[-1]) if before else 0)
         return found
 
     def counters(self, node: str, after_s: float | None = None) -> dict[str, int]:
