@@ -68,7 +68,7 @@ def loss_findings(seen: Observation) -> list[Finding]:
         for reason, count in change.losses.items():
             if reason == "overwritten" and change.share(reason) > TOO_SLOW:
                 continue  # reported by speed_findings
-            if reason == MISSED and count - _lost_before(seen, each) < FEW:
+            if reason == MISSED and count - _lost_before(seen, each, change.span_s) < FEW:
                 continue  # the camera never sent them: its own line reports it
             how_much = _how_much(each, change, reason, count)
             if how_much is not None:
@@ -77,12 +77,15 @@ def loss_findings(seen: Observation) -> list[Finding]:
     return or_ok(problems, "drops", "no node loses more than 1 % of its frames") if watched else []
 
 
-def _lost_before(seen: Observation, node: NodeState) -> int:
-    """Return how many frames the cameras of a node lost during the observation."""
+def _lost_before(seen: Observation, node: NodeState, span_s: float) -> float:
+    """Return how many frames the cameras of a node lost in the time observed of the node.
+
+    The reports of a camera span another time than those of the node, by up to a report's period.
+    """
     assert node.description is not None
     sending = {name for key in node.description.subscribes for name in seen.publishers_of(key)}
     changes = [each.change for each in seen.cameras() if each.name in sending]
-    return sum(sum(change.losses.values()) for change in changes if change)
+    return sum(sum(each.losses.values()) / each.span_s * span_s for each in changes if each)
 
 
 def _how_much(node: NodeState, change: CounterChange, reason: str, count: int) -> str | None:

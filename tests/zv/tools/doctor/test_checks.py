@@ -9,10 +9,13 @@ from pathlib import Path
 import pytest
 
 from zenoh_vision.health.counter_change import NOT_LOST
+from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.messages import Diagnostics, NodeDescription
 from zv.registry import SERVICES, model_of
 from zv.tools.doctor import remedies
 from zv.tools.doctor.machine import device_findings, file_findings, kind_of
-from zv.tools.doctor.observation import router_of
+from zv.tools.doctor.observation import Observation, router_of
+from zv.tools.doctor.streams import loss_findings
 
 ROOT = Path(__file__).parents[4]
 
@@ -103,6 +106,36 @@ def test_a_zenoh_file_that_leaves_shared_memory_on_is_a_warning(tmp_path, text, 
 def test_a_file_without_a_telling_name_is_known_by_its_keys(service):
     keys = dict.fromkeys(set(model_of(service).model_fields) - {"camera", "quality", "max_age"}, 1)
     assert kind_of(Path("mine.toml"), keys) == service
+
+
+# Losses
+
+
+def observed(name: str, seconds: float, counters: dict[str, int], **about: object) -> NodeState:
+    """Return a node whose counters went from zero to these in so many seconds."""
+    description = NodeDescription(
+        node=name, service=name.partition("_")[0], cameras=("front",), version="1", host="here",
+        pid=1, started_ns=0, **{"publishes": (), "subscribes": (), **about},
+    )  # fmt: skip
+    reports = tuple(
+        Diagnostics(node=name, stamp_ns=0, level=0, message="", uptime_s=uptime_s,
+                    counters=counts, rate_hz=30.0, latency_ms={"p50": 1.0, "p99": 1.0})
+        for uptime_s, counts in ((0.0, dict.fromkeys(counters, 0)), (seconds, counters))
+    )  # fmt: skip
+    return NodeState(name, description=description, reports=reports)
+
+
+@pytest.mark.parametrize("missed", [6, 12])
+def test_what_a_camera_lost_is_compared_over_the_consumers_time(missed: int):
+    # The camera loses 2 of 30 a second; its reports span 2 s, the tracker's 3 s.
+    key = "vision/front/image/compressed"
+    lost, arrived = {"dropped.overwritten": 4}, {"received": 90 - missed, "missed": missed}
+    camera = observed("camera_front", 2.0, {"captured": 60, **lost}, publishes=(key,))
+    tracker = observed("tracker_front", 3.0, arrived, subscribes=(key,))
+    found = loss_findings(Observation({}, (), [camera, tracker], {}))
+    named = [finding.text.partition(" loses")[0] for finding in found]
+    # Six are those that the camera lost itself; six more were lost on the way.
+    assert named == ["camera_front", "tracker_front"][: missed // 6]
 
 
 # Devices
