@@ -181,9 +181,13 @@ class EpochGate:
             max_age_ns: As for ``is_stale``; None if no frame is too old.
 
         Raises:
-            PayloadError: As for ``admit``, if another was accepted since it was admitted.
+            PayloadError: ``overwritten``: a later frame of its epoch was accepted first, since
+                verified frames are taken before unverified ones. Otherwise as for ``admit``, if
+                another was accepted since it was admitted.
         """
         with self._lock:
+            if header.epoch == self._epoch and header.seq < self._seq and self._alive(now_ns):
+                raise PayloadError("overwritten", f"frame {header.seq} after {self._seq}")
             self._check_order(header, arrived_ns, now_ns)
             if not self._follows(header, arrived_ns):
                 # Others of this run may have arrived while this one was decoded.

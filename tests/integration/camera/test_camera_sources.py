@@ -87,9 +87,12 @@ def test_a_looped_file_is_a_new_epoch_each_time(client, service, video):
     complete = list(numbers_by_epoch(seen).values())[1:-1]
     for numbers in complete:
         assert set(numbers) <= set(range(20))
-    # Every picture of the file, but for those that the camera says were replaced by newer ones.
+    # Every picture of the file, but for those that the camera says were replaced by newer ones,
+    # and those that it published and a busy machine's network did not bring.
     missing = sum(20 - len(numbers) for numbers in complete)
-    assert missing <= health["counters"].get("dropped.overwritten", 0)
+    came = sum(m.header["stamp_ns"] <= health["stamp_ns"] for m in images.messages)
+    lost = max(0, health["counters"]["published"] - came)
+    assert missing <= health["counters"].get("dropped.overwritten", 0) + lost
 
 
 def test_centroids_lie_on_a_true_object(client, service):

@@ -38,14 +38,19 @@ def test_a_frame_that_is_not_newer_is_refused(seq: int):
     assert refusal(gate, header(seq)) == "out_of_order"
 
 
-def test_a_frame_overtaken_while_it_was_decoded_is_refused():
+def test_a_frame_overtaken_while_it_waited_is_overwritten_by_the_newer_one():
     gate = EpochGate("front")
-    seen(gate, header(0))
-    gate.admit(header(1), 0)
-    gate.admit(header(2), 0)
+    gate.admit(header(0), 0)
+    assert gate.admit(header(1), 0) == (True, 0)  # waits apart, as unverified
+    gate.accept(header(0), 0, 0)
+    assert gate.admit(header(2), 0) == (False, 0)  # verified, and so taken first
     gate.accept(header(2), 0, 0)
-    with pytest.raises(PayloadError, match="frame 1 after 2"):
+    with pytest.raises(PayloadError, match="frame 1 after 2") as caught:
         gate.accept(header(1), 0, 0)
+    assert caught.value.reason == "overwritten"
+    with pytest.raises(PayloadError) as caught:
+        gate.accept(header(2), 0, 0)
+    assert caught.value.reason == "out_of_order"
 
 
 def test_a_frame_admitted_but_never_seen_does_not_close_the_door():
