@@ -32,7 +32,7 @@ def test_behind_8_mbit_per_s_frames_are_fewer_and_fresh_and_centroids_complete(n
     stack = new_stack(
         services=("router", "camera", "tracker"),
         ZV_CAMERA_WIDTH="1280", ZV_CAMERA_HEIGHT="720", ZV_CAMERA_QUALITY="88",
-        ZV_CAMERA_NOISE="2.5",
+        ZV_CAMERA_NOISE="2.5", ZV_CAMERA_RATE="15",  # at 30 Hz the tracker alone fills a slow core
     )  # fmt: skip
     keys = (IMAGE, CENTROID)
     with Witness(stack.endpoint, keys) as witness, FarSubscriber(stack, list(keys)) as far:
@@ -56,7 +56,7 @@ def test_behind_8_mbit_per_s_frames_are_fewer_and_fresh_and_centroids_complete(n
             f"max {max(one.age_s for one in centroids) * 1000:.0f} ms"
         )
         assert 130 < size_kb < 170
-        # 8 Mbit/s carry 1 MB/s: six or seven such frames a second, of thirty.
+        # 8 Mbit/s carry 1 MB/s: six or seven such frames a second, of fifteen.
         assert 4 * LASTS_S < len(frames) < 9 * LASTS_S
         # What a good link shows too is no doing of the slow one: then the machine was busy.
         busy_s = max(one.age_s for one in witness[IMAGE].after(began_s))
