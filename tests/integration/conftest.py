@@ -21,6 +21,7 @@ Service = Callable[..., Program]
 
 
 QUICK_ZV = "tests.support.programs.quick_zv"
+LOSSLESS_ZV = "tests.support.programs.lossless_zv"
 SPARE: list[Router] = []
 """Routers that nothing was done to. They keep nothing of who has left, so one serves the next."""
 
@@ -99,6 +100,13 @@ def service(router: Router, tmp_path: Path) -> Iterator[Service]:
 def quick_service(router: Router, tmp_path: Path) -> Iterator[Service]:
     """As ``service``; but what they count is told ten times a second."""
     with some_services(router.endpoint, tmp_path, QUICK_ZV) as start:
+        yield start
+
+
+@pytest.fixture
+def lossless_service(router: Router, tmp_path: Path) -> Iterator[Service]:
+    """As ``service``; but no frame that was published is dropped on the way."""
+    with some_services(router.endpoint, tmp_path, LOSSLESS_ZV) as start:
         yield start
 
 

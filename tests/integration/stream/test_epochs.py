@@ -92,7 +92,7 @@ def test_of_two_publishers_that_fight_only_the_newer_epoch_is_seen(client, quick
     assert epochs == sorted(epochs)  # never back to the older
     numbers = [message.header["seq"] for message in of_epoch(centroids, new.epoch)]
     assert numbers == sorted(set(numbers))
-    counters = newest(client, HEALTH).body["counters"]
+    counters = wait_until(lambda: processed(client, len(epochs)))
     assert counters["dropped.out_of_order"] > 0  # the older epoch
     # No frame of the newer epoch is lost to the other: at most to a newer frame of its own.
     assert new.seq - len(numbers) <= counters.get("dropped.overwritten", 0)
