@@ -13,7 +13,9 @@ from aiohttp import WSCloseCode, web
 
 from zenoh_vision.config.constraints import toml_file
 from zenoh_vision.errors import ParameterRefused, VisionError
+from zenoh_vision.messages import ParameterList
 from zv.viewer import events
+from zv.viewer.credentials import Principal, Scope
 from zv.viewer.discovery.monitor import SystemMonitor, Unanswered
 from zv.viewer.discovery.network import in_slices
 from zv.viewer.streams.message_stream import MessageFeed
@@ -85,11 +87,13 @@ class WebSocketSession:
         request: web.Request,
         registry: StreamRegistry,
         monitor: SystemMonitor,
+        principal: Principal,
     ) -> None:
         self._socket = socket
         self._request = request
         self._registry = registry
         self._monitor = monitor
+        self._scope = principal.scope
         self._wake = asyncio.Event()
         self._outbox = Outbox(self._wake)
         self._pictures: dict[str, WatchedPictures] = {}
@@ -184,7 +188,7 @@ class WebSocketSession:
         fields: dict[str, object]
         try:
             if isinstance(command, commands.SetParameters):
-                found = await self._monitor.set(command.node, command.values)
+                found = await self._set(command)
                 fields = {"ok": True, "node": command.node, "revision": found.revision}
             else:
                 found = await self._monitor.parameters(command.node)
@@ -194,6 +198,15 @@ class WebSocketSession:
         except Unanswered as error:
             fields = {"ok": False, "error": str(error), "allowed": None}
         self.send(events.text("reply", id=command.id, **fields))
+
+    async def _set(self, command: commands.SetParameters) -> ParameterList:
+        """Change parameters if the page may."""
+        if self._scope is not Scope.CONTROL:
+            raise ParameterRefused(
+                f"the scope {Scope.CONTROL} is missing: this page has the scope {self._scope}",
+                "a page opened with the address that permits control",
+            )
+        return await self._monitor.set(command.node, command.values)
 
     # To the page
 
