@@ -17,6 +17,7 @@ from zv.viewer.http.connections import Connection
 from zv.viewer.http.static_files import INDEX, PageFile, page_files
 from zv.viewer.streams.registry import StreamRegistry, TooManyStreams
 from zv.viewer.web_video_server.handlers import WebVideoServer, unavailable
+from zv.viewer.websocket.audit import ParameterAudit
 from zv.viewer.websocket.commands import MAX_BYTES
 from zv.viewer.websocket.session import HEARTBEAT_S, WebSocketSession
 
@@ -37,9 +38,11 @@ class Application:
         self._files = page_files()
         self._sessions: set[WebSocketSession] = set()
         self._clients: set[Connection] = set()
+        self._audit = ParameterAudit()
         videos = WebVideoServer(registry, monitor.system)
         self.app = web.Application(middlewares=[self._guard], client_max_size=1024)
         self.app.on_response_prepare.append(_add_headers)
+        self.app.on_cleanup.append(self._flush_audit)
         self.app.router.add_get("/", partial(self._opened, self._index))
         self.app.router.add_get("/page/{name:.+}", self._file)
         self.app.router.add_get("/favicon.ico", self._no_icon)
@@ -108,6 +111,9 @@ class Application:
         """Run a page's handler, unless its address has a token, which becomes a session first."""
         return self._access.redirect(request) or await handler(request)
 
+    async def _flush_audit(self, _: web.Application) -> None:
+        self._audit.flush()
+
     # Handlers
 
     async def _index(self, _: web.Request) -> web.Response:
@@ -138,7 +144,9 @@ class Application:
             raise web.HTTPBadRequest(text="/live is a WebSocket\n")
         principal = self._access.principal(request)
         await socket.prepare(request)
-        session = WebSocketSession(socket, request, self._registry, self._monitor, principal)
+        session = WebSocketSession(
+            socket, request, self._registry, self._monitor, principal, self._audit
+        )
         system = self._monitor.system
         about = {"version": installed_version(), "namespace": system.namespace, "server": "viewer"}
         scope = str(principal.scope)
