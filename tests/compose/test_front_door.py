@@ -50,7 +50,8 @@ def test_the_address_in_the_viewers_log_opens_the_page_and_no_other_does(stack: 
     found = re.search(r"http://127\.0\.0\.1:8080/\?token=\S+", stack.logs("viewer"))
     assert found, stack.logs("viewer")
     address = found[0].replace(":8080", f":{stack.viewer_port}")
-    with urllib.request.urlopen(address, timeout=10) as page:
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with browser.open(address, timeout=10) as page:
         assert page.status == 200
         assert b"<html" in page.read()
     with pytest.raises(urllib.error.HTTPError, match="401"):

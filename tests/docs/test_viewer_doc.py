@@ -13,10 +13,11 @@ from aiohttp import WSCloseCode
 from tests.support.pages import Page
 from tests.support.processes import Program
 from tests.support.routing import free_port
+from zv.viewer import credentials
 from zv.viewer.http import access, app, connections, listener
 from zv.viewer.streams import message_stream, registry
 from zv.viewer.web_video_server import query
-from zv.viewer.websocket import commands, session
+from zv.viewer.websocket import audit, commands, session
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "viewer.md").read_text()
@@ -90,6 +91,8 @@ def test_the_limits_are_those_of_the_code():
         f"if that is at least {app.STALLED_S:.0f} s",
         f"cookie `{access.cookie_name('localhost:8080').replace('8080', 'PORT')}`",
         f"(`{access.cookie_name('localhost')}` if the address has no port",
+        f"an end {credentials.SESSION_S // 86400} days later",
+        f"At most {audit.MAX_LINES} lines a second are logged",
     ):
         assert words in TEXT, words
     assert access.PUBLIC_PATHS == ("/healthz",)

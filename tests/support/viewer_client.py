@@ -73,6 +73,14 @@ class Viewer:
         finally:
             connection.close()
 
+    def open(self, path: str, **headers: str) -> Answer:
+        """Ask for a page as a browser does, which follows a redirect with the cookie it got."""
+        answer = self.get(path, **headers)
+        if answer.status != 303:
+            return answer
+        cookie = answer.headers["set-cookie"].partition(";")[0]
+        return self.get(answer.headers["location"], **headers, Cookie=cookie)
+
     @contextmanager
     def stream(self, query: str) -> Iterator[Iterator[Part]]:
         """Begin a stream; what is entered yields its pictures."""

@@ -20,6 +20,7 @@ from zv.launcher.launch_file import Plan, PlannedNode
 from zv.launcher.supervisor import System, run
 from zv.router.settings import RouterSettings
 from zv.status.display import display_on
+from zv.viewer.credentials import view_token
 from zv.viewer.http.listener import free_port, url
 from zv.viewer.http.token_store import token_for
 from zv.viewer.settings import ViewerSettings
@@ -161,12 +162,17 @@ def _with_port(plan: Plan, node: PlannedNode) -> PlannedNode:
     return replace(node, settings=settings.model_copy(update=known))
 
 
-def addresses(plan: Plan) -> list[str]:
-    """Return the addresses of the viewers, to open in a browser."""
+def addresses(plan: Plan, *, view_only: bool = False) -> list[str]:
+    """Return the addresses of the viewers, to open in a browser.
+
+    With ``view_only`` those that do not permit control, of the viewers that have a token.
+    """
+    found = [node.settings for node in plan.nodes if isinstance(node.settings, ViewerSettings)]
     return [
-        url(node.settings.host, node.settings.port, node.settings.token, node.settings.address)
-        for node in plan.nodes
-        if isinstance(node.settings, ViewerSettings)
+        url(each.host, each.port, token, each.address)
+        for each in found
+        for token in [view_token(each.token) if view_only and each.token else each.token]
+        if token or not view_only
     ]
 
 
@@ -180,4 +186,5 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
             camera = node.name.removeprefix(f"{node.service}_")
             lines.append(f"  {topic.key(connection.namespace, camera):<36} {topic.encoding}")
     lines.append(f"for example: python examples/subscribe.py {connection.connect}")
+    lines += (f"viewer, view only: {address}" for address in addresses(plan, view_only=True))
     return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

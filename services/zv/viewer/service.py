@@ -8,6 +8,7 @@ import time
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
+from zv.viewer.credentials import view_token
 from zv.viewer.http.access import Access, own_names
 from zv.viewer.http.listener import listen, url
 from zv.viewer.http.server import WebServer
@@ -29,10 +30,14 @@ def run(settings: ViewerSettings, connection: Connection) -> None:
     access = Access(token, own_names(settings.host, settings.names))
     parameters = ParameterStore(settings)
     node = Node("viewer", camera=(), connection=connection, parameters=parameters)
-    address = url(settings.host, listening.getsockname()[1], token, settings.address)
+    port = listening.getsockname()[1]
+    lines = url(settings.host, port, token, settings.address)
+    if token:
+        view_only = url(settings.host, port, view_token(token), settings.address)
+        lines += f"\nview only: {view_only}"
     with WebServer(listening, parameters, node, access) as server:
         with contextlib.suppress(OSError):  # perhaps nobody reads our output any more
-            print(address, flush=True)
+            print(lines, flush=True)
         with node:
             server.connect(node.link)
             while not node.stopping:

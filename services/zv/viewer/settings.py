@@ -42,7 +42,8 @@ class ViewerSettings(Settings):
         str | None,
         Field(
             pattern=TOKEN_PATTERN,
-            description="token that browsers must present; not set: none if all addresses are "
+            description="token that browsers must present, which permits control; another, made "
+            "from it and printed too, permits viewing only; not set: none if all addresses are "
             "loopback, else one that is generated on first use and kept",
         ),
         Secret(),

@@ -22,6 +22,7 @@ from tests.support.routing import free_port
 from tests.support.viewer_client import Viewer
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.image import codecs
+from zv.viewer.credentials import view_token
 from zv.viewer.http.connections import FIRST_REQUEST_S
 
 TOKEN = "0123456789abcdef-token"
@@ -150,11 +151,15 @@ def test_without_the_token_nothing_is_served_but_the_health(standing_guarded):
 
 def test_the_token_in_the_address_becomes_a_cookie_that_is_enough(standing_guarded):
     assert standing_guarded.url.endswith(f"/?token={TOKEN}")
-    opened = standing_guarded.get(f"/?token={TOKEN}")
-    assert opened.status == 200
+    opened = standing_guarded.get(f"/?token={TOKEN}&x=1")
+    assert (opened.status, opened.headers["location"]) == (303, "/?x=1")
     cookie = opened.headers["set-cookie"]
     assert "HttpOnly" in cookie
-    assert "SameSite=Strict" in cookie
+    assert "SameSite=Lax" in cookie  # Strict: a link on another site could not open the page
+    assert TOKEN not in cookie
+    assert "Secure" not in cookie  # there is no TLS
+    behind_tls = standing_guarded.get(f"/?token={TOKEN}", X_Forwarded_Proto="https")
+    assert "Secure" in behind_tls.headers["set-cookie"]
     pair = cookie.partition(";")[0]
     assert standing_guarded.get("/", Cookie=pair).status == 200
     assert (
@@ -186,7 +191,7 @@ def test_any_other_address_than_loopback_gets_a_token_of_its_own(tmp_path, route
             addresses.append(viewer.url)
             assert viewer.get("/").status == 401
             path = re.sub(r"^http://[^/]+", "", viewer.url)
-            assert viewer.get(path).status == 200
+            assert viewer.open(path).status == 200
     tokens = {address.partition("token=")[2] for address in addresses}
     assert len(tokens) == 1  # it is kept
     kept = tmp_path / "state" / "zenoh-vision" / "viewer_token"
@@ -206,7 +211,7 @@ def test_a_name_that_is_allowed_as_of_a_proxy_is_served_to_those_with_the_token(
         assert token.startswith("token=")
         assert viewer.get("/", Host="cam.example").status == 401
         assert viewer.get("/").status == 401
-        assert viewer.get(f"/?{token}", Host="cam.example").status == 200
+        assert viewer.open(f"/?{token}", Host="cam.example").status == 200
         assert viewer.get(f"/?{token}", Host="evil.example").status == 403
 
 
@@ -239,6 +244,7 @@ def test_under_zv_up_the_token_is_in_the_address_and_in_no_command_line(tmp_path
             assert TOKEN not in " ".join(child.cmdline())
             url = next(line for line in greeting if line.startswith("viewer: "))
             assert url.endswith(f"/?token={TOKEN}")
+            assert f"viewer, view only: {url[8 : -len(TOKEN)]}{view_token(TOKEN)}" in greeting
     finally:
         processes.environment = original
 

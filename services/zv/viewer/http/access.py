@@ -1,16 +1,25 @@
-"""Decides which requests are allowed, by their host, the site of their origin, and a token."""
+"""Decides who may request what, by host, site of origin, and token or session."""
 
 from __future__ import annotations
 
-import hmac
 import re
 import socket
+import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 from aiohttp import web
 
+from zv.viewer.credentials import (
+    NO_TOKEN,
+    SESSION_S,
+    Principal,
+    Scope,
+    new_session,
+    principal_of,
+    scope_of,
+)
 from zv.viewer.http.listener import is_address, is_loopback
 
 COOKIE = "zv_token"
@@ -39,15 +48,17 @@ class Access:
         """Raise HTTPForbidden or HTTPUnauthorized for a wrong host, origin or token."""
         host = request.headers.get("Host")
         self.check_host(host)
-        kind, _, authorization = request.headers.get("Authorization", "").partition(" ")
-        bearer = authorization if kind.lower() == "bearer" else None
-        token, cookie = request.query.get("token"), request.cookies.get(cookie_name(host))
         if "Upgrade" in request.headers or request.method not in ("GET", "HEAD"):
             self.check_origin(request.headers.get("Origin"), host)
-        elif not (self.is_token(token) or self.is_token(bearer)):
+        elif not any(map(self.scope_of, tokens_in(request))):
             self.check_site(request.headers, host)
         if request.path not in PUBLIC_PATHS:
-            self.check_token((token, cookie, bearer))
+            self.principal(request)
+
+    def principal(self, request: web.Request) -> Principal:
+        """Return who a request is from; raise HTTPUnauthorized as ``check_token``."""
+        cookie = request.cookies.get(cookie_name(request.headers.get("Host")))
+        return self.check_token((*tokens_in(request), cookie))
 
     def check_host(self, host: str | None) -> None:
         """Raise HTTPForbidden for an unknown ``Host``: any name may resolve to this machine.
@@ -86,23 +97,56 @@ class Access:
                 text="a page of another site may load this only with ?token=TOKEN; see --token\n"
             )
 
-    def check_token(self, given: Iterable[str | None]) -> None:
-        """Raise HTTPUnauthorized unless URL, cookie or ``Authorization`` gave the token."""
+    def check_token(self, given: Iterable[str | None]) -> Principal:
+        """Return who gave these texts, with the widest scope among them.
+
+        Raise HTTPUnauthorized unless one of them is a token or a session.
+        """
+        if self.token is None:
+            return NO_TOKEN
         found = [text for text in given if text is not None]
-        if self.token is None or any(map(self.is_token, found)):
-            return
+        known = [who for text in found if (who := principal_of(text, self.token, time.time()))]
+        if known:
+            return max(known, key=lambda who: who.scope is Scope.CONTROL)
+        wrong = "the token is wrong, or the session has ended"
         raise web.HTTPUnauthorized(
-            text=f"{'the token is wrong' if found else 'a token is required'}: "
+            text=f"{wrong if found else 'a token is required'}: "
             "open the address that `zv view` prints, or add ?token=TOKEN\n",
             headers={"WWW-Authenticate": "Bearer"},
         )
 
-    def is_token(self, text: str | None) -> bool:
-        """Tell whether a text is the token, in constant time."""
-        if self.token is None or text is None:
-            return False
-        given = text.encode(errors="surrogateescape")  # a header may hold any byte
-        return hmac.compare_digest(given, self.token.encode())
+    def scope_of(self, text: str | None) -> Scope | None:
+        """Return what a token permits; None if a text is none."""
+        return None if self.token is None or text is None else scope_of(text, self.token)
+
+    def redirect(self, request: web.Request) -> web.Response | None:
+        """Return the answer to a page's address with a token: a session, and the way to the page.
+
+        The token does not stay in the address bar and the history. None if there is no token.
+        """
+        scope = self.scope_of(request.query.get("token"))
+        if scope is None or self.token is None:
+            return None
+        place = str(request.rel_url.without_query_params("token"))
+        response = web.Response(
+            status=303, headers={"Location": place, "Cache-Control": "no-store"}
+        )
+        response.set_cookie(
+            cookie_name(request.headers.get("Host")),
+            new_session(scope, self.token, time.time()),
+            max_age=SESSION_S,
+            # Set by a TLS proxy. A client that invents it only loses its own session.
+            secure=request.headers.get("X-Forwarded-Proto", "").lower().startswith("https"),
+            httponly=True,
+            samesite="Lax",  # not Strict, else a link on another site could not open the page
+        )
+        return response
+
+
+def tokens_in(request: web.Request) -> tuple[str | None, str | None]:
+    """Return what a request gives as token: in its URL and in ``Authorization``."""
+    kind, _, bearer = request.headers.get("Authorization", "").partition(" ")
+    return request.query.get("token"), bearer if kind.lower() == "bearer" else None
 
 
 def host_name(host: str) -> str:
@@ -114,7 +158,7 @@ def host_name(host: str) -> str:
 
 
 def cookie_name(host: str | None) -> str:
-    """Return the name of the cookie that holds the token of the viewer at a host and port.
+    """Return the name of the cookie that holds a session of the viewer at a host and port.
 
     Browsers send a host's cookies to all its ports, so two viewers on one machine need different
     names. The port is that of the ``Host`` header ``host``: outside of a container it differs

@@ -12,11 +12,12 @@ from aiohttp import web
 from zenoh_vision.node.announcement import installed_version
 from zv.viewer import events
 from zv.viewer.discovery.monitor import SystemMonitor
-from zv.viewer.http.access import SECURITY_HEADERS, Access, cookie_name
+from zv.viewer.http.access import SECURITY_HEADERS, Access
 from zv.viewer.http.connections import Connection
 from zv.viewer.http.static_files import INDEX, PageFile, page_files
 from zv.viewer.streams.registry import StreamRegistry, TooManyStreams
 from zv.viewer.web_video_server.handlers import WebVideoServer, unavailable
+from zv.viewer.websocket.audit import ParameterAudit
 from zv.viewer.websocket.commands import MAX_BYTES
 from zv.viewer.websocket.session import HEARTBEAT_S, WebSocketSession
 
@@ -37,10 +38,12 @@ class Application:
         self._files = page_files()
         self._sessions: set[WebSocketSession] = set()
         self._clients: set[Connection] = set()
+        self._audit = ParameterAudit()
         videos = WebVideoServer(registry, monitor.system)
         self.app = web.Application(middlewares=[self._guard], client_max_size=1024)
         self.app.on_response_prepare.append(_add_headers)
-        self.app.router.add_get("/", self._index)
+        self.app.on_cleanup.append(self._flush_audit)
+        self.app.router.add_get("/", partial(self._opened, self._index))
         self.app.router.add_get("/page/{name:.+}", self._file)
         self.app.router.add_get("/favicon.ico", self._no_icon)
         self.app.router.add_get("/healthz", self._healthy)
@@ -48,7 +51,7 @@ class Application:
         stream = partial(self._limited, videos.stream)
         self.app.router.add_get("/stream", stream, allow_head=False)
         self.app.router.add_get("/snapshot", videos.snapshot)
-        self.app.router.add_get("/stream_viewer", videos.stream_viewer)
+        self.app.router.add_get("/stream_viewer", partial(self._opened, videos.stream_viewer))
 
     def send_all(self, text: str, replaces: Hashable | None = None) -> None:
         """Send a text to all pages; it replaces a queued one of the same name."""
@@ -104,17 +107,17 @@ class Application:
         slowest.abort()
         return True
 
+    async def _opened(self, handler: Handler, request: web.Request) -> web.StreamResponse:
+        """Run a page's handler, unless its address has a token, which becomes a session first."""
+        return self._access.redirect(request) or await handler(request)
+
+    async def _flush_audit(self, _: web.Application) -> None:
+        self._audit.flush()
+
     # Handlers
 
-    async def _index(self, request: web.Request) -> web.Response:
-        response = _file_response(self._files[INDEX])
-        token = request.query.get("token")
-        if self._access.is_token(token):
-            name = cookie_name(request.headers.get("Host"))
-            response.set_cookie(
-                name, str(token), max_age=30 * 86400, httponly=True, samesite="Strict", path="/"
-            )
-        return response
+    async def _index(self, _: web.Request) -> web.Response:
+        return _file_response(self._files[INDEX])
 
     async def _file(self, request: web.Request) -> web.Response:
         file = self._files.get(request.match_info["name"])
@@ -139,11 +142,15 @@ class Application:
         )
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text="/live is a WebSocket\n")
+        principal = self._access.principal(request)
         await socket.prepare(request)
-        session = WebSocketSession(socket, request, self._registry, self._monitor)
+        session = WebSocketSession(
+            socket, request, self._registry, self._monitor, principal, self._audit
+        )
         system = self._monitor.system
         about = {"version": installed_version(), "namespace": system.namespace, "server": "viewer"}
-        session.send(events.text("hello", **about, now_ns=time.time_ns()))
+        scope = str(principal.scope)
+        session.send(events.text("hello", **about, scope=scope, now_ns=time.time_ns()))
         for text, replaces in system.overview():
             session.send(text, replaces)
         self._sessions.add(session)

@@ -128,7 +128,7 @@ class WebVideoServer:
     async def stream_viewer(self, request: web.Request) -> web.Response:
         """Send a page that shows one stream."""
         query, key = self._parse(request)
-        given = {name: value for name, value in request.query.items() if name in (*NAMES, "token")}
+        given = {name: value for name, value in request.query.items() if name in NAMES}
         source = html.escape(f"stream?{urlencode(given, quote_via=quote)}")
         name = html.escape(query.topic)
         text = (

@@ -13,7 +13,9 @@ from aiohttp import WSCloseCode, web
 
 from zenoh_vision.config.constraints import toml_file
 from zenoh_vision.errors import ParameterRefused, VisionError
+from zenoh_vision.messages import ParameterList
 from zv.viewer import events
+from zv.viewer.credentials import Principal, Scope
 from zv.viewer.discovery.monitor import SystemMonitor, Unanswered
 from zv.viewer.discovery.network import in_slices
 from zv.viewer.streams.message_stream import MessageFeed
@@ -22,6 +24,7 @@ from zv.viewer.streams.registry import StreamRegistry
 from zv.viewer.streams.rendering import EncodedPicture
 from zv.viewer.topics import is_stream, kind_of
 from zv.viewer.websocket import commands
+from zv.viewer.websocket.audit import ParameterAudit
 from zv.viewer.websocket.commands import MalformedCommand
 
 MAX_WATCHES = 32
@@ -33,6 +36,9 @@ ENDED_POLL_S = 0.2
 MESSAGES_AT_ONCE = 16
 MAX_TEXTS = 1000
 """Texts that replace no other, such as replies; a page that lets more wait reads nothing."""
+
+MAX_ERROR = 200
+"""Characters of a node's refusal that the log repeats."""
 
 LENGTH = struct.Struct("<I")
 
@@ -85,11 +91,18 @@ class WebSocketSession:
         request: web.Request,
         registry: StreamRegistry,
         monitor: SystemMonitor,
+        principal: Principal,
+        audit: ParameterAudit,
     ) -> None:
         self._socket = socket
         self._request = request
         self._registry = registry
         self._monitor = monitor
+        self._scope = principal.scope
+        proxied = request.headers.get("X-Forwarded-For")  # as true as whoever sent it
+        of = f" for {proxied[:100]}" if proxied else ""
+        self._who = f"{request.remote}{of}, {principal.name}"
+        self._audit = audit
         self._wake = asyncio.Event()
         self._outbox = Outbox(self._wake)
         self._pictures: dict[str, WatchedPictures] = {}
@@ -184,7 +197,7 @@ class WebSocketSession:
         fields: dict[str, object]
         try:
             if isinstance(command, commands.SetParameters):
-                found = await self._monitor.set(command.node, command.values)
+                found = await self._set(command)
                 fields = {"ok": True, "node": command.node, "revision": found.revision}
             else:
                 found = await self._monitor.parameters(command.node)
@@ -194,6 +207,28 @@ class WebSocketSession:
         except Unanswered as error:
             fields = {"ok": False, "error": str(error), "allowed": None}
         self.send(events.text("reply", id=command.id, **fields))
+
+    async def _set(self, command: commands.SetParameters) -> ParameterList:
+        """Change parameters if the page may, and log who did so."""
+        node = self._monitor.system.fleet.node(command.node)
+        known = {} if node is None else dict(node.parameters)
+        accepted, outcome = False, "the page was gone before an answer"
+        try:
+            if self._scope is not Scope.CONTROL:
+                raise ParameterRefused(
+                    f"the scope {Scope.CONTROL} is missing: this page has the scope {self._scope}",
+                    "a page opened with the address that permits control",
+                )
+            found = await self._monitor.set(command.node, command.values)
+            accepted, outcome = True, f"accepted (revision {found.revision})"
+            return found
+        except (ParameterRefused, Unanswered) as error:
+            outcome = f"not accepted: {str(error)[:MAX_ERROR]}"
+            raise
+        finally:
+            self._audit.note(
+                self._who, command.node, known, command.values, outcome, accepted=accepted
+            )
 
     # To the page
 

@@ -1,10 +1,13 @@
 """Which requests are allowed: hosts, origins, tokens."""
 
 import socket
+import time
 
 import pytest
 from aiohttp import web
+from aiohttp.test_utils import make_mocked_request
 
+from zv.viewer.credentials import NO_TOKEN, SESSION_S, Scope, new_session, view_token
 from zv.viewer.http.access import Access, cookie_name, own_names
 
 TOKEN = "0123456789abcdef-secret"
@@ -110,6 +113,66 @@ def test_the_token_is_taken_from_each_place(place):
 )
 def test_each_port_has_a_cookie_of_its_own(host, name):
     assert cookie_name(host) == name
+
+
+def test_the_widest_scope_of_what_is_given_counts():
+    access = Access(TOKEN, NAMES)
+    view, control = view_token(TOKEN), new_session(Scope.CONTROL, TOKEN, time.time())
+    assert access.check_token([view, None, "wrong"]).scope is Scope.VIEW
+    for given in ([view, None, control], [control, view], [TOKEN, view]):
+        assert access.check_token(given).scope is Scope.CONTROL
+
+
+def test_a_session_that_has_ended_is_refused_and_the_refusal_says_so():
+    ended = new_session(Scope.CONTROL, TOKEN, time.time() - SESSION_S)
+    with pytest.raises(web.HTTPUnauthorized) as refused:
+        Access(TOKEN, NAMES).check_token([ended])
+    assert "the session has ended" in str(refused.value.text)
+
+
+def test_without_a_token_everybody_has_control():
+    assert Access(None, NAMES).check_token([None]) == NO_TOKEN
+    assert NO_TOKEN.scope is Scope.CONTROL
+
+
+@pytest.mark.parametrize(
+    ("path", "place"),
+    [
+        ("/?token={}", "/"),
+        ("/?a=1&token={}&b=%26%2B&token=x", "/?a=1&b=%26%2B"),
+        ("http://evil.example/?token={}", "/"),
+        ("/stream_viewer?topic=/a/b&token={}", "/stream_viewer?topic=/a/b"),
+    ],
+)
+@pytest.mark.parametrize("token", [TOKEN, view_token(TOKEN)])
+def test_a_pages_address_with_a_token_leads_to_the_one_without(path, place, token):
+    access = Access(TOKEN, NAMES)
+    request = make_mocked_request("GET", path.format(token), {"Host": "localhost:8080"})
+    response = access.redirect(request)
+    assert response is not None
+    assert (response.status, response.headers["Location"]) == (303, place)
+    cookie = response.cookies["zv_token_8080"]
+    assert (cookie["path"], cookie["httponly"], bool(cookie["secure"])) == ("/", True, False)
+    assert token not in cookie.value
+    assert access.check_token([cookie.value]).scope == access.scope_of(token)
+
+
+@pytest.mark.parametrize("path", ["/", "/?token=wrong", "/?token="])
+def test_an_address_without_a_valid_token_is_not_redirected(path):
+    assert Access(TOKEN, NAMES).redirect(make_mocked_request("GET", path)) is None
+    assert Access(None, NAMES).redirect(make_mocked_request("GET", path)) is None
+
+
+@pytest.mark.parametrize(
+    ("proto", "secure"), [("https", True), ("HTTPS, http", True), ("http", False), ("", False)]
+)
+def test_behind_a_tls_proxy_the_cookie_is_secure(proto, secure):
+    headers = {"Host": "cam.example", "X-Forwarded-Proto": proto}
+    response = Access(TOKEN, NAMES).redirect(
+        make_mocked_request("GET", f"/?token={TOKEN}", headers)
+    )
+    assert response is not None
+    assert bool(response.cookies["zv_token"]["secure"]) == secure
 
 
 def test_without_a_token_nobody_is_asked_for_one():

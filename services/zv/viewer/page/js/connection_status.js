@@ -33,7 +33,7 @@ export function showConnection(system, connection) {
 		// A WebSocket does not tell why the server refuses it, so ask by HTTP now and then.
 		const { status } = await fetch("/page/icon.svg", { cache: "no-store" }).catch(() => ({}));
 		if (status === 401 && !connection.isOpen) {
-			banner("The token is no longer valid. Open the address that the viewer printed.", "refused");
+			banner("The session has ended. Open the address that the viewer printed.", "refused");
 		}
 	});
 	connection.on("error", ({ text }) => {

@@ -13,8 +13,14 @@ export class ParametersPanel {
 		system.on("parameters nodes streams hello", () => this.draw());
 	}
 
+	/** Whether this page may not change parameters. */
+	get isViewOnly() {
+		return this.system.hello?.scope === "view";
+	}
+
 	/** Show a section for each node, those of the camera in the large view first. */
 	draw() {
+		byId("view-only").hidden = !this.isViewOnly;
 		const camera = this.current();
 		const rank = (node) => (this.system.node(node)?.cameras?.includes(camera) ? 0 : 1);
 		const known = [...this.system.parameters.keys()].filter((node) => this.of(node).length)
@@ -40,22 +46,23 @@ export class ParametersPanel {
 			new Control(parameter, (value) => this.set(node, { [parameter.name]: value })));
 		const state = element("span", { class: "node-state" });
 		const refusal = element("p", { class: "refusal", role: "alert", hidden: true });
+		const fields = element("fieldset", {}, ...controls.map((control) => control.element));
+		const reset = element("button", { type: "button",
+			onclick: () => this.setDefaults(node, refusal) }, "Reset to defaults");
 		const service = this.system.node(node)?.service ?? node;
 		const details = element("details", { class: "node-parameters", "data-node": node,
 			open: loadPreference(`open.${service}`, this.isOpenAtFirst(node)),
 			ontoggle: () => savePreference(`open.${service}`, details.open) },
 		element("summary", {}, element("b", {}, node), state),
-		element("div", { class: "row" },
-			element("button", { type: "button", onclick: () => this.setDefaults(node, refusal) },
-				"Reset to defaults"),
+		element("div", { class: "row" }, reset,
 			element("button", { type: "button", onclick: () => this.save(node, refusal) },
 				"Save as TOML")),
-		refusal,
-		...controls.map((control) => control.element));
+		refusal, fields);
 		return { element: details, update: () => {
 			const isAlive = this.system.node(node)?.alive ?? true;
 			const changed = this.changed(node).length;
 			setData(details, { alive: isAlive });
+			fields.disabled = reset.disabled = this.isViewOnly;
 			setText(state, !isAlive ? "gone" : changed ? `${changed} changed` : "");
 			this.of(node).forEach((parameter, index) => controls[index].update(parameter));
 		} };

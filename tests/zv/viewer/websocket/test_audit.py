@@ -1,0 +1,141 @@
+"""The log of who changed which parameter: lines, steps, limits, and pages that leave at once."""
+
+import asyncio
+from types import SimpleNamespace
+
+import pytest
+
+from zenoh_vision.errors import ParameterRefused
+from zenoh_vision.messages import Parameter
+from zv.viewer.credentials import Principal, Scope
+from zv.viewer.websocket.audit import MAX_LINES, ParameterAudit
+from zv.viewer.websocket.commands import SetParameters
+from zv.viewer.websocket.session import WebSocketSession
+
+WHO = "192.0.2.1, session 1a2b3c4d (control)"
+LOW = Parameter(node="edge_front", name="low", type="float", value=40.0, default=40.0, revision=0)
+
+
+@pytest.fixture
+def lines(caplog):
+    """Run a function on an event loop and return the lines it has logged at the end."""
+
+    def run(work) -> list[str]:
+        audit = ParameterAudit()
+
+        async def within() -> None:
+            await work(audit)
+            audit.flush()
+
+        with caplog.at_level("INFO", "viewer"):
+            asyncio.run(within())
+        return caplog.messages
+
+    return run
+
+
+def note(audit, values, accepted=True, who=WHO):
+    outcome = "accepted (revision 1)" if accepted else "not accepted: no"
+    audit.note(who, "edge_front", {"low": LOW}, values, outcome, accepted=accepted)
+
+
+def test_each_parameter_is_a_line_with_who_what_from_and_to(lines):
+    async def work(audit):
+        note(audit, {"low": 41, "new": None})
+
+    assert lines(work) == [
+        f"{WHO} set low of edge_front from 40.0 to 41: accepted (revision 1)",
+        f"{WHO} set new of edge_front from unknown to None: accepted (revision 1)",
+    ]
+
+
+def test_steps_are_one_line_from_the_first_value_to_the_last(lines):
+    async def work(audit):
+        for value in range(41, 91):
+            note(audit, {"low": value})
+        note(audit, {"low": 1e9}, accepted=False)
+        note(audit, {"low": 5}, who="another")
+
+    assert lines(work) == [
+        f"{WHO} set low of edge_front from 40.0 to 90 in 50 steps: accepted (revision 1)",
+        f"{WHO} set low of edge_front from 40.0 to 1000000000.0: not accepted: no",
+        "another set low of edge_front from 40.0 to 5: accepted (revision 1)",
+    ]
+
+
+def test_of_a_flood_a_limited_number_of_lines_and_the_number_of_others_are_logged(lines):
+    async def work(audit):
+        for number in range(MAX_LINES + 400):
+            note(audit, {f"p{number}": "x" * 10_000})
+
+    found = lines(work)
+    assert len(found) == MAX_LINES + 1
+    assert found[-1] == "400 more changes of parameters were not logged"
+    assert max(map(len, found)) < 300
+
+
+def test_a_name_that_is_none_is_quoted(lines):
+    async def work(audit):
+        note(audit, {"low of edge_front from 1 to 2: accepted\n": 1, "n" * 5000: 1})
+
+    first, second = lines(work)
+    assert r"set 'low of edge_front from 1 to 2: accepted\n' of edge_front" in first
+    assert len(second) < 300
+
+
+def test_a_line_is_logged_without_another_change(caplog):
+    audit = ParameterAudit()
+
+    async def until_logged() -> None:
+        note(audit, {"low": 41})
+        while not caplog.messages:
+            await asyncio.sleep(0.01)
+
+    with caplog.at_level("INFO", "viewer"):
+        asyncio.run(asyncio.wait_for(until_logged(), 30))
+    assert len(caplog.messages) == 1
+
+
+class SilentMonitor:
+    """A node that is asked and never answers."""
+
+    def __init__(self) -> None:
+        node = SimpleNamespace(parameters={"low": LOW})
+        self.system = SimpleNamespace(fleet=SimpleNamespace(node=lambda _: node))
+        self.asked = asyncio.Event()
+
+    async def set(self, *_):
+        self.asked.set()
+        await asyncio.wait_for(asyncio.Event().wait(), 30)
+
+
+def session_of(monitor, audit, scope=Scope.CONTROL) -> WebSocketSession:
+    request = SimpleNamespace(headers={}, remote="192.0.2.1")
+    given = None, request, None, monitor, Principal(scope, f"session 1a2b3c4d ({scope})"), audit
+    return WebSocketSession(*given)  # type: ignore[arg-type]
+
+
+SET = SetParameters(op="set", id=1, node="edge_front", values={"low": 41})
+
+
+def test_a_page_that_leaves_before_the_answer_is_logged(lines):
+    async def work(audit):
+        monitor = SilentMonitor()
+        asking = asyncio.create_task(session_of(monitor, audit)._set(SET))
+        await monitor.asked.wait()
+        asking.cancel()
+        await asyncio.wait([asking])
+
+    (line,) = lines(work)
+    assert line.startswith(f"{WHO} set low of edge_front from 40.0 to 41: ")
+    assert line.endswith("the page was gone before an answer")
+
+
+def test_a_page_for_viewing_never_asks_the_node(lines):
+    async def work(audit):
+        monitor = SilentMonitor()
+        with pytest.raises(ParameterRefused, match="the scope control is missing"):
+            await session_of(monitor, audit, Scope.VIEW)._set(SET)
+        assert not monitor.asked.is_set()
+
+    assert "not accepted: the scope control is missing" in lines(work)[0]
