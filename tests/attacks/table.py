@@ -310,7 +310,7 @@ ATTACKS: dict[str, Attack] = {
 
 
 def run(session: zenoh.Session, attack: Attack) -> None:
-    """Make an attack from a session, to its end."""
+    """Make an attack from a session, until the router has taken all of it."""
     attacker = Attacker(session)
     numbers = iter(range(attack.count))
 
@@ -322,6 +322,7 @@ def run(session: zenoh.Session, attack: Attack) -> None:
     with (pace := Paced(attack.rate_hz, send)):
         wait_until(lambda: pace.calls >= attack.count)
     attack.repair(attacker)
+    list(session.get("@/*/router", timeout=10.0))  # the reply comes after all that was sent before
 
 
 @contextmanager
