@@ -38,7 +38,7 @@ endef
 tests: $(VENV)/.dev
 	@$(call run_tests,$(ARGS),$(ARGS))
 
-## test-compose: start the containers and break them (needs Docker; about 15 minutes)
+## test-compose: start the containers and break them (needs Docker; about 20 minutes)
 test-compose: $(VENV)/.dev
 	$(BIN)/pytest -m compose tests/compose $(ARGS)
 

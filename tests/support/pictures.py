@@ -46,6 +46,20 @@ def forged_size(picture: bytes, width: int, height: int) -> bytes:
     return picture[:place] + struct.pack(">HH", height, width) + picture[place + 4 :]
 
 
+def progressive(scans: int, width: int = 64, height: int = 48) -> bytes:
+    """Return a flawless progressive JPEG that claims a size; its last scan is repeated.
+
+    The repetitions send all bits of luma anew (Ah = Al = 0) instead of the last ones.
+    """
+    options = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
+    jpeg = bytes(cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8), options)[1])
+    at = jpeg.index(b"\xff\xc2") + 5
+    jpeg = jpeg[:at] + struct.pack(">HH", height, width) + jpeg[at + 4 :]
+    own, last = jpeg.count(b"\xff\xda"), jpeg.rindex(b"\xff\xda")
+    again = jpeg[last : last + 9] + b"\0" + jpeg[last + 10 : -2]
+    return jpeg[:-2] + (scans - own) * again + jpeg[-2:]
+
+
 def damaged(picture: bytes) -> bytes:
     """Return the JPEG with its entropy-coded data damaged in the middle: most decoders show it."""
     middle = len(picture) * 2 // 3

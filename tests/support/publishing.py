@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -125,6 +126,22 @@ class Paced:
             self._call()
             self.calls += 1
             due_s += self._period_s
+
+
+S = 10**9
+DAY = 24 * 3600 * S
+
+
+def hostile_header(rng: random.Random, camera: PlainCamera) -> dict[str, int]:
+    """Return fields of a sound header that is wrong by little or by much."""
+    now_ns = time.time_ns()
+    near = max(0, camera.seq + rng.randrange(-2000, 2000))
+    stamps_ns = (now_ns, now_ns - DAY, now_ns + DAY - 60 * S, now_ns + rng.randrange(-S, S), 0)
+    return {
+        "epoch": rng.choice([camera.epoch, camera.epoch, now_ns, now_ns + rng.randrange(DAY), 1]),
+        "seq": rng.choice([2**63, 2**64 - 1, 0, near]),
+        "stamp_ns": rng.choice(stamps_ns),
+    }
 
 
 KEPT = zenoh.CongestionControl.BLOCK

@@ -202,7 +202,9 @@ class EpochGate:
             if header.epoch != self._bare_epoch:
                 self._bare_epoch = None  # bare pictures that follow are a new epoch
             self._identified = not header.assumed
-            self._epoch, self._seq, self._accepted_ns = header.epoch, header.seq, now_ns
+            # By its arrival: the longer a false frame took to decode, the longer it would silence
+            # the true ones.
+            self._epoch, self._seq, self._accepted_ns = header.epoch, header.seq, arrived_ns
             self._arrived_ns = arrived_ns
             late_ns = self._gauge.lateness_ns(header.stamp_ns, arrived_ns)
             if max_age_ns is not None and late_ns > max_age_ns:

@@ -218,7 +218,7 @@ def frame_of(sample: Sample, header: Header, *, raw: bool, borrow: bool = False)
     return Frame(header, pixels=pixels, key=sample.key, borrowed=borrowed)
 
 
-def snapshot_of(sample: Sample, *, raw: bool) -> Frame:
+def snapshot_of(sample: Sample, *, raw: bool, max_pixels: int = MAX_PIXELS) -> Frame:
     """Return the frame of a single sample, such as the reply to a query.
 
     The camera of a bare picture on a key that names none is ``unknown``.
@@ -230,4 +230,4 @@ def snapshot_of(sample: Sample, *, raw: bool) -> Frame:
         raise PayloadError("empty", "a deletion")
     camera = keys.camera_of(sample.key)
     gate = EpochGate(camera if keys.is_name(camera) else "unknown")
-    return frame_of(sample, checked_header(sample, gate, raw=raw), raw=raw)
+    return frame_of(sample, checked_header(sample, gate, max_pixels, raw=raw), raw=raw)

@@ -18,8 +18,9 @@ connects, declares everything on it and closes the first. The time-out of that a
 the round trip, since an interpreter that ends while Zenoh opens a session aborts.
 
 The router disconnects a client that reads nothing for 1 s. With Zenoh's 5 s, a frozen client would
-block all others between the end of its lease and that time. A message over 128 MiB, more than the
-largest raw frame, is never completely in memory: router and nodes close the link on which it
-arrives, and the sender connects again. Handlers are declared without Zenoh's queue of 256 in
-between, so they run on Zenoh's thread and must be quick.
+block all others between the end of its lease and that time. Closing its link then blocks one of
+the router's threads for 10 s, so the router has 32 of them instead of two. A message over 128 MiB,
+more than the largest raw frame, is never completely in memory: router and nodes close the link on
+which it arrives, and the sender connects again. Handlers are declared without Zenoh's queue of 256
+in between, so they run on Zenoh's thread and must be quick.
 """

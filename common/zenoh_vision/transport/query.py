@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, wait
@@ -17,9 +18,14 @@ from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadErro
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Refusal
 
+log = logging.getLogger(__name__)
+
 POLL_S = 0.05
 REPLY_S = 1.0
 """How long a queryable may take to reply."""
+
+MAX_REPLIES = 65_536
+"""Limit of the replies to one query that are kept: twice those of 1000 nodes with 30 parameters."""
 
 REPLY_BYTES = 1000
 """What a reply costs besides its payload."""
@@ -39,7 +45,7 @@ class Query:
         payload: msgpack bytes, if any.
         timeout_s: Replies that come later are lost.
         tokens: Ask for liveliness tokens instead of queryables.
-        most_bytes: Limit of all good replies together; those beyond it are lost, except the first.
+        most_bytes: Limit of all replies together; those beyond it are left out, except the first.
     """
 
     key: str
@@ -95,6 +101,16 @@ class Reply:
         raise ParameterRefused(refusal.error, refusal.allowed)
 
 
+class Replies(list[Reply]):
+    """The replies to one query.
+
+    Attributes:
+        left_out: How many more there were than are kept.
+    """
+
+    left_out = 0
+
+
 def messages_in(replies: Iterable[Reply], kind: type[M]) -> Iterator[tuple[Reply, M]]:
     """Yield the good replies that hold a message of a type, each with it; skip all others."""
     for reply in replies:
@@ -105,7 +121,7 @@ def messages_in(replies: Iterable[Reply], kind: type[M]) -> Iterator[tuple[Reply
             continue  # of a foreign program that uses the same key
 
 
-def send(session: zenoh.Session, query: Query, done: Callable[[list[Reply]], None]) -> None:
+def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) -> None:
     """Send a query without waiting for replies.
 
     Args:
@@ -114,16 +130,19 @@ def send(session: zenoh.Session, query: Query, done: Callable[[list[Reply]], Non
         done: Called once, on Zenoh's thread, with all replies: when every queryable has replied
             or the time is over. Must be quick. Never called if the session is closed before.
     """
-    replies: list[Reply] = []
+    replies = Replies()
     sent_ns = time.time_ns()
     size = 0
 
     def receive(reply: zenoh.Reply) -> None:
         nonlocal size
-        size += REPLY_BYTES + (0 if reply.ok is None else len(reply.ok.payload))
-        if replies and size > query.most_bytes:
+        said = reply.ok or reply.err
+        length = 0 if said is None else len(said.payload)
+        size += REPLY_BYTES + length
+        if replies and (size > query.most_bytes or len(replies) >= MAX_REPLIES):
+            replies.left_out += 1
             return
-        if reply.err is not None and reply.err.payload.to_bytes() == b"Timeout":
+        if reply.err is not None and length < 10 and reply.err.payload.to_bytes() == b"Timeout":
             return  # Zenoh's own word for a queryable that did not reply in time
         replier = "" if reply.replier_id is None else str(reply.replier_id.zid)
         replies.append(Reply(reply.ok, reply.err, replier, sent_ns, time.time_ns()))
@@ -146,15 +165,21 @@ def send(session: zenoh.Session, query: Query, done: Callable[[list[Reply]], Non
 
 def ask(
     session: zenoh.Session, queries: Iterable[Query], stopping: Callable[[], bool] = lambda: False
-) -> list[list[Reply]]:
+) -> list[Replies]:
     """Send queries together and wait for all replies, at most for the time-out of each query.
 
-    ``stopping`` ends the wait early; queries that are not complete then have no replies.
+    ``stopping`` ends the wait early; queries that are not complete then have no replies. Replies
+    that are too many are left out, with a warning.
     """
-    pending: list[Future[list[Reply]]] = []
-    for query in queries:
+    pending: list[Future[Replies]] = []
+    asked = list(queries)
+    for query in asked:
         pending.append(Future())
         send(session, query, pending[-1].set_result)
     while not stopping() and wait(pending, POLL_S).not_done:
         pass
-    return [future.result() if future.done() else [] for future in pending]
+    found = [future.result() if future.done() else Replies() for future in pending]
+    for query, replies in zip(asked, found, strict=True):
+        if replies.left_out:
+            log.warning("%s: %d more replies are left out", query.key, replies.left_out)
+    return found

@@ -20,6 +20,14 @@ WAIT_BEFORE_CLOSE_US = 1_000_000
 """How long the router waits for a client that reads nothing. Zenoh's 5 s outlive the lease, and
 closing that client's link then blocks all other clients until the wait is over."""
 
+RUNTIME = "ZENOH_RUNTIME"
+"""Environment variable with the threads of Zenoh; there is no setting for them in its files."""
+
+ROUTER_RUNTIME = "(rx: (worker_threads: 32))"
+"""To close the link of a frozen client blocks a thread for 10 s, since Zenoh sets SO_LINGER (zenoh
+#1101). The router has two threads that receive: two such clients blocked all others. Each thread
+over two allows one more."""
+
 MAX_MESSAGE_SIZE = "transport/link/rx/max_message_size"
 MAX_MESSAGE_BYTES = 128 << 20
 """For the largest raw frame, 7680 x 4320 pixels of 4 bytes, with its header. Zenoh holds a message

@@ -23,7 +23,7 @@ def run(
     Raises:
         SourceError: The source cannot be opened at the start.
     """
-    parameters = ParameterStore(settings)
+    parameters = ParameterStore(settings.limited())
     node = Node(
         "camera",
         camera=settings.camera,

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import ServiceSettings, Text
 from zv.camera.synthetic.faults import parse_faults
 
 REOPENS = Live("pixels", effect="a change opens a device or the synthetic scene again")
+
+USUAL_PIXELS = 1920 * 1200
 
 PixelEncodingName = Literal["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8"]
 
@@ -42,6 +44,16 @@ class CameraSettings(ServiceSettings):
         int | None,
         Field(ge=16, le=4320, description="pixels; height of a device's or the synthetic picture"),
         REOPENS,
+    ] = None
+    max_pixels: Annotated[
+        int | None,
+        Field(
+            ge=16 * 16,
+            le=7680 * 4320,
+            description="limit of width times height; not set: 1920x1200, or the size that the "
+            "camera is started with if that is larger. The memory for a synthetic picture is up to "
+            "80 bytes a pixel",
+        ),
     ] = None
     rate: Annotated[
         float | None,
@@ -135,3 +147,29 @@ class CameraSettings(ServiceSettings):
         AfterValidator(_known_faults),
         Live(),
     ] = ""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the synthetic picture, pixels."""
+        return self.width or 640, self.height or 480
+
+    def limited(self) -> Self:
+        """Return the settings with a limit of pixels for all that will be set later.
+
+        Anyone on the network can set width and height, and a large scene takes a container's
+        memory.
+        """
+        if self.max_pixels is not None:
+            return self
+        width, height = self.size
+        return self.model_copy(update={"max_pixels": max(USUAL_PIXELS, width * height)})
+
+    @model_validator(mode="after")
+    def _within_max_pixels(self) -> Self:
+        width, height = self.size
+        if self.max_pixels is not None and width * height > self.max_pixels:
+            raise ValueError(
+                f"{width}x{height} is over max_pixels = {self.max_pixels}; allowed: width times "
+                "height at most max_pixels"
+            )
+        return self

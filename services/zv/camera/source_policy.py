@@ -31,7 +31,7 @@ def open_source(settings: CameraSettings, newest: Callable[[], CameraSettings]) 
     """
     kind = kind_of(settings.source)
     if kind == "synthetic":
-        size = synthetic_size(settings)
+        size = settings.size
         return SyntheticSource(size, settings.seed, lambda: scene_conditions(newest()))
     if kind == "device":
         return DeviceSource(
@@ -93,14 +93,9 @@ def same_picture(kind: Kind, one: CameraSettings, other: CameraSettings) -> bool
 def same_source(kind: Kind, one: CameraSettings, other: CameraSettings) -> bool:
     """Tell whether a source is opened in the same way with either settings."""
     if kind == "synthetic":
-        return (*synthetic_size(one), one.seed) == (*synthetic_size(other), other.seed)
+        return (*one.size, one.seed) == (*other.size, other.seed)
     fixed = ("width", "height", "fourcc") if kind == "device" else ()
     return all(getattr(one, name) == getattr(other, name) for name in fixed)
-
-
-def synthetic_size(settings: CameraSettings) -> tuple[int, int]:
-    """Return width and height of the synthetic picture, pixels."""
-    return settings.width or 640, settings.height or 480
 
 
 @lru_cache(maxsize=4)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import logging
+import os
 import re
 import time
 
@@ -13,7 +14,13 @@ import zenoh
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.host.signals import StopSignals
-from zenoh_vision.transport.zenoh_config import listen_endpoints, router_config, zenoh_error_text
+from zenoh_vision.transport.zenoh_config import (
+    ROUTER_RUNTIME,
+    RUNTIME,
+    listen_endpoints,
+    router_config,
+    zenoh_error_text,
+)
 from zv.router.settings import RouterSettings
 
 log = logging.getLogger("router")
@@ -40,6 +47,7 @@ def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
         stopping = True
 
     StopSignals(stop).catch()
+    os.environ.setdefault(RUNTIME, ROUTER_RUNTIME)
     config = router_config(settings.listen, zenoh_config)
     endpoints = listen_endpoints(config)
     try:

@@ -6,16 +6,18 @@ import os
 import signal
 import threading
 import time
+from contextlib import ExitStack
 from itertools import pairwise
 
 import cv2
+import msgpack
 import numpy as np
 import pytest
 import zenoh
 
 from tests.support.listening import Listener, balance, newest, open_client, wait_for_nodes
-from tests.support.processes import Program
-from tests.support.publishing import PlainCamera
+from tests.support.processes import ROOT, Program
+from tests.support.publishing import Paced, PlainCamera
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
@@ -26,6 +28,9 @@ SECONDS = 7
 
 FROZEN_S = 4.5
 """Longer than the lease of 2 s by more than the silence that is allowed."""
+
+
+READERS = 16
 
 
 @pytest.mark.quiet
@@ -143,6 +148,43 @@ def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
     assert longest_s < 1.5
     assert len(times) > 0.65 * sent
     assert sent > 0.65 * 20 * FROZEN_S
+
+
+@pytest.mark.quiet
+def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
+    router, client, tmp_path
+):
+    raw, small = "vision/front/image", "vision/front/centroid"
+    first = zenoh.CongestionControl.BLOCK_FIRST
+    program = ROOT / "tests/compose/listener.py"
+
+    def send() -> None:
+        header = msgpack.packb({"epoch": 0, "seq": 0, "stamp_ns": time.time_ns()})
+        client.put(raw, bytes(640 * 480 * 3), attachment=header, congestion_control=first)
+        client.put(small, b"small", congestion_control=zenoh.CongestionControl.BLOCK)
+
+    with ExitStack() as ending, open_client(router.endpoint) as other, Paced(30, send):
+        arrived = Listener(other, small)
+        readers = [
+            ending.enter_context(Program([program, router.endpoint, raw], tmp_path, f"reader{n}"))
+            for n in range(READERS)
+        ]
+        for reader in readers:
+            wait_until(lambda reader=reader: reader.output)
+        begun_s = time.monotonic()
+        try:
+            for reader in readers:
+                os.kill(reader.process.pid, signal.SIGSTOP)
+                threading.Event().wait(0.2)
+            # The router closes a link some 4 s after its reader froze.
+            threading.Event().wait(FROZEN_S)
+        finally:
+            for reader in readers:
+                reader.process.kill()
+        times = [begun_s, *(message.at_s for message in arrived.since(begun_s))]
+        longest_s = max(b - a for a, b in pairwise([*times, time.monotonic()]))
+    print(f"longest silence {longest_s:.2f} s")
+    assert longest_s < 1.5
 
 
 def test_no_frame_older_than_max_age_is_seen(client, service):

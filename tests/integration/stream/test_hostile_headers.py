@@ -11,11 +11,14 @@ import pytest
 from tests.integration.conftest import QUICK_ZV, a_router, some_services
 from tests.support.listening import Listener, balance, newest, open_client, wait_for_nodes
 from tests.support.pictures import WIDTH, jpeg
-from tests.support.publishing import IMAGE_KEY, PlainCamera, wait_for_subscriber
+from tests.support.publishing import (
+    IMAGE_KEY,
+    PlainCamera,
+    hostile_header,
+    wait_for_subscriber,
+)
 from tests.support.waiting import wait_until
 
-S = 10**9
-DAY = 24 * 3600 * S
 BURST = 400
 SMALL = jpeg(np.zeros((48, 64, 3), np.uint8))
 """The stranger's picture: its size shows in the results."""
@@ -41,7 +44,7 @@ def test_results_are_back_after_a_burst_of_hostile_headers(tmp_path, seed):
             for listener in results.values():
                 listener.wait_for(5)
             for _ in range(BURST):
-                stranger.send(**hostile(rng, camera))
+                stranger.send(**hostile_header(rng, camera))
             over_s = time.monotonic()
             for listener in results.values():
                 wait_until(lambda listener=listener: true_ones(listener, camera, over_s))
@@ -50,18 +53,6 @@ def test_results_are_back_after_a_burst_of_hostile_headers(tmp_path, seed):
             assert balance(counters) == 0
             assert counters.get("missed", 0) < 10**6
             assert counters["dropped.out_of_order"] > 0
-
-
-def hostile(rng: random.Random, camera: PlainCamera) -> dict[str, int]:
-    """Return fields of a sound header that is wrong by little or by much."""
-    now_ns = time.time_ns()
-    near = max(0, camera.seq + rng.randrange(-2000, 2000))
-    stamps_ns = (now_ns, now_ns - DAY, now_ns + DAY - 60 * S, now_ns + rng.randrange(-S, S), 0)
-    return {
-        "epoch": rng.choice([camera.epoch, camera.epoch, now_ns, now_ns + rng.randrange(DAY), 1]),
-        "seq": rng.choice([2**63, 2**64 - 1, 0, near]),
-        "stamp_ns": rng.choice(stamps_ns),
-    }
 
 
 def true_ones(listener: Listener, camera: PlainCamera, since_s: float) -> bool:

@@ -296,6 +296,21 @@ def test_endless_parameters_of_a_node_take_no_memory(fleet: Fleet):
     assert list(only(fleet).parameters) == [f"q{n}" for n in range(MAX_PARAMETERS)]
 
 
+@pytest.mark.parametrize("value", ["x" * 7_500, "\N{ROCKET}" * 1_870], ids=["ASCII", "not ASCII"])
+def test_all_parameters_of_a_node_are_limited_by_the_memory_that_their_texts_take(
+    fleet: Fleet, value: str
+):
+    fleet.token("a", True, 0)
+    large = [parameter("a", value, 0, f"p{n}") for n in range(9)]
+    for each in large[:8]:
+        assert fleet.change_parameter("a", each)
+    with pytest.raises(PayloadError, match="all parameters of 'a' together"):
+        fleet.change_parameter("a", large[8])
+    assert fleet.change_parameter("a", large[7].model_copy(update={"revision": 1}))
+    assert fleet.set_parameters("a", large[::-1])
+    assert list(only(fleet).parameters) == [f"p{n}" for n in range(8, 0, -1)]
+
+
 def test_there_is_a_limit_to_the_counters_of_a_node(fleet: Fleet):
     counters = {f"c{n}": n for n in range(MAX_COUNTERS + 1)}
     with pytest.raises(PayloadError, match="101 counters of 'a'"):
@@ -308,7 +323,7 @@ def test_nodes_are_in_the_order_of_their_names(fleet: Fleet):
     assert list(alive(fleet, 0.0)) == ["a", "b", "c"]
 
 
-def parameter(node: str, value: float, revision: int, name: str = "low") -> Parameter:
+def parameter(node: str, value: float | str, revision: int, name: str = "low") -> Parameter:
     return Parameter(
         node=node, name=name, type="float", value=value, default=4.0, revision=revision
     )

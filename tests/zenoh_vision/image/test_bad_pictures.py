@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures import SCENE, png_of
+from tests.support.pictures import SCENE, png_of, progressive
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 
@@ -114,20 +114,6 @@ def test_a_forged_size_is_refused_without_decoding_or_memory(
     finally:
         tracemalloc.stop()
     assert peak < 100_000
-
-
-def progressive(scans: int, width: int = 64, height: int = 48) -> bytes:
-    """Return a flawless progressive JPEG that claims a size; its last scan is repeated.
-
-    The repetitions send all bits of luma anew (Ah = Al = 0) instead of the last ones.
-    """
-    options = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
-    jpeg = bytes(cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8), options)[1])
-    at = jpeg.index(b"\xff\xc2") + 5
-    jpeg = jpeg[:at] + struct.pack(">HH", height, width) + jpeg[at + 4 :]
-    own, last = jpeg.count(b"\xff\xda"), jpeg.rindex(b"\xff\xda")
-    again = jpeg[last : last + 9] + b"\0" + jpeg[last + 10 : -2]
-    return jpeg[:-2] + (scans - own) * again + jpeg[-2:]
 
 
 @pytest.mark.parametrize(

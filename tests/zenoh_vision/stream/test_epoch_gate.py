@@ -31,6 +31,16 @@ def test_frames_in_order_are_admitted_and_gaps_counted():
     assert gate.admit(header(10), 0) == (False, 0)
 
 
+def test_a_false_frame_that_takes_long_to_decode_silences_the_true_ones_no_longer():
+    gate = EpochGate("front")
+    seen(gate, header(5, epoch=100))
+    false = header(0, epoch=200)
+    gate.admit(false, S)
+    gate.accept(false, S, 3 * S)  # decoded for 2 s
+    assert refusal(gate, header(6, epoch=100), at_s=1.0 + SILENCE_S - 0.01) == "out_of_order"
+    assert gate.admit(header(7, epoch=100), int((1.0 + SILENCE_S) * S)) == (True, 0)
+
+
 @pytest.mark.parametrize("seq", [0, 4, 5], ids=["much older", "older", "the same again"])
 def test_a_frame_that_is_not_newer_is_refused(seq: int):
     gate = EpochGate("front")

@@ -3,21 +3,29 @@
 from types import SimpleNamespace
 from typing import Any
 
-from zenoh_vision.transport.query import Query, Reply, send
+import pytest
+
+from zenoh_vision.transport.query import MAX_REPLIES, Query, Replies, ask, send
 
 
-def replies_of(sizes: list[int], most_bytes: int) -> list[Reply]:
-    """Ask what replies with payloads of these sizes; return what is kept."""
-    kept: list[list[Reply]] = []
+def session_of(sizes: list[int], good: bool = True) -> Any:
+    """Return a session in which a query gets replies with payloads of these sizes."""
 
     def get(_key: str, handler: Any, **_options: object) -> None:
         for size in sizes:
-            sample = SimpleNamespace(payload=bytes(size), key_expr="v/front/image")
-            handler.callback(SimpleNamespace(ok=sample, err=None, replier_id=None))
+            said = SimpleNamespace(payload=bytes(size), key_expr="v/front/image")
+            ok, err = (said, None) if good else (None, said)
+            handler.callback(SimpleNamespace(ok=ok, err=err, replier_id=None))
         handler.drop()
 
-    session: Any = SimpleNamespace(get=get)
-    send(session, Query("v/front/image", most_bytes=most_bytes), kept.append)
+    return SimpleNamespace(get=get)
+
+
+def replies_of(sizes: list[int], most_bytes: int, good: bool = True) -> Replies:
+    """Ask what replies with payloads of these sizes; return what is kept."""
+    kept: list[Replies] = []
+    query = Query("v/front/image", most_bytes=most_bytes)
+    send(session_of(sizes, good), query, kept.append)
     (found,) = kept
     return found
 
@@ -27,3 +35,14 @@ def test_endless_replies_are_kept_up_to_a_size_and_the_first_of_any_size():
     assert len(replies_of([2_000_000] * 20, 1_000_000)) == 1
     assert len(replies_of([0] * 5_000, 1_000_000)) == 1000  # each costs some memory itself
     assert len(replies_of([10, 20], 1_000_000)) == 2
+    assert replies_of([10, 20], 1_000_000).left_out == 0
+
+
+def test_how_many_were_left_out_is_said(caplog: pytest.LogCaptureFixture):
+    many = [0] * (MAX_REPLIES + 7)
+    assert len(replies_of(many, 1 << 40)) == MAX_REPLIES
+    assert replies_of(many, 1 << 40).left_out == 7
+    assert len(replies_of([900_000] * 3, 2_000_000, good=False)) == 2
+    asked = ask(session_of([400_000] * 5), [Query("v/front/image", most_bytes=1_000_000)])
+    assert [len(replies) for replies in asked] == [2]
+    assert caplog.messages == ["v/front/image: 3 more replies are left out"]

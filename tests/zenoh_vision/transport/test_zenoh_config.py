@@ -17,6 +17,8 @@ from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.zenoh_config import (
     LEASE_MS,
     RETRY,
+    ROUTER_RUNTIME,
+    RUNTIME,
     client_config,
     connect_endpoints,
     listen_endpoints,
@@ -121,6 +123,11 @@ def test_a_message_may_be_as_large_as_the_largest_raw_frame_and_no_larger(client
         assert 1 << 20 <= room < 2 << 20
     stated = "{ transport: { link: { rx: { max_message_size: 5000 } } } }"
     assert of(client(stated), key) == of(router(stated), key) == 5000
+
+
+def test_the_router_of_compose_has_as_many_threads_as_the_embedded_one():
+    compose = (ROOT / "docker-compose.yml").read_text()
+    assert f'{RUNTIME}: "{ROUTER_RUNTIME}"' in compose
 
 
 def test_mode_and_shared_memory_are_not_the_files_to_state(client, router):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from zenoh_vision.errors import RouterUnreachable
+from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.errors import ParameterRefused, RouterUnreachable
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
 from zv.camera import service
@@ -26,3 +27,20 @@ def test_a_camera_is_judged_by_its_configured_rate(monkeypatch: pytest.MonkeyPat
     bounds = made[0].health.rates
     said = [bounds.judge(float(s), {"captured": 6 * s}) for s in range(20)]
     assert said[-1] == ["6 Hz captured, under the 12 Hz configured"]
+
+
+@pytest.mark.parametrize(
+    ("started_with", "allowed"),
+    [
+        ({}, {"width": 1920, "height": 1200}),
+        ({"width": 3840, "height": 2160}, {"width": 2160, "height": 3840}),
+        ({"max_pixels": 640 * 480}, {"width": 480, "height": 640}),
+        ({"width": 160, "height": 120, "max_pixels": 9_000_000}, {"width": 3840, "height": 2160}),
+    ],
+)
+def test_nobody_sets_a_size_over_the_limit_while_it_runs(started_with, allowed):
+    store = ParameterStore(CameraSettings(**started_with).limited())
+    store.change(allowed)
+    with pytest.raises(ParameterRefused, match="is over max_pixels"):
+        store.change({**allowed, "height": min(4320, allowed["height"] + 1), "width": 7680})
+    assert {name: getattr(store.newest.settings, name) for name in allowed} == allowed

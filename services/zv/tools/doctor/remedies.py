@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.messages import NodeDescription
+from zv.registry import SERVICES, model_of
 from zv.tools.doctor.observation import Observation
 
 
@@ -71,6 +73,14 @@ REMEDIES: Final = {
 }
 """Remedies by reason (docs/messages.md), except for the reasons that are not losses."""
 
+OVER_MAX_PIXELS: Final = Remedy(
+    "its max_pixels is lower than the camera's pictures: start it with a higher one, and memory "
+    "for it, or make the pictures smaller, with width and height",
+    "width",
+    of_camera=True,
+)
+TOO_LARGE_FROM_OTHERS: Final = Remedy("another publisher sends larger pictures: " + SENDER)
+
 CHEAPER: Final = {"tracker": ("closing", "median"), "edge": ("sigma",)}
 """Parameters that cost a service the most time: smaller is cheaper."""
 
@@ -80,8 +90,10 @@ def remedy_for(reason: str, node: NodeState, seen: Observation, factor: float | 
 
     ``factor``, the ratio of the parameter's new value to the current one, overrides the remedy's.
     """
-    remedy = REMEDIES.get(reason)
     about = node.description
+    remedy = REMEDIES.get(reason)
+    if reason == "too_large" and about is not None:
+        remedy = _too_large(about, seen)
     if remedy is None or about is None:
         return "docs/messages.md explains the reason"
     words = remedy.words
@@ -94,6 +106,23 @@ def remedy_for(reason: str, node: NodeState, seen: Observation, factor: float | 
     if not remedy.parameter or not target:
         return words
     return f"{words}: {setting(seen, target, remedy.parameter, factor or remedy.factor)}"
+
+
+def _too_large(about: NodeDescription, seen: Observation) -> Remedy:
+    """Return the remedy for frames that a node finds too large.
+
+    Its limit is no parameter; that of a service of ours is taken to be the default.
+    """
+    fields = model_of(about.service).model_fields if about.service in SERVICES else {}
+    if "max_pixels" not in fields:
+        return REMEDIES["too_large"]
+    cameras = [name for key in about.subscribes for name in seen.publishers_of(key)]
+    sizes = [
+        (seen.value(name, "width") or 0) * (seen.value(name, "height") or 0) for name in cameras
+    ]
+    # 0: the size is not set, so that it is the source's own
+    fit = sizes and all(0 < pixels <= fields["max_pixels"].default for pixels in sizes)
+    return TOO_LARGE_FROM_OTHERS if fit else OVER_MAX_PIXELS
 
 
 def setting(seen: Observation, node: str, parameter: str, factor: float = 0.0) -> str:

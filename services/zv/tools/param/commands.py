@@ -145,7 +145,7 @@ def _ask(
         ParameterRefused: The node refuses; the text has the reason and what is allowed.
         ExpectationNotMet: It does not run, or does not reply with parameters.
     """
-    replies = []
+    replies: list[Reply] = []
     if node is None or keys.is_name(node):
         replies = session.ask(keys.parameters_key(session.namespace, node or "*"), payload)
     if not replies:

@@ -12,7 +12,7 @@ from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host.signals import StopSignals
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Declaration, Link
-from zenoh_vision.transport.query import POLL_S, REPLY_S, Query, Reply, ask
+from zenoh_vision.transport.query import POLL_S, REPLY_S, Query, Replies, ask
 from zenoh_vision.transport.session import direct
 from zenoh_vision.transport.zenoh_config import zenoh_error_text
 
@@ -79,13 +79,11 @@ class ToolSession:
         """
         return self.link.declare(lambda session: session.declare_subscriber(key, direct(on_sample)))
 
-    def ask(
-        self, key: str, payload: bytes | None = None, *, timeout_s: float = REPLY_S
-    ) -> list[Reply]:
+    def ask(self, key: str, payload: bytes | None = None, *, timeout_s: float = REPLY_S) -> Replies:
         """Return all replies to a query, errors included; see ``Query`` for the arguments."""
         return self.ask_all(Query(key, payload, timeout_s))[0]
 
-    def ask_all(self, *queries: Query) -> list[list[Reply]]:
+    def ask_all(self, *queries: Query) -> list[Replies]:
         """Send queries together and return the replies to each; none when told to stop."""
         return ask(self.link.session, queries, lambda: self.stopping)
 

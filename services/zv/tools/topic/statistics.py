@@ -23,7 +23,8 @@ FAR_AHEAD = 1000
 """A larger step of the sequence number is believed only once the next number confirms it."""
 MAX_MISSING = 10_000
 """Limit of missing numbers that are kept per epoch, so that late ones are not counted as lost."""
-
+MAX_ALL_MISSING = 200_000
+"""Limit of those of all streams together, some 15 MB; per epoch alone they could be 11 GB."""
 
 SPREAD = ("min", "max", "std", "p50", "p99")
 """Statistics of a distribution; the percentiles are by nearest rank."""
@@ -70,6 +71,13 @@ class _Epoch:
     missing: set[int] = field(default_factory=set)
 
 
+@dataclass(slots=True)
+class Room:
+    """How many more missing numbers may be kept, by all that share it."""
+
+    left: int = MAX_ALL_MISSING
+
+
 class SequenceGaps:
     """Counts sequence numbers that never arrived, within each epoch of each camera.
 
@@ -78,7 +86,8 @@ class SequenceGaps:
     publish a message with any number.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, room: Room | None = None) -> None:
+        self._room = room or Room()
         self.lost = 0
         self.repeated = 0
         self.restarts = 0
@@ -90,7 +99,7 @@ class SequenceGaps:
         if known is None:
             self.restarts += any(earlier == camera for earlier, _ in self._epochs)
             if len(self._epochs) == MAX_EPOCHS:
-                del self._epochs[next(iter(self._epochs))]
+                self._forget(next(iter(self._epochs)))
             self._epochs[camera, epoch] = _Epoch(seq)
         elif seq > known.newest + FAR_AHEAD:
             ahead, known.ahead = known.ahead, seq
@@ -101,13 +110,23 @@ class SequenceGaps:
             self._advance(known, seq)
         elif seq in known.missing:
             known.missing.discard(seq)
+            self._room.left += 1
             self.lost -= 1
         else:
             self.repeated += 1
 
+    def clear(self) -> None:
+        """Forget which numbers are missing, but not how many."""
+        for epoch in list(self._epochs):
+            self._forget(epoch)
+
+    def _forget(self, epoch: tuple[str, int]) -> None:
+        self._room.left += len(self._epochs.pop(epoch).missing)
+
     def _advance(self, known: _Epoch, seq: int) -> None:
         gap = seq - known.newest - 1
-        kept = min(gap, MAX_MISSING - len(known.missing))
+        kept = min(gap, MAX_MISSING - len(known.missing), self._room.left)
+        self._room.left -= kept
         known.missing.update(range(seq - kept, seq))
         known.newest = seq
         self.lost += gap
@@ -116,12 +135,12 @@ class SequenceGaps:
 class StreamStatistics:
     """Statistics of a node's samples on a key over a moving window; None: without a header."""
 
-    def __init__(self, key: str, node: str | None) -> None:
+    def __init__(self, key: str, node: str | None, room: Room | None = None) -> None:
         self.key = key
         self.node = node
         self.encoding = ""
         self.total = 0
-        self.gaps = SequenceGaps()
+        self.gaps = SequenceGaps(room)
         self.times_s: deque[float] = deque()
         self.sizes: deque[int] = deque()
         self.delays_ms: deque[float] = deque()
@@ -165,6 +184,7 @@ class StreamMonitor:
     def __init__(self, session: ToolSession, patterns: Sequence[str]) -> None:
         self._streams: dict[tuple[str, str | None], StreamStatistics] = {}
         self._waiting: deque[Received] = deque()
+        self._room = Room()
         self.left_out = 0
         """How many samples of more streams than can be kept were left out."""
         expressions = [zenoh.KeyExpr(pattern) for pattern in dict.fromkeys(patterns)]
@@ -195,12 +215,13 @@ class StreamMonitor:
                 if len(self._streams) >= MAX_STREAMS:
                     self.left_out += 1
                     continue
-                self._streams[name] = StreamStatistics(*name)
+                self._streams[name] = StreamStatistics(*name, self._room)
             self._streams[name].add(sample, header)
 
     def forget(self, stream: StreamStatistics) -> None:
         """Remove a stream that has ended."""
         del self._streams[stream.key, stream.node]
+        stream.gaps.clear()
 
     def received_any(self) -> bool:
         """Whether any sample has arrived."""

@@ -165,6 +165,8 @@ class SystemMonitor:
             self.network.ask(keys.node_key(self._namespace, node)),
             self.network.ask(keys.parameters_key(self._namespace, node)),
         )
+        if described.left_out or listed.left_out:
+            self.system.say_cut("nodes reply more than can be kept; some replies are left out")
         async for description in in_slices(_of_their_nodes(described, NodeDescription)):
             try:
                 self.system.describe(description)

@@ -16,7 +16,7 @@ import zenoh
 
 from zenoh_vision.health.fleet import Event
 from zenoh_vision.transport.link import Link
-from zenoh_vision.transport.query import REPLY_S, Query, Reply, send
+from zenoh_vision.transport.query import REPLY_S, Query, Replies, send
 from zenoh_vision.transport.zenoh_config import zenoh_error_text
 
 log = logging.getLogger("viewer")
@@ -60,20 +60,20 @@ class Network:
         payload: bytes | None = None,
         timeout_s: float = REPLY_S,
         most_bytes: int = MOST_BYTES,
-    ) -> list[Reply]:
+    ) -> Replies:
         """Return the replies to a query, errors included; none without a link."""
         if self.link is None:
-            return []
-        replies: asyncio.Future[list[Reply]] = self.loop.create_future()
+            return Replies()
+        replies: asyncio.Future[Replies] = self.loop.create_future()
 
-        def finish(found: list[Reply]) -> None:
+        def finish(found: Replies) -> None:
             if not replies.done():
                 replies.set_result(found)
 
         query = Query(key, payload, timeout_s, most_bytes=most_bytes)
         self.do(lambda link: send(link.session, query, partial(self._to_loop, finish)))
         # A session that is closed meanwhile never completes its queries.
-        self.loop.call_later(timeout_s + MARGIN_S, finish, [])
+        self.loop.call_later(timeout_s + MARGIN_S, finish, Replies())
         return await replies
 
     def close(self) -> None:
@@ -81,7 +81,7 @@ class Network:
         self.link = None
         self._worker.shutdown(wait=False, cancel_futures=True)
 
-    def _to_loop(self, call: Callable[[list[Reply]], None], replies: list[Reply]) -> None:
+    def _to_loop(self, call: Callable[[Replies], None], replies: Replies) -> None:
         with suppress(RuntimeError):  # the loop is closed
             self.loop.call_soon_threadsafe(call, replies)
 

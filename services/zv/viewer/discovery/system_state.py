@@ -116,7 +116,7 @@ class SystemState:
         kept = {name: found[:MAX_PUBLISHED] for name, found in lists.items()}
         if kept != lists:
             node = description.node[:100]
-            self._say_cut(f"{node} names more than {MAX_PUBLISHED} keys; the list is cut")
+            self.say_cut(f"{node} names more than {MAX_PUBLISHED} keys; the list is cut")
         description = description.model_copy(update={"stamp_ns": None, **kept})
         before = self.fleet.node(description.node)
         if before is not None and before.answered and before.description == description:
@@ -159,7 +159,8 @@ class SystemState:
         """Send pages a sign that the connection is alive."""
         self._say(events.text("tick", now_ns=time.time_ns()), "tick")
 
-    def _say_cut(self, text: str) -> None:
+    def say_cut(self, text: str) -> None:
+        """Keep a line of the log that says what is left out, at most once a minute."""
         if time.monotonic() - self._cut_said.get(text, -CUT_AGAIN_S) >= CUT_AGAIN_S:
             if len(self._cut_said) >= LINES:
                 self._cut_said.clear()
@@ -206,9 +207,9 @@ class SystemState:
         for node in sorted(nodes, key=lambda each: each.alive):
             streams |= self._items[node.name][1]
         if len(nodes) >= MAX_NODES:
-            self._say_cut(f"there are {MAX_NODES} nodes, the maximum; more are left out")
+            self.say_cut(f"there are {MAX_NODES} nodes, the maximum; more are left out")
         if len(streams) > MAX_STREAMS:
-            self._say_cut(f"there are more than {MAX_STREAMS} streams; the list is cut")
+            self.say_cut(f"there are more than {MAX_STREAMS} streams; the list is cut")
         shown = sorted(streams)[:MAX_STREAMS]
         heard = (key for node in nodes if node.description for key in node.description.subscribes)
         return [

@@ -67,7 +67,8 @@ class StreamRegistry:
             TooManyStreams: A subscription is needed, but the limit of keys is reached.
             PayloadError: The sample is not a picture, or cannot be decoded.
         """
-        wait_s = self.context.settings().wait
+        settings = self.context.settings()
+        wait_s = settings.wait
         end_s = time.monotonic() + wait_s
         stream = self._pictures.get(key)
         if stream is not None and stream.newest is not None and stream.ended_ns is None:
@@ -77,7 +78,8 @@ class StreamRegistry:
             ask = self.context.network.ask
             for reply in await ask(key, timeout_s=time_s, most_bytes=SNAPSHOT_BYTES):
                 if reply.ok is not None and reply.key == key:
-                    frame = snapshot_of(sample_of(reply.ok), raw=kind_of(key).raw)
+                    sample, raw = sample_of(reply.ok), kind_of(key).raw
+                    frame = snapshot_of(sample, raw=raw, max_pixels=settings.max_pixels)
                     return await self._render(frame, options)
         feed = self.pictures(key, options)  # its publisher answers no queries
         try:

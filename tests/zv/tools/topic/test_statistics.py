@@ -8,7 +8,9 @@ import statistics
 import pytest
 
 from zv.tools.topic.statistics import (
+    MAX_ALL_MISSING,
     MAX_MISSING,
+    Room,
     SequenceGaps,
     rate_of,
     spread,
@@ -108,3 +110,20 @@ def test_what_is_remembered_of_a_gap_is_bounded():
         gaps.add("c", 1, seq)
     assert len(gaps._epochs["c", 1].missing) == MAX_MISSING
     assert gaps.lost == 2**64 - 3
+
+
+def test_all_streams_together_remember_a_bounded_number_and_give_it_back():
+    room = Room()
+    streams = [SequenceGaps(room) for _ in range(100)]
+    for epoch in range(4):
+        for gaps in streams:
+            for seq in (0, 2**64 - 2, 2**64 - 1):
+                gaps.add("c", epoch, seq)
+    kept = sum(len(one.missing) for gaps in streams for one in gaps._epochs.values())
+    assert (kept, room.left) == (MAX_ALL_MISSING, 0)
+    assert all(gaps.lost == 4 * (2**64 - 3) for gaps in streams)
+    streams[0].add("c", 0, 2**64 - 3)  # came late
+    assert (streams[0].lost, room.left) == (4 * (2**64 - 3) - 1, 1)
+    for gaps in streams:
+        gaps.clear()
+    assert room.left == MAX_ALL_MISSING

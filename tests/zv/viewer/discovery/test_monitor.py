@@ -10,7 +10,7 @@ from tests.support.node_states import description
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.health.fleet import MAX_NODES
 from zenoh_vision.messages import NodeDescription
-from zenoh_vision.transport.query import Reply
+from zenoh_vision.transport.query import Replies, Reply
 from zv.viewer.discovery import monitor
 from zv.viewer.discovery.monitor import MAX_DESCRIPTION_BYTES, SystemMonitor, _of_their_nodes
 from zv.viewer.discovery.system_state import SystemState
@@ -38,10 +38,10 @@ def test_a_node_that_was_left_out_is_found_without_a_page(monkeypatch):
     asked: list[str] = []
     late = description(node="late")
 
-    async def ask(key: str, **_options: object) -> list[Reply]:
+    async def ask(key: str, **_options: object) -> Replies:
         asked.append(key)
         found = key == "@vision/node/*" and len(asked) > 2
-        return [reply("@vision/node/late", late.to_bytes())] if found else []
+        return Replies([reply("@vision/node/late", late.to_bytes())] if found else [])
 
     async def find() -> None:
         loop = asyncio.get_running_loop()
@@ -66,21 +66,26 @@ def test_a_node_that_was_left_out_is_found_without_a_page(monkeypatch):
 
 def test_descriptions_that_are_refused_do_not_stop_the_others():
     endless = description(node="b", publishes=tuple(f"{n}".zfill(400) for n in range(256)))
-    replies = [
-        reply("@vision/node/b", endless.to_bytes()),
-        reply("@vision/node/a", description(node="a").to_bytes()),
-    ]
+    replies = Replies(
+        [
+            reply("@vision/node/b", endless.to_bytes()),
+            reply("@vision/node/a", description(node="a").to_bytes()),
+        ]
+    )
+    replies.left_out = 3
+    said: list[str] = []
 
-    async def ask(key: str, **_options: object) -> list[Reply]:
-        return replies if key.startswith("@vision/node/") else []
+    async def ask(key: str, **_options: object) -> Replies:
+        return replies if key.startswith("@vision/node/") else Replies()
 
     async def learn() -> None:
         network: Any = SimpleNamespace(loop=asyncio.get_running_loop(), ask=ask)
-        system = SystemState("vision", lambda text, replaces: None)
+        system = SystemState("vision", lambda text, replaces: said.append(text))
         system.take("a", True)
         system.take("b", True)
         await SystemMonitor(system, network)._learn("*")
         nodes = {node.name: node.answered for node in system.fleet.nodes()}
         assert nodes == {"a": True, "b": False}
+        assert [text for text in said if "some replies are left out" in text]
 
     asyncio.run(learn())

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,6 +22,7 @@ from zenoh_vision.stream.buffer import Buffer, latest
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.epoch_gate import EpochGate
 from zenoh_vision.stream.frame_intake import Arrival, KeyStream
+from zenoh_vision.stream.intake import Consumer
 from zenoh_vision.stream.sample import Sample
 from zv.viewer.settings import ViewerSettings
 from zv.viewer.streams import picture_stream
@@ -472,3 +474,15 @@ def test_an_unverified_frame_that_waits_behind_a_frame_is_taken_without_another_
         assert [number for number, _ in source.accepted] == [2, 1]
 
     run(test)
+
+
+def test_a_picture_over_the_limit_is_dropped_before_it_is_decoded():
+    registry = Registry(asyncio.new_event_loop())
+    most = ViewerSettings(max_pixels=64 * 48 - 1)
+    context = replace(registry.context, settings=lambda: most)
+    intake = PictureStream(context, KEY, registry.closed.append)._new_intake(
+        Consumer(registry.counters, lambda _: None, lambda: None)
+    )
+    intake.receive(Sample(KEY, JPEG))
+    assert registry.counters.snapshot()["dropped.too_large"] == 1
+    registry.context.network.loop.close()
