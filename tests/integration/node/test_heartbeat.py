@@ -148,7 +148,7 @@ def test_the_router_beats(tmp_path, health):
 
 def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
     listen = Router(tmp_path).endpoint
-    with Program(["-m", QUICK_ZV, "up", "--plain", "--listen", listen], tmp_path, "up") as program:
+    with Program(["up", "--plain", "--listen", listen], tmp_path, "up", forked=QUICK_ZV) as program:
         wait_until(lambda: "tracker_front" in program.output, 30)
         wait_until(lambda: says(health) == "ok\n", 20)
         children = psutil.Process(program.process.pid).children()

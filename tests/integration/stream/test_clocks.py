@@ -28,7 +28,9 @@ def said_of(offset_ns: int) -> str:
     return f"the camera's clock is {offset_ns / S:+.1f} s from this machine's"
 
 
-def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_said(client, quick_service):
+def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_said(
+    client, quick_service
+):
     quick_service("tracker")
     wait_for_nodes(client, "tracker_front")
     health = Listener(client, "@vision/diagnostics/tracker_front")
