@@ -79,7 +79,8 @@ def test_every_command_is_run_here_or_it_is_said_why_not():
 
 @pytest.mark.parametrize("line", TOOLS)
 def test_a_tool_does_as_written(site, line, tmp_path):
-    done = run_as_written(line.replace(SITE, site), tmp_path, timeout_s=60)
+    short = line.replace(SITE, site).replace("--for 5s", "--for 1s")
+    done = run_as_written(short, tmp_path, timeout_s=60)
     # What the doctor finds wrong with a loaded machine is 1; what it cannot do is more.
     assert done.returncode in ((0, 1) if begins(line, "zv", "doctor") else (0,)), done.stderr
     if begins(line, "zv", "snapshot"):
