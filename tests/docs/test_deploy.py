@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.fork_server import ZV
 from tests.support.listening import newest, open_client
 from tests.support.pages import Page, begins, run_as_written
 from tests.support.processes import ROOT, START_S, Program
@@ -94,7 +95,7 @@ def test_the_boards_camera_says_so_when_it_has_no_device(tmp_path):
     if Path("/dev/video0").exists():
         pytest.skip("there is a device")
     words = shlex.split(line.replace(SITE, free_endpoint()))[1:]
-    with Program(["-m", "zv", *words], tmp_path, "camera") as program:
+    with Program(words, tmp_path, "camera", forked=ZV) as program:
         assert program.process.wait(START_S) == 3
         assert "/dev/video0" in program.complaints
 

@@ -12,6 +12,7 @@ import pytest
 import zenoh
 
 from tests.integration.conftest import QUICK_ZV, some_services
+from tests.support.fork_server import ZV
 from tests.support.listening import Listener, wait_for_nodes
 from tests.support.processes import Program
 from tests.support.publishing import PlainCamera
@@ -159,7 +160,7 @@ def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
 
 def test_zv_up_that_waits_for_a_router_elsewhere_is_well(tmp_path, health):
     nobody = Router(tmp_path).endpoint
-    with Program(["-m", "zv", "up", "--plain", "--connect", nobody], tmp_path, "up"):
+    with Program(["up", "--plain", "--connect", nobody], tmp_path, "up", forked=ZV):
         wait_until(lambda: says(health) == "ok\n", 20)
         assert fresh(health)
 

@@ -17,6 +17,7 @@ import pytest
 from tests.integration.conftest import QUICK_ZV, Service
 from tests.integration.viewer.conftest import with_router
 from tests.support import processes
+from tests.support.fork_server import ZV
 from tests.support.processes import START_S, Program, environment
 from tests.support.publishing import PlainCamera
 from tests.support.routing import free_port
@@ -180,10 +181,10 @@ def test_two_viewers_on_one_host_do_not_log_each_other_out(guarded: Viewer, serv
 def test_any_other_address_than_loopback_gets_a_token_of_its_own(tmp_path, router, monkeypatch):
     changed = {**environment(), "XDG_STATE_HOME": str(tmp_path / "state")}
     monkeypatch.setattr(processes, "environment", lambda: changed)
-    arguments = ["-m", "zv", "view", "--host", "0.0.0.0", "--port", "0"]
+    arguments = ["view", "--host", "0.0.0.0", "--port", "0", "--connect", router.endpoint]
     addresses = []
     for name in ("first", "second"):
-        with Program([*arguments, "--connect", router.endpoint], tmp_path, name) as program:
+        with Program(arguments, tmp_path, name, forked=ZV) as program:
             viewer = Viewer(program)
             addresses.append(viewer.url)
             assert viewer.get("/").status == 401
@@ -202,7 +203,7 @@ def test_a_name_that_is_allowed_as_of_a_proxy_is_served_to_those_with_the_token(
     changed = {**environment(), "XDG_STATE_HOME": str(tmp_path / "state")}
     monkeypatch.setattr(processes, "environment", lambda: changed)
     flags = ("--port", "0", "--allow-host", "cam.example", "--connect", router.endpoint)
-    with Program(["-m", "zv", "view", *flags], tmp_path, "view") as program:
+    with Program(["view", *flags], tmp_path, "view", forked=ZV) as program:
         viewer = Viewer(program)
         token = viewer.url.partition("?")[2]
         assert token.startswith("token=")
@@ -215,8 +216,8 @@ def test_a_name_that_is_allowed_as_of_a_proxy_is_served_to_those_with_the_token(
 def test_a_taken_port_is_named_with_the_way_out(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        arguments = ["-m", "zv", "view", "--port", str(port)]
-        with Program(arguments, tmp_path, "view") as program:
+        arguments = ["view", "--port", str(port)]
+        with Program(arguments, tmp_path, "view", forked=ZV) as program:
             assert program.process.wait(START_S) == 2
     assert re.fullmatch(
         rf"zv: port {port} on 127\.0\.0\.1 is in use, perhaps .*--port PORT.*\n", program.complaints

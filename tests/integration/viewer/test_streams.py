@@ -17,6 +17,7 @@ import pytest
 import zenoh
 
 from tests.integration.conftest import Service
+from tests.support.fork_server import ZV
 from tests.support.listening import Listener, Message, living_nodes
 from tests.support.processes import STOP_S, Program
 from tests.support.publishing import PlainCamera
@@ -289,8 +290,8 @@ def test_streams_go_on_when_camera_and_router_were_away(viewer, service, router:
 
 def test_pages_are_served_before_there_is_a_router_and_it_ends_with_0(tmp_path):
     nowhere = f"tcp/127.0.0.1:{free_port()}"
-    arguments = ["-m", "zv", "view", "--port", "0", "--wait", "0.2", "--connect", nowhere]
-    with Program(arguments, tmp_path, "view") as program:
+    arguments = ["view", "--port", "0", "--wait", "0.2", "--connect", nowhere]
+    with Program(arguments, tmp_path, "view", forked=ZV) as program:
         viewer = Viewer(program)
         assert viewer.get("/").status == 200
         assert viewer.get("/healthz").text == "ok\n"

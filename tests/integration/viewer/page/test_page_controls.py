@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.support.browser import CAMERA, EDGES, Open, Running, Tab
 from tests.support.listening import Listener, open_client
-from tests.support.processes import ROOT, environment
+from tests.support.typist import zv
 from tests.support.waiting import wait_until
 from zenoh_vision.image.codecs import picture_size
 
@@ -203,5 +201,4 @@ def _slide(tab: Tab, place: int) -> None:
 
 
 def _zv(system: Running, *arguments: str) -> None:
-    command = [sys.executable, "-m", "zv", *arguments, "--connect", system.router.endpoint]
-    subprocess.run(command, check=True, capture_output=True, cwd=ROOT, env=environment())
+    assert zv(system.router.endpoint, *arguments).returncode == 0
