@@ -18,7 +18,7 @@ from tests.support.processes import Program
 from tests.support.publishing import PlainCamera
 from tests.support.routing import Router
 from tests.support.waiting import wait_until
-from zenoh_vision.health.fleet import NodeState, S
+from zenoh_vision.health.node_state import NodeState, S
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
 from zv.launcher.child import Child
