@@ -11,6 +11,9 @@ ifdef SOURCE
 export ZV_CAMERA_SOURCE := $(SOURCE)
 endif
 
+# Without bytecode every program that the tests start would compile zv, and every pytest the tests.
+unexport PYTHONDONTWRITEBYTECODE
+
 ## up: start and supervise router, camera, tracker, edge detector and viewer (SOURCE=..., FILE=...)
 up: $(VENV)/.runtime
 	@$(BIN)/zv up $(FILE) $(ARGS)

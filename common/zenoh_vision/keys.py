@@ -30,6 +30,20 @@ def schema_name_of(encoding: str) -> str:
     return encoding.partition(";")[2]
 
 
+def short_name_of(schema_name: str) -> str:
+    """Return ``Centroid`` of the schema name ``vision.Centroid.v1``."""
+    chunks = schema_name.split(".")
+    return chunks[-2] if len(chunks) > 1 else schema_name
+
+
+def type_of(encoding: str) -> str:
+    """Return the type of a Zenoh encoding in one word: ``Centroid``, ``JPEG``, or else ``-``."""
+    if schema_name := schema_name_of(encoding):
+        return short_name_of(schema_name)
+    kind, _, form = encoding.partition("/")
+    return form.upper() if kind == "image" else "-"
+
+
 def is_name(text: str) -> bool:
     """Tell whether a text may be a namespace, camera or node name."""
     return NAME.fullmatch(text) is not None

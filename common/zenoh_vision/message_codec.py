@@ -9,6 +9,7 @@ import msgpack
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.keys import short_name_of
 
 MAX_MESSAGE_BYTES = 1 << 20
 
@@ -28,8 +29,7 @@ class Message(BaseModel):
     @classmethod
     def short_name(cls) -> str:
         """Return ``Centroid`` where ``schema_name`` is ``vision.Centroid.v1``."""
-        chunks = cls.schema_name.split(".")
-        return chunks[-2] if len(chunks) > 1 else cls.schema_name
+        return short_name_of(cls.schema_name)
 
     def to_map(self) -> dict[str, Any]:
         """Return the fields as they are sent."""

@@ -12,7 +12,8 @@ from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from zenoh_vision.errors import PayloadError
+from zenoh_vision.error_text import did_you_mean, similar_names
+from zenoh_vision.errors import ConfigurationError, PayloadError
 from zenoh_vision.message_codec import Message
 
 MAX_BOUNDS = 100
@@ -271,3 +272,17 @@ MESSAGES: Final[dict[str, type[Message]]] = {
     if isinstance(message, type) and issubclass(message, Message) and message.schema_name
 }
 """Every message class of this module by the name of its schema."""
+
+
+def message_named(name: str) -> type[Message]:
+    """Return a message's class by its short or versioned name, in any case.
+
+    Raises:
+        ConfigurationError: There is none; the text has the names that exist.
+    """
+    for message in MESSAGES.values():
+        if name.lower() in (message.short_name().lower(), message.schema_name.lower()):
+            return message
+    known = sorted(message.short_name() for message in MESSAGES.values())
+    hint = did_you_mean(similar_names(name, known), after=" ")
+    raise ConfigurationError(f"no message {name!r}: {hint}there are {', '.join(known)}")

@@ -15,7 +15,8 @@ import pytest
 
 from tests.support.pages import Page
 from tests.support.processes import ROOT
-from zenoh_vision.health.fleet import GONE_S, MAX_COUNTERS, MAX_NODES
+from zenoh_vision.health.fleet import GONE_S, MAX_NODES
+from zenoh_vision.health.message_limits import MAX_COUNTERS
 from zv.tools.metrics.families import FAMILIES, PREFIX
 from zv.tools.metrics.options import MetricsOptions
 from zv.tools.metrics.serving import MAX_REQUESTS

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from aiohttp import WSCloseCode
 
+from tests.support.fork_server import ZV
 from tests.support.pages import Page
 from tests.support.processes import Program
 from tests.support.routing import free_port
@@ -36,7 +37,7 @@ def test_a_command_starts_a_viewer_and_prints_its_address(
     words = shlex.split(command)
     assert words[:2] == ["zv", "view"]
     ours = [str(free_port()) if word == "8081" else word for word in words[1:]]
-    with Program(["-m", "zv", *ours], tmp_path, "view") as program:
+    with Program(ours, tmp_path, "view", forked=ZV) as program:
         found = program.lines(r"http://(\S+):(\d+)/(\?token=\S+)?")[0]
         assert bool(found[3]) == ("--host" in words)
         health = f"http://127.0.0.1:{found[2]}/healthz"

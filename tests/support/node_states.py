@@ -1,14 +1,15 @@
-"""States of nodes, made by hand."""
+"""States of nodes, made by hand; and what a fleet says of them."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from zenoh_vision.health.fleet import NodeState
-from zenoh_vision.messages import Diagnostics, Latency, NodeDescription
+from zenoh_vision.health.fleet import Fleet
+from zenoh_vision.health.node_state import NodeState, S
+from zenoh_vision.messages import Diagnostics, Latency, NodeDescription, Parameter
 
-S = 1_000_000_000
 NOW_NS = 1_750_000_000 * S
+FORGET_S = 300.0
 
 
 def report(**fields: Any) -> Diagnostics:
@@ -59,3 +60,27 @@ def node_state(
         description=description(node=name, **about),
         reports=(health or report(),),
     )
+
+
+def health(node: str, **fields: object) -> Diagnostics:
+    return report(node=node, **fields)
+
+
+def about(node: str, **fields: object) -> NodeDescription:
+    return description(node=node, **fields)
+
+
+def parameter(node: str, value: float | str, revision: int, name: str = "low") -> Parameter:
+    return Parameter(
+        node=node, name=name, type="float", value=value, default=4.0, revision=revision
+    )
+
+
+def alive(fleet: Fleet, at_s: float) -> dict[str, bool]:
+    fleet.expire(int(at_s * S))
+    return {node.name: node.alive for node in fleet.nodes()}
+
+
+def only(fleet: Fleet) -> NodeState:
+    (node,) = fleet.nodes()
+    return node

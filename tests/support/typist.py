@@ -16,6 +16,7 @@ def type_zv(
     *,
     folder: Path = ROOT,
     program: str = ZV,
+    first: str | None = None,
     timeout_s: float = START_S,
     **variables: str,
 ) -> subprocess.CompletedProcess[str]:
@@ -25,6 +26,7 @@ def type_zv(
         arguments: Behind ``zv``.
         folder: Its working directory.
         program: A module whose ``main`` is ``zv``.
+        first: The module that its server imports before all others; None for the program.
         timeout_s: It must have ended by then.
         variables: Of the environment, beside those of every program.
     """
@@ -33,7 +35,7 @@ def type_zv(
         out, err = (Path(place) / name for name in ("out", "err"))
         process = fork(
             words,
-            first=program,
+            first=first or program,
             program=program,
             folder=folder,
             environment=environment() | variables,
@@ -53,3 +55,9 @@ def type_zv(
 def zv(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run a command at a router and return its output and status."""
     return type_zv([*arguments, "--connect", endpoint])
+
+
+def quick_zv(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """As ``zv``; but it waits less for reports and messages (``programs/quick_zv``)."""
+    words = [*arguments, "--connect", endpoint]
+    return type_zv(words, first=ZV, program="tests.support.programs.quick_zv")

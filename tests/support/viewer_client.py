@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
 import struct
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Coroutine, Iterator
 from contextlib import asynccontextmanager, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -155,3 +156,8 @@ class Page:
             streams = (await self.text("streams"))["streams"]
             if set(keys) <= {each["key"] for each in streams if each["live"]}:
                 return list(streams)
+
+
+def run(test: Coroutine[Any, Any, None]) -> None:
+    """Run a test that talks to pages to its end."""
+    asyncio.run(asyncio.wait_for(test, 120))

@@ -10,16 +10,21 @@ oldest first. A node that has described itself is never left out for another whi
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import replace
 
 from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.health.counter_change import CounterChange, counter_change
+from zenoh_vision.health.message_limits import (
+    MAX_NAME,
+    bounded_parameters,
+    check_description,
+    check_parameter,
+    check_parameters,
+    check_report,
+)
+from zenoh_vision.health.node_state import NodeState, S
 from zenoh_vision.messages import Diagnostics, NodeDescription, Parameter
-
-S = 1_000_000_000
 
 SILENT_S = 3.0
 """Diagnostics are sent once a second: a node without any for this long is stuck or cut off."""
@@ -28,120 +33,10 @@ GONE_S = 10.0
 """Without diagnostics for this long, a node that never had a liveliness token is gone."""
 
 MAX_NODES = 1000
-MAX_COUNTERS = 100
-MAX_PARAMETERS = 200
-"""Limits for one node. No real system reaches them: more is a mistake or an attack."""
-
-MAX_REPORTS = 8
-"""Limit for one node. Of more within the fleet's window the first and the newest are kept."""
-
-MAX_NAME = 512
-MAX_REPORT = 16_000
-MAX_PARAMETER = 8_000
-MAX_DESCRIPTION = 64_000
-"""Limits of the characters in all texts of one message; each text counts ``TEXT`` more."""
-
-MAX_ALL_PARAMETERS = 64_000
-"""Limit of those in all parameters of one node, so that 1000 nodes take 64 MB and not 1.6 GB."""
-
-TEXT = 64
+"""No real system has more: they are a mistake or an attack."""
 
 Event = bool | Diagnostics | Parameter
 """Whether a node's token exists, its newest diagnostics, or a parameter that has changed."""
-
-
-@dataclass(frozen=True, slots=True)
-class ClockOffset:
-    """How far a node's clock is ahead of ours, measured by one query.
-
-    Attributes:
-        ahead_ns: Nanoseconds; negative if it is behind.
-        error_ns: Half the round trip, by which the offset may be wrong.
-    """
-
-    ahead_ns: int
-    error_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class NodeState:
-    """What is known of one node.
-
-    Attributes:
-        session: Zenoh id of the session that answered for it, which distinguishes two nodes of
-            one name; empty if nodes are followed by their tokens, since these two share one.
-        since_ns: When it last appeared or disappeared.
-        has_token: Whether it ever had a liveliness token; if not, its diagnostics are its only
-            sign of life.
-        answered: Whether it has described itself in this run, or when last asked.
-        description: The newest one, perhaps from its former run.
-        reports: Its diagnostics within the fleet's window, the newest last.
-        reported_ns: When the newest arrived.
-        clock: Its clock compared with ours, by its quickest answer.
-    """
-
-    name: str
-    session: str = ""
-    alive: bool = True
-    since_ns: int = 0
-    has_token: bool = False
-    answered: bool = False
-    description: NodeDescription | None = None
-    reports: tuple[Diagnostics, ...] = ()
-    reported_ns: int = 0
-    clock: ClockOffset | None = None
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-
-    @property
-    def report(self) -> Diagnostics | None:
-        """Its newest diagnostics in this run."""
-        return self.reports[-1] if self.reports else None
-
-    @property
-    def change(self) -> CounterChange | None:
-        """What its counters counted within the fleet's window; None before two diagnostics."""
-        if len(self.reports) < 2:
-            return None
-        first, last = self.reports[0], self.reports[-1]
-        return counter_change(first.counters, last.counters, last.uptime_s - first.uptime_s)
-
-    @property
-    def silent_s(self) -> float | None:
-        """Seconds from its newest diagnostics to its description, by its own clock."""
-        if self.report is None or self.description is None:
-            return None
-        return max(0, self._described_ns(self.description) - self.report.stamp_ns) / S
-
-    @property
-    def uptime_s(self) -> float | None:
-        """Seconds from its start to its description, by its own clock."""
-        if self.description is None:
-            return None
-        return max(0, self._described_ns(self.description) - self.description.started_ns) / S
-
-    @property
-    def order(self) -> tuple[str, int, str]:
-        """Key to sort by: the name, the start, the session."""
-        return self.name, self.description.started_ns if self.description else 0, self.session
-
-    def report_age_s(self, at_ns: int) -> float:
-        """Return the seconds since its newest diagnostics arrived."""
-        return max(0, at_ns - self.reported_ns) / S
-
-    def with_report(self, report: Diagnostics, at_ns: int, window_s: float) -> NodeState:
-        """Return the state after diagnostics that arrived at a time."""
-        kept = self.reports
-        if kept and report.uptime_s < kept[-1].uptime_s:
-            kept = ()  # started again
-        uptime_s = report.uptime_s  # replaces a report of the same uptime
-        kept = tuple(r for r in kept if uptime_s - window_s <= r.uptime_s < uptime_s)
-        if len(kept) >= MAX_REPORTS:
-            kept = (kept[0], *kept[len(kept) + 2 - MAX_REPORTS :])
-        return replace(self, reports=(*kept, report), reported_ns=at_ns)
-
-    @staticmethod
-    def _described_ns(description: NodeDescription) -> int:
-        return description.stamp_ns or time.time_ns()
 
 
 def bounded(nodes: Iterable[NodeState]) -> tuple[list[NodeState], int]:
@@ -237,13 +132,7 @@ class Fleet:
         Those that are too large, too many, or too much together, are left out.
         """
         node = self.node(name)
-        found: dict[str, Parameter] = {}
-        left = MAX_ALL_PARAMETERS
-        for each in parameters:
-            size = _size(_texts(each))
-            if size <= min(MAX_PARAMETER, left) and len(found) < MAX_PARAMETERS:
-                left -= size
-                found[each.name] = each
+        found = bounded_parameters(parameters)
         if node is None or node.parameters == found:
             return False
         self._put(replace(node, parameters=found))
@@ -255,19 +144,15 @@ class Fleet:
         Raises:
             PayloadError: ``wrong_node``, ``too_many`` parameters, ``too_large``.
         """
-        _check(name, changed.node)
+        check_parameter(name, changed)
         node = self.node(name)
         if node is None:
             return False
-        _check_size("parameter", name, MAX_PARAMETER, _texts(changed))
         before = node.parameters.get(changed.name)
-        if before is None and len(node.parameters) >= MAX_PARAMETERS:
-            raise PayloadError("too_many", f"more than {MAX_PARAMETERS} parameters of {name!r}")
         if before is not None and before.revision > changed.revision:
             return False
         parameters = {**node.parameters, changed.name: changed}
-        if sum(_size(_texts(each)) for each in parameters.values()) > MAX_ALL_PARAMETERS:
-            raise PayloadError("too_large", f"all parameters of {shortened(name)} together")
+        check_parameters(name, parameters.values())
         self._put(replace(node, parameters=parameters))
         return True
 
@@ -388,50 +273,3 @@ def _worth(node: NodeState) -> int:
     if node.description is not None:
         return DESCRIBED if node.alive else WENT
     return REPORTS if node.alive and node.reports else SILENT
-
-
-def check_report(name: str, report: Diagnostics) -> None:
-    """Check diagnostics that a node sends.
-
-    Raises:
-        PayloadError: ``wrong_node``, ``too_many`` counters, ``too_large``.
-    """
-    _check(name, report.node)
-    if len(report.counters) > MAX_COUNTERS:
-        raise PayloadError("too_many", f"{len(report.counters)} counters of {shortened(name)}")
-    _check_size("report", name, MAX_REPORT, (report.message, *report.counters))
-
-
-def check_description(name: str, description: NodeDescription) -> None:
-    """Check a description that a node gives of itself.
-
-    Raises:
-        PayloadError: ``wrong_node``, ``too_large``.
-    """
-    _check(name, description.node)
-    about = description
-    texts = (about.service, about.version, about.host)
-    listed = (*about.cameras, *about.publishes, *about.subscribes)
-    _check_size("description", name, MAX_DESCRIPTION, (*texts, *listed))
-
-
-def _texts(parameter: Parameter) -> tuple[str, ...]:
-    one = parameter
-    texts = (one.name, one.type, one.unit, one.description, one.value, one.default)
-    return *(each for each in texts if isinstance(each, str)), *(one.choices or ())
-
-
-def _size(texts: Iterable[str]) -> int:
-    # Python takes up to four bytes for each character of a text that has one outside ASCII.
-    return sum(TEXT + len(text) * (1 if text.isascii() else 4) for text in texts)
-
-
-def _check_size(what: str, name: str, most: int, texts: Iterable[str]) -> None:
-    if _size(texts) > most:
-        raise PayloadError("too_large", f"the {what} of {shortened(name)}")
-
-
-def _check(name: str, said: str) -> None:
-    if name != said:
-        here, there = shortened(said), shortened(name)
-        raise PayloadError("wrong_node", f"a message of {here} on the key of {there}")

@@ -14,7 +14,8 @@ import zenoh
 
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet, NodeState
+from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Diagnostics, NodeDescription, Parameter
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.query import Query, Reply, send

@@ -10,8 +10,9 @@ import threading
 import time
 
 from zenoh_vision.errors import ToldToStop
-from zenoh_vision.health.fleet import SILENT_S, Fleet, NodeState
+from zenoh_vision.health.fleet import SILENT_S, Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.messages import Level
 from zenoh_vision.transport.connection import Connection

@@ -10,10 +10,9 @@ from pydantic import Field
 
 from zenoh_vision.config.settings import Argument
 from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import MESSAGES
+from zenoh_vision.messages import MESSAGES, message_named
 from zenoh_vision.topics import TOPICS
 from zenoh_vision.transport.connection import Connection
-from zv.tools.shared.message_types import message_named
 from zv.tools.shared.options import ToolOptions
 from zv.tools.shared.output import Output
 

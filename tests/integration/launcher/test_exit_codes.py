@@ -9,6 +9,7 @@ import time
 import pytest
 import zenoh
 
+from tests.support.fork_server import ZV
 from tests.support.listening import Listener
 from tests.support.processes import START_S, Program
 from tests.support.routing import Router
@@ -99,8 +100,8 @@ def test_a_port_taken_by_another_program_is_2_too(tmp_path):
 
 def test_without_a_timeout_a_service_waits_on(tmp_path):
     router = Router(tmp_path)
-    flags = ["-m", "zv", "tracker", "--connect", router.endpoint]
-    with Program(flags, tmp_path, "waiting") as program:
+    flags = ["tracker", "--connect", router.endpoint]
+    with Program(flags, tmp_path, "waiting", forked=ZV) as program:
         end_s = time.monotonic() + 2
         wait_until(lambda: time.monotonic() > end_s or program.process.poll() is not None)
         assert program.process.poll() is None

@@ -12,12 +12,13 @@ import pytest
 import zenoh
 
 from tests.integration.conftest import QUICK_ZV, some_services
+from tests.support.fork_server import ZV
 from tests.support.listening import Listener, wait_for_nodes
 from tests.support.processes import Program
 from tests.support.publishing import PlainCamera
 from tests.support.routing import Router
 from tests.support.waiting import wait_until
-from zenoh_vision.health.fleet import NodeState, S
+from zenoh_vision.health.node_state import NodeState, S
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
 from zv.launcher.child import Child
@@ -148,7 +149,7 @@ def test_the_router_beats(tmp_path, health):
 
 def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
     listen = Router(tmp_path).endpoint
-    with Program(["-m", QUICK_ZV, "up", "--plain", "--listen", listen], tmp_path, "up") as program:
+    with Program(["up", "--plain", "--listen", listen], tmp_path, "up", forked=QUICK_ZV) as program:
         wait_until(lambda: "tracker_front" in program.output, 30)
         wait_until(lambda: says(health) == "ok\n", 20)
         children = psutil.Process(program.process.pid).children()
@@ -159,7 +160,7 @@ def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
 
 def test_zv_up_that_waits_for_a_router_elsewhere_is_well(tmp_path, health):
     nobody = Router(tmp_path).endpoint
-    with Program(["-m", "zv", "up", "--plain", "--connect", nobody], tmp_path, "up"):
+    with Program(["up", "--plain", "--connect", nobody], tmp_path, "up", forked=ZV):
         wait_until(lambda: says(health) == "ok\n", 20)
         assert fresh(health)
 

@@ -28,8 +28,10 @@ def said_of(offset_ns: int) -> str:
     return f"the camera's clock is {offset_ns / S:+.1f} s from this machine's"
 
 
-def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_said(client, service):
-    service("tracker")
+def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_said(
+    client, quick_service
+):
+    quick_service("tracker")
     wait_for_nodes(client, "tracker_front")
     health = Listener(client, "@vision/diagnostics/tracker_front")
     centroids = Listener(client, "vision/front/centroid")
@@ -64,8 +66,8 @@ def last(health: Listener) -> str:
     return str([message.body["message"] for message in health.messages[-3:]])
 
 
-def test_a_camera_more_than_a_day_ahead_is_refused_and_that_is_said(client, service):
-    service("tracker")
+def test_a_camera_more_than_a_day_ahead_is_refused_and_that_is_said(client, quick_service):
+    quick_service("tracker")
     wait_for_nodes(client, "tracker_front")
     health = Listener(client, "@vision/diagnostics/tracker_front")
     camera = PlainCamera(client)

@@ -18,9 +18,9 @@ LATER_NS = 10**9  # how much longer than before each frame is on its way; 0.4 s 
 
 @pytest.mark.parametrize("turned_ns", [0, 3600 * 10**9], ids=["same clock", "clock an hour off"])
 def test_frames_that_all_come_too_late_are_reported_until_one_is_in_time(
-    client, service, turned_ns
+    client, quick_service, turned_ns
 ):
-    service("tracker")
+    quick_service("tracker")
     wait_for_nodes(client, "tracker_front")
     health = Listener(client, "@vision/diagnostics/tracker_front")
     centroids = Listener(client, "vision/front/centroid")
@@ -63,8 +63,8 @@ def made_after(health: Listener, time_ns: int, count: int) -> list:
     return found if len(found) >= count else []
 
 
-def test_a_stream_that_ends_late_is_silent_not_late(client, service):
-    service("tracker")
+def test_a_stream_that_ends_late_is_silent_not_late(client, quick_service):
+    quick_service("tracker")
     wait_for_nodes(client, "tracker_front")
     health = Listener(client, "@vision/diagnostics/tracker_front")
     centroids = Listener(client, "vision/front/centroid")

@@ -19,7 +19,7 @@ from tests.support.node_states import report
 from tests.support.processes import START_S, Program
 from tests.support.routing import Router
 from tests.support.standing_in import StandIn
-from tests.support.typist import zv
+from tests.support.typist import quick_zv, zv
 from tests.support.waiting import wait_until
 
 REAL = ["camera_front", "edge_front", "tracker_front", "viewer"]
@@ -73,7 +73,7 @@ def test_node_info_shows_the_real_nodes(flooded: Router):
 
 
 def test_top_shows_the_real_nodes_first_and_says_that_it_is_cut(flooded: Router):
-    done = zv(flooded.endpoint, "top", "--once")
+    done = quick_zv(flooded.endpoint, "top", "--once")
     rows = [line.split() for line in done.stdout.splitlines() if " running " in line]
     assert sorted(row[0] for row in rows) == REAL
     assert done.stdout.index(rows[-1][0]) < done.stdout.index("a_fake")

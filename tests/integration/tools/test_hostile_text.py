@@ -18,7 +18,7 @@ from tests.integration.conftest import a_router
 from tests.support.listening import open_client
 from tests.support.processes import START_S, Program
 from tests.support.standing_in import StandIn
-from tests.support.typist import zv
+from tests.support.typist import quick_zv, zv
 from tests.support.waiting import wait_until
 
 FORGED = "forged_row running"
@@ -46,6 +46,7 @@ class Impostor(StandIn):
         super().__init__(
             session,
             NODE,
+            second_s=0.05,
             health={"level": 2, "message": HOSTILE, "counters": {HOSTILE: 7}},
             counters=lambda s: {"received": int(90 * s), "dropped." + HOSTILE: int(80 * s)},
             parameters={"low": limited, "high": parameter},
@@ -129,7 +130,7 @@ def test_no_command_prints_control_characters_of_others(
 ):
     if as_json and words.startswith("snapshot"):
         as_json = ()
-    done = zv(endpoint, *words.split(), *as_json)
+    done = quick_zv(endpoint, *words.split(), *as_json)
     assert (done.stdout + done.stderr).strip()
     assert done.returncode in (0, 1, 2), done.stderr
     assert offending(done.stdout) == set()

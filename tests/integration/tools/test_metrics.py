@@ -17,6 +17,7 @@ import zenoh
 from prometheus_client.parser import text_string_to_metric_families as parse
 
 from tests.integration.conftest import a_router, some_services
+from tests.support.fork_server import ZV
 from tests.support.listening import open_client, wait_for_nodes
 from tests.support.processes import START_S, Program
 from tests.support.publishing import KEPT
@@ -204,8 +205,9 @@ def test_nodes_that_were_there_before_are_up_and_those_of_other_namespaces_are_n
 ):
     with open_client(system.router.endpoint) as session:
         silent = MadeUp(session, "silent", namespace="yard")
-        arguments = ["-m", "zv", "metrics", "--listen", "127.0.0.1:0", "--namespace", "yard"]
-        with Program([*arguments, "--connect", system.router.endpoint], tmp_path, "yard") as yard:
+        arguments = ["metrics", "--listen", "127.0.0.1:0", "--namespace", "yard"]
+        arguments += ["--connect", system.router.endpoint]
+        with Program(arguments, tmp_path, "yard", forked=ZV) as yard:
             found = Exporter(yard).until(lambda f: ("zenoh_vision_node_up", silent.name) in f)
     assert {key: value for key, value in found.items() if "node" in key[0]} == {
         ("zenoh_vision_node_up", "silent"): 1
@@ -243,8 +245,8 @@ def test_what_is_no_health_is_counted_and_logged_once_and_nothing_else(system: S
 
 def test_a_port_that_is_taken_is_2_and_one_line(system: System, tmp_path: Path):
     listen = system.exporter.url.removeprefix("http://").removesuffix("/metrics")
-    arguments = ["-m", "zv", "metrics", "--listen", listen]
-    with Program([*arguments, "--connect", system.router.endpoint], tmp_path, "second") as second:
+    arguments = ["metrics", "--listen", listen, "--connect", system.router.endpoint]
+    with Program(arguments, tmp_path, "second", forked=ZV) as second:
         assert second.process.wait(START_S) == 2
         assert second.output == ""
         (line,) = second.complaints.splitlines()
@@ -253,9 +255,9 @@ def test_a_port_that_is_taken_is_2_and_one_line(system: System, tmp_path: Path):
 
 def test_it_serves_before_there_is_a_router_and_through_its_death(tmp_path: Path):
     router = Router(tmp_path)
-    arguments = ["-m", "zv", "metrics", "--listen", "127.0.0.1:0"]
+    arguments = ["metrics", "--listen", "127.0.0.1:0", "--connect", router.endpoint]
     try:
-        with Program([*arguments, "--connect", router.endpoint], tmp_path, "metrics") as program:
+        with Program(arguments, tmp_path, "metrics", forked=ZV) as program:
             exporter = Exporter(program)
             assert exporter.value("router_up") == 0
             router.start()
@@ -282,11 +284,11 @@ def test_it_serves_before_there_is_a_router_and_through_its_death(tmp_path: Path
 
 
 def test_without_a_router_it_waits_for_ever_unless_told(tmp_path: Path):
-    arguments = ["-m", "zv", "metrics", "--listen", "127.0.0.1:0"]
+    arguments = ["metrics", "--listen", "127.0.0.1:0"]
     nowhere = ["--connect", "tcp/127.0.0.1:1"]
     with (
-        Program([*arguments, *nowhere, "--timeout", "0.3"], tmp_path, "told") as told,
-        Program([*arguments, *nowhere], tmp_path, "waiting") as waiting,
+        Program([*arguments, *nowhere, "--timeout", "0.3"], tmp_path, "told", forked=ZV) as told,
+        Program([*arguments, *nowhere], tmp_path, "waiting", forked=ZV) as waiting,
     ):
         assert told.process.wait(START_S) == 4
         assert "within 0.3 s" in told.complaints

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from tests.integration.conftest import a_router, some_services
+from tests.support.fork_server import ZV
 from tests.support.listening import open_client, wait_for_nodes
 from tests.support.processes import START_S, Program
 from tests.support.routing import Router
@@ -100,10 +101,10 @@ def test_a_namespace_without_nodes_is_1_and_those_with_some_are_named(shared, tw
 
 @pytest.mark.quiet
 def test_who_was_killed_is_gone_within_2_s_and_who_comes_is_seen(shared, tmp_path):
-    flags = ["-m", "zv", "node", "list", "--watch", "--json", "--namespace", "watched"]
+    flags = ["node", "list", "--watch", "--json", "--namespace", "watched"]
     with (
         some_services(shared.endpoint, tmp_path) as start,
-        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch") as watching,
+        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch", forked=ZV) as watching,
     ):
 
         def events() -> list[tuple[str, int]]:
@@ -151,11 +152,11 @@ def test_a_node_that_does_not_answer_is_listed_so(shared):
 
 
 def test_of_many_only_the_one_that_goes_is_told(shared, tmp_path):
-    flags = ["-m", "zv", "node", "list", "--watch", "--namespace", "crowd"]
+    flags = ["node", "list", "--watch", "--namespace", "crowd"]
     names = [f"edge_n{n}" for n in range(8)]
     with (
         ExitStack() as sessions,
-        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch") as watching,
+        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch", forked=ZV) as watching,
     ):
         nodes = {}
         for name in names:

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 import pytest
 
 from tests.integration.conftest import a_router
+from tests.support.fork_server import ZV
 from tests.support.listening import open_client
 from tests.support.processes import START_S, Program
 from tests.support.routing import Router
@@ -70,8 +71,8 @@ def test_top_as_json_is_an_object_for_each_node(shared, hurting):
 
 
 def test_top_in_a_pipe_is_lines_until_ctrl_c(shared, hurting, tmp_path):
-    flags = ["-m", "zv", "top", "--namespace", "hurts", "--every", "300ms"]
-    with Program([*flags, "--connect", shared.endpoint], tmp_path, "top") as top:
+    flags = ["top", "--namespace", "hurts", "--every", "300ms"]
+    with Program([*flags, "--connect", shared.endpoint], tmp_path, "top", forked=ZV) as top:
         top.lines(r"c_error +ERROR .*\(no source\)", count=2)
         top.lines(r"hurts at tcp/.*: 3 nodes, 1 ERROR")
         assert top.interrupt() == 0
@@ -97,8 +98,8 @@ def test_top_once_without_a_node_is_1(shared, hurting):
 
 def test_top_waits_for_a_router_that_goes_and_comes_back(tmp_path):
     with a_router(tmp_path) as router:
-        flags = ["-m", "zv", "top", "--every", "300ms", "--connect", router.endpoint]
-        with Program(flags, tmp_path, "top") as top:
+        flags = ["top", "--every", "300ms", "--connect", router.endpoint]
+        with Program(flags, tmp_path, "top", forked=ZV) as top:
             top.lines(r"no node in namespace vision")
             router.kill()
             top.lines(r"no router at tcp/.*, waiting for it")

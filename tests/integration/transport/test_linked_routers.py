@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.integration.conftest import some_services
+from tests.support.fork_server import ZV
 from tests.support.listening import Listener, living_nodes, open_client, wait_for_nodes
 from tests.support.pages import Page
 from tests.support.processes import Program
@@ -33,7 +34,7 @@ def site_b(tmp_path: Path, site_a: str) -> tuple[Program, str]:
     port = free_port()
     words = command.replace("0.0.0.0:7447", f"127.0.0.1:{port}").split()[1:]
     words[-1] = str(tmp_path / words[-1])
-    program = Program(["-m", "zv", *words], tmp_path, "router-b")
+    program = Program(words, tmp_path, "router-b", forked=ZV)
     wait_until(lambda: port_answers(port), 20, lambda: program.complaints)
     return program, f"tcp/127.0.0.1:{port}"
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.support.fork_server import ZV
 from tests.support.listening import newest, open_client
 from tests.support.processes import START_S, Program, need
 from tests.support.routing import free_port, port_answers
@@ -19,11 +20,11 @@ HERE = "tcp/127.0.0.1"
 
 
 def a_router(folder: Path, listen: str, file: str | None) -> Program:
-    flags = ["-m", "zv", "router", "--listen", listen]
+    flags = ["router", "--listen", listen]
     if file is not None:
         (folder / "router.json5").write_text(file)
         flags += ["--zenoh-config", str(folder / "router.json5")]
-    return Program(flags, folder, "router")
+    return Program(flags, folder, "router", forked=ZV)
 
 
 def listens(router: Program) -> str:
@@ -106,8 +107,8 @@ def test_the_nodes_of_zv_up_go_where_the_routers_file_says(tmp_path):
     endpoint = f"{HERE}:{free_port()}"
     (tmp_path / "router.json5").write_text(f"{{ listen: {{ endpoints: ['{endpoint}'] }} }}")
     (tmp_path / "up.toml").write_text(LAUNCH)
-    flags = ["-m", "zv", "up", "--plain", str(tmp_path / "up.toml")]
-    with Program(flags, tmp_path, "up") as program:
+    flags = ["up", "--plain", str(tmp_path / "up.toml")]
+    with Program(flags, tmp_path, "up", forked=ZV) as program:
         program.lines(rf"router: {re.escape(endpoint)} .*")
         with open_client(endpoint) as session:
             newest(session, "@vision/diagnostics/tracker_front")
@@ -118,8 +119,8 @@ def test_the_nodes_of_zv_up_go_where_the_routers_file_says(tmp_path):
 def test_zv_up_refuses_a_file_that_hides_the_router_from_the_nodes(tmp_path, endpoints):
     (tmp_path / "router.json5").write_text(f"{{ listen: {{ endpoints: {endpoints} }} }}")
     (tmp_path / "up.toml").write_text(LAUNCH)
-    flags = ["-m", "zv", "up", "--plain", str(tmp_path / "up.toml")]
-    with Program(flags, tmp_path, "up") as program:
+    flags = ["up", "--plain", str(tmp_path / "up.toml")]
+    with Program(flags, tmp_path, "up", forked=ZV) as program:
         assert program.process.wait(START_S) == 2
     assert f"router.json5: listen/endpoints = {endpoints}" in program.complaints
     assert len(program.complaints.strip().split(os.linesep)) == 1

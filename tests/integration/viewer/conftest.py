@@ -8,6 +8,7 @@ import pytest
 
 from tests.integration.conftest import Service, a_router, some_services
 from tests.support.viewer_client import Viewer
+from tests.support.waiting import wait_until
 
 
 @pytest.fixture
@@ -26,5 +27,12 @@ def standing_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servi
 
 @pytest.fixture(scope="module")
 def standing_viewer(standing_service: Service) -> Viewer:
-    """A viewer for all tests of a module, without a camera."""
-    return Viewer(standing_service("view", "--port", 0))
+    """A viewer for all tests of a module, which waits less for pictures of cameras not there."""
+    return with_router(Viewer(standing_service("view", "--port", 0, "--wait", 0.2)))
+
+
+def with_router(viewer: Viewer, **headers: str) -> Viewer:
+    """Return a viewer once it has found its router; before, it answers 503 for 404."""
+    path = "/snapshot?topic=/nobody/image/compressed"
+    wait_until(lambda: viewer.get(path, **headers).status == 404)
+    return viewer

@@ -1,4 +1,4 @@
-"""``zv`` whose health and lines come ten times as often, and whose viewer has less patience."""
+"""``zv`` whose health and lines come ten times as often, and which waits less for others."""
 
 from __future__ import annotations
 
@@ -17,6 +17,16 @@ def main() -> None:
         from zv.viewer.http import connections
 
         connections.LEFT_S /= 10
+    if "topic" in sys.argv:
+        from zv.tools.topic import echo, measure
+
+        echo.QUERY_AFTER_S /= 10
+        measure.PERIOD_S /= 10
+    if "top" in sys.argv:
+        from zv.tools.top import command
+
+        command.PERIOD_S /= 10
+        command.TWO_REPORTS_S /= 10
     command_line.main()
 
 

@@ -3,61 +3,19 @@
 from __future__ import annotations
 
 import itertools
-import time
-from typing import Any
 
-import numpy as np
 import pytest
 
+from tests.support.intakes import JPEG, KEY, RAW_KEY, Taker, sample, take
 from tests.support.library import NOW_NS, header
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs
-from zenoh_vision.image.codecs import encode_jpeg
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 from zenoh_vision.messages import Centroid, Diagnostics
-from zenoh_vision.stream.buffer import Buffering, latest, queue
-from zenoh_vision.stream.counters import FrameCounters
-from zenoh_vision.stream.epoch_gate import SILENCE_NS
-from zenoh_vision.stream.frame_intake import FORGET_NS, MAX_KEYS, FrameIntake, snapshot_of
+from zenoh_vision.stream.buffer import queue
+from zenoh_vision.stream.frame_intake import snapshot_of
 from zenoh_vision.stream.intake import Consumer, MessageIntake, SampleIntake
 from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES, Sample
-
-KEY = "vision/front/image/compressed"
-RAW_KEY = "vision/front/image"
-PIXELS = np.arange(64 * 48 * 3, dtype=np.uint32).reshape(48, 64, 3).astype(np.uint8)
-JPEG = encode_jpeg(PIXELS, "bgr8", 90)
-FAR_NS = 10**9
-
-
-class Taker:
-    """A consumer whose drops can be read."""
-
-    def __init__(self) -> None:
-        self.drops: list[str] = []
-        self.counters = FrameCounters()
-        self.consumer = Consumer(self.counters, lambda error: self.drops.append(error.reason))
-
-    def frames(
-        self, key: str = KEY, buffering: Buffering = latest, *, raw: bool = False, **options: Any
-    ) -> FrameIntake:
-        return FrameIntake(key, self.consumer, buffering, raw=raw, **options)
-
-    def counted(self) -> dict[str, int]:
-        found = self.counters.snapshot()
-        dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
-        assert found["received"] == found["processed"] + dropped + found["pending"]
-        return found
-
-
-def sample(seq: int, payload: bytes | memoryview = JPEG, key: str = KEY, **fields: object):
-    camera = key.split("/")[1]
-    attachment = header(seq, camera=camera).to_bytes()
-    given = {"attachment": attachment, "arrived_ns": FAR_NS + seq, "received_ns": NOW_NS + seq}
-    return Sample(key, payload, **(given | fields))
-
-
-def take(intake: FrameIntake):
-    return intake.take(0, "bgr", 0.4)
 
 
 def test_bytes_of_a_sample_become_a_decoded_frame():
@@ -160,186 +118,6 @@ def test_a_queue_of_samples_is_limited_in_bytes():
 def test_a_queue_needs_a_place():
     with pytest.raises(ValueError, match="at least 1"):
         queue(0)
-
-
-WILDCARD = "vision/*/image/compressed"
-
-
-def key_of(number: int) -> str:
-    return f"vision/c{number}/image/compressed"
-
-
-def test_with_a_wildcard_each_camera_has_a_state_of_its_own():
-    taker = Taker()
-    intake = taker.frames(WILDCARD)
-    front, rear = KEY, "vision/rear/image/compressed"
-    now_ns = time.monotonic_ns()
-    for key, seq in ((front, 100), (rear, 5), (front, 100), (rear, 6)):
-        intake.receive(sample(seq, key=key, arrived_ns=now_ns))
-    found = {(frame.key, frame.header.seq) for frame in iter(lambda: take(intake), None)}
-    assert found == {(front, 100), (rear, 6)}
-    assert {state.key for state in intake.states()} == {front, rear}
-
-
-def test_keys_without_end_cost_bounded_memory():
-    taker = Taker()
-    intake = taker.frames(WILDCARD)
-    now_ns = time.monotonic_ns()
-    for number in range(MAX_KEYS + 5):
-        intake.receive(sample(0, key=key_of(number), arrived_ns=now_ns))
-    assert taker.drops == ["too_many_keys"] * 5
-    assert len(intake.states()) == MAX_KEYS
-
-
-def test_a_key_without_a_good_header_has_no_state_and_takes_no_place():
-    taker = Taker()
-    intake = taker.frames(WILDCARD)
-    for number in range(MAX_KEYS):
-        intake.receive(sample(0, key=key_of(number), attachment=b"x"))
-    assert [state.key for state in intake.states()] == [WILDCARD]
-    intake.receive(sample(0, arrived_ns=time.monotonic_ns()))
-    assert [state.key for state in intake.states()] == [KEY]
-    assert take(intake).key == KEY
-
-
-def test_a_new_key_replaces_the_one_that_has_been_silent_longest():
-    taker = Taker()
-    intake = taker.frames(WILDCARD)
-    begin_ns = time.monotonic_ns()
-    for number in range(MAX_KEYS):
-        intake.receive(sample(0, key=key_of(number), arrived_ns=begin_ns + number))
-    intake.receive(sample(1, key=key_of(0), arrived_ns=begin_ns + MAX_KEYS))
-    replaced, kept = key_of(1), key_of(0)  # the first sent again
-    intake.receive(sample(0, arrived_ns=begin_ns + SILENCE_NS))
-    assert taker.drops == ["too_many_keys"], "the key that is replaced was silent for 1 ns less"
-    intake.receive(sample(0, arrived_ns=begin_ns + SILENCE_NS + 1))
-    keys = {state.key for state in intake.states()}
-    assert len(keys) == MAX_KEYS
-    assert {KEY, kept} < keys
-    assert replaced not in keys
-
-
-def test_a_frame_whose_key_was_replaced_while_it_waited_is_handed_out():
-    taker = Taker()
-    intake = taker.frames(WILDCARD, queue(MAX_KEYS + 1))
-    for number in range(MAX_KEYS):
-        intake.receive(sample(0, key=key_of(number)))
-    intake.receive(sample(0, arrived_ns=FAR_NS + SILENCE_NS))
-    assert key_of(0) not in intake._streams
-    assert take(intake).key == key_of(0)
-
-
-@pytest.mark.parametrize(
-    ("key", "silent_ns", "known"),
-    [
-        pytest.param(WILDCARD, FORGET_NS // 2, {KEY}, id="for less than a minute"),
-        pytest.param(WILDCARD, FORGET_NS, {WILDCARD}, id="for a minute"),
-        pytest.param(KEY, 100 * FORGET_NS, {KEY}, id="one key, for ever"),
-    ],
-)
-def test_a_camera_that_departed_is_forgotten_only_by_an_input_with_wildcards(
-    key: str, silent_ns: int, known: set[str]
-):
-    intake = Taker().frames(key)
-    last_ns = time.monotonic_ns() - silent_ns
-    intake.receive(sample(0, arrived_ns=last_ns))
-    states = intake.states()
-    assert {state.key for state in states} == known
-    assert states[0].since_ns == last_ns, "silent since its last frame"
-
-
-def test_a_camera_that_stays_is_not_stale_for_one_that_departed():
-    intake = Taker().frames(WILDCARD)
-    now_ns = time.monotonic_ns()
-    intake.receive(sample(0, key=key_of(1), arrived_ns=now_ns - FORGET_NS))
-    intake.receive(sample(0, arrived_ns=now_ns))
-    assert [state.key for state in intake.states()] == [KEY]
-
-
-# Borrowed memory
-
-
-class Lender:
-    """Memory that a transport lends, and how often it came back."""
-
-    def __init__(self) -> None:
-        self.memory = bytearray(PIXELS.tobytes())
-        self.returned = 0
-
-    def sample(self, seq: int) -> Sample:
-        return sample(seq, memoryview(self.memory), RAW_KEY, release=self._take_back)
-
-    def _take_back(self) -> None:
-        self.returned += 1
-        self.memory[:] = bytes(len(self.memory))  # it is used for something else now
-
-
-def test_a_frame_owns_its_memory_unless_borrowed_ones_are_asked_for():
-    lender, taker = Lender(), Taker()
-    intake = taker.frames(RAW_KEY, raw=True)
-    intake.receive(lender.sample(0))
-    frame = take(intake)
-    assert not frame.borrowed
-    assert frame.keep() is frame
-    intake.close()
-    assert np.array_equal(frame.pixels, PIXELS)
-
-
-def test_a_borrowed_frame_is_valid_until_the_next_is_asked_for_and_a_kept_one_for_ever():
-    lender, taker = Lender(), Taker()
-    intake = taker.frames(RAW_KEY, raw=True, borrow=True)
-    intake.receive(lender.sample(0))
-    frame = take(intake)
-    assert frame.borrowed
-    assert np.shares_memory(frame.pixels, np.frombuffer(lender.memory, np.uint8))
-    kept = frame.keep()
-    assert lender.returned == 0
-    assert take(intake) is None
-    assert lender.returned == 1
-    assert not frame.pixels.any()
-    assert np.array_equal(kept.pixels, PIXELS)
-
-
-def test_memory_is_given_back_exactly_once_whatever_becomes_of_the_frame():
-    taken, displaced, refused, unread = lenders = [Lender() for _ in range(4)]
-    taker = Taker()
-    intake = taker.frames(RAW_KEY, raw=True, borrow=True)
-    intake.receive(taken.sample(0))
-    assert take(intake) is not None
-    intake.receive(refused.sample(0))  # seen already
-    intake.receive(displaced.sample(1))
-    intake.receive(unread.sample(2))
-    assert [lender.returned for lender in lenders] == [0, 1, 1, 0]
-    intake.close(unread="unwatched")
-    assert [lender.returned for lender in lenders] == [1, 1, 1, 1]
-    assert taker.counted()["dropped.unwatched"] == 1
-
-
-def test_what_arrives_while_its_input_closes_is_dropped_too():
-    lender, taker = Lender(), Taker()
-    intake = taker.frames(RAW_KEY, raw=True, borrow=True)
-    intake.close(unread="unwatched")
-    intake.receive(lender.sample(0))  # Zenoh's thread was in the callback
-    assert lender.returned == 1
-    assert taker.counted() == {"received": 1, "processed": 0, "dropped.unwatched": 1, "pending": 0}
-
-
-def test_what_is_taken_while_its_input_closes_is_given_back_too(monkeypatch):
-    lender, taker = Lender(), Taker()
-    intake = taker.frames(RAW_KEY, raw=True, borrow=True)
-    intake.receive(lender.sample(0))
-    real = intake.buffer.take
-
-    def take_as_it_closes(timeout_s: float):
-        found = real(timeout_s)
-        monkeypatch.undo()
-        intake.close(unread="unwatched")  # on another thread
-        return found
-
-    monkeypatch.setattr(intake.buffer, "take", take_as_it_closes)
-    assert take(intake) is None
-    assert lender.returned == 1
-    assert taker.counted()["dropped.unwatched"] == 1
 
 
 # Messages and samples

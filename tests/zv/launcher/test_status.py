@@ -8,7 +8,7 @@ import unicodedata
 import pytest
 from rich.console import Console
 
-from zenoh_vision.health.fleet import NodeState, S
+from zenoh_vision.health.node_state import NodeState, S
 from zenoh_vision.messages import Diagnostics, Latency
 from zv.launcher.child import Child, ended_how
 from zv.launcher.supervisor import child_row

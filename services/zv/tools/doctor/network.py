@@ -8,7 +8,8 @@ from importlib.metadata import version as installed
 from itertools import groupby
 
 from zenoh_vision.error_text import similar_names
-from zenoh_vision.health.fleet import SILENT_S, ClockOffset, NodeState
+from zenoh_vision.health.fleet import SILENT_S
+from zenoh_vision.health.node_state import ClockOffset, NodeState
 from zenoh_vision.node.announcement import installed_version
 from zv.tools.doctor.finding import Finding, or_ok
 from zv.tools.doctor.observation import Observation

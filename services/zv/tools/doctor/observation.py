@@ -7,7 +7,8 @@ import time
 from dataclasses import dataclass
 from typing import Any, cast
 
-from zenoh_vision.health.fleet import Fleet, NodeState
+from zenoh_vision.health.fleet import Fleet
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Parameter
 from zv.tools.shared.nodes import parameters_by_session, running_nodes
 from zv.tools.shared.session import ROUTERS, ToolSession

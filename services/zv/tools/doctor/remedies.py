@@ -6,7 +6,7 @@ import shlex
 from dataclasses import dataclass
 from typing import Final
 
-from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import NodeDescription
 from zv.registry import SERVICES, model_of
 from zv.tools.doctor.observation import Observation

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from zenoh_vision.health.counter_change import MISSED, CounterChange, counter_change
-from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Level
 from zv.tools.doctor.finding import Finding, Verdict, or_ok
 from zv.tools.doctor.observation import Observation

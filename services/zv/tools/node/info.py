@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 
 from zenoh_vision.errors import ExpectationNotMet
-from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Parameter
 from zenoh_vision.transport.connection import Connection
 from zv.tools.node.options import InfoOptions

@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 
 from zenoh_vision.errors import ExpectationNotMet
-from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet, NodeState
+from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet
 from zenoh_vision.health.fleet_monitor import follow
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.transport.connection import Connection
 from zv.tools.node.options import ListOptions
 from zv.tools.shared.discovery import no_nodes

@@ -17,7 +17,8 @@ import zenoh
 from zenoh_vision import keys
 from zenoh_vision.error_text import did_you_mean, similar_names
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.health.fleet import MAX_NODES, check_description
+from zenoh_vision.health.fleet import MAX_NODES
+from zenoh_vision.health.message_limits import check_description
 from zenoh_vision.messages import NodeDescription
 from zenoh_vision.topics import CENTROID, COMPRESSED, EDGES, TOPICS, topic_of
 from zenoh_vision.transport.query import Query, Reply, messages_in

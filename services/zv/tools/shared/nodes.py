@@ -13,15 +13,9 @@ from typing import Any
 
 from zenoh_vision import keys
 from zenoh_vision.errors import ExpectationNotMet, PayloadError, ToldToStop, VisionError
-from zenoh_vision.health.fleet import (
-    MAX_NAME,
-    MAX_NODES,
-    ClockOffset,
-    NodeState,
-    bounded,
-    check_description,
-    check_report,
-)
+from zenoh_vision.health.fleet import MAX_NODES, bounded
+from zenoh_vision.health.message_limits import MAX_NAME, check_description, check_report
+from zenoh_vision.health.node_state import ClockOffset, NodeState
 from zenoh_vision.messages import Diagnostics, Level, NodeDescription, Parameter
 from zenoh_vision.transport.query import Query, Reply, messages_in
 from zv.tools.shared.discovery import nothing_matches, tokens_query

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE
+from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE, type_of
 from zenoh_vision.messages import Centroid, Header, Tracks
 from zenoh_vision.stream.frame_intake import snapshot_of
 from zenoh_vision.stream.sample import Sample
-from zv.tools.shared.message_types import type_of
 from zv.tools.snapshot.options import STDOUT
 
 PNG_DEPTH = 24

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from zenoh_vision.health.counter_change import CounterChange
-from zenoh_vision.health.fleet import SILENT_S, Fleet, NodeState
+from zenoh_vision.health.fleet import SILENT_S, Fleet
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import SEVERITY, Level
 from zv.status.process_usage import ProcessUsage
 from zv.status.row import Row, row_of

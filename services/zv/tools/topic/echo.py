@@ -10,13 +10,12 @@ from typing import Any
 import zenoh
 
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
-from zenoh_vision.keys import schema_name_of
+from zenoh_vision.keys import schema_name_of, type_of
 from zenoh_vision.messages import MESSAGES, Header
 from zenoh_vision.stream.buffer import Buffer, queue
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import POLL_S
 from zv.tools.shared.discovery import discover
-from zv.tools.shared.message_types import type_of
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.topic.message_fields import (

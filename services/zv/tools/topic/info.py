@@ -7,10 +7,10 @@ from dataclasses import asdict
 from typing import Any
 
 from zenoh_vision.errors import ExpectationNotMet
+from zenoh_vision.keys import type_of
 from zenoh_vision.topics import topic_of
 from zenoh_vision.transport.connection import Connection
 from zv.tools.shared.discovery import Discovery, discover
-from zv.tools.shared.message_types import type_of
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.topic.list import Entry, observe

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 from zenoh_vision.errors import ExpectationNotMet
+from zenoh_vision.keys import type_of
 from zenoh_vision.topics import TOPICS, topic_of
 from zenoh_vision.transport.connection import Connection
 from zv.tools.shared.discovery import MAX_KEYS, Discovery, discover, intersect
-from zv.tools.shared.message_types import type_of
 from zv.tools.shared.output import Output, view_of
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.topic.options import ListOptions

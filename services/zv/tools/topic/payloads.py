@@ -24,10 +24,9 @@ from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import JPEG, PNG, camera_of, is_name
 from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import Header, Stamped
+from zenoh_vision.messages import Header, Stamped, message_named
 from zenoh_vision.topics import TOPICS, Topic, topic_of
 from zenoh_vision.transport.publisher import Outgoing
-from zv.tools.shared.message_types import message_named
 
 SENDER = "topic_pub"
 MADE_HERE = ("epoch", "seq", "stamp_ns", "received_ns", "done_ns", "node", "revision", "assumed")

@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 
 from zenoh_vision import keys
-from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet, NodeState
+from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import (
     Diagnostics,
     Level,

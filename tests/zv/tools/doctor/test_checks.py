@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from zenoh_vision.health.counter_change import NOT_LOST
-from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Diagnostics, NodeDescription
 from zv.registry import SERVICES, model_of
 from zv.tools.doctor import remedies

@@ -14,9 +14,10 @@ from prometheus_client.openmetrics.parser import (
 )
 from prometheus_client.parser import text_string_to_metric_families as parse
 
-from zenoh_vision.health.fleet import Fleet, S
+from zenoh_vision.health.fleet import Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
 from zenoh_vision.health.latency import LatencyMonitor
+from zenoh_vision.health.node_state import S
 from zenoh_vision.messages import Diagnostics, Histogram, Latency, NodeDescription
 from zv.tools.metrics.collector import NodeCollector
 from zv.tools.metrics.families import COUNTERS, FAMILIES, PREFIX

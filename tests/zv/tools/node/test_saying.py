@@ -3,7 +3,7 @@
 import pytest
 
 from tests.support.node_states import NOW_NS, S, node_state, report
-from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.health.node_state import NodeState
 from zv.tools.node.info import lines, spelled
 from zv.tools.shared.nodes import duration, node_facts
 

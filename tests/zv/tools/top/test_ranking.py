@@ -7,7 +7,7 @@ import psutil
 import pytest
 
 from tests.support.node_states import NOW_NS, S, node_state, report
-from zenoh_vision.health.fleet import NodeState
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Latency
 from zv.tools.top.ranking import Ranked, Ranking, record_of, rows_of
 

@@ -10,7 +10,8 @@ from contextlib import suppress
 import pytest
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.health.fleet import MAX_NODES, MAX_PARAMETERS
+from zenoh_vision.health.fleet import MAX_NODES
+from zenoh_vision.health.message_limits import MAX_PARAMETERS
 from zenoh_vision.messages import Diagnostics, Latency, NodeDescription, Parameter, ParameterList
 from zv.viewer import events
 from zv.viewer.discovery.system_state import LINES, MAX_PUBLISHED, SystemState

@@ -2,95 +2,22 @@
 
 import asyncio
 import threading
-import time
-from collections.abc import Callable, Coroutine
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 import zenoh
 
+from tests.support.picture_streams import JPEG, KEY, SMALL, Registry, Source, balance, run
 from tests.support.waiting import DEADLINE_S
-from zenoh_vision.health.health import Health
-from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
-from zenoh_vision.stream.buffer import Buffer, latest
-from zenoh_vision.stream.counters import FrameCounters
-from zenoh_vision.stream.epoch_gate import EpochGate
-from zenoh_vision.stream.frame_intake import Arrival, KeyStream
 from zenoh_vision.stream.intake import Consumer
 from zenoh_vision.stream.sample import Sample
 from zv.viewer.settings import ViewerSettings
 from zv.viewer.streams import picture_stream
 from zv.viewer.streams.picture_stream import PictureStream
 from zv.viewer.streams.rendering import RenderOptions
-from zv.viewer.streams.shared_stream import StreamContext
-
-KEY = "vision/front/image/compressed"
-JPEG = codecs.encode_jpeg(np.zeros((48, 64, 3), np.uint8), "bgr8", 80)
-SMALL = RenderOptions(32, 24)
-
-
-class Registry:
-    """The context of a stream, with counters of its own; knows which streams were closed."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self.counters = FrameCounters()
-        self.pool = ThreadPoolExecutor(2)
-        self.closed: list[str] = []
-        self.context = StreamContext(
-            SimpleNamespace(do=lambda work: None, loop=loop),  # type: ignore[arg-type]
-            self.pool,
-            Health("viewer", self.counters),
-            self.counters,
-            ViewerSettings,
-        )
-
-
-class Source:
-    """A stream whose frames come when the test says so, and an intake that accepts them all."""
-
-    def __init__(self, registry: Registry) -> None:
-        self.stream = PictureStream(registry.context, KEY, registry.closed.append)
-        self.stream._intake = self  # type: ignore[assignment]
-        self.number = 0
-        self.believe = threading.Event()  # unverified epochs wait for it
-        self.believe.set()
-        self.accepted: list[tuple[int, str]] = []
-        self.closed = False
-        self._counters = registry.counters
-        self._buffer = Buffer[Arrival](latest, lambda _: registry.counters.drop("overwritten"))
-
-    def arrival(self, timeout_s: float) -> Arrival | None:
-        return self._buffer.take(timeout_s)
-
-    def accept(self, arrival: Arrival, max_age_s: float) -> Frame:
-        payload = bytes(arrival.sample.payload)
-        self.accepted.append((arrival.number, threading.current_thread().name))
-        if arrival.unverified:
-            assert self.believe.wait(DEADLINE_S)
-        if payload == b"unforeseen":
-            raise MemoryError
-        return Frame(arrival.header, compressed=payload, key=KEY)
-
-    def close(self, unread: str) -> None:
-        self.closed = True
-
-    def comes(self, payload: bytes = JPEG, missed: int = 0, unverified: bool = False) -> None:
-        self.number += 1
-        header = Header(
-            camera="front", epoch=1, seq=self.number, stamp_ns=time.time_ns(),
-            width=64, height=48, encoding="bgr8",
-        )  # fmt: skip
-        stream = KeyStream(EpochGate("front"))
-        arrival = Arrival(Sample(KEY, payload), stream, header, unverified, self.number, missed)
-        self._counters.arrive()
-        self._buffer.put(arrival, KEY, unverified=unverified)
-        self.stream._on_arrival()
 
 
 @pytest.fixture
@@ -105,23 +32,6 @@ def rendered(monkeypatch) -> list[int]:
 
     monkeypatch.setattr(picture_stream, "render", render)
     return found
-
-
-def run(test: Callable[[Registry, Source], Coroutine[Any, Any, None]]) -> Registry:
-    async def main() -> Registry:
-        registry = Registry(asyncio.get_running_loop())
-        await asyncio.wait_for(test(registry, Source(registry)), DEADLINE_S)
-        registry.pool.shutdown()
-        return registry
-
-    return asyncio.run(main())
-
-
-def balance(registry: Registry) -> dict[str, int]:
-    counters = registry.counters.snapshot()
-    dropped = sum(count for name, count in counters.items() if name.startswith("dropped."))
-    assert counters["received"] == counters["processed"] + dropped + counters["pending"]
-    return counters
 
 
 def test_the_original_bytes_are_handed_on_to_every_client(rendered):
@@ -359,58 +269,6 @@ def test_what_was_made_and_not_taken_is_dropped_when_its_form_is_wanted_no_more(
     run(test)
 
 
-def test_the_first_frame_of_a_run_is_decoded_elsewhere_and_before_those_that_follow():
-    async def test(registry: Registry, source: Source) -> None:
-        feed = source.stream.feed(RenderOptions())
-        feed.want()
-        source.believe.clear()
-        source.comes(unverified=True)
-        for _ in range(4):
-            source.comes()
-        assert await feed.next(0.1) is None  # the loop goes round meanwhile
-        assert balance(registry)["dropped.overwritten"] == 3
-        source.believe.set()
-        newest = await feed.next(DEADLINE_S)
-        assert newest is not None
-        assert newest.header.seq == 5
-        (first, elsewhere), (second, here) = source.accepted
-        assert (first, second) == (1, 5)
-        assert elsewhere != here == threading.current_thread().name
-
-    counters = balance(run(test))
-    assert (counters["processed"], counters["dropped.overwritten"]) == (1, 4)
-
-
-def test_a_first_frame_that_is_decoded_after_all_have_left_was_for_nobody():
-    async def test(registry: Registry, source: Source) -> None:
-        feed = source.stream.feed(RenderOptions())
-        source.believe.clear()
-        source.comes(unverified=True)
-        feed.close()
-        source.believe.set()
-        while balance(registry)["pending"]:
-            await asyncio.sleep(0.01)
-
-    assert balance(run(test))["dropped.unwatched"] == 1
-
-
-def test_memory_is_not_given_back_while_the_first_frame_of_a_run_is_decoded():
-    async def test(registry: Registry, source: Source) -> None:
-        feed = source.stream.feed(RenderOptions())
-        source.stream._subscription = SimpleNamespace(undeclare=lambda: None)  # type: ignore[assignment]
-        registry.context.health.watch(source)  # type: ignore[arg-type]
-        source.believe.clear()
-        source.comes(unverified=True)
-        feed.close()
-        source.stream._unsubscribe()
-        assert not source.closed
-        source.believe.set()
-        while not source.closed:
-            await asyncio.sleep(0.01)
-
-    run(test)
-
-
 def test_a_stream_that_cannot_subscribe_is_not_watched_until_it_can():
     async def test(registry: Registry, source: Source) -> None:
         health, stream = registry.context.health, PictureStream(registry.context, KEY, print)
@@ -431,20 +289,6 @@ def test_a_stream_that_cannot_subscribe_is_not_watched_until_it_can():
     run(test)
 
 
-def test_a_first_frame_that_fails_as_none_should_does_not_hold_up_the_next():
-    async def test(registry: Registry, source: Source) -> None:
-        feed = source.stream.feed(RenderOptions())
-        feed.want()
-        source.comes(b"unforeseen", unverified=True)
-        source.comes(unverified=True)
-        picture = await feed.next(DEADLINE_S)
-        assert picture is not None
-        assert picture.header.seq == 2
-
-    counters = balance(run(test))
-    assert (counters["processed"], counters["dropped.not_rendered"]) == (1, 1)
-
-
 def test_the_last_clients_leave_ends_the_stream():
     async def test(registry: Registry, source: Source) -> None:
         feeds = [
@@ -459,21 +303,6 @@ def test_the_last_clients_leave_ends_the_stream():
 
     registry = run(test)
     assert balance(registry)["dropped.unwatched"] == 1
-
-
-def test_an_unverified_frame_that_waits_behind_a_frame_is_taken_without_another_to_come():
-    async def test(registry: Registry, source: Source) -> None:
-        source.stream.feed(RenderOptions()).want()
-        taken, source.stream._on_arrival = source.stream._on_arrival, lambda: None  # type: ignore[method-assign]
-        source.comes(unverified=True)
-        source.comes()
-        source.stream._on_arrival = taken  # type: ignore[method-assign]
-        source.stream._on_arrival()
-        while len(source.accepted) < 2:  # the deadline is run's
-            await asyncio.sleep(0.01)
-        assert [number for number, _ in source.accepted] == [2, 1]
-
-    run(test)
 
 
 def test_a_picture_over_the_limit_is_dropped_before_it_is_decoded():

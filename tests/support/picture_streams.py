@@ -1,0 +1,105 @@
+"""A stream of pictures whose frames come when a test says so, without a network."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from tests.support.waiting import DEADLINE_S
+from zenoh_vision.health.health import Health
+from zenoh_vision.image import codecs
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zenoh_vision.stream.buffer import Buffer, latest
+from zenoh_vision.stream.counters import FrameCounters
+from zenoh_vision.stream.epoch_gate import EpochGate
+from zenoh_vision.stream.frame_intake import Arrival, KeyStream
+from zenoh_vision.stream.sample import Sample
+from zv.viewer.settings import ViewerSettings
+from zv.viewer.streams.picture_stream import PictureStream
+from zv.viewer.streams.rendering import RenderOptions
+from zv.viewer.streams.shared_stream import StreamContext
+
+KEY = "vision/front/image/compressed"
+JPEG = codecs.encode_jpeg(np.zeros((48, 64, 3), np.uint8), "bgr8", 80)
+SMALL = RenderOptions(32, 24)
+
+
+class Registry:
+    """The context of a stream, with counters of its own; knows which streams were closed."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.counters = FrameCounters()
+        self.pool = ThreadPoolExecutor(2)
+        self.closed: list[str] = []
+        self.context = StreamContext(
+            SimpleNamespace(do=lambda work: None, loop=loop),  # type: ignore[arg-type]
+            self.pool,
+            Health("viewer", self.counters),
+            self.counters,
+            ViewerSettings,
+        )
+
+
+class Source:
+    """A stream whose frames come when the test says so, and an intake that accepts them all."""
+
+    def __init__(self, registry: Registry) -> None:
+        self.stream = PictureStream(registry.context, KEY, registry.closed.append)
+        self.stream._intake = self  # type: ignore[assignment]
+        self.number = 0
+        self.believe = threading.Event()  # unverified epochs wait for it
+        self.believe.set()
+        self.accepted: list[tuple[int, str]] = []
+        self.closed = False
+        self._counters = registry.counters
+        self._buffer = Buffer[Arrival](latest, lambda _: registry.counters.drop("overwritten"))
+
+    def arrival(self, timeout_s: float) -> Arrival | None:
+        return self._buffer.take(timeout_s)
+
+    def accept(self, arrival: Arrival, max_age_s: float) -> Frame:
+        payload = bytes(arrival.sample.payload)
+        self.accepted.append((arrival.number, threading.current_thread().name))
+        if arrival.unverified:
+            assert self.believe.wait(DEADLINE_S)
+        if payload == b"unforeseen":
+            raise MemoryError
+        return Frame(arrival.header, compressed=payload, key=KEY)
+
+    def close(self, unread: str) -> None:
+        self.closed = True
+
+    def comes(self, payload: bytes = JPEG, missed: int = 0, unverified: bool = False) -> None:
+        self.number += 1
+        header = Header(
+            camera="front", epoch=1, seq=self.number, stamp_ns=time.time_ns(),
+            width=64, height=48, encoding="bgr8",
+        )  # fmt: skip
+        stream = KeyStream(EpochGate("front"))
+        arrival = Arrival(Sample(KEY, payload), stream, header, unverified, self.number, missed)
+        self._counters.arrive()
+        self._buffer.put(arrival, KEY, unverified=unverified)
+        self.stream._on_arrival()
+
+
+def run(test: Callable[[Registry, Source], Coroutine[Any, Any, None]]) -> Registry:
+    async def main() -> Registry:
+        registry = Registry(asyncio.get_running_loop())
+        await asyncio.wait_for(test(registry, Source(registry)), DEADLINE_S)
+        registry.pool.shutdown()
+        return registry
+
+    return asyncio.run(main())
+
+
+def balance(registry: Registry) -> dict[str, int]:
+    counters = registry.counters.snapshot()
+    dropped = sum(count for name, count in counters.items() if name.startswith("dropped."))
+    assert counters["received"] == counters["processed"] + dropped + counters["pending"]
+    return counters
