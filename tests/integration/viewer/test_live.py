@@ -18,12 +18,14 @@ import pytest
 import zenoh
 
 from tests.support.listening import Listener
-from tests.support.pictures import jpeg
+from tests.support.pictures import full_hd_jpeg, jpeg
 from tests.support.publishing import KEPT, PlainCamera
 from tests.support.routing import Router
+from tests.support.slow_link import ONE_MBIT, SlowLink
 from tests.support.viewer_client import IMAGE, Page, Viewer
 from tests.support.waiting import wait_until
 from zv.viewer.websocket.commands import MAX_BYTES, MAX_RATE_HZ
+from zv.viewer.websocket.session import PART_BYTES
 
 EDGES = "vision/front/edges/compressed"
 TRUTH = "vision/front/truth"
@@ -440,6 +442,46 @@ def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: 
                 assert (await page.picture())[0]["header"]["seq"] == seq
 
     run(test())
+
+
+def test_a_slow_link_carries_the_newest_pictures_in_parts_and_is_not_given_up(
+    viewer: Viewer, client
+):
+    camera = PlainCamera(client, pictures=(full_hd_jpeg(),))
+    size = len(camera_jpeg(camera))
+    at_sending: dict[int, int] = {}  # number of a frame -> bytes that the link had carried
+
+    async def test() -> None:
+        async with viewer.page(port=link.port, max_msg_size=2 * PART_BYTES) as page:
+            await page.text("streams")
+            await page.ask("watch", key=IMAGE)
+            ages, skipped, said = [], 0, []
+            while len(ages) < 4 or not said:
+                head, payload = await page.picture()
+                assert jpeg_size(payload) == (1920, 1080)
+                assert head["bytes"] == len(payload)
+                ages.append(link.carried - at_sending[head["header"]["seq"]])
+                skipped += head["skipped"]
+                said = [text["bits_per_s"] for text in page.texts if text["op"] == "link"]
+            # A picture that was sent when the one before it had left the viewer.
+            assert max(ages) < 3.5 * size
+            assert skipped
+            assert said[-1] < 16 * ONE_MBIT
+            during = [text["op"] for text in page.during]
+            assert "tick" in during
+
+    def send() -> None:
+        at_sending[camera.seq] = link.carried
+        camera.send()
+
+    with SlowLink(viewer.port, ONE_MBIT) as link, camera.at(30, send):
+        run(test())
+    assert sum(line.startswith("GET /live") for line in link.requests) == 1
+
+
+def jpeg_size(payload: bytes) -> tuple[int, int]:
+    pixels = cv2.imdecode(np.frombuffer(payload, np.uint8), cv2.IMREAD_COLOR)
+    return pixels.shape[1], pixels.shape[0]
 
 
 def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(viewer: Viewer, service):

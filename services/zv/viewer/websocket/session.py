@@ -23,6 +23,7 @@ from zv.viewer.streams.rendering import EncodedPicture
 from zv.viewer.topics import is_stream, kind_of
 from zv.viewer.websocket import commands
 from zv.viewer.websocket.commands import MalformedCommand
+from zv.viewer.websocket.link_gauge import LinkGauge
 
 MAX_WATCHES = 32
 AHEAD = 2
@@ -31,6 +32,10 @@ AHEAD = 2
 HEARTBEAT_S = 15.0
 ENDED_POLL_S = 0.2
 MESSAGES_AT_ONCE = 16
+PART_BYTES = 32 << 10
+"""Pictures are sent in parts of this size. Between two, a page on a slow link gets everything else,
+and sees that the connection is alive."""
+
 MAX_TEXTS = 1000
 """Texts that replace no other, such as replies; a page that lets more wait reads nothing."""
 
@@ -96,6 +101,7 @@ class WebSocketSession:
         self._messages: dict[str, MessageFeed] = {}
         self._requests: set[asyncio.Task[None]] = set()
         self._commands = commands.CommandReader()
+        self._link = LinkGauge(time.monotonic())
 
     def send(self, text: str, replaces: Hashable | None = None) -> None:
         """Queue a text; a page that has not read for too long is disconnected."""
@@ -214,13 +220,8 @@ class WebSocketSession:
             self.send(text, replaces)
 
     async def _send_some(self) -> bool:
-        """Send some messages, one picture per stream, all texts before each; return whether any."""
-        sent = await self._send_texts()
-        for messages in list(self._messages.values()):
-            for message in messages.take(MESSAGES_AT_ONCE):
-                await self._socket.send_str(message)
-                sent = True
-        await self._request.writer.drain()
+        """Send one picture per stream, and all else before each part; return whether any."""
+        sent = await self._send_small()
         for watched in list(self._pictures.values()):
             feed = watched.feed
             picture = feed.take()
@@ -231,10 +232,29 @@ class WebSocketSession:
             data = picture_message(picture, time.time_ns(), feed.skipped, feed.lost)
             if watched.credit > 0:
                 feed.want()
-            await self._socket.send_bytes(data)
-            await self._request.writer.drain()
-            await self._send_texts()  # a slow link carries the next picture for seconds
+            for start in range(0, len(data), PART_BYTES):
+                await self._send_part(data[start : start + PART_BYTES])
+                await self._send_small()
             sent = True
+        return sent
+
+    async def _send_part(self, part: bytes) -> None:
+        begun_s = time.monotonic()
+        await self._socket.send_bytes(part)
+        await self._request.writer.drain()
+        bits_per_s = self._link.add(len(part), begun_s, time.monotonic())
+        if bits_per_s is not None:
+            self.send(events.text("link", bits_per_s=bits_per_s), "link")
+
+    async def _send_small(self) -> bool:
+        """Send the texts, and some messages of each stream; return whether any."""
+        sent = await self._send_texts()
+        for messages in list(self._messages.values()):
+            for message in messages.take(MESSAGES_AT_ONCE):
+                await self._socket.send_str(message)
+                sent = True
+        if sent:
+            await self._request.writer.drain()
         return sent
 
     async def _send_texts(self) -> bool:

@@ -45,7 +45,7 @@ const panels = {
 	log: new LogPanel(system),
 };
 const dock = new Dock(panels);
-showConnection(system, connection);
+showConnection(system, connection, watches);
 
 /** Show the streams of these keys; the wall if there are none. */
 function go(keys) {
