@@ -83,11 +83,15 @@ class Viewer:
             yield parts(answer)
 
     @asynccontextmanager
-    async def page(self, port: int | None = None, **options: Any) -> AsyncIterator[Page]:
-        """Open the page's WebSocket, at its own port or at that of a proxy."""
+    async def page(
+        self, query: str = "", port: int | None = None, **options: Any
+    ) -> AsyncIterator[Page]:
+        """Open the page's WebSocket, at the viewer's port or at that of a proxy."""
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(f"http://127.0.0.1:{port or self.port}/live", **options) as socket,
+            session.ws_connect(
+                f"http://127.0.0.1:{port or self.port}/live{query}", **options
+            ) as socket,
         ):
             yield Page(socket)
 

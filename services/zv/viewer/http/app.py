@@ -55,6 +55,10 @@ class Application:
         for session in self._sessions:
             session.send(text, replaces)
 
+    def wanted(self, kind: str) -> bool:
+        """Tell whether a page shows a kind of ``PANELS``."""
+        return any(kind in session.shows for session in self._sessions)
+
     # Around each request
 
     @web.middleware
@@ -144,7 +148,7 @@ class Application:
         system = self._monitor.system
         about = {"version": installed_version(), "namespace": system.namespace, "server": "viewer"}
         session.send(events.text("hello", **about, now_ns=time.time_ns()))
-        for text, replaces in system.overview():
+        for text, replaces in system.overview(session.shows):
             session.send(text, replaces)
         self._sessions.add(session)
         self._monitor.pages = len(self._sessions)

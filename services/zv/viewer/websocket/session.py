@@ -16,6 +16,7 @@ from zenoh_vision.errors import ParameterRefused, VisionError
 from zv.viewer import events
 from zv.viewer.discovery.monitor import SystemMonitor, Unanswered
 from zv.viewer.discovery.network import in_slices
+from zv.viewer.discovery.system_state import PANELS, panel_of
 from zv.viewer.streams.message_stream import MessageFeed
 from zv.viewer.streams.picture_stream import PictureFeed
 from zv.viewer.streams.registry import StreamRegistry
@@ -102,21 +103,31 @@ class WebSocketSession:
         self._requests: set[asyncio.Task[None]] = set()
         self._commands = commands.CommandReader()
         self._link = LinkGauge(time.monotonic())
+        wanted = request.query.get("show")
+        self.shows = PANELS if wanted is None else PANELS.intersection(wanted.split(","))
+        self._due: frozenset[str] = self.shows  # kinds of which the page has not got all yet
+        self._details: asyncio.Task[None] | None = None
 
     def send(self, text: str, replaces: Hashable | None = None) -> None:
-        """Queue a text; a page that has not read for too long is disconnected."""
+        """Queue a text if it is for something that the page shows.
+
+        A page that has not read for too long is disconnected.
+        """
+        if panel_of(replaces) not in (None, *self.shows):
+            return
         self._outbox.put(text, replaces)
         if self._outbox.full:
             self._abort()
 
     async def serve(self) -> None:
         """Serve the page until it disconnects."""
-        work = self._send_queued(), self._send_details(), self._report_ended()
+        work = self._send_queued(), self._report_ended()
         tasks = [asyncio.create_task(each) for each in work]
+        self._details = asyncio.create_task(self._send_details())
         try:
             await self._receive()
         finally:
-            for task in (*tasks, *self._requests):
+            for task in (*tasks, self._details, *self._requests):
                 task.cancel()
             for key in (*self._pictures, *self._messages):
                 self._unwatch(key)
@@ -149,6 +160,8 @@ class WebSocketSession:
                 self.send(events.text("error", key=command.key, text=text))
         elif isinstance(command, commands.Unwatch):
             self._unwatch(command.key)
+        elif isinstance(command, commands.Show):
+            self._show(frozenset(command.kinds))
         else:
             task = asyncio.create_task(self._request_parameters(command))
             self._requests.add(task)
@@ -184,6 +197,18 @@ class WebSocketSession:
         if messages is not None:
             messages.close()
 
+    def _show(self, kinds: frozenset[str]) -> None:
+        """Queue all that there is of what the page shows now and did not before."""
+        new = kinds - self.shows
+        self.shows = kinds
+        self._due = (self._due & kinds) | new
+        for text, replaces in self._monitor.system.overview(new) if new else ():
+            if panel_of(replaces) is not None:
+                self.send(text, replaces)
+        if self._details is not None:
+            self._details.cancel()
+        self._details = asyncio.create_task(self._send_details())
+
     async def _request_parameters(
         self, command: commands.SetParameters | commands.DumpParameters
     ) -> None:
@@ -215,9 +240,10 @@ class WebSocketSession:
             self._abort()
 
     async def _send_details(self) -> None:
-        """Queue what a new page needs to know of each node; the lists have been queued before."""
-        async for text, replaces in in_slices(self._monitor.system.details()):
+        """Queue what is due to the page of each node; the lists have been queued before."""
+        async for text, replaces in in_slices(self._monitor.system.details(self._due)):
             self.send(text, replaces)
+        self._due = frozenset()
 
     async def _send_some(self) -> bool:
         """Send one picture per stream, and all else before each part; return whether any."""

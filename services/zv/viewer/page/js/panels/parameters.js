@@ -15,6 +15,7 @@ export class ParametersPanel {
 
 	/** Show a section for each node, those of the camera in the large view first. */
 	draw() {
+		if (!this.visible) return;
 		const camera = this.current();
 		const rank = (node) => (this.system.node(node)?.cameras?.includes(camera) ? 0 : 1);
 		const known = [...this.system.parameters.keys()].filter((node) => this.of(node).length)
