@@ -95,7 +95,7 @@ def test_the_live_options_of_the_services_are_all_but_those_that_say_who_they_ar
         "camera": {"camera", "source"},
         "tracker": {"camera", "max_pixels"},
         "edge": {"camera", "max_pixels"},
-        "viewer": {"host", "port", "address", "token", "allow_host"},
+        "viewer": {"host", "port", "address", "token", "allow_host", "max_pixels"},
     }
 
 

@@ -15,7 +15,7 @@ from zv.viewer.discovery.monitor import SystemMonitor
 from zv.viewer.http.access import SECURITY_HEADERS, Access, cookie_name
 from zv.viewer.http.connections import Connection
 from zv.viewer.http.static_files import INDEX, PageFile, page_files
-from zv.viewer.streams.registry import StreamRegistry, TooManyStreams
+from zv.viewer.streams.registry import StreamRegistry, TooManyBytes, TooManyStreams
 from zv.viewer.web_video_server.handlers import WebVideoServer, unavailable
 from zv.viewer.websocket.commands import MAX_BYTES
 from zv.viewer.websocket.session import HEARTBEAT_S, WebSocketSession
@@ -72,7 +72,7 @@ class Application:
         except (web.HTTPUnauthorized, web.HTTPForbidden) as refusal:
             refusal.force_close()
             raise
-        except TooManyStreams as error:
+        except (TooManyStreams, TooManyBytes) as error:
             raise unavailable(str(error)) from None
         except (web.HTTPException, OSError):
             raise

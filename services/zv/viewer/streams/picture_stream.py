@@ -44,7 +44,8 @@ class PictureStream(SharedStream[FrameIntake]):
         self._drop(list(self._pending), "unwatched")
 
     def _new_intake(self, consumer: Consumer) -> FrameIntake:
-        return FrameIntake(self.key, consumer, raw=kind_of(self.key).raw)
+        most = self._context.settings().max_pixels
+        return FrameIntake(self.key, consumer, raw=kind_of(self.key).raw, max_pixels=most)
 
     def _close_intake(self, intake: FrameIntake) -> None:
         if not self._verifying:  # else its memory is being read, and ``_verified`` closes it
