@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -25,6 +25,10 @@ Count = Annotated[int, Field(ge=0, le=MAX_COUNT)]
 Side = Annotated[int, Field(ge=1, le=65535)]
 Pixel = Annotated[int, Field(ge=-(2**31), lt=2**31)]
 Box = tuple[Pixel, Pixel, Pixel, Pixel]
+
+T = TypeVar("T")
+Many = Annotated[tuple[T, ...], Field(fail_fast=True)]
+"""Any number of items. The first that is wrong ends the check: 64 kB of wrong ones took 0.3 s."""
 
 
 class Level(IntEnum):
@@ -121,7 +125,7 @@ class Tracks(Stamped):
 
     schema_name: ClassVar[str] = "vision.Tracks.v1"
 
-    tracks: tuple[Track, ...]
+    tracks: Many[Track]
 
 
 class TrackEvent(Stamped):
@@ -145,11 +149,11 @@ class CameraInfo(Stamped):
     width: Side
     height: Side
     distortion_model: str
-    d: tuple[float, ...]
-    k: Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
-    r: Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
-    p: Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
-    plane: Annotated[tuple[float, ...], Field(min_length=9, max_length=9)] | None = None
+    d: Many[float]
+    k: Annotated[Many[float], Field(min_length=9, max_length=9)]
+    r: Annotated[Many[float], Field(min_length=9, max_length=9)]
+    p: Annotated[Many[float], Field(min_length=12, max_length=12)]
+    plane: Annotated[Many[float], Field(min_length=9, max_length=9)] | None = None
 
 
 class Latency(Message):
@@ -166,8 +170,8 @@ class Histogram(Message):
     which has no bound, is the number of all frames.
     """
 
-    bounds: Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_BOUNDS)]
-    counts: Annotated[tuple[Count, ...], Field(min_length=2, max_length=MAX_BOUNDS + 1)]
+    bounds: Annotated[Many[float], Field(min_length=1, max_length=MAX_BOUNDS)]
+    counts: Annotated[Many[Count], Field(min_length=2, max_length=MAX_BOUNDS + 1)]
     sum: Annotated[float, Field(ge=0)]
 
     @model_validator(mode="after")
@@ -218,7 +222,7 @@ class Parameter(Message):
     default: bool | int | float | str | None
     minimum: float | None = None
     maximum: float | None = None
-    choices: tuple[str, ...] | None = None
+    choices: Many[str] | None = None
     unit: str | None = None
     description: str = ""
     revision: Count = 0
@@ -231,7 +235,7 @@ class ParameterList(Message):
 
     node: str
     revision: Count
-    parameters: tuple[Parameter, ...]
+    parameters: Many[Parameter]
 
 
 class Refusal(Message):
@@ -251,13 +255,13 @@ class NodeDescription(Message):
 
     node: str
     service: str
-    cameras: tuple[str, ...]
+    cameras: Many[str]
     version: str
     host: str
     pid: Annotated[int, Field(ge=0)]
     started_ns: Nanoseconds
-    publishes: tuple[str, ...]
-    subscribes: tuple[str, ...]
+    publishes: Many[str]
+    subscribes: Many[str]
     stamp_ns: Annotated[
         Nanoseconds | None, Field(description="when it was answered, by the node's clock")
     ] = None

@@ -52,7 +52,7 @@ def test_what_a_page_may_say_is_all_there():
         re.findall(r'op: Literal\["(\w+)"\]', (FOLDER / "websocket" / "commands.py").read_text())
     )
     assert said == known
-    assert len(known) == 5
+    assert len(known) == 6
 
 
 def test_what_a_page_is_told_is_all_there():

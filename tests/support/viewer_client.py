@@ -92,11 +92,15 @@ class Viewer:
             yield parts(answer)
 
     @asynccontextmanager
-    async def page(self, **options: Any) -> AsyncIterator[Page]:
-        """Open the page's WebSocket."""
+    async def page(
+        self, query: str = "", port: int | None = None, **options: Any
+    ) -> AsyncIterator[Page]:
+        """Open the page's WebSocket, at the viewer's port or at that of a proxy."""
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(f"http://127.0.0.1:{self.port}/live", **options) as socket,
+            session.ws_connect(
+                f"http://127.0.0.1:{port or self.port}/live{query}", **options
+            ) as socket,
         ):
             yield Page(socket)
 
@@ -121,6 +125,8 @@ class Page:
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self.socket = socket
         self.texts: list[dict[str, Any]] = []
+        self.during: list[dict[str, Any]] = []  # texts that came between the parts of a picture
+        self._begun: tuple[dict[str, Any], list[bytes]] | None = None  # a picture in parts
 
     async def ask(self, op: str, **fields: Any) -> None:
         await self.socket.send_str(json.dumps({"op": op, **fields}))
@@ -145,10 +151,20 @@ class Page:
         if message.type == aiohttp.WSMsgType.TEXT:
             text: dict[str, Any] = json.loads(message.data)
             self.texts.append(text)
+            if self._begun is not None:
+                self.during.append(text)
             return text
         assert message.type == aiohttp.WSMsgType.BINARY, message
-        (length,) = struct.unpack("<I", message.data[:4])
-        return json.loads(message.data[4 : 4 + length]), message.data[4 + length :]
+        if self._begun is None:
+            (length,) = struct.unpack("<I", message.data[:4])
+            self._begun = json.loads(message.data[4 : 4 + length]), [message.data[4 + length :]]
+        else:
+            self._begun[1].append(message.data)
+        head, parts = self._begun
+        if sum(map(len, parts)) < head["bytes"]:
+            return await self.next()
+        self._begun = None
+        return head, b"".join(parts)
 
     async def streams(self, *keys: str) -> list[dict[str, Any]]:
         """Return the list of streams as soon as all of these are in it and live."""

@@ -79,8 +79,7 @@ class FrameIntake(Intake[Arrival, Frame]):
         borrow: bool = False,
         max_pixels: int = MAX_PIXELS,
     ) -> None:
-        limit = SizeLimit(max_pixels * MAX_PIXEL_BYTES) if raw else PICTURE_LIMIT
-        super().__init__(key, consumer, buffering, limit)
+        super().__init__(key, consumer, buffering, picture_limit(max_pixels, raw=raw))
         self._max_pixels = max_pixels
         self._raw = raw
         self._borrow = borrow
@@ -182,6 +181,11 @@ class FrameIntake(Intake[Arrival, Frame]):
             del self._streams[key]
 
 
+def picture_limit(max_pixels: int, *, raw: bool) -> SizeLimit:
+    """Return the limit of the bytes of a picture with so many pixels."""
+    return SizeLimit(max_pixels * MAX_PIXEL_BYTES) if raw else PICTURE_LIMIT
+
+
 def checked_header(
     sample: Sample, gate: EpochGate, max_pixels: int = MAX_PIXELS, *, raw: bool
 ) -> Header:
@@ -218,7 +222,7 @@ def frame_of(sample: Sample, header: Header, *, raw: bool, borrow: bool = False)
     return Frame(header, pixels=pixels, key=sample.key, borrowed=borrowed)
 
 
-def snapshot_of(sample: Sample, *, raw: bool, max_pixels: int = MAX_PIXELS) -> Frame:
+def snapshot_of(sample: Sample, max_pixels: int = MAX_PIXELS, *, raw: bool) -> Frame:
     """Return the frame of a single sample, such as the reply to a query.
 
     The camera of a bare picture on a key that names none is ``unknown``.

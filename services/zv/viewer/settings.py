@@ -73,20 +73,20 @@ class ViewerSettings(Settings):
         Field(ge=0.001, le=60, description="seconds; frames older than this are not shown"),
         Live("s"),
     ] = 1.0
-    max_pixels: Annotated[
-        int,
-        Field(
-            ge=1,
-            le=7680 * 4320,
-            description="width times height; larger frames are not shown. The memory for one is up "
-            "to 20 bytes a pixel, and two are rendered at once",
-        ),
-    ] = 4096 * 2304
     wait: Annotated[
         float,
         Field(ge=0.1, le=60, description="seconds that a snapshot waits for its picture"),
         Live("s"),
     ] = 2.0
+    max_pixels: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=7680 * 4320,
+            description="width times height; larger frames are not shown. The memory to render "
+            "two at once is up to 33 bytes a pixel",
+        ),
+    ] = 4096 * 2304
 
     @property
     def names(self) -> list[str]:

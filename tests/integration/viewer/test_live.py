@@ -13,10 +13,13 @@ import numpy as np
 import pytest
 
 from tests.support.listening import Listener
+from tests.support.pictures import full_hd_jpeg
 from tests.support.publishing import PlainCamera
 from tests.support.routing import Router
+from tests.support.slow_link import ONE_MBIT, SlowLink
 from tests.support.viewer_client import IMAGE, Page, Viewer, run
 from tests.support.waiting import wait_until
+from zv.viewer.websocket.session import PART_BYTES
 
 EDGES = "vision/front/edges/compressed"
 TRUTH = "vision/front/truth"
@@ -177,6 +180,40 @@ def test_a_parameter_is_set_for_all_pages_and_a_refusal_says_why(viewer: Viewer,
     run(test())
 
 
+def test_a_page_gets_of_panels_what_it_shows_and_all_of_it_when_it_begins_to(
+    viewer: Viewer, service
+):
+    service("camera", "--rate", 15)
+
+    async def test() -> None:
+        async with viewer.page() as other, viewer.page("?show=") as page:
+            await page.streams(IMAGE)
+            for _ in range(2):  # what others get meanwhile
+                await other.text("health", node="camera_front")
+            await page.text("tick")
+            await page.text("tick")
+            assert {text["op"] for text in page.texts} <= {
+                "hello", "router", "nodes", "streams", "tick",
+            }  # fmt: skip
+            await page.ask("show", kinds=["parameters", "log", "matches"])
+            assert (await page.text("log"))["text"]
+            await page.text("matches")
+            await page.text("parameters", node="camera_front")
+            await page.ask("show", kinds=["health"])
+            await page.text("health", node="camera_front")
+            before = len(page.texts)
+            await other.ask("set", id=1, node="camera_front", values={"rate": 14.0})
+            await other.text("parameter", node="camera_front")
+            await page.text("health", node="camera_front")
+            await page.text("health", node="camera_front")
+            since = {text["op"] for text in page.texts[before:]}
+            assert not since & {"parameter", "parameters", "log", "matches"}
+            await page.ask("show", kinds=["everything"])
+            assert (await page.text("error"))["text"]
+
+    run(test())
+
+
 def test_a_stream_that_stops_is_said_to_have_ended_and_goes_on_by_itself(
     viewer: Viewer, service, router: Router
 ):
@@ -254,6 +291,46 @@ def test_a_key_without_frames_is_silent_for_as_long_as_it_is_watched(quick_servi
             assert silent_s <= up_s - before_s + 0.5
 
     run(test())
+
+
+def test_a_slow_link_carries_the_newest_pictures_in_parts_and_is_not_given_up(
+    viewer: Viewer, client
+):
+    picture = full_hd_jpeg()
+    size, camera = len(picture), PlainCamera(client, pictures=(picture,))
+    at_sending: dict[int, int] = {}  # number of a frame -> bytes that the link had carried
+
+    async def test() -> None:
+        async with viewer.page(port=link.port, max_msg_size=2 * PART_BYTES) as page:
+            await page.text("streams")
+            await page.ask("watch", key=IMAGE)
+            ages, skipped, said = [], 0, []
+            while len(ages) < 4 or not said:
+                head, payload = await page.picture()
+                assert jpeg_size(payload) == (1920, 1080)
+                assert head["bytes"] == len(payload)
+                ages.append(link.carried - at_sending[head["header"]["seq"]])
+                skipped += head["skipped"]
+                said = [text["bits_per_s"] for text in page.texts if text["op"] == "link"]
+            # A picture that was sent when the one before it had left the viewer.
+            assert max(ages) < 3.5 * size
+            assert skipped
+            assert said[-1] < 16 * ONE_MBIT
+            during = [text["op"] for text in page.during]
+            assert "tick" in during
+
+    def send() -> None:
+        at_sending[camera.seq] = link.carried
+        camera.send()
+
+    with SlowLink(viewer.port, ONE_MBIT) as link, camera.at(30, send):
+        run(test())
+    assert sum(line.startswith("GET /live") for line in link.requests) == 1
+
+
+def jpeg_size(payload: bytes) -> tuple[int, int]:
+    pixels = cv2.imdecode(np.frombuffer(payload, np.uint8), cv2.IMREAD_COLOR)
+    return pixels.shape[1], pixels.shape[0]
 
 
 def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(viewer: Viewer, service):

@@ -9,6 +9,7 @@ import socket
 import time
 from contextlib import ExitStack
 from email.utils import parsedate_to_datetime
+from functools import partial
 from itertools import pairwise
 
 import cv2
@@ -19,12 +20,15 @@ import zenoh
 from tests.integration.conftest import Service
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, Message, living_nodes
+from tests.support.pictures import jpeg
 from tests.support.processes import STOP_S, Program
 from tests.support.publishing import PlainCamera
 from tests.support.routing import Router, free_port
 from tests.support.viewer_client import IMAGE, Answer, Part, Viewer, parts
 from tests.support.waiting import wait_until
 from zenoh_vision.image import codecs
+from zv.viewer.streams.registry import MAX_HELD_BYTES
+from zv.viewer.web_video_server.handlers import MAX_SNAPSHOTS
 
 TOPIC = "topic=/front/image/compressed"
 NODE = "@vision/node/viewer"
@@ -214,6 +218,50 @@ def test_a_snapshot_says_which_frame_it_is_and_how_old(shown):
         )
     )
     assert later.headers["etag"] != headers["etag"]
+
+
+def test_snapshots_that_nobody_reads_hold_a_bounded_number_of_bytes(viewer: Viewer, client):
+    noise = np.random.default_rng(1).integers(0, 255, (2304, 4096, 3), np.uint8)
+    large = jpeg(noise, 85)
+    key = "vision/large/image/compressed"
+    most = MAX_HELD_BYTES // len(large)
+    assert 2 <= most < MAX_SNAPSHOTS
+    path = "/snapshot?topic=/large/image/compressed&type=ros_compressed"
+    with (
+        client.declare_queryable(key, partial(_reply, key, large)),
+        ExitStack() as readers,
+    ):
+        wait_until(lambda: viewer.get(path).status == 200)
+        for _ in range(most):
+            deaf = readers.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
+            deaf.sendall(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+            assert deaf.recv(12) == b"HTTP/1.1 200"  # the rest waits in the viewer
+        refused = viewer.get(path)
+        assert refused.status == 503
+        assert f"the maximum is {MAX_HELD_BYTES}" in refused.text
+        readers.close()
+        wait_until(lambda: viewer.get(path).status == 200)
+
+
+def test_a_picture_over_the_limit_of_pixels_is_neither_shown_nor_a_snapshot(service, client):
+    viewer = Viewer(service("view", "--port", 0, "--max-pixels", 64 * 48))
+    good, large = (jpeg(np.zeros((48, width, 3), np.uint8)) for width in (64, 65))
+    camera = PlainCamera(client, pictures=(good, large))
+    answered = {"vision/a/image/compressed": good, "vision/b/image/compressed": large}
+    with ExitStack() as stack:
+        for key, picture in answered.items():
+            reply = partial(_reply, key, picture)
+            stack.enter_context(client.declare_queryable(key, reply))
+        wait_until(lambda: viewer.get("/snapshot?topic=/a/image/compressed").status == 200)
+        refused = viewer.get("/snapshot?topic=/b/image/compressed")
+        assert refused.status == 502
+        assert "too_large" in refused.text
+    with camera.at(30), viewer.stream("topic=/front/image/compressed&width=32") as pictures:
+        assert all(next(pictures).seq % 2 == 0 for _ in range(10))
+
+
+def _reply(key: str, picture: bytes, query: zenoh.Query) -> None:
+    query.reply(key, picture, encoding="image/jpeg")
 
 
 def fresh_snapshot(viewer: Viewer) -> Answer | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterator
 
 from zenoh_vision import keys
 from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet
@@ -27,6 +27,8 @@ MAX_PUBLISHED = 256
 
 MAX_STREAMS = 4096
 CUT_AGAIN_S = 60.0
+PANELS = frozenset({"health", "parameters", "log", "matches"})
+"""Kinds of texts that only panels of the page show."""
 
 
 class SystemState:
@@ -40,14 +42,21 @@ class SystemState:
         namespace: First chunk of the nodes' keys.
         say: Called with the text of each message to all pages, and with a name: the message
             replaces a queued one of the same name. None replaces nothing.
+        wanted: Tells whether a page shows a kind of ``PANELS``; others are not made.
     """
 
-    def __init__(self, namespace: str, say: Callable[[str, Hashable | None], None]) -> None:
+    def __init__(
+        self,
+        namespace: str,
+        say: Callable[[str, Hashable | None], None],
+        wanted: Callable[[str], bool] = lambda _: True,
+    ) -> None:
         self.namespace = namespace
         self.connected = False
         self._cut_said: dict[str, float] = {}
         self.fleet = Fleet(forget_s=FORGET_S)
         self._say = say
+        self._wanted = wanted
         self._lines: deque[tuple[str, Hashable]] = deque(maxlen=LINES)
         self._lines_made = 0
         self._items: dict[str, tuple[str, dict[str, str]]] = {}  # a node's, its streams' by keys
@@ -57,17 +66,21 @@ class SystemState:
 
     # What pages get
 
-    def overview(self) -> list[tuple[str, Hashable]]:
-        """Return the messages that a new page needs at once, each with what it replaces."""
-        return [*self._lines, (self._router_text(), "router"), *self._lists()]
+    def overview(self, kinds: Collection[str] = PANELS) -> list[tuple[str, Hashable]]:
+        """Return the messages that a new page needs at once, each with what it replaces.
 
-    def details(self) -> Iterator[tuple[str, Hashable]]:
+        ``kinds`` are the kinds of ``PANELS`` that it shows.
+        """
+        lines = self._lines if "log" in kinds else ()
+        return [*lines, (self._router_text(), "router"), *self._lists(kinds)]
+
+    def details(self, kinds: Collection[str] = PANELS) -> Iterator[tuple[str, Hashable]]:
         """Yield the other messages that a new page needs, of each node as it is then."""
         for name in [node.name for node in self.fleet.nodes()]:
             node = self.fleet.node(name)
-            if node is not None and node.report is not None:
+            if "health" in kinds and node is not None and node.report is not None:
                 yield _health_text(node, node.report), ("health", name)
-            if node is not None and node.alive and node.parameters:
+            if "parameters" in kinds and node is not None and node.alive and node.parameters:
                 yield _parameters_text(node), ("parameters", name)
 
     @property
@@ -104,8 +117,9 @@ class SystemState:
         elif isinstance(event, Diagnostics):
             self._take_report(before, event)
         elif self.fleet.change_parameter(name, event):
-            text = events.text("parameter", node=name, parameter=event.to_map())
-            self._say(text, ("parameter", name, event.name))
+            if self._wanted("parameters"):
+                text = events.text("parameter", node=name, parameter=event.to_map())
+                self._say(text, ("parameters", name, event.name))
             known = before.parameters.get(event.name)
             if known is None or known.value != event.value:
                 was = "" if known is None else f"{_value(known)} -> "
@@ -127,7 +141,8 @@ class SystemState:
 
     def set_parameters(self, found: ParameterList) -> None:
         """Note all parameters of a node."""
-        if self.fleet.set_parameters(found.node, found.parameters):
+        changed = self.fleet.set_parameters(found.node, found.parameters)
+        if changed and self._wanted("parameters"):
             node = self.fleet.node(found.node)
             assert node is not None
             self._say(_parameters_text(node), ("parameters", found.node))
@@ -143,7 +158,7 @@ class SystemState:
         if not self._changed:
             return
         self._changed = False
-        for text, op in self._lists():
+        for text, op in self._lists({kind for kind in PANELS if self._wanted(kind)}):
             if self._told.get(op) != text:
                 self._told[op] = text
                 self._say(text, op)
@@ -174,7 +189,8 @@ class SystemState:
         node = self.fleet.node(before.name)
         if node is None or not node.alive:
             return
-        self._say(_health_text(node, report), ("health", node.name))
+        if self._wanted("health"):
+            self._say(_health_text(node, report), ("health", node.name))
         known = before.report
         was = (known.level, _without_digits(known.message)) if known else (0, "ok")
         if (report.level, _without_digits(report.message)) != was:
@@ -200,7 +216,7 @@ class SystemState:
     def _router_text(self) -> str:
         return events.text("router", connected=self.connected)
 
-    def _lists(self) -> list[tuple[str, str]]:
+    def _lists(self, kinds: Collection[str]) -> list[tuple[str, str]]:
         """Return the messages with the lists of all nodes, each with its name."""
         nodes = self.fleet.nodes()
         streams: dict[str, str] = {}
@@ -212,12 +228,21 @@ class SystemState:
         if len(streams) > MAX_STREAMS:
             self.say_cut(f"there are more than {MAX_STREAMS} streams; the list is cut")
         shown = sorted(streams)[:MAX_STREAMS]
-        heard = (key for node in nodes if node.description for key in node.description.subscribes)
-        return [
+        lists = [
             (events.list_text("nodes", (self._items[node.name][0] for node in nodes)), "nodes"),
             (events.list_text("streams", (streams[key] for key in shown)), "streams"),
-            (events.text("matches", expressions=matches(heard, shown)), "matches"),
         ]
+        if "matches" in kinds:
+            described = [node.description for node in nodes if node.description]
+            found = matches((key for each in described for key in each.subscribes), shown)
+            lists.append((events.text("matches", expressions=found), "matches"))
+        return lists
+
+
+def panel_of(name: Hashable | None) -> str | None:
+    """Return which of ``PANELS`` a message belongs to, by the name of what it replaces."""
+    kind = name[0] if isinstance(name, tuple) else name
+    return kind if isinstance(kind, str) and kind in PANELS else None
 
 
 def _stream_item(key: str, node: NodeState) -> str:

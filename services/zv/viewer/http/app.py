@@ -15,7 +15,7 @@ from zv.viewer.discovery.monitor import SystemMonitor
 from zv.viewer.http.access import SECURITY_HEADERS, Access
 from zv.viewer.http.connections import Connection
 from zv.viewer.http.static_files import INDEX, PageFile, page_files
-from zv.viewer.streams.registry import StreamRegistry, TooManyStreams
+from zv.viewer.streams.registry import StreamRegistry, TooManyBytes, TooManyStreams
 from zv.viewer.web_video_server.handlers import WebVideoServer, unavailable
 from zv.viewer.websocket.audit import ParameterAudit
 from zv.viewer.websocket.commands import MAX_BYTES
@@ -58,6 +58,10 @@ class Application:
         for session in self._sessions:
             session.send(text, replaces)
 
+    def wanted(self, kind: str) -> bool:
+        """Tell whether a page shows a kind of ``PANELS``."""
+        return any(kind in session.shows for session in self._sessions)
+
     # Around each request
 
     @web.middleware
@@ -71,7 +75,7 @@ class Application:
         except (web.HTTPUnauthorized, web.HTTPForbidden) as refusal:
             refusal.force_close()
             raise
-        except TooManyStreams as error:
+        except (TooManyStreams, TooManyBytes) as error:
             raise unavailable(str(error)) from None
         except (web.HTTPException, OSError):
             raise
@@ -151,7 +155,7 @@ class Application:
         about = {"version": installed_version(), "namespace": system.namespace, "server": "viewer"}
         scope = str(principal.scope)
         session.send(events.text("hello", **about, scope=scope, now_ns=time.time_ns()))
-        for text, replaces in system.overview():
+        for text, replaces in system.overview(session.shows):
             session.send(text, replaces)
         self._sessions.add(session)
         self._monitor.pages = len(self._sessions)

@@ -102,6 +102,7 @@ class WebServer:
         system = SystemState(
             self._node.connection.namespace,
             lambda text, replaces: application.send_all(text, replaces),
+            lambda kind: application.wanted(kind),
         )
         self._monitor = SystemMonitor(system, self._network)
         application = Application(self._access, self._registry, self._monitor)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
+from collections.abc import Collection
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.keys import schema_name_of
@@ -23,7 +24,9 @@ QUEUE = 64
 
 BUFFERING = Buffering(QUEUE, per_key=False, reason="overwritten")
 LIMIT = SizeLimit(64 << 10, "bad_message")
-"""Small enough to queue 64 of them, and to convert one in some milliseconds."""
+MAX_CONTAINERS = 10_000
+"""Limit of the maps and lists in a message. With both, 64 messages can be queued, and one is
+converted in some milliseconds."""
 
 
 class MessageStream(SharedStream[SampleIntake]):
@@ -85,7 +88,8 @@ def message_text(key: str, payload: bytes, encoding: str = "") -> tuple[str, int
     message of an unknown class may be any map. Fields that its class does not know are passed on.
 
     Raises:
-        PayloadError: ``bad_message``: it is not a msgpack map, or not valid for its class.
+        PayloadError: ``bad_message``: it is not a msgpack map, not valid for its class, or has too
+            many parts.
     """
     fields = unpack(payload)
     if not isinstance(fields, dict):
@@ -93,8 +97,19 @@ def message_text(key: str, payload: bytes, encoding: str = "") -> tuple[str, int
     expected = MESSAGES.get(kind_of(key).type or schema_name_of(encoding))
     if expected is not None:
         expected.from_map(fields)
+    if len(payload) > MAX_CONTAINERS:  # each takes at least a byte
+        _check_containers(fields)
     header = fields.get("header")
     body = {name: value for name, value in fields.items() if name != "header"}
     stamp_ns = header.get("stamp_ns") if isinstance(header, dict) else None
     text = events.text("message", key=key, header=header, body=body)
     return text, stamp_ns if isinstance(stamp_ns, int) else None
+
+
+def _check_containers(fields: dict[object, object]) -> None:
+    found: list[Collection[object]] = [fields]
+    for value in found:  # which grows meanwhile
+        inner = value.values() if isinstance(value, dict) else value
+        found.extend(each for each in inner if isinstance(each, (dict, tuple)))
+        if len(found) > MAX_CONTAINERS:
+            raise PayloadError("bad_message", f"more than {MAX_CONTAINERS} maps and lists")

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
+
+import zenoh
 
 from zenoh_vision.errors import VisionError
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.stream.frame_intake import snapshot_of
+from zenoh_vision.stream.frame_intake import picture_limit, snapshot_of
 from zenoh_vision.transport.subscriber import sample_of
 from zv.viewer.streams.message_stream import MessageFeed, MessageStream
 from zv.viewer.streams.picture_stream import PictureFeed, PictureStream
@@ -29,6 +33,15 @@ MAX_QUERIES = 32
 S = TypeVar("S", bound=SharedStream[Any])
 
 
+MAX_HELD_BYTES = 64 << 20
+"""Limit of the pictures that are held at once to make or send snapshots. One alone may be larger.
+"""
+
+
+class TooManyBytes(VisionError):
+    """More bytes of snapshots are requested than the viewer holds."""
+
+
 class TooManyStreams(VisionError):
     """More streams are requested than the viewer subscribes to."""
 
@@ -42,6 +55,7 @@ class StreamRegistry:
         self._pictures: dict[str, PictureStream] = {}
         self._messages: dict[str, MessageStream] = {}
         self._queries = asyncio.Semaphore(MAX_QUERIES)
+        self._held = 0
 
     def pictures(
         self, key: str, options: RenderOptions, ready: asyncio.Event | None = None, has: int = 0
@@ -65,10 +79,10 @@ class StreamRegistry:
 
         Raises:
             TooManyStreams: A subscription is needed, but the limit of keys is reached.
+            TooManyBytes: As for ``hold``.
             PayloadError: The sample is not a picture, or cannot be decoded.
         """
-        settings = self.context.settings()
-        wait_s = settings.wait
+        wait_s = self.context.settings().wait
         end_s = time.monotonic() + wait_s
         stream = self._pictures.get(key)
         if stream is not None and stream.newest is not None and stream.ended_ns is None:
@@ -78,20 +92,37 @@ class StreamRegistry:
             ask = self.context.network.ask
             for reply in await ask(key, timeout_s=time_s, most_bytes=SNAPSHOT_BYTES):
                 if reply.ok is not None and reply.key == key:
-                    sample, raw = sample_of(reply.ok), kind_of(key).raw
-                    frame = snapshot_of(sample, raw=raw, max_pixels=settings.max_pixels)
-                    return await self._render(frame, options)
+                    with self.hold(len(reply.ok.payload)):
+                        return await self._render(self._frame(key, reply.ok), options)
         feed = self.pictures(key, options)  # its publisher answers no queries
         try:
             return await feed.next(max(0.05, end_s - time.monotonic()))
         finally:
             feed.close()
 
+    @contextmanager
+    def hold(self, size: int) -> Iterator[None]:
+        """Count the bytes of a snapshot as held, or raise TooManyBytes."""
+        if self._held and self._held + size > MAX_HELD_BYTES:
+            raise TooManyBytes(
+                f"snapshots of {self._held} bytes are being made or sent, {size} more are too "
+                f"many; the maximum is {MAX_HELD_BYTES}"
+            )
+        self._held += size
+        try:
+            yield
+        finally:
+            self._held -= size
+
     def open(self) -> None:
         """Subscribe to all keys that are watched: there is a session now."""
         streams: list[SharedStream[Any]] = [*self._pictures.values(), *self._messages.values()]
         for stream in streams:
             stream.open()
+
+    def _frame(self, key: str, sample: zenoh.Sample) -> Frame:
+        most, raw = self.context.settings().max_pixels, kind_of(key).raw
+        return snapshot_of(sample_of(sample, picture_limit(most, raw=raw)), most, raw=raw)
 
     async def _render(self, frame: Frame, options: RenderOptions) -> EncodedPicture:
         found = original(frame, options)

@@ -106,9 +106,10 @@ class WebVideoServer:
             raise unavailable(f"{MAX_SNAPSHOTS} snapshots are being sent, which is the maximum")
         async with self._sending:
             response = await self._snapshot(request)
-            await response.prepare(request)
-            await response.write_eof()
-            await request.writer.drain()
+            with self._registry.hold(response.content_length or 0):
+                await response.prepare(request)
+                await response.write_eof()
+                await request.writer.drain()
             return response
 
     async def _snapshot(self, request: web.Request) -> web.Response:

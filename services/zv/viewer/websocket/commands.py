@@ -65,6 +65,13 @@ class Shown(Command):
     key: Key
 
 
+class Show(Command):
+    """Say what the page shows in its panels now: it gets no other texts that are only for them."""
+
+    op: Literal["show"]
+    kinds: frozenset[Literal["health", "parameters", "log", "matches"]]
+
+
 class SetParameters(Command):
     """Change parameters of a node."""
 
@@ -82,7 +89,7 @@ class DumpParameters(Command):
     node: Name
 
 
-AnyCommand = Watch | Unwatch | Shown | SetParameters | DumpParameters
+AnyCommand = Watch | Unwatch | Shown | Show | SetParameters | DumpParameters
 ADAPTER: TypeAdapter[AnyCommand] = TypeAdapter(Annotated[AnyCommand, Field(discriminator="op")])
 
 

@@ -18,6 +18,7 @@ from zv.viewer import events
 from zv.viewer.credentials import Principal, Scope
 from zv.viewer.discovery.monitor import SystemMonitor, Unanswered
 from zv.viewer.discovery.network import in_slices
+from zv.viewer.discovery.system_state import PANELS, panel_of
 from zv.viewer.streams.message_stream import MessageFeed
 from zv.viewer.streams.picture_stream import PictureFeed
 from zv.viewer.streams.registry import StreamRegistry
@@ -26,6 +27,7 @@ from zv.viewer.topics import is_stream, kind_of
 from zv.viewer.websocket import commands
 from zv.viewer.websocket.audit import ParameterAudit
 from zv.viewer.websocket.commands import MalformedCommand
+from zv.viewer.websocket.link_gauge import LinkGauge
 
 MAX_WATCHES = 32
 AHEAD = 2
@@ -34,6 +36,10 @@ AHEAD = 2
 HEARTBEAT_S = 15.0
 ENDED_POLL_S = 0.2
 MESSAGES_AT_ONCE = 16
+PART_BYTES = 32 << 10
+"""Pictures are sent in parts of this size. Between two, a page on a slow link gets everything else,
+and sees that the connection is alive."""
+
 MAX_TEXTS = 1000
 """Texts that replace no other, such as replies; a page that lets more wait reads nothing."""
 
@@ -109,21 +115,32 @@ class WebSocketSession:
         self._messages: dict[str, MessageFeed] = {}
         self._requests: set[asyncio.Task[None]] = set()
         self._commands = commands.CommandReader()
+        self._link = LinkGauge(time.monotonic())
+        wanted = request.query.get("show")
+        self.shows = PANELS if wanted is None else PANELS.intersection(wanted.split(","))
+        self._due: frozenset[str] = self.shows  # kinds of which the page has not got all yet
+        self._details: asyncio.Task[None] | None = None
 
     def send(self, text: str, replaces: Hashable | None = None) -> None:
-        """Queue a text; a page that has not read for too long is disconnected."""
+        """Queue a text if it is for something that the page shows.
+
+        A page that has not read for too long is disconnected.
+        """
+        if panel_of(replaces) not in (None, *self.shows):
+            return
         self._outbox.put(text, replaces)
         if self._outbox.full:
             self._abort()
 
     async def serve(self) -> None:
         """Serve the page until it disconnects."""
-        work = self._send_queued(), self._send_details(), self._report_ended()
+        work = self._send_queued(), self._report_ended()
         tasks = [asyncio.create_task(each) for each in work]
+        self._details = asyncio.create_task(self._send_details())
         try:
             await self._receive()
         finally:
-            for task in (*tasks, *self._requests):
+            for task in (*tasks, self._details, *self._requests):
                 task.cancel()
             for key in (*self._pictures, *self._messages):
                 self._unwatch(key)
@@ -156,6 +173,8 @@ class WebSocketSession:
                 self.send(events.text("error", key=command.key, text=text))
         elif isinstance(command, commands.Unwatch):
             self._unwatch(command.key)
+        elif isinstance(command, commands.Show):
+            self._show(frozenset(command.kinds))
         else:
             task = asyncio.create_task(self._request_parameters(command))
             self._requests.add(task)
@@ -190,6 +209,18 @@ class WebSocketSession:
         messages = self._messages.pop(key, None)
         if messages is not None:
             messages.close()
+
+    def _show(self, kinds: frozenset[str]) -> None:
+        """Queue all that there is of what the page shows now and did not before."""
+        new = kinds - self.shows
+        self.shows = kinds
+        self._due = (self._due & kinds) | new
+        for text, replaces in self._monitor.system.overview(new) if new else ():
+            if panel_of(replaces) is not None:
+                self.send(text, replaces)
+        if self._details is not None:
+            self._details.cancel()
+        self._details = asyncio.create_task(self._send_details())
 
     async def _request_parameters(
         self, command: commands.SetParameters | commands.DumpParameters
@@ -244,18 +275,14 @@ class WebSocketSession:
             self._abort()
 
     async def _send_details(self) -> None:
-        """Queue what a new page needs to know of each node; the lists have been queued before."""
-        async for text, replaces in in_slices(self._monitor.system.details()):
+        """Queue what is due to the page of each node; the lists have been queued before."""
+        async for text, replaces in in_slices(self._monitor.system.details(self._due)):
             self.send(text, replaces)
+        self._due = frozenset()
 
     async def _send_some(self) -> bool:
-        """Send some messages, one picture per stream, all texts before each; return whether any."""
-        sent = await self._send_texts()
-        for messages in list(self._messages.values()):
-            for message in messages.take(MESSAGES_AT_ONCE):
-                await self._socket.send_str(message)
-                sent = True
-        await self._request.writer.drain()
+        """Send one picture per stream, and all else before each part; return whether any."""
+        sent = await self._send_small()
         for watched in list(self._pictures.values()):
             feed = watched.feed
             picture = feed.take()
@@ -266,10 +293,29 @@ class WebSocketSession:
             data = picture_message(picture, time.time_ns(), feed.skipped, feed.lost)
             if watched.credit > 0:
                 feed.want()
-            await self._socket.send_bytes(data)
-            await self._request.writer.drain()
-            await self._send_texts()  # a slow link carries the next picture for seconds
+            for start in range(0, len(data), PART_BYTES):
+                await self._send_part(data[start : start + PART_BYTES])
+                await self._send_small()
             sent = True
+        return sent
+
+    async def _send_part(self, part: bytes) -> None:
+        begun_s = time.monotonic()
+        await self._socket.send_bytes(part)
+        await self._request.writer.drain()
+        bits_per_s = self._link.add(len(part), begun_s, time.monotonic())
+        if bits_per_s is not None:
+            self.send(events.text("link", bits_per_s=bits_per_s), "link")
+
+    async def _send_small(self) -> bool:
+        """Send the texts, and some messages of each stream; return whether any."""
+        sent = await self._send_texts()
+        for messages in list(self._messages.values()):
+            for message in messages.take(MESSAGES_AT_ONCE):
+                await self._socket.send_str(message)
+                sent = True
+        if sent:
+            await self._request.writer.drain()
         return sent
 
     async def _send_texts(self) -> bool:

@@ -57,7 +57,7 @@ class Server:
     def __init__(self, page: Any) -> None:
         self.asked: list[dict[str, Any]] = []
         self._socket: Any = None
-        page.route_web_socket(re.compile("/live$"), self._serve)
+        page.route_web_socket(re.compile("/live"), self._serve)
 
     def _serve(self, socket: Any) -> None:
         socket.on_message(lambda text: self.asked.append(json.loads(text)))
@@ -140,6 +140,61 @@ def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
     steps = [right - left for right, left in pairwise(places)]
     assert min(steps) > 20
     assert max(steps) - min(steps) < 0.01
+
+
+def test_closed_panels_and_a_hidden_page_ask_for_nothing_and_draw_nothing(
+    opened: tuple[Tab, Server],
+) -> None:
+    tab, server = opened
+    number = {"node": "edge_front", "name": "low", "type": "float", "value": 1.0, "default": 1.0}
+    about = {"minimum": 0, "maximum": 9, "choices": None, "unit": "", "description": ""}
+    controls = "document.querySelectorAll('#parameters .parameter').length"
+
+    def shown() -> list[str]:
+        tab.page.evaluate("true")  # lets what the page sent arrive
+        return [one["kinds"] for one in server.asked if one["op"] == "show"][-1]
+
+    wait_until(lambda: shown() == ["health"])
+    server.tell("nodes", nodes=[{"node": "edge_front", "alive": True, "cameras": ["front"]}])
+    server.tell("parameters", node="edge_front", parameters=[number | about])
+    server.tell("log", at_ns=str(NOW_NS), level="INFO", node="", text="all is told")
+    for key, kind in (("g", "matches"), ("l", "log"), ("e", "parameters")):
+        assert tab.page.evaluate(controls) == 0
+        tab.page.keyboard.press(key)
+        wait_until(lambda kind=kind: shown() == ["health", kind])
+    tab.wait(f"{controls} === 1")
+    tab.page.keyboard.press("p")
+    wait_until(lambda: shown() == ["health"] and _is_watched(server))
+    _hide(tab, True)
+    wait_until(lambda: shown() == [])
+    wait_until(lambda: tab.page.evaluate("true") and server.asked[-1]["op"] == "unwatch")
+    drawn = "(window.drawn ??= [], window.drawn.length)"
+    tab.page.evaluate(
+        """() => {
+            window.drawn = [];
+            const clear = CanvasRenderingContext2D.prototype.fillText;
+            CanvasRenderingContext2D.prototype.fillText = function (...given) {
+                window.drawn.push(given[0]);
+                clear.apply(this, given);
+            };
+        }"""
+    )
+    server.tell("nodes", nodes=[{"node": "edge_front", "alive": True, "cameras": ["rear"]}])
+    tab.page.evaluate("new Promise((done) => setTimeout(done, 1500))")  # three drawings
+    assert tab.page.evaluate(drawn) == 0
+    _hide(tab, False)
+    wait_until(lambda: shown() == ["health"])
+    tab.wait(drawn)
+
+
+def _hide(tab: Tab, hidden: bool) -> None:
+    """Make a page believe that its tab is hidden, or shown again."""
+    value = json.dumps(hidden)
+    tab.page.evaluate(
+        "() => { Object.defineProperty(document, 'hidden', "
+        f"{{ configurable: true, get: () => {value} }});"
+        " document.dispatchEvent(new Event('visibilitychange')); }"
+    )
 
 
 def _is_watched(server: Server) -> bool:

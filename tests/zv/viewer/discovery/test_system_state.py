@@ -145,6 +145,29 @@ def test_a_new_page_is_told_all_and_the_last_lines(told):
     assert everything[LINES] == {"op": "router", "connected": True}
 
 
+def test_what_no_page_shows_is_not_made(told, monkeypatch):
+    shown: set[str] = set()
+    told.system = SystemState("vision", told._say, shown.__contains__)
+    told.system.take("camera_front", True)
+    told.system.describe(description("camera_front", "vision/front/image"))
+    told.system.flush()
+    made = []
+    monkeypatch.setattr(events, "to_json", lambda fields: made.append(fields.get("op")) or "{}")
+    changes = Parameter(node="camera_front", name="rate", type="int", value=1, default=1)
+    for value in range(3):
+        told.health(report(0, "ok"))
+        told.system.take("camera_front", changes.model_copy(update={"value": value}))
+        told.system.take("camera_front", bool(value % 2))
+        told.system.flush()
+    assert set(made) == {"log", None}  # lines, for those who look later, and items of the lists
+    shown.update(("health", "parameters", "matches"))
+    told.system.take("camera_front", True)
+    told.health(report(0, "ok"))
+    told.system.take("camera_front", changes.model_copy(update={"value": 7}))
+    told.system.flush()
+    assert {"health", "parameter", "matches"} <= set(made)
+
+
 def test_health_of_nodes_without_a_token_is_nobodys(told):
     told.health(report(0, "ok", "ghost"))
     assert not told.texts

@@ -10,6 +10,7 @@ test("the rate counts pictures that were not sent to this page", () => {
   // Every third of a stream at 30 Hz: one picture each 100 ms, two skipped before each.
   for (let now = 0; now <= 1000; now += 100) statistics.add(now, { skipped: 2 });
   assert.ok(Math.abs(statistics.rate(1000) - 30) < 0.01);
+  assert.ok(Math.abs(statistics.arrivalRate(1000) - 10) < 0.01);
 });
 
 test("a stream is live for a second after its last picture", () => {

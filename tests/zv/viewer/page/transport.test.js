@@ -1,22 +1,40 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { between, milliseconds, readPicture } from "./transport/connection.js";
+import { between, milliseconds, PictureReader } from "./transport/connection.js";
 
-test("a binary message is its length, its JSON and the picture", () => {
-  const json = new TextEncoder().encode('{"key":"k","age_ms":4.5,"header":{"epoch":"9007199254740993"}}');
+/** The bytes of a message with a picture of three bytes. */
+function message() {
+  const text = '{"key":"k","age_ms":4.5,"bytes":3,"header":{"epoch":"9007199254740993"}}';
+  const json = new TextEncoder().encode(text);
   const bytes = new Uint8Array(4 + json.length + 3);
   new DataView(bytes.buffer).setUint32(0, json.length, true);
   bytes.set(json, 4);
   bytes.set([0xff, 0xd8, 7], 4 + json.length);
-  const picture = readPicture(bytes.buffer);
+  return bytes;
+}
+
+test("a binary message is its length, its JSON and the picture", () => {
+  const picture = new PictureReader().add(message().buffer, 1);
   assert.equal(picture.ageMs, 4.5);
   assert.equal(picture.header.epoch, "9007199254740993"); // 2^53 + 1, which no number holds
   assert.deepEqual([...picture.data], [0xff, 0xd8, 7]);
 });
 
 test("a binary message that is cut short is refused", () => {
-  assert.throws(() => readPicture(Uint8Array.of(200, 0, 0, 0, 123).buffer), RangeError);
+  const cut = Uint8Array.of(200, 0, 0, 0, 123).buffer;
+  assert.throws(() => new PictureReader().add(cut, 1), RangeError);
+});
+
+test("a picture in parts is joined, is as old as its first part, and the next begins anew", () => {
+  const bytes = message();
+  const reader = new PictureReader();
+  assert.equal(reader.add(bytes.slice(0, -3).buffer, 1), null);
+  assert.equal(reader.add(bytes.slice(-3, -2).buffer, 2), null);
+  const picture = reader.add(bytes.slice(-2).buffer, 3);
+  assert.deepEqual([...picture.data], [0xff, 0xd8, 7]);
+  assert.equal(picture.at, 1);
+  assert.equal(reader.add(bytes.buffer, 4).at, 4);
 });
 
 test("times of 64 bits keep their milliseconds", () => {

@@ -31,6 +31,14 @@ def test_a_message_is_told_with_header_and_body_apart():
     assert stamp_ns == 9
 
 
+@pytest.mark.parametrize("part", [{}, [], [[]]])
+def test_a_message_of_many_maps_and_lists_is_refused_and_one_of_many_numbers_is_not(part):
+    fields = {"header": FRAME, "tracks": [], "more": [part] * 60_000}
+    with pytest.raises(PayloadError, match="more than 10000 maps and lists"):
+        message_text("vision/front/tracks", msgpack.packb(fields))
+    message_text("vision/front/tracks", msgpack.packb({**fields, "more": [1] * 60_000}))
+
+
 @pytest.mark.parametrize("payload", [b"", b"\xc1", msgpack.packb(5), msgpack.packb([1])])
 def test_what_is_no_message_is_refused(payload):
     with pytest.raises(PayloadError, match="bad_message"):

@@ -110,7 +110,7 @@ class SilentMonitor:
 
 
 def session_of(monitor, audit, scope=Scope.CONTROL) -> WebSocketSession:
-    request = SimpleNamespace(headers={}, remote="192.0.2.1")
+    request = SimpleNamespace(headers={}, query={}, remote="192.0.2.1")
     given = None, request, None, monitor, Principal(scope, f"session 1a2b3c4d ({scope})"), audit
     return WebSocketSession(*given)  # type: ignore[arg-type]
 

@@ -29,7 +29,7 @@ import { Watches } from "./video/watches.js";
 import { Wall } from "./wall/wall.js";
 
 startTheme();
-const address = new URL("/live", location.href);
+const address = new URL("/live?show=", location.href); // no panel is open yet
 address.protocol = address.protocol.replace("http", "ws");
 const connection = new Connection(address);
 const system = new System(connection);
@@ -44,8 +44,8 @@ const panels = {
 	health: new HealthPanel(system),
 	log: new LogPanel(system),
 };
-const dock = new Dock(panels);
-showConnection(system, connection);
+const dock = new Dock(panels, (kinds) => system.show(kinds));
+showConnection(system, connection, watches);
 
 /** Show the streams of these keys; the wall if there are none. */
 function go(keys) {

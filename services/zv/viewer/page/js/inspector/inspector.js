@@ -174,7 +174,7 @@ export class Inspector extends PaneGrid {
 	}
 
 	tick() {
-		if (!this.isOpen) return;
+		if (!this.isOpen || document.hidden) return;
 		const { lead, playback: { paused } } = this;
 		const live = this.connection.isOpen && !paused && Boolean(lead?.live)
 			&& this.feed.isLive(performance.now());

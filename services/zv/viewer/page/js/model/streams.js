@@ -83,16 +83,31 @@ export class StreamStatistics {
 
 	/** Frames a second of the stream, whether shown here or not; null before the second frame. */
 	rate(now) {
+		const [, ...counted] = this.samples;
+		return this.perSecond(now, counted.reduce((sum, sample) => sum + sample.frames, 0));
+	}
+
+	/** Pictures a second that arrived here; null before the second. */
+	arrivalRate(now) {
+		return this.perSecond(now, this.samples.length - 1);
+	}
+
+	/** The rate of so many frames after the first of the samples. */
+	perSecond(now, frames) {
 		if (this.samples.length < 2 || !this.isLive(now)) return null;
-		const frames = this.samples.slice(1).reduce((sum, sample) => sum + sample.frames, 0);
 		return 1000 / Math.max((this.samples.at(-1).now - this.samples[0].now) / frames, 0.1);
 	}
 
 	/** Tell whether a picture arrived within a second or three frame times. */
 	isLive(now) {
 		if (this.lastAt === null || this.endedSince !== null) return false;
+		return now - this.lastAt <= this.longestSilence;
+	}
+
+	/** The silence, in ms, after which the stream is not live. */
+	get longestSilence() {
 		// The median, since a single gap is not the usual frame time.
-		return now - this.lastAt <= longestSilence(median(this.intervals) ?? 0);
+		return longestSilence(median(this.intervals) ?? 0);
 	}
 
 	/** Return why a stream is not live; `serverNow` is in ms since 1970. */

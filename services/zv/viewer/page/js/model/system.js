@@ -10,6 +10,8 @@ const HISTORY_MS = 5 * 60 * 1000;
 export class System extends Events {
 	constructor(connection) {
 		super();
+		this.connection = connection;
+		this.shown = [];
 		this.hello = null;
 		this.streams = [];
 		this.nodes = [];
@@ -19,6 +21,7 @@ export class System extends Events {
 		this.lines = [];
 		this.routerConnected = null;
 		this.clockOffset = performance.timeOrigin;
+		connection.on("open", () => this.show(this.shown));
 		connection.on("hello", (hello) => this.onHello(hello));
 		connection.on("streams", ({ streams }) => {
 			this.streams = streams.map((stream) => ({ ...stream, since: milliseconds(stream.since_ns) }));
@@ -42,6 +45,12 @@ export class System extends Events {
 		connection.on("log", (line) => this.onLog(line));
 		connection.on("router", ({ connected }) => this.setRouter(connected));
 		connection.on("close", () => this.setRouter(null));
+	}
+
+	/** Tell the server which of "health", "parameters", "log" and "matches" the page shows now. */
+	show(kinds) {
+		this.shown = kinds;
+		this.connection.send({ op: "show", kinds });
 	}
 
 	/** Milliseconds since 1970 by the server's clock, which all times of streams refer to. */
@@ -98,6 +107,8 @@ export class System extends Events {
 
 	onLog(fields) {
 		const line = { ...fields, at: milliseconds(fields.at_ns) };
+		// When the panel is opened again, the server sends its last lines again.
+		if (this.lines.some(({ at_ns: at, text }) => at === line.at_ns && text === line.text)) return;
 		this.lines.push(line);
 		if (this.lines.length > LINES_KEPT) this.lines.shift();
 		this.emit("log", line);

@@ -3,16 +3,22 @@
 import { byId, element, setData, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 
+// What each panel needs of the server besides the lists. Of health, the count is always visible.
+const NEEDS = { parameters: ["parameters"], graph: ["matches"], log: ["log"] };
+
 export class Dock {
-	/** `panels`: name -> object with `draw()`, whose `visible` is set while the panel is open. */
-	constructor(panels) {
-		this.panels = panels;
-		this.open = "";
+	/**
+	 * `panels`: name -> object with `draw()`, whose `visible` is set while the panel is open and the
+	 * page is not hidden; `need(kinds)` is called with what they need of the server.
+	 */
+	constructor(panels, need) {
+		Object.assign(this, { panels, need, open: "" });
 		this.buttons = [...byId("panels").querySelectorAll("button")];
 		for (const button of this.buttons) {
 			button.addEventListener("click", () => this.toggle(button.dataset.panel));
 		}
 		byId("dock-close").addEventListener("click", () => this.show(""));
+		document.addEventListener("visibilitychange", () => this.draw());
 		this.show(matchMedia("(min-width: 1000px)").matches ? loadPreference("panel", "") : "");
 	}
 
@@ -27,13 +33,12 @@ export class Dock {
 		const hadFocus = byId("dock").contains(document.activeElement);
 		byId("dock").hidden = !this.open;
 		setData(document.body, { panel: this.open });
-		for (const [other, panel] of Object.entries(this.panels)) {
+		for (const other of Object.keys(this.panels)) {
 			const section = byId(`panel-${other}`);
-			panel.visible = other === this.open;
-			section.hidden = !panel.visible;
-			if (panel.visible) setText(byId("dock-title"), section.dataset.title);
-			panel.draw();
+			section.hidden = other !== this.open;
+			if (other === this.open) setText(byId("dock-title"), section.dataset.title);
 		}
+		this.draw();
 		for (const button of this.buttons) {
 			button.setAttribute("aria-expanded", String(button.dataset.panel === this.open));
 		}
@@ -41,6 +46,15 @@ export class Dock {
 			this.buttons.find((button) => button.dataset.panel === closed)?.focus();
 		}
 		savePreference("panel", this.open);
+	}
+
+	/** Draw the open panel, and end what the others cost; all of them while the page is hidden. */
+	draw() {
+		this.need(document.hidden ? [] : ["health", ...NEEDS[this.open] ?? []]);
+		for (const [name, panel] of Object.entries(this.panels)) {
+			panel.visible = name === this.open && !document.hidden;
+			panel.draw();
+		}
 	}
 }
 

@@ -26,8 +26,8 @@ export class GraphPanel {
 	}
 
 	draw() {
-		this.cameras.update();
 		if (!this.visible) return;
+		this.cameras.update();
 		const { camera } = this.cameras;
 		const ofCamera = (keys) => (keys ?? []).filter((key) => !camera
 			|| key.split("/")[1] === camera || key.includes("*"));

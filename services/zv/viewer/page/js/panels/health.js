@@ -8,16 +8,24 @@ const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
 const STALE_MS = 3500;
 const CELLS = ["level", "rate", "p50", "p99", "drops"];
 const AT_END_PX = 24;
+const SETTLE_MS = 100; // one drawing for the reports of many nodes
 
 export class HealthPanel {
 	constructor(system) {
 		this.system = system;
 		this.rows = new Map(); // node -> {element, message, about, counters, and the cells}
-		system.on("nodes health", () => this.draw());
+		system.on("nodes health", () => this.drawSoon());
 		setInterval(() => this.draw(), 1000);
 	}
 
+	drawSoon() {
+		this.timer ??= setTimeout(() => this.draw(), SETTLE_MS);
+	}
+
 	draw() {
+		clearTimeout(this.timer);
+		this.timer = null;
+		if (document.hidden) return;
 		const { nodes } = this.system;
 		const bad = nodes.filter((node) => !["OK", "–"].includes(this.stateOf(node).level)).length;
 		setText(byId("health-count"), bad ? String(bad) : ""); // also visible with the panel closed

@@ -20,6 +20,7 @@ export class ParametersPanel {
 
 	/** Show a section for each node, those of the camera in the large view first. */
 	draw() {
+		if (!this.visible) return;
 		byId("view-only").hidden = !this.isViewOnly;
 		const camera = this.current();
 		const rank = (node) => (this.system.node(node)?.cameras?.includes(camera) ? 0 : 1);

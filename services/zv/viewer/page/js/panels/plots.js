@@ -43,7 +43,7 @@ export class PlotsPanel {
 	}
 
 	draw() {
-		this.cameras.update();
+		if (this.visible) this.cameras.update();
 		this.follow();
 		if (!this.visible) return;
 		const style = getComputedStyle(document.documentElement);

@@ -91,6 +91,7 @@ export class Connection extends Events {
 		const socket = new WebSocket(this.address);
 		socket.binaryType = "arraybuffer";
 		this.socket = socket;
+		this.reader = new PictureReader();
 		this.receivedAt = performance.now();
 		socket.onopen = () => {
 			this.isOpen = true;
@@ -108,7 +109,8 @@ export class Connection extends Events {
 			const { op, ...fields } = JSON.parse(data);
 			this.emit(op, fields);
 		} else {
-			this.emit("picture", { ...readPicture(data), at: this.receivedAt });
+			const picture = this.reader.add(data, this.receivedAt);
+			if (picture) this.emit("picture", picture);
 		}
 	}
 
@@ -132,11 +134,32 @@ export class Connection extends Events {
 	}
 }
 
+/** Joins the binary messages that carry a picture: the server sends large ones in parts. */
+export class PictureReader {
+	/** Return the picture that a message completes, with `at`, the time of its beginning; or null. */
+	add(buffer, now) {
+		if (!this.picture) {
+			const picture = { ...readPicture(buffer), at: now };
+			this.filled = picture.data.length;
+			if (this.filled >= picture.bytes) return picture;
+			this.picture = { ...picture, data: new Uint8Array(picture.bytes) };
+			this.picture.data.set(picture.data);
+			return null;
+		}
+		const { picture } = this;
+		picture.data.set(new Uint8Array(buffer), this.filled);
+		this.filled += buffer.byteLength;
+		if (this.filled < picture.bytes) return null;
+		this.picture = null;
+		return picture;
+	}
+}
+
 /**
- * Decode one binary message: a little-endian uint32 length, JSON of this length, the picture.
+ * Decode the first message of a picture: a little-endian uint32 length, JSON of this length, bytes.
  * Throws a RangeError or SyntaxError if it is truncated or not JSON.
  */
-export function readPicture(buffer) {
+function readPicture(buffer) {
 	const length = new DataView(buffer).getUint32(0, true);
 	const text = new TextDecoder().decode(new Uint8Array(buffer, LENGTH_BYTES, length));
 	const { age_ms: ageMs, ...fields } = JSON.parse(text);

@@ -33,6 +33,12 @@ export function size(bytes) {
 	return `${(bytes / 1_000_000).toFixed(1)} MB`;
 }
 
+/** "0.9 Mbit/s" */
+export function bitRate(bitsPerSecond) {
+	return bitsPerSecond < 100_000 ? `${Math.round(bitsPerSecond / 1000)} kbit/s`
+		: `${(bitsPerSecond / 1_000_000).toFixed(1)} Mbit/s`;
+}
+
 /** "14:03:22" in this browser's time zone, from milliseconds since 1970. */
 export function clock(ms) {
 	return ms === null ? UNKNOWN : new Date(ms).toTimeString().slice(0, 8);

@@ -53,8 +53,10 @@ export class FrameFeed {
 	}
 
 	isLive(now) {
+		// On a slow link, pictures arrive less often than the camera makes them.
+		const silence = Math.max(longestSilence(this.joiner.frameTime), this.statistics.longestSilence);
 		return this.lastFrameAt !== null && this.statistics.isLive(now)
-			&& now - this.lastFrameAt <= longestSilence(this.joiner.frameTime);
+			&& now - this.lastFrameAt <= silence;
 	}
 
 	offer(key, header, item) {

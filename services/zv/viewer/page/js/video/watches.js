@@ -91,6 +91,13 @@ export class Watches {
 		};
 	}
 
+	/** The pictures a second that arrive, and those of all watched streams: {arriving, all}. */
+	rates(now) {
+		const sum = (rateOf) => [...this.pictures.values()]
+			.reduce((total, { statistics }) => total + (rateOf(statistics) ?? 0), 0);
+		return { arriving: sum((one) => one.arrivalRate(now)), all: sum((one) => one.rate(now)) };
+	}
+
 	/** Tell whether a stream is not watched because of the limit. */
 	isLeftOut(key) {
 		return this.sent.size >= MOST && !this.sent.has(key) && this.pictures.has(key);

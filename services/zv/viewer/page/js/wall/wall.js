@@ -130,7 +130,7 @@ export class Wall {
 	}
 
 	tick() {
-		if (!this.open) return;
+		if (!this.open || document.hidden) return;
 		const now = performance.now();
 		for (const tile of this.tiles.values()) tile.resize();
 		for (const tile of this.tiles.values()) tile.tick(now);

@@ -1,0 +1,77 @@
+"""What the page shows at the end of a slow link."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.support.browser import CAMERA, Running, running, tab
+from tests.support.pictures import full_hd_jpeg
+from tests.support.publishing import Paced
+from tests.support.slow_link import ONE_MBIT, SlowLink
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zenoh_vision.node.node import Node
+from zenoh_vision.topics import COMPRESSED, RAW
+from zenoh_vision.transport.connection import Connection
+
+
+@pytest.fixture(scope="module")
+def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A viewer alone; the test is its camera."""
+    with running(tmp_path_factory.mktemp("system")) as found:
+        yield found
+
+
+def test_on_a_slow_link_the_newest_pictures_are_shown_and_why_not_more(
+    browser: Any, system: Running
+) -> None:
+    # The link carries a picture for longer than the page waits for a sign of life.
+    picture = full_hd_jpeg(quality=87)
+    assert len(picture) > 6 * ONE_MBIT
+    port = urlsplit(system.address).port
+    assert port is not None
+    frames = _frames(picture)
+    connection = Connection(connect=system.router.endpoint)
+    with (
+        Node("camera", camera="front", connection=connection, publishes=[COMPRESSED, RAW]) as node,
+        Paced(30, lambda: node.publish_frame(next(frames))),
+        SlowLink(port, ONE_MBIT) as link,
+        tab(browser, f"http://127.0.0.1:{link.port}/") as page,
+    ):
+        page.open(CAMERA)
+        seen = "document.querySelector('canvas.picture')?.dataset.seq"
+        numbers = [int(page.wait(seen))]
+        while len(numbers) < 3:
+            numbers.append(int(page.wait(f"{seen} !== '{numbers[-1]}' && {seen}")))
+            assert numbers[-1] > numbers[-2] + 1  # those between were skipped
+        page.wait(
+            r"/^The link carries [\d.]+ [Mk]bit\/s: [\d.]+ of \d+ pictures a second fit\.$/"
+            ".test(document.querySelector('#banner').textContent)"
+        )
+        assert page.page.is_visible("#banner")
+        assert page.page.get_attribute("canvas.picture", "data-live") == "true"
+        assert page.complaints == []
+        assert sum(line.startswith("GET /live") for line in link.requests) == 1
+
+
+def _frames(picture: bytes) -> Iterator[Frame]:
+    """Yield the picture as frame after frame of a camera."""
+    epoch = time.time_ns()
+    for seq in itertools.count():
+        header = Header(
+            camera="front",
+            epoch=epoch,
+            seq=seq,
+            stamp_ns=time.time_ns(),
+            width=1920,
+            height=1080,
+            encoding="bgr8",
+            node="camera_front",
+        )
+        yield Frame(header, compressed=picture)
