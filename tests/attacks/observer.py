@@ -10,8 +10,10 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 
 import aiohttp
+import cv2
+import numpy as np
 
-from tests.attacks.table import NODES
+from tests.attacks.table import NODES, deep
 from tests.compose.witness import CENTROID, EDGES, IMAGE, STREAMS, Seen, Witness
 from tests.support.listening import balance, newest
 from tests.support.viewer_client import Page, parts
@@ -19,7 +21,25 @@ from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.messages import Diagnostics
 
 TRACKS = "vision/front/tracks"
+BACK_S = 2.0
+SILENCE_S = 1.5
+"""A node refuses the true frames for so long after a false one of a newer epoch came."""
+
 OF_NODE = {"camera_front": IMAGE, "tracker_front": CENTROID, "edge_front": EDGES}
+
+
+def most_back_s() -> float:
+    """Return how long good frames may be away: 2 s, more only where the machine itself is slow.
+
+    After the silence that the rule asks for, a node may still be at work on the costliest picture
+    and on the one that waited behind it. Both take this process so long, now and here.
+    """
+    picture = np.frombuffer(deep(4, 2304, 4096), np.uint8)
+    begun_s = time.perf_counter()
+    grey = cv2.imdecode(picture, cv2.IMREAD_GRAYSCALE)
+    edges = cv2.Canny(cv2.GaussianBlur(grey, (0, 0), 1.4), 50, 150)
+    cv2.imencode(".png", edges)
+    return max(BACK_S, SILENCE_S + 2 * (time.perf_counter() - begun_s))
 
 
 class Observer:

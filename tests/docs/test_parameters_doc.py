@@ -14,6 +14,7 @@ from tests.support.listening import open_client
 from tests.support.pages import Page, run_as_written
 from tests.support.processes import Program, run_program
 from tests.support.systems import system
+from tests.support.waiting import wait_until
 from zenoh_vision.config.settings import load_settings
 from zv.registry import model_of
 from zv.tools.registry import TOOLS
@@ -63,7 +64,8 @@ def test_the_service_of_ones_own_takes_what_is_set(endpoint: str, tmp_path: Path
     program.write_text("import zenoh_vision\n" + code)
     with Program([program], tmp_path, "dimmer") as running, open_client(endpoint) as session:
         running.lines(r"\d+ [1-9][\d.]+")
-        (reply,) = session.get("@vision/param/dimmer_front/gain", payload=msgpack.packb(0))
+        key, payload = "@vision/param/dimmer_front/gain", msgpack.packb(0)
+        (reply,) = wait_until(lambda: list(session.get(key, payload=payload)))
         assert msgpack.unpackb(reply.ok.payload.to_bytes())["unit"] == "ratio"
         running.lines(r"\d+ 0\.0")
         assert running.interrupt() == 0

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import pytest
 from pydantic import Field
 
-from tests.support.listening import wait_for_nodes
+from tests.support.listening import newest, wait_for_nodes
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision import (
@@ -73,10 +73,8 @@ def test_messages_of_a_topic_come_as_their_class(client, connection):
         Node("taker", connection=connection) as taker,
     ):
         centroids = taker.messages("centroid")
-        (reply,) = client.get("@vision/node/taker_front", timeout=5.0)
-        assert NodeDescription.from_bytes(reply.ok.payload.to_bytes()).subscribes == (
-            "vision/front/centroid",
-        )
+        said = newest(client, "@vision/node/taker_front").payload
+        assert NodeDescription.from_bytes(said).subscribes == ("vision/front/centroid",)
         wait_until(lambda: sender.outputs._publisher("centroid", "front").wanted)
         made = Centroid.from_map(
             {"header": header, "x": 1, "y": 2, "box": (0, 0, 2, 2), "area": 4.0}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import msgpack
 import pytest
 
-from tests.support.listening import Listener, wait_for_nodes
+from tests.support.listening import Listener, newest, wait_for_nodes
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import in_time
 from zenoh_vision.node.node import Node
@@ -19,8 +18,7 @@ def test_a_node_of_two_cameras_takes_and_publishes_frames_of_each(router, client
         "seer", camera=("door", "yard"), connection=connection, publishes=["edges/compressed"]
     ) as node:
         wait_for_nodes(client, "seer")
-        (reply,) = client.get("@vision/node/seer", timeout=2.0)
-        description = msgpack.unpackb(reply.ok.payload.to_bytes())
+        description = newest(client, "@vision/node/seer").body
         assert description["cameras"] == ["door", "yard"]
         assert description["publishes"] == [f"vision/{name}/edges/compressed" for name in cameras]
         for name, camera in cameras.items():
@@ -40,8 +38,7 @@ def test_a_node_of_two_cameras_takes_and_publishes_frames_of_each(router, client
 def test_a_node_of_no_camera_is_called_as_its_service(router, client):
     with Node("onlooker", camera=(), connection=Connection(router.endpoint)) as node:
         wait_for_nodes(client, "onlooker")
-        (reply,) = client.get("@vision/node/onlooker", timeout=2.0)
-        assert msgpack.unpackb(reply.ok.payload.to_bytes())["cameras"] == []
+        assert newest(client, "@vision/node/onlooker").body["cameras"] == []
         with pytest.raises(ValueError, match="serves no camera"):
             next(node.frames())
         with pytest.raises(ValueError, match="serves no camera"):

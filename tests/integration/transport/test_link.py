@@ -12,7 +12,7 @@ import msgpack
 import pytest
 import zenoh
 
-from tests.support.listening import Listener, living_nodes, wait_for_nodes
+from tests.support.listening import Listener, living_nodes, newest, wait_for_nodes
 from tests.support.publishing import PlainCamera
 from tests.support.routing import ONE_WAY_S, Router, far, silent_listener
 from tests.support.waiting import in_time, wait_until
@@ -63,12 +63,10 @@ def test_a_node_is_back_with_all_that_it_offers_where_its_link_got_slower(
             if frame.header.seq > sent and centroids.messages and health.messages:
                 break
         assert not node.stopping, "no frame, no centroid or no health came in 60 s"
-        (described,) = client.get("@vision/node/seer_front", timeout=5.0)
-        assert msgpack.unpackb(described.ok.payload.to_bytes())["node"] == "seer_front"
-        (schema,) = client.get("@vision/schema/Centroid", timeout=5.0)
-        assert schema.ok is not None
+        assert newest(client, "@vision/node/seer_front").body["node"] == "seer_front"
+        assert newest(client, "@vision/schema/Centroid").payload
         low = "@vision/param/seer_front/low"
-        (answer,) = client.get(low, payload=msgpack.packb(7.0), timeout=5.0)
+        (answer,) = wait_until(lambda: list(client.get(low, payload=msgpack.packb(7.0))))
         assert answer.ok is not None
         wait_until(lambda: bool(changes.messages), 10)
     assert "another session was opened" in caplog.text
@@ -91,7 +89,7 @@ def test_a_router_that_was_only_away_is_found_again_and_nothing_is_there_twice(
         wait_until(lambda: attempts == [None, None], 30, lambda: f"{attempts}")
         router.start()
         wait_for_nodes(client, "seer_front")
-        replies = list(client.get("@vision/node/seer_front", timeout=2.0))
+        replies = wait_until(lambda: list(client.get("@vision/node/seer_front")))
         assert len(replies) == 1
         health = Listener(client, "@vision/diagnostics/seer_front")
         wait_until(lambda: len(health.messages) >= 3, 10)

@@ -47,7 +47,7 @@ def test_on_a_slow_link_the_newest_pictures_are_shown_and_why_not_more(
         page.open(CAMERA)
         seen = "document.querySelector('canvas.picture')?.dataset.seq"
         numbers = [int(page.wait(seen))]
-        while len(numbers) < 3:
+        while len(numbers) < 2:
             numbers.append(int(page.wait(f"{seen} !== '{numbers[-1]}' && {seen}")))
             assert numbers[-1] > numbers[-2] + 1  # those between were skipped
         page.wait(
