@@ -138,12 +138,14 @@ def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) 
         nonlocal size
         said = reply.ok or reply.err
         length = 0 if said is None else len(said.payload)
-        size += REPLY_BYTES + length
-        if replies and (size > query.most_bytes or len(replies) >= MAX_REPLIES):
-            replies.left_out += 1
-            return
         if reply.err is not None and length < 10 and reply.err.payload.to_bytes() == b"Timeout":
             return  # Zenoh's own word for a queryable that did not reply in time
+        fits = size + REPLY_BYTES + length <= query.most_bytes
+        if replies and (not fits or len(replies) >= MAX_REPLIES):
+            replies.left_out += 1
+            return
+        if fits:  # else the first, which leaves room for smaller ones
+            size += REPLY_BYTES + length
         replier = "" if reply.replier_id is None else str(reply.replier_id.zid)
         replies.append(Reply(reply.ok, reply.err, replier, sent_ns, time.time_ns()))
 

@@ -24,7 +24,7 @@ RUNTIME = "ZENOH_RUNTIME"
 """Environment variable with the threads of Zenoh; there is no setting for them in its files."""
 
 ROUTER_RUNTIME = "(rx: (worker_threads: 32))"
-"""To close the link of a frozen client blocks a thread for 10 s, since Zenoh sets SO_LINGER (zenoh
+"""Closing the link of a frozen client blocks a thread for 10 s, since Zenoh sets SO_LINGER (zenoh
 #1101). The router has two threads that receive: two such clients blocked all others. Each thread
 over two allows one more."""
 

@@ -50,9 +50,9 @@ class CameraSettings(ServiceSettings):
         Field(
             ge=16 * 16,
             le=7680 * 4320,
-            description="limit of width times height; not set: 1920x1200, or the size that the "
-            "camera is started with if that is larger. The memory for a synthetic picture is up to "
-            "80 bytes a pixel",
+            description="limit of width times height, where both are set or the source is "
+            "synthetic; not set: 1920x1200, or the size that the camera is started with if that is "
+            "larger. The memory for a synthetic picture is up to 80 bytes a pixel",
         ),
     ] = None
     rate: Annotated[
@@ -161,12 +161,19 @@ class CameraSettings(ServiceSettings):
         """
         if self.max_pixels is not None:
             return self
-        width, height = self.size
+        width, height = self._known_size
         return self.model_copy(update={"max_pixels": max(USUAL_PIXELS, width * height)})
+
+    @property
+    def _known_size(self) -> tuple[int, int]:
+        """Width and height if the settings determine both; (0, 0) if the source does."""
+        if self.source == "synthetic":
+            return self.size
+        return (self.width, self.height) if self.width and self.height else (0, 0)
 
     @model_validator(mode="after")
     def _within_max_pixels(self) -> Self:
-        width, height = self.size
+        width, height = self._known_size
         if self.max_pixels is not None and width * height > self.max_pixels:
             raise ValueError(
                 f"{width}x{height} is over max_pixels = {self.max_pixels}; allowed: width times "

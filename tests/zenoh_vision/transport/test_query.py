@@ -38,6 +38,16 @@ def test_endless_replies_are_kept_up_to_a_size_and_the_first_of_any_size():
     assert replies_of([10, 20], 1_000_000).left_out == 0
 
 
+@pytest.mark.parametrize("good", [True, False])
+@pytest.mark.parametrize("position", [0, 3])
+def test_a_reply_over_the_limit_hides_no_smaller_ones(position: int, good: bool):
+    sizes = [300] * 50
+    sizes.insert(position, 70_000_000)
+    found = replies_of(sizes, 1_000_000, good)
+    assert len(found) == (51 if position == 0 else 50)
+    assert found.left_out == (position != 0)
+
+
 def test_how_many_were_left_out_is_said(caplog: pytest.LogCaptureFixture):
     many = [0] * (MAX_REPLIES + 7)
     assert len(replies_of(many, 1 << 40)) == MAX_REPLIES

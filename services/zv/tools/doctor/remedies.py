@@ -114,14 +114,15 @@ def _too_large(about: NodeDescription, seen: Observation) -> Remedy:
     Its limit is no parameter; that of a service of ours is taken to be the default.
     """
     fields = model_of(about.service).model_fields if about.service in SERVICES else {}
-    if "max_pixels" not in fields:
+    most = fields["max_pixels"].default if "max_pixels" in fields else None
+    if most is None:
         return REMEDIES["too_large"]
     cameras = [name for key in about.subscribes for name in seen.publishers_of(key)]
     sizes = [
         (seen.value(name, "width") or 0) * (seen.value(name, "height") or 0) for name in cameras
     ]
     # 0: the size is not set, so that it is the source's own
-    fit = sizes and all(0 < pixels <= fields["max_pixels"].default for pixels in sizes)
+    fit = sizes and all(0 < pixels <= most for pixels in sizes)
     return TOO_LARGE_FROM_OTHERS if fit else OVER_MAX_PIXELS
 
 

@@ -74,6 +74,7 @@ def test_a_loss_is_mended_by_the_parameter_of_who_can(shared, stand, reason, com
         ("tracker", None, "its max_pixels is lower than the camera's pictures"),
         ("tracker", 640, "another publisher sends larger pictures: find who sends them"),
         ("own", 3840, "make the pictures smaller: width and height"),
+        ("camera", 3840, "make the pictures smaller: width and height"),
     ],
 )
 def test_max_pixels_is_named_where_it_is_why_frames_are_too_large(
@@ -82,7 +83,7 @@ def test_max_pixels_is_named_where_it_is_why_frames_are_too_large(
     namespace = f"large_{service}_{width}"
     key = f"{namespace}/front/image/compressed"
     size = {"width": {"value": width, "type": "int"}, "height": {"value": 2160, "type": "int"}}
-    stand("camera_front", namespace=namespace, publishes=[key], parameters=size)
+    stand("camera_door", namespace=namespace, publishes=[key], parameters=size)
     lost = lambda s: {"received": int(30 * s), "dropped.too_large": int(30 * s)}  # noqa: E731
     stand(f"{service}_front", namespace=namespace, subscribes=[key], counters=lost)
     ((_, text, remedy),) = Diagnosis(shared.endpoint, namespace, for_s=WATCH_S).of("drops")
