@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.attacks.observer import BACK_S, Observer, most_back_s
+from tests.attacks.observer import Observer
 from tests.attacks.table import ATTACKS, run, under
 from tests.compose import stack as containers
 from tests.compose.conftest import SMALL
@@ -56,7 +56,7 @@ def test_all_survive_it_and_end_during_it(stack: Stack, observer: Observer, name
         {node: f"{seconds:.2f} s" for node, seconds in back_s.items()},
     )
     assert {service: life_of(stack, service) for service in SERVICES} == lives
-    assert max(back_s.values()) <= BACK_S or max(back_s.values()) <= most_back_s(), back_s
+    assert max(back_s.values()) <= observer.most_back_s(ATTACKS[name]), back_s
     try:
         with open_client(stack.endpoint) as session, under(session, ATTACKS[name]):
             end_and_start(stack)
