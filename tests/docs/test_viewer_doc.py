@@ -94,6 +94,7 @@ def test_the_limits_are_those_of_the_code():
         f"(`{access.cookie_name('localhost')}` if the address has no port",
         f"an end {credentials.SESSION_S // 86400} days later",
         f"At most {audit.MAX_LINES} lines a second are logged",
+        f"to {audit.MAX_REFUSED} lines a second for each client and {audit.MAX_LINES} for all",
     ):
         assert words in TEXT, words
     assert access.PUBLIC_PATHS == ("/healthz",)

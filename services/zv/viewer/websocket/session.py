@@ -241,24 +241,26 @@ class WebSocketSession:
 
     async def _set(self, command: commands.SetParameters) -> ParameterList:
         """Change parameters if the page may, and log who did so."""
+        if self._scope is not Scope.CONTROL:
+            missing = f"the scope {Scope.CONTROL} is missing: this page has the scope {self._scope}"
+            self._audit.note_forbidden(self._who, command.node, f"not accepted: {missing}")
+            raise ParameterRefused(missing, "a page opened with the address that permits control")
         node = self._monitor.system.fleet.node(command.node)
         known = {} if node is None else dict(node.parameters)
-        accepted, outcome = False, "the page was gone before an answer"
+        # Without an answer, the node may have accepted, unless there is no such parameter.
+        refused = not known.keys() >= command.values.keys()
+        outcome = "the page was gone before an answer"
         try:
-            if self._scope is not Scope.CONTROL:
-                raise ParameterRefused(
-                    f"the scope {Scope.CONTROL} is missing: this page has the scope {self._scope}",
-                    "a page opened with the address that permits control",
-                )
             found = await self._monitor.set(command.node, command.values)
-            accepted, outcome = True, f"accepted (revision {found.revision})"
+            refused, outcome = False, f"accepted (revision {found.revision})"
             return found
         except (ParameterRefused, Unanswered) as error:
+            refused = refused or isinstance(error, ParameterRefused)
             outcome = f"not accepted: {str(error)[:MAX_ERROR]}"
             raise
         finally:
             self._audit.note(
-                self._who, command.node, known, command.values, outcome, accepted=accepted
+                self._who, command.node, known, command.values, outcome, refused=refused
             )
 
     # To the page
