@@ -15,7 +15,7 @@ from zenoh_vision.config.constraints import toml_file
 from zenoh_vision.errors import ParameterRefused, VisionError
 from zenoh_vision.messages import ParameterList
 from zv.viewer import events
-from zv.viewer.credentials import Principal, Scope
+from zv.viewer.credentials import Principal
 from zv.viewer.discovery.monitor import SystemMonitor, Unanswered
 from zv.viewer.discovery.network import in_slices
 from zv.viewer.discovery.system_state import PANELS, panel_of
@@ -104,7 +104,7 @@ class WebSocketSession:
         self._request = request
         self._registry = registry
         self._monitor = monitor
-        self._scope = principal.scope
+        self._principal = principal
         proxied = request.headers.get("X-Forwarded-For")  # as true as whoever sent it
         of = f" for {proxied[:100]}" if proxied else ""
         self._who = f"{request.remote}{of}, {principal.name}"
@@ -241,10 +241,9 @@ class WebSocketSession:
 
     async def _set(self, command: commands.SetParameters) -> ParameterList:
         """Change parameters if the page may, and log who did so."""
-        if self._scope is not Scope.CONTROL:
-            missing = f"the scope {Scope.CONTROL} is missing: this page has the scope {self._scope}"
-            self._audit.note_forbidden(self._who, command.node, f"not accepted: {missing}")
-            raise ParameterRefused(missing, "a page opened with the address that permits control")
+        if reason := self._principal.forbidden(time.time()):
+            self._audit.note_forbidden(self._who, command.node, f"not accepted: {reason}")
+            raise ParameterRefused(reason, "a page opened with the address that permits control")
         node = self._monitor.system.fleet.node(command.node)
         known = {} if node is None else dict(node.parameters)
         # Without an answer, the node may have accepted, unless there is no such parameter.

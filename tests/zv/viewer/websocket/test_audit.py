@@ -1,6 +1,8 @@
 """The log of who changed which parameter: lines, steps, limits, and pages that leave at once."""
 
 import asyncio
+import math
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -126,9 +128,10 @@ class SilentMonitor:
         await asyncio.wait_for(asyncio.Event().wait(), 30)
 
 
-def session_of(monitor, audit, scope=Scope.CONTROL) -> WebSocketSession:
+def session_of(monitor, audit, scope=Scope.CONTROL, end_s=math.inf) -> WebSocketSession:
     request = SimpleNamespace(headers={}, query={}, remote="192.0.2.1")
-    given = None, request, None, monitor, Principal(scope, f"session 1a2b3c4d ({scope})"), audit
+    principal = Principal(scope, f"session 1a2b3c4d ({scope})", end_s)
+    given = None, request, None, monitor, principal, audit
     return WebSocketSession(*given)  # type: ignore[arg-type]
 
 
@@ -179,4 +182,16 @@ def test_a_page_for_viewing_never_asks_the_node_and_is_one_line_without_its_name
     assert lines(work) == [
         "192.0.2.1, session 1a2b3c4d (view) set parameters of edge_front: "
         "not accepted: the scope control is missing: this page has the scope view"
+    ]
+
+
+def test_a_page_whose_session_has_ended_never_asks_the_node(lines):
+    async def work(audit):
+        monitor = SilentMonitor()
+        with pytest.raises(ParameterRefused, match="the session has ended"):
+            await session_of(monitor, audit, end_s=time.time())._set(SET)
+        assert not monitor.asked.is_set()
+
+    assert lines(work) == [
+        f"{WHO} set parameters of edge_front: not accepted: the session has ended"
     ]
