@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import struct
 import time
 from collections import OrderedDict
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from aiohttp import WSCloseCode, web
 
 from zenoh_vision.config.constraints import toml_file
+from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import ParameterRefused, VisionError
 from zenoh_vision.messages import ParameterList
 from zv.viewer import events
@@ -46,6 +48,7 @@ MAX_TEXTS = 1000
 MAX_ERROR = 200
 """Characters of a node's refusal that the log repeats."""
 
+ADDRESSES = re.compile(r"[0-9A-Fa-f.:, ]{1,100}")
 LENGTH = struct.Struct("<I")
 
 
@@ -106,7 +109,9 @@ class WebSocketSession:
         self._monitor = monitor
         self._principal = principal
         proxied = request.headers.get("X-Forwarded-For")  # as true as whoever sent it
-        of = f" for {proxied[:100]}" if proxied else ""
+        if proxied and not ADDRESSES.fullmatch(proxied):
+            proxied = shortened(proxied)  # quoted, so that it cannot look like the rest of a line
+        of = f" for {proxied}" if proxied else ""
         self._who = f"{request.remote}{of}, {principal.name}"
         self._audit = audit
         self._wake = asyncio.Event()

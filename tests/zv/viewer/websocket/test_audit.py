@@ -128,8 +128,10 @@ class SilentMonitor:
         await asyncio.wait_for(asyncio.Event().wait(), 30)
 
 
-def session_of(monitor, audit, scope=Scope.CONTROL, end_s=math.inf) -> WebSocketSession:
-    request = SimpleNamespace(headers={}, query={}, remote="192.0.2.1")
+def session_of(
+    monitor, audit, scope=Scope.CONTROL, end_s=math.inf, headers=None
+) -> WebSocketSession:
+    request = SimpleNamespace(headers=headers or {}, query={}, remote="192.0.2.1")
     principal = Principal(scope, f"session 1a2b3c4d ({scope})", end_s)
     given = None, request, None, monitor, principal, audit
     return WebSocketSession(*given)  # type: ignore[arg-type]
@@ -195,3 +197,22 @@ def test_a_page_whose_session_has_ended_never_asks_the_node(lines):
     assert lines(work) == [
         f"{WHO} set parameters of edge_front: not accepted: the session has ended"
     ]
+
+
+@pytest.mark.parametrize(
+    ("sent", "logged"),
+    [
+        ("203.0.113.9, 2001:DB8::1", "203.0.113.9, 2001:DB8::1"),
+        ("9.9.9.9, session 1a2b (control)", "'9.9.9.9, session 1a2b (control)'"),
+        ("9.9.9.9', session 1a2b", '"9.9.9.9\', session 1a2b"'),
+        ("1" * 5000, f"'{'1' * 60}'... (5000 characters)"),
+    ],
+)
+def test_what_a_client_says_of_its_address_is_quoted_unless_it_is_one(lines, sent, logged):
+    async def work(audit):
+        session = session_of(None, audit, Scope.VIEW, headers={"X-Forwarded-For": sent})
+        with pytest.raises(ParameterRefused):
+            await session._set(SET)
+
+    (line,) = lines(work)
+    assert line.startswith(f"192.0.2.1 for {logged}, session 1a2b3c4d (view) set parameters of ")
