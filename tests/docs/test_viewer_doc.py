@@ -14,8 +14,12 @@ from tests.support.fork_server import ZV
 from tests.support.pages import Page
 from tests.support.processes import Program
 from tests.support.routing import free_port
+from zenoh_vision.transport.connection import Connection
+from zv.launcher.launch_file import Plan, PlannedNode
+from zv.launcher.starting import how_to_subscribe
 from zv.viewer import credentials
 from zv.viewer.http import access, app, connections, listener
+from zv.viewer.settings import ViewerSettings
 from zv.viewer.streams import message_stream, registry
 from zv.viewer.web_video_server import query
 from zv.viewer.websocket import audit, commands, session
@@ -44,6 +48,24 @@ def test_a_command_starts_a_viewer_and_prints_its_address(
         with urllib.request.urlopen(health, timeout=10) as answer:
             assert answer.read() == b"ok\n"
         assert program.interrupt() == 0
+
+
+def test_the_addresses_of_both_scopes_are_printed_as_the_table_says(tmp_path: Path):
+    said = re.findall(r"`([\w, :]*)http://\.\.\.`", section("Tokens and sessions"))
+    token = "0123456789abcdef-token"
+    settings = ViewerSettings(token=token, port=free_port())
+    planned = PlannedNode("viewer", "viewer", settings, restart=True)
+    plan = Plan("up.toml", {}, None, None, (planned,))
+    by_up = how_to_subscribe(plan, Connection(), own_router=True)[-2:]
+    with Program(["view", "--port", "0", "--token", token], tmp_path, "view", forked=ZV) as program:
+        program.lines(r"view only: \S+")
+        by_view = program.output.splitlines()[:2]
+        assert program.interrupt() == 0
+    control, view = (line.partition("http:")[0] for line in by_view)
+    assert by_view[0].endswith(token)
+    up_view, up_control = (line.partition("http:")[0] for line in by_up)
+    assert by_up[1].endswith(token)
+    assert said == [control, up_control, view, up_view]
 
 
 def test_what_a_page_may_say_is_all_there():
@@ -94,6 +116,7 @@ def test_the_limits_are_those_of_the_code():
         f"(`{access.cookie_name('localhost')}` if the address has no port",
         f"an end {credentials.SESSION_S // 86400} days later",
         f"At most {audit.MAX_LINES} lines a second are logged",
+        f"to {audit.MAX_REFUSED} lines a second for each client and {audit.MAX_LINES} for all",
     ):
         assert words in TEXT, words
     assert access.PUBLIC_PATHS == ("/healthz",)

@@ -6,6 +6,7 @@ import base64
 import functools
 import hashlib
 import hmac
+import math
 import secrets
 from dataclasses import dataclass
 from enum import StrEnum
@@ -27,6 +28,13 @@ class Principal:
 
     scope: Scope
     name: str
+    end_s: float = math.inf  # of the session, in s since 1970
+
+    def forbidden(self, now_s: float) -> str:
+        """Return why they may not set parameters now; empty if they may."""
+        if self.scope is not Scope.CONTROL:
+            return f"the scope {Scope.CONTROL} is missing: this page has the scope {self.scope}"
+        return "the session has ended" if self.end_s <= now_s else ""
 
 
 NO_TOKEN = Principal(Scope.CONTROL, "no token needed")
@@ -57,18 +65,21 @@ def new_session(scope: Scope, token: str, now_s: float) -> str:
     return f"{session}.{_sign(token, 'session', session)}"
 
 
-def principal_of(text: str, token: str, now_s: float) -> Principal | None:
-    """Return who presents a text, a token or a session; None if it is neither, or has ended."""
+def token_principal(text: str, token: str) -> Principal | None:
+    """Return who presents one of the two tokens; None if a text is none of them."""
     scope = scope_of(text, token)
-    if scope is not None:
-        return Principal(scope, f"token ({scope})")
+    return None if scope is None else Principal(scope, f"token ({scope})")
+
+
+def session_principal(text: str, token: str, now_s: float) -> Principal | None:
+    """Return who presents a session; None if a text is none, or has ended."""
     session, _, signature = text.rpartition(".")
     if not _equal(signature, _sign(token, "session", session)):
         return None
     name, scope_name, end_s = session.split(".")
     if int(end_s) <= now_s:
         return None
-    return Principal(Scope(scope_name), f"session {name} ({scope_name})")
+    return Principal(Scope(scope_name), f"session {name} ({scope_name})", int(end_s))
 
 
 def _sign(token: str, kind: str, text: str) -> str:

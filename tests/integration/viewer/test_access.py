@@ -91,7 +91,8 @@ def test_a_page_of_another_site_shows_streams_with_the_token_in_their_address_al
     assert standing_viewer.get("/healthz", Sec_Fetch_Site="none").status == 200
     path = f"/snapshot?{TOPIC}"
     assert standing_guarded.get(f"{path}&token={TOKEN}", **foreign).status == 404
-    cookie = f"zv_token_{standing_guarded.port}={TOKEN}"
+    opened = standing_guarded.get(f"/?token={TOKEN}")
+    cookie = opened.headers["set-cookie"].partition(";")[0]
     assert standing_guarded.get(path, Cookie=cookie).status == 404
     assert standing_guarded.get(path, Cookie=cookie, **foreign).status == 403
 

@@ -93,7 +93,9 @@ def test_the_view_token_sets_nothing_and_the_answer_names_the_scope(guarded: Vie
             assert "sigma = 1.4" in (await page.text("reply", id=2))["toml"]
 
     asyncio.run(test())
-    assert "not accepted: the scope control is missing" in audit_lines(guarded, "3.25")[0]
+    line = audit_lines(guarded, "not accepted: the scope control is missing")[0]
+    assert f"(view) set parameters of {NODE}" in line
+    assert "3.25" not in guarded.program.complaints
 
 
 @pytest.mark.parametrize("kind", ["session", "url", "bearer"])

@@ -17,8 +17,9 @@ from zv.viewer.credentials import (
     Principal,
     Scope,
     new_session,
-    principal_of,
     scope_of,
+    session_principal,
+    token_principal,
 )
 from zv.viewer.http.listener import is_address, is_loopback
 
@@ -58,7 +59,7 @@ class Access:
     def principal(self, request: web.Request) -> Principal:
         """Return who a request is from; raise HTTPUnauthorized as ``check_token``."""
         cookie = request.cookies.get(cookie_name(request.headers.get("Host")))
-        return self.check_token((*tokens_in(request), cookie))
+        return self.check_token(tokens_in(request), cookie)
 
     def check_host(self, host: str | None) -> None:
         """Raise HTTPForbidden for an unknown ``Host``: any name may resolve to this machine.
@@ -97,15 +98,18 @@ class Access:
                 text="a page of another site may load this only with ?token=TOKEN; see --token\n"
             )
 
-    def check_token(self, given: Iterable[str | None]) -> Principal:
-        """Return who gave these texts, with the widest scope among them.
+    def check_token(self, tokens: Iterable[str | None], session: str | None) -> Principal:
+        """Return who gave these tokens and this session, with the widest scope among them.
 
-        Raise HTTPUnauthorized unless one of them is a token or a session.
+        Raise HTTPUnauthorized unless one is valid. A token is no session, nor the reverse.
         """
         if self.token is None:
             return NO_TOKEN
-        found = [text for text in given if text is not None]
-        known = [who for text in found if (who := principal_of(text, self.token, time.time()))]
+        given = [text for text in tokens if text is not None]
+        found = [token_principal(text, self.token) for text in given]
+        if session is not None:
+            found.append(session_principal(session, self.token, time.time()))
+        known = [who for who in found if who is not None]
         if known:
             return max(known, key=lambda who: who.scope is Scope.CONTROL)
         wrong = "the token is wrong, or the session has ended"

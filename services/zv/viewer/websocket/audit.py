@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,7 +16,11 @@ log = logging.getLogger("viewer")
 
 PERIOD_S = 1.0
 MAX_LINES = 100
-"""Limit of lines in a period; of more changes, only the number is logged."""
+"""Limit of lines in a period; of more changes, only the number is logged. Refused changes have a
+limit of this size for themselves, so that they never displace one that took effect."""
+
+MAX_REFUSED = 10
+"""Limit of a client's refused changes in a period, so that it displaces few of other clients."""
 
 NAME = re.compile(r"\w{1,100}")
 
@@ -27,7 +32,7 @@ class LoggedChange:
     before: str
     after: str
     outcome: str
-    steps: int
+    steps: int = 0
 
 
 class ParameterAudit:
@@ -38,7 +43,8 @@ class ParameterAudit:
 
     def __init__(self) -> None:
         self._changes: dict[tuple[str, str, str, bool], LoggedChange] = {}
-        self._left_out = 0
+        self._refused: Counter[str] = Counter()  # lines of each client
+        self._left_out: Counter[bool] = Counter()  # by whether they were refused
 
     def note(
         self,
@@ -48,33 +54,45 @@ class ParameterAudit:
         values: Mapping[str, object],
         outcome: str,
         *,
-        accepted: bool,
+        refused: bool,
     ) -> None:
         """Log soon that someone set parameters of a node; ``known`` are those before."""
-        if not self._changes:
-            asyncio.get_running_loop().call_later(PERIOD_S, self.flush)
         for name, value in values.items():
             shown = name if NAME.fullmatch(name) else shortened(name)
-            key = who, node, shown, accepted
             before = shortened(known[name].value) if name in known else "unknown"
-            change = self._changes.get(key)
-            if change is not None:
-                change.after, change.outcome = shortened(value), outcome
-                change.steps += 1
-            elif len(self._changes) < MAX_LINES:
-                self._changes[key] = LoggedChange(before, shortened(value), outcome, 1)
-            else:
-                self._left_out += 1
+            change = LoggedChange(f" from {before}", f" to {shortened(value)}", outcome)
+            self._add((who, node, shown, refused), change)
+
+    def note_forbidden(self, who: str, node: str, outcome: str) -> None:
+        """Log soon that someone who may not set any parameter of a node tried to."""
+        self._add((who, node, "parameters", True), LoggedChange("", "", outcome))
+
+    def _add(self, key: tuple[str, str, str, bool], new: LoggedChange) -> None:
+        if not self._changes:
+            asyncio.get_running_loop().call_later(PERIOD_S, self.flush)
+        who, _, _, refused = key
+        if key not in self._changes:
+            of_all = self._refused.total()
+            lines = of_all if refused else len(self._changes) - of_all
+            if lines >= MAX_LINES or (refused and self._refused[who] >= MAX_REFUSED):
+                self._left_out[refused] += 1
+                return
+            self._refused[who] += refused
+        change = self._changes.setdefault(key, new)
+        change.after, change.outcome = new.after, new.outcome
+        change.steps += 1
 
     def flush(self) -> None:
         """Log the changes that have been noted."""
         for (who, node, name, _), change in self._changes.items():
             steps = f" in {change.steps} steps" if change.steps > 1 else ""
             log.info(
-                "%s set %s of %s from %s to %s%s: %s",
+                "%s set %s of %s%s%s%s: %s",
                 *(who, name, node, change.before, change.after, steps, change.outcome),
             )
-        if self._left_out:
-            log.info("%d more changes of parameters were not logged", self._left_out)
+        for refused, number in self._left_out.items():
+            kind = "refused changes" if refused else "changes"
+            log.info("%d more %s of parameters were not logged", number, kind)
         self._changes.clear()
-        self._left_out = 0
+        self._refused.clear()
+        self._left_out.clear()

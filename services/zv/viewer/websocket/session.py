@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import struct
 import time
 from collections import OrderedDict
@@ -12,10 +13,11 @@ from dataclasses import dataclass
 from aiohttp import WSCloseCode, web
 
 from zenoh_vision.config.constraints import toml_file
+from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import ParameterRefused, VisionError
 from zenoh_vision.messages import ParameterList
 from zv.viewer import events
-from zv.viewer.credentials import Principal, Scope
+from zv.viewer.credentials import Principal
 from zv.viewer.discovery.monitor import SystemMonitor, Unanswered
 from zv.viewer.discovery.network import in_slices
 from zv.viewer.discovery.system_state import PANELS, panel_of
@@ -46,6 +48,7 @@ MAX_TEXTS = 1000
 MAX_ERROR = 200
 """Characters of a node's refusal that the log repeats."""
 
+ADDRESSES = re.compile(r"[0-9A-Fa-f.:, ]{1,100}")
 LENGTH = struct.Struct("<I")
 
 
@@ -104,9 +107,11 @@ class WebSocketSession:
         self._request = request
         self._registry = registry
         self._monitor = monitor
-        self._scope = principal.scope
+        self._principal = principal
         proxied = request.headers.get("X-Forwarded-For")  # as true as whoever sent it
-        of = f" for {proxied[:100]}" if proxied else ""
+        if proxied and not ADDRESSES.fullmatch(proxied):
+            proxied = shortened(proxied)  # quoted, so that it cannot look like the rest of a line
+        of = f" for {proxied}" if proxied else ""
         self._who = f"{request.remote}{of}, {principal.name}"
         self._audit = audit
         self._wake = asyncio.Event()
@@ -241,24 +246,25 @@ class WebSocketSession:
 
     async def _set(self, command: commands.SetParameters) -> ParameterList:
         """Change parameters if the page may, and log who did so."""
+        if reason := self._principal.forbidden(time.time()):
+            self._audit.note_forbidden(self._who, command.node, f"not accepted: {reason}")
+            raise ParameterRefused(reason, "a page opened with the address that permits control")
         node = self._monitor.system.fleet.node(command.node)
         known = {} if node is None else dict(node.parameters)
-        accepted, outcome = False, "the page was gone before an answer"
+        # Without an answer, the node may have accepted, unless there is no such parameter.
+        refused = not known.keys() >= command.values.keys()
+        outcome = "the page was gone before an answer"
         try:
-            if self._scope is not Scope.CONTROL:
-                raise ParameterRefused(
-                    f"the scope {Scope.CONTROL} is missing: this page has the scope {self._scope}",
-                    "a page opened with the address that permits control",
-                )
             found = await self._monitor.set(command.node, command.values)
-            accepted, outcome = True, f"accepted (revision {found.revision})"
+            refused, outcome = False, f"accepted (revision {found.revision})"
             return found
         except (ParameterRefused, Unanswered) as error:
+            refused = refused or isinstance(error, ParameterRefused)
             outcome = f"not accepted: {str(error)[:MAX_ERROR]}"
             raise
         finally:
             self._audit.note(
-                self._who, command.node, known, command.values, outcome, accepted=accepted
+                self._who, command.node, known, command.values, outcome, refused=refused
             )
 
     # To the page

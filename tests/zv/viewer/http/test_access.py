@@ -84,17 +84,39 @@ def test_a_page_of_another_site_is_refused(origin, right):
     assert allowed(Access(None, NAMES).check_origin, origin, "localhost:8080") == right
 
 
-@pytest.mark.parametrize("place", [0, 1, 2])
-def test_the_token_is_taken_from_each_place(place):
+def request_with(place: str, text: str) -> web.Request:
+    """Return a request that gives a text in its URL, as Bearer, or in the cookie."""
+    headers = {"Host": "localhost:8080"}
+    if place == "bearer":
+        headers["Authorization"] = f"Bearer {text}"
+    if place == "cookie":
+        headers["Cookie"] = f"zv_token_8080={text}"
+    return make_mocked_request("GET", f"/?token={text}" if place == "url" else "/", headers)
+
+
+@pytest.mark.parametrize("place", ["url", "bearer", "cookie"])
+def test_tokens_are_taken_from_url_and_bearer_alone_and_sessions_from_the_cookie_alone(place):
     access = Access(TOKEN, NAMES)
+    session = new_session(Scope.CONTROL, TOKEN, time.time())
+    right, other = (session, TOKEN) if place == "cookie" else (TOKEN, session)
+    assert access.principal(request_with(place, right)).scope is Scope.CONTROL
+    assert not allowed(access.principal, request_with(place, other))
 
-    def given(token: str) -> list[str | None]:
-        return [token if each == place else None for each in range(3)]
 
-    assert allowed(access.check_token, given(TOKEN))
-    for wrong in (TOKEN[:-1], TOKEN + "x", "", "ä", "\udcff"):
-        assert not allowed(access.check_token, given(wrong))
-    assert not allowed(access.check_token, [None] * 3)
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_wrong_token_or_session_is_refused_in_each_place(place):
+    access = Access(TOKEN, NAMES)
+    session = new_session(Scope.CONTROL, TOKEN, time.time())
+
+    def given(text: str) -> tuple[list[str | None], str | None]:
+        tokens = [text if each == place else None for each in range(3)]
+        return tokens[:2], tokens[2]
+
+    right = session if place == 2 else TOKEN
+    assert allowed(access.check_token, *given(right))
+    for wrong in (right[:-1], right + "x", "", "ä", "\udcff"):
+        assert not allowed(access.check_token, *given(wrong))
+    assert not allowed(access.check_token, [None] * 2, None)
 
 
 @pytest.mark.parametrize(
@@ -118,20 +140,20 @@ def test_each_port_has_a_cookie_of_its_own(host, name):
 def test_the_widest_scope_of_what_is_given_counts():
     access = Access(TOKEN, NAMES)
     view, control = view_token(TOKEN), new_session(Scope.CONTROL, TOKEN, time.time())
-    assert access.check_token([view, None, "wrong"]).scope is Scope.VIEW
-    for given in ([view, None, control], [control, view], [TOKEN, view]):
-        assert access.check_token(given).scope is Scope.CONTROL
+    assert access.check_token([view, None], "wrong").scope is Scope.VIEW
+    for tokens, session in (([view, None], control), ([TOKEN, view], None), ([view, TOKEN], None)):
+        assert access.check_token(tokens, session).scope is Scope.CONTROL
 
 
 def test_a_session_that_has_ended_is_refused_and_the_refusal_says_so():
     ended = new_session(Scope.CONTROL, TOKEN, time.time() - SESSION_S)
     with pytest.raises(web.HTTPUnauthorized) as refused:
-        Access(TOKEN, NAMES).check_token([ended])
+        Access(TOKEN, NAMES).check_token([], ended)
     assert "the session has ended" in str(refused.value.text)
 
 
 def test_without_a_token_everybody_has_control():
-    assert Access(None, NAMES).check_token([None]) == NO_TOKEN
+    assert Access(None, NAMES).check_token([None], None) == NO_TOKEN
     assert NO_TOKEN.scope is Scope.CONTROL
 
 
@@ -154,7 +176,7 @@ def test_a_pages_address_with_a_token_leads_to_the_one_without(path, place, toke
     cookie = response.cookies["zv_token_8080"]
     assert (cookie["path"], cookie["httponly"], bool(cookie["secure"])) == ("/", True, False)
     assert token not in cookie.value
-    assert access.check_token([cookie.value]).scope == access.scope_of(token)
+    assert access.check_token([], cookie.value).scope == access.scope_of(token)
 
 
 @pytest.mark.parametrize("path", ["/", "/?token=wrong", "/?token="])
@@ -176,7 +198,7 @@ def test_behind_a_tls_proxy_the_cookie_is_secure(proto, secure):
 
 
 def test_without_a_token_nobody_is_asked_for_one():
-    assert allowed(Access(None, NAMES).check_token, ["whatever"])
+    assert allowed(Access(None, NAMES).check_token, ["whatever"], "whatever")
 
 
 def test_the_token_does_not_show_in_a_traceback():

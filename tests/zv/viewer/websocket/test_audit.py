@@ -1,6 +1,8 @@
 """The log of who changed which parameter: lines, steps, limits, and pages that leave at once."""
 
 import asyncio
+import math
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.messages import Parameter
 from zv.viewer.credentials import Principal, Scope
-from zv.viewer.websocket.audit import MAX_LINES, ParameterAudit
+from zv.viewer.websocket.audit import MAX_LINES, MAX_REFUSED, ParameterAudit
 from zv.viewer.websocket.commands import SetParameters
 from zv.viewer.websocket.session import WebSocketSession
 
@@ -36,7 +38,7 @@ def lines(caplog):
 
 def note(audit, values, accepted=True, who=WHO):
     outcome = "accepted (revision 1)" if accepted else "not accepted: no"
-    audit.note(who, "edge_front", {"low": LOW}, values, outcome, accepted=accepted)
+    audit.note(who, "edge_front", {"low": LOW}, values, outcome, refused=not accepted)
 
 
 def test_each_parameter_is_a_line_with_who_what_from_and_to(lines):
@@ -74,6 +76,23 @@ def test_of_a_flood_a_limited_number_of_lines_and_the_number_of_others_are_logge
     assert max(map(len, found)) < 300
 
 
+def test_refused_changes_displace_no_accepted_one_and_few_refused_ones_of_others(lines):
+    async def work(audit):
+        for client in range(2 * MAX_LINES):
+            note(audit, {f"p{number}": 1 for number in range(100)}, False, f"client {client}")
+        note(audit, {"low": 41})
+
+    found = lines(work)
+    assert len(found) == MAX_LINES + 2
+    assert [line for line in found if line.startswith("client 3 ")] == [
+        f"client 3 set p{number} of edge_front from unknown to 1: not accepted: no"
+        for number in range(MAX_REFUSED)
+    ]
+    assert found[-2] == f"{WHO} set low of edge_front from 40.0 to 41: accepted (revision 1)"
+    left_out = 2 * MAX_LINES * 100 - MAX_LINES
+    assert found[-1] == f"{left_out} more refused changes of parameters were not logged"
+
+
 def test_a_name_that_is_none_is_quoted(lines):
     async def work(audit):
         note(audit, {"low of edge_front from 1 to 2: accepted\n": 1, "n" * 5000: 1})
@@ -109,9 +128,12 @@ class SilentMonitor:
         await asyncio.wait_for(asyncio.Event().wait(), 30)
 
 
-def session_of(monitor, audit, scope=Scope.CONTROL) -> WebSocketSession:
-    request = SimpleNamespace(headers={}, query={}, remote="192.0.2.1")
-    given = None, request, None, monitor, Principal(scope, f"session 1a2b3c4d ({scope})"), audit
+def session_of(
+    monitor, audit, scope=Scope.CONTROL, end_s=math.inf, headers=None
+) -> WebSocketSession:
+    request = SimpleNamespace(headers=headers or {}, query={}, remote="192.0.2.1")
+    principal = Principal(scope, f"session 1a2b3c4d ({scope})", end_s)
+    given = None, request, None, monitor, principal, audit
     return WebSocketSession(*given)  # type: ignore[arg-type]
 
 
@@ -131,11 +153,66 @@ def test_a_page_that_leaves_before_the_answer_is_logged(lines):
     assert line.endswith("the page was gone before an answer")
 
 
-def test_a_page_for_viewing_never_asks_the_node(lines):
+def test_a_page_that_leaves_hides_neither_this_change_nor_others(lines):
+    """Set what there is not, then what there is, and leave at once: the node may have accepted."""
+
+    async def work(audit):
+        monitor = SilentMonitor()
+        session = session_of(monitor, audit)
+        for values in ({f"p{number}": 1 for number in range(2 * MAX_LINES)}, {"low": 41}):
+            monitor.asked.clear()
+            command = SET.model_copy(update={"values": values})
+            asking = asyncio.create_task(session._set(command))
+            await monitor.asked.wait()
+            asking.cancel()
+            await asyncio.wait([asking])
+        note(audit, {"low": 42}, who="another")
+
+    found = lines(work)
+    assert len(found) == MAX_REFUSED + 3
+    assert f"{WHO} set low of edge_front from 40.0 to 41: the page was gone" in found[-3]
+    assert found[-2].startswith("another set low")
+
+
+def test_a_page_for_viewing_never_asks_the_node_and_is_one_line_without_its_names(lines):
     async def work(audit):
         monitor = SilentMonitor()
         with pytest.raises(ParameterRefused, match="the scope control is missing"):
             await session_of(monitor, audit, Scope.VIEW)._set(SET)
         assert not monitor.asked.is_set()
 
-    assert "not accepted: the scope control is missing" in lines(work)[0]
+    assert lines(work) == [
+        "192.0.2.1, session 1a2b3c4d (view) set parameters of edge_front: "
+        "not accepted: the scope control is missing: this page has the scope view"
+    ]
+
+
+def test_a_page_whose_session_has_ended_never_asks_the_node(lines):
+    async def work(audit):
+        monitor = SilentMonitor()
+        with pytest.raises(ParameterRefused, match="the session has ended"):
+            await session_of(monitor, audit, end_s=time.time())._set(SET)
+        assert not monitor.asked.is_set()
+
+    assert lines(work) == [
+        f"{WHO} set parameters of edge_front: not accepted: the session has ended"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("sent", "logged"),
+    [
+        ("203.0.113.9, 2001:DB8::1", "203.0.113.9, 2001:DB8::1"),
+        ("9.9.9.9, session 1a2b (control)", "'9.9.9.9, session 1a2b (control)'"),
+        ("9.9.9.9', session 1a2b", '"9.9.9.9\', session 1a2b"'),
+        ("1" * 5000, f"'{'1' * 60}'... (5000 characters)"),
+    ],
+)
+def test_what_a_client_says_of_its_address_is_quoted_unless_it_is_one(lines, sent, logged):
+    async def work(audit):
+        session = session_of(None, audit, Scope.VIEW, headers={"X-Forwarded-For": sent})
+        with pytest.raises(ParameterRefused):
+            await session._set(SET)
+
+    (line,) = lines(work)
+    assert line.startswith(f"192.0.2.1 for {logged}, session 1a2b3c4d (view) set parameters of ")
