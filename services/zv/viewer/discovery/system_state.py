@@ -60,7 +60,7 @@ class SystemState:
         self._lines: deque[tuple[str, Hashable]] = deque(maxlen=LINES)
         self._lines_made = 0
         self._items: dict[str, tuple[str, dict[str, str]]] = {}  # a node's, its streams' by keys
-        self._told: dict[str, str] = {}
+        self._told: dict[Hashable, str] = {}
         self._changed = False
         self._streams: list[str] | None = None
 
@@ -72,7 +72,11 @@ class SystemState:
         ``kinds`` are the kinds of ``PANELS`` that it shows.
         """
         lines = self._lines if "log" in kinds else ()
-        return [*lines, (self._router_text(), "router"), *self._lists(kinds)]
+        found = [*lines, (self._router_text(), "router"), *self._lists(kinds)]
+        for text, op in found:
+            if self._told.get(op) != text:  # so that this page is told too if it changes back
+                self._told.pop(op, None)
+        return found
 
     def details(self, kinds: Collection[str] = PANELS) -> Iterator[tuple[str, Hashable]]:
         """Yield the other messages that a new page needs, of each node as it is then."""

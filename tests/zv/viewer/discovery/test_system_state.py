@@ -168,6 +168,32 @@ def test_what_no_page_shows_is_not_made(told, monkeypatch):
     assert {"health", "parameter", "matches"} <= set(made)
 
 
+@pytest.mark.parametrize("flushed", [True, False])
+def test_a_page_that_got_a_list_between_two_equal_ones_is_told_the_second(told, flushed):
+    shown = {"matches"}
+    told.system = SystemState("vision", told._say, shown.__contains__)
+
+    def describe(*publishes: str) -> None:
+        before = description("camera_front", *publishes)
+        told.system.describe(before.model_copy(update={"subscribes": ("vision/*/image",)}))
+
+    told.system.take("camera_front", True)
+    describe("vision/front/image")
+    told.system.flush()
+    shown.clear()
+    describe("vision/front/image", "vision/rear/image")
+    if flushed:
+        told.system.flush()
+    page = {replaces: text for text, replaces in told.system.overview({"matches"})}
+    shown.add("matches")
+    told.texts.clear()
+    describe("vision/front/image")
+    told.system.flush()
+    page |= {text["op"]: json.dumps(text) for text in told.texts}
+    assert json.loads(page["matches"])["expressions"] == {"vision/*/image": ["vision/front/image"]}
+    assert len(json.loads(page["streams"])["streams"]) == 1
+
+
 def test_health_of_nodes_without_a_token_is_nobodys(told):
     told.health(report(0, "ok", "ghost"))
     assert not told.texts
