@@ -35,6 +35,9 @@ AHEAD = 2
 
 HEARTBEAT_S = 15.0
 ENDED_POLL_S = 0.2
+SHOW_S = 0.1
+"""The panels that a page shows change at most once in this time."""
+
 MESSAGES_AT_ONCE = 16
 PART_BYTES = 32 << 10
 """Pictures are sent in parts of this size. Between two, a page on a slow link gets everything else,
@@ -118,8 +121,8 @@ class WebSocketSession:
         self._link = LinkGauge(time.monotonic())
         wanted = request.query.get("show")
         self.shows = PANELS if wanted is None else PANELS.intersection(wanted.split(","))
-        self._due: frozenset[str] = self.shows  # kinds of which the page has not got all yet
-        self._details: asyncio.Task[None] | None = None
+        self._asked: frozenset[str] = self.shows  # what it asked to be shown last
+        self._asked_again = asyncio.Event()
 
     def send(self, text: str, replaces: Hashable | None = None) -> None:
         """Queue a text if it is for something that the page shows.
@@ -134,13 +137,12 @@ class WebSocketSession:
 
     async def serve(self) -> None:
         """Serve the page until it disconnects."""
-        work = self._send_queued(), self._report_ended()
+        work = self._send_queued(), self._report_ended(), self._fill_panels()
         tasks = [asyncio.create_task(each) for each in work]
-        self._details = asyncio.create_task(self._send_details())
         try:
             await self._receive()
         finally:
-            for task in (*tasks, self._details, *self._requests):
+            for task in (*tasks, *self._requests):
                 task.cancel()
             for key in (*self._pictures, *self._messages):
                 self._unwatch(key)
@@ -174,7 +176,8 @@ class WebSocketSession:
         elif isinstance(command, commands.Unwatch):
             self._unwatch(command.key)
         elif isinstance(command, commands.Show):
-            self._show(frozenset(command.kinds))
+            self._asked = command.kinds
+            self._asked_again.set()
         else:
             task = asyncio.create_task(self._request_parameters(command))
             self._requests.add(task)
@@ -209,18 +212,6 @@ class WebSocketSession:
         messages = self._messages.pop(key, None)
         if messages is not None:
             messages.close()
-
-    def _show(self, kinds: frozenset[str]) -> None:
-        """Queue all that there is of what the page shows now and did not before."""
-        new = kinds - self.shows
-        self.shows = kinds
-        self._due = (self._due & kinds) | new
-        for text, replaces in self._monitor.system.overview(new) if new else ():
-            if panel_of(replaces) is not None:
-                self.send(text, replaces)
-        if self._details is not None:
-            self._details.cancel()
-        self._details = asyncio.create_task(self._send_details())
 
     async def _request_parameters(
         self, command: commands.SetParameters | commands.DumpParameters
@@ -274,11 +265,22 @@ class WebSocketSession:
         except ConnectionError:
             self._abort()
 
-    async def _send_details(self) -> None:
-        """Queue what is due to the page of each node; the lists have been queued before."""
-        async for text, replaces in in_slices(self._monitor.system.details(self._due)):
-            self.send(text, replaces)
-        self._due = frozenset()
+    async def _fill_panels(self) -> None:
+        """Queue all that there is of what the page shows and did not before.
+
+        What is not of single nodes has been queued when the page was opened. The newest of many
+        commands ``show`` counts: each may cost some milliseconds.
+        """
+        system, new = self._monitor.system, self.shows
+        while True:
+            async for text, replaces in in_slices(system.details(new)):
+                self.send(text, replaces)
+            await asyncio.sleep(SHOW_S)
+            await self._asked_again.wait()
+            self._asked_again.clear()
+            new, self.shows = self._asked - self.shows, self._asked
+            for text, replaces in system.overview(new, new=False):
+                self.send(text, replaces)
 
     async def _send_some(self) -> bool:
         """Send one picture per stream, and all else before each part; return whether any."""

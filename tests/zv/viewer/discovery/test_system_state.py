@@ -235,6 +235,15 @@ def test_a_change_of_one_node_of_a_thousand_makes_the_texts_of_that_one_alone(to
     assert ops == ["router", "matches", "health"]  # a new page makes no item of a list again
 
 
+def test_a_page_that_shows_another_panel_makes_no_list_of_nodes(told, monkeypatch):
+    told.system.take("camera_front", True)
+    made = []
+    monkeypatch.setattr(events, "list_text", lambda op, items: made.append(op) or "{}")
+    ops = [replaces for _, replaces in told.system.overview({"matches", "log"}, new=False)]
+    assert ops == [("log", 1), "matches"]
+    assert told.system.overview({"health"}, new=False) == made == []
+
+
 def test_a_node_that_names_endless_keys_is_cut_and_that_is_said_once(told):
     told.system.take("camera_front", True)
     keys = [f"vision/front/x{number}" for number in range(25_000)]
