@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import struct
 import time
-from collections import OrderedDict
-from collections.abc import Hashable
+from collections import OrderedDict, deque
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 
 from aiohttp import WSCloseCode, web
@@ -38,10 +38,9 @@ ENDED_POLL_S = 0.2
 SHOW_S = 0.1
 """The panels that a page shows change at most once in this time."""
 
-MESSAGES_AT_ONCE = 16
 PART_BYTES = 32 << 10
-"""Pictures are sent in parts of this size. Between two, a page on a slow link gets everything else,
-and sees that the connection is alive."""
+"""Pictures are sent in parts of this size. Between two, a page on a slow link gets about as much of
+everything else, and sees that the connection is alive."""
 
 MAX_TEXTS = 1000
 """Texts that replace no other, such as replies; a page that lets more wait reads nothing."""
@@ -262,6 +261,7 @@ class WebSocketSession:
                 more = True
                 while more:
                     more = await self._send_some()
+                    await asyncio.sleep(0)  # there may be much, and the link may never wait
         except ConnectionError:
             self._abort()
 
@@ -283,7 +283,7 @@ class WebSocketSession:
                 self.send(text, replaces)
 
     async def _send_some(self) -> bool:
-        """Send one picture per stream, and all else before each part; return whether any."""
+        """Send one picture per stream, and other things before each part; return whether any."""
         sent = await self._send_small()
         for watched in list(self._pictures.values()):
             feed = watched.feed
@@ -296,36 +296,48 @@ class WebSocketSession:
             if watched.credit > 0:
                 feed.want()
             for start in range(0, len(data), PART_BYTES):
-                await self._send_part(data[start : start + PART_BYTES])
+                await self._send_one(data[start : start + PART_BYTES])
                 await self._send_small()
             sent = True
         return sent
 
-    async def _send_part(self, part: bytes) -> None:
+    async def _send_one(self, data: str | bytes) -> None:
         begun_s = time.monotonic()
-        await self._socket.send_bytes(part)
+        if isinstance(data, str):
+            await self._socket.send_str(data)
+        else:
+            await self._socket.send_bytes(data)
         await self._request.writer.drain()
-        bits_per_s = self._link.add(len(part), begun_s, time.monotonic())
+        bits_per_s = self._link.add(len(data), begun_s, time.monotonic())
         if bits_per_s is not None:
             self.send(events.text("link", bits_per_s=bits_per_s), "link")
 
     async def _send_small(self) -> bool:
-        """Send the texts, and some messages of each stream; return whether any."""
-        sent = await self._send_texts()
-        for messages in list(self._messages.values()):
-            for message in messages.take(MESSAGES_AT_ONCE):
-                await self._socket.send_str(message)
-                sent = True
-        if sent:
-            await self._request.writer.drain()
-        return sent
-
-    async def _send_texts(self) -> bool:
+        """Send texts and messages, about as much as a part of a picture; return whether any."""
         sent = False
-        async for text in in_slices(iter(self._outbox.take, None)):
-            await self._socket.send_str(text)
+        async for text in in_slices(self._take_small()):
+            await self._send_one(text)
             sent = True
         return sent
+
+    def _take_small(self) -> Iterator[str]:
+        """Yield texts, then messages of each stream in turn, until they are ``PART_BYTES``.
+
+        One message is yielded however many texts there are.
+        """
+        size = 0
+        while size < PART_BYTES and (text := self._outbox.take()) is not None:
+            size += len(text)
+            yield text
+        turns, due = deque(self._messages), True
+        while turns and (size < PART_BYTES or due):
+            key = turns.popleft()
+            feed = self._messages.get(key)  # the page may have ended it meanwhile
+            for message in feed.take(1) if feed else ():
+                self._messages[key] = self._messages.pop(key)  # its next turn is after the others'
+                turns.append(key)
+                size, due = size + len(message), False
+                yield message
 
     async def _report_ended(self) -> None:
         """Tell the page of each stream that has ended."""
