@@ -60,19 +60,27 @@ class SystemState:
         self._lines: deque[tuple[str, Hashable]] = deque(maxlen=LINES)
         self._lines_made = 0
         self._items: dict[str, tuple[str, dict[str, str]]] = {}  # a node's, its streams' by keys
-        self._told: dict[str, str] = {}
+        self._told: dict[Hashable, str] = {}
         self._changed = False
         self._streams: list[str] | None = None
 
     # What pages get
 
-    def overview(self, kinds: Collection[str] = PANELS) -> list[tuple[str, Hashable]]:
-        """Return the messages that a new page needs at once, each with what it replaces.
+    def overview(
+        self, kinds: Collection[str] = PANELS, *, new: bool = True
+    ) -> list[tuple[str, Hashable]]:
+        """Return the messages that a page needs at once, each with what it replaces.
 
-        ``kinds`` are the kinds of ``PANELS`` that it shows.
+        ``kinds`` are the kinds of ``PANELS`` that it begins to show; a page that is not new needs
+        only those.
         """
         lines = self._lines if "log" in kinds else ()
-        return [*lines, (self._router_text(), "router"), *self._lists(kinds)]
+        router = [(self._router_text(), "router")] if new else []
+        found = [*lines, *router, *self._lists(kinds, common=new)]
+        for text, op in found:
+            if self._told.get(op) != text:  # so that this page is told too if it changes back
+                self._told.pop(op, None)
+        return found
 
     def details(self, kinds: Collection[str] = PANELS) -> Iterator[tuple[str, Hashable]]:
         """Yield the other messages that a new page needs, of each node as it is then."""
@@ -216,8 +224,13 @@ class SystemState:
     def _router_text(self) -> str:
         return events.text("router", connected=self.connected)
 
-    def _lists(self, kinds: Collection[str]) -> list[tuple[str, str]]:
-        """Return the messages with the lists of all nodes, each with its name."""
+    def _lists(self, kinds: Collection[str], *, common: bool = True) -> list[tuple[str, str]]:
+        """Return the messages made from all nodes, each with its name.
+
+        The lists of nodes and of streams are left out unless ``common``.
+        """
+        if not common and "matches" not in kinds:
+            return []
         nodes = self.fleet.nodes()
         streams: dict[str, str] = {}
         # If two nodes publish a key, the later one in the list counts, which is alive.
@@ -228,10 +241,12 @@ class SystemState:
         if len(streams) > MAX_STREAMS:
             self.say_cut(f"there are more than {MAX_STREAMS} streams; the list is cut")
         shown = sorted(streams)[:MAX_STREAMS]
-        lists = [
-            (events.list_text("nodes", (self._items[node.name][0] for node in nodes)), "nodes"),
-            (events.list_text("streams", (streams[key] for key in shown)), "streams"),
-        ]
+        lists = []
+        if common:
+            items = (self._items[node.name][0] for node in nodes)
+            lists.append((events.list_text("nodes", items), "nodes"))
+            items = (streams[key] for key in shown)
+            lists.append((events.list_text("streams", items), "streams"))
         if "matches" in kinds:
             described = [node.description for node in nodes if node.description]
             found = matches((key for each in described for key in each.subscribes), shown)

@@ -6,8 +6,8 @@ import asyncio
 import re
 import struct
 import time
-from collections import OrderedDict
-from collections.abc import Hashable
+from collections import OrderedDict, deque
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 
 from aiohttp import WSCloseCode, web
@@ -37,10 +37,12 @@ AHEAD = 2
 
 HEARTBEAT_S = 15.0
 ENDED_POLL_S = 0.2
-MESSAGES_AT_ONCE = 16
+SHOW_S = 0.1
+"""The panels that a page shows change at most once in this time."""
+
 PART_BYTES = 32 << 10
-"""Pictures are sent in parts of this size. Between two, a page on a slow link gets everything else,
-and sees that the connection is alive."""
+"""Pictures are sent in parts of this size. Between two, a page on a slow link gets about as much of
+everything else, and sees that the connection is alive."""
 
 MAX_TEXTS = 1000
 """Texts that replace no other, such as replies; a page that lets more wait reads nothing."""
@@ -123,8 +125,8 @@ class WebSocketSession:
         self._link = LinkGauge(time.monotonic())
         wanted = request.query.get("show")
         self.shows = PANELS if wanted is None else PANELS.intersection(wanted.split(","))
-        self._due: frozenset[str] = self.shows  # kinds of which the page has not got all yet
-        self._details: asyncio.Task[None] | None = None
+        self._asked: frozenset[str] = self.shows  # what it asked to be shown last
+        self._asked_again = asyncio.Event()
 
     def send(self, text: str, replaces: Hashable | None = None) -> None:
         """Queue a text if it is for something that the page shows.
@@ -139,13 +141,12 @@ class WebSocketSession:
 
     async def serve(self) -> None:
         """Serve the page until it disconnects."""
-        work = self._send_queued(), self._report_ended()
+        work = self._send_queued(), self._report_ended(), self._fill_panels()
         tasks = [asyncio.create_task(each) for each in work]
-        self._details = asyncio.create_task(self._send_details())
         try:
             await self._receive()
         finally:
-            for task in (*tasks, self._details, *self._requests):
+            for task in (*tasks, *self._requests):
                 task.cancel()
             for key in (*self._pictures, *self._messages):
                 self._unwatch(key)
@@ -179,7 +180,8 @@ class WebSocketSession:
         elif isinstance(command, commands.Unwatch):
             self._unwatch(command.key)
         elif isinstance(command, commands.Show):
-            self._show(frozenset(command.kinds))
+            self._asked = command.kinds
+            self._asked_again.set()
         else:
             task = asyncio.create_task(self._request_parameters(command))
             self._requests.add(task)
@@ -214,18 +216,6 @@ class WebSocketSession:
         messages = self._messages.pop(key, None)
         if messages is not None:
             messages.close()
-
-    def _show(self, kinds: frozenset[str]) -> None:
-        """Queue all that there is of what the page shows now and did not before."""
-        new = kinds - self.shows
-        self.shows = kinds
-        self._due = (self._due & kinds) | new
-        for text, replaces in self._monitor.system.overview(new) if new else ():
-            if panel_of(replaces) is not None:
-                self.send(text, replaces)
-        if self._details is not None:
-            self._details.cancel()
-        self._details = asyncio.create_task(self._send_details())
 
     async def _request_parameters(
         self, command: commands.SetParameters | commands.DumpParameters
@@ -277,17 +267,29 @@ class WebSocketSession:
                 more = True
                 while more:
                     more = await self._send_some()
+                    await asyncio.sleep(0)  # there may be much, and the link may never wait
         except ConnectionError:
             self._abort()
 
-    async def _send_details(self) -> None:
-        """Queue what is due to the page of each node; the lists have been queued before."""
-        async for text, replaces in in_slices(self._monitor.system.details(self._due)):
-            self.send(text, replaces)
-        self._due = frozenset()
+    async def _fill_panels(self) -> None:
+        """Queue all that there is of what the page shows and did not before.
+
+        What is not of single nodes has been queued when the page was opened. The newest of many
+        commands ``show`` counts: each may cost some milliseconds.
+        """
+        system, new = self._monitor.system, self.shows
+        while True:
+            async for text, replaces in in_slices(system.details(new)):
+                self.send(text, replaces)
+            await asyncio.sleep(SHOW_S)
+            await self._asked_again.wait()
+            self._asked_again.clear()
+            new, self.shows = self._asked - self.shows, self._asked
+            for text, replaces in system.overview(new, new=False):
+                self.send(text, replaces)
 
     async def _send_some(self) -> bool:
-        """Send one picture per stream, and all else before each part; return whether any."""
+        """Send one picture per stream, and other things before each part; return whether any."""
         sent = await self._send_small()
         for watched in list(self._pictures.values()):
             feed = watched.feed
@@ -300,36 +302,48 @@ class WebSocketSession:
             if watched.credit > 0:
                 feed.want()
             for start in range(0, len(data), PART_BYTES):
-                await self._send_part(data[start : start + PART_BYTES])
+                await self._send_one(data[start : start + PART_BYTES])
                 await self._send_small()
             sent = True
         return sent
 
-    async def _send_part(self, part: bytes) -> None:
+    async def _send_one(self, data: str | bytes) -> None:
         begun_s = time.monotonic()
-        await self._socket.send_bytes(part)
+        if isinstance(data, str):
+            await self._socket.send_str(data)
+        else:
+            await self._socket.send_bytes(data)
         await self._request.writer.drain()
-        bits_per_s = self._link.add(len(part), begun_s, time.monotonic())
+        bits_per_s = self._link.add(len(data), begun_s, time.monotonic())
         if bits_per_s is not None:
             self.send(events.text("link", bits_per_s=bits_per_s), "link")
 
     async def _send_small(self) -> bool:
-        """Send the texts, and some messages of each stream; return whether any."""
-        sent = await self._send_texts()
-        for messages in list(self._messages.values()):
-            for message in messages.take(MESSAGES_AT_ONCE):
-                await self._socket.send_str(message)
-                sent = True
-        if sent:
-            await self._request.writer.drain()
-        return sent
-
-    async def _send_texts(self) -> bool:
+        """Send texts and messages, about as much as a part of a picture; return whether any."""
         sent = False
-        async for text in in_slices(iter(self._outbox.take, None)):
-            await self._socket.send_str(text)
+        async for text in in_slices(self._take_small()):
+            await self._send_one(text)
             sent = True
         return sent
+
+    def _take_small(self) -> Iterator[str]:
+        """Yield texts, then messages of each stream in turn, until they are ``PART_BYTES``.
+
+        One message is yielded however many texts there are.
+        """
+        size = 0
+        while size < PART_BYTES and (text := self._outbox.take()) is not None:
+            size += len(text)
+            yield text
+        turns, due = deque(self._messages), True
+        while turns and (size < PART_BYTES or due):
+            key = turns.popleft()
+            feed = self._messages.get(key)  # the page may have ended it meanwhile
+            for message in feed.take(1) if feed else ():
+                self._messages[key] = self._messages.pop(key)  # its next turn is after the others'
+                turns.append(key)
+                size, due = size + len(message), False
+                yield message
 
     async def _report_ended(self) -> None:
         """Tell the page of each stream that has ended."""

@@ -168,6 +168,32 @@ def test_what_no_page_shows_is_not_made(told, monkeypatch):
     assert {"health", "parameter", "matches"} <= set(made)
 
 
+@pytest.mark.parametrize("flushed", [True, False])
+def test_a_page_that_got_a_list_between_two_equal_ones_is_told_the_second(told, flushed):
+    shown = {"matches"}
+    told.system = SystemState("vision", told._say, shown.__contains__)
+
+    def describe(*publishes: str) -> None:
+        before = description("camera_front", *publishes)
+        told.system.describe(before.model_copy(update={"subscribes": ("vision/*/image",)}))
+
+    told.system.take("camera_front", True)
+    describe("vision/front/image")
+    told.system.flush()
+    shown.clear()
+    describe("vision/front/image", "vision/rear/image")
+    if flushed:
+        told.system.flush()
+    page = {replaces: text for text, replaces in told.system.overview({"matches"})}
+    shown.add("matches")
+    told.texts.clear()
+    describe("vision/front/image")
+    told.system.flush()
+    page |= {text["op"]: json.dumps(text) for text in told.texts}
+    assert json.loads(page["matches"])["expressions"] == {"vision/*/image": ["vision/front/image"]}
+    assert len(json.loads(page["streams"])["streams"]) == 1
+
+
 def test_health_of_nodes_without_a_token_is_nobodys(told):
     told.health(report(0, "ok", "ghost"))
     assert not told.texts
@@ -207,6 +233,15 @@ def test_a_change_of_one_node_of_a_thousand_makes_the_texts_of_that_one_alone(to
     assert len([*told.system.overview(), *told.system.details()]) < LINES + 10
     ops = [fields["op"] for fields in made]
     assert ops == ["router", "matches", "health"]  # a new page makes no item of a list again
+
+
+def test_a_page_that_shows_another_panel_makes_no_list_of_nodes(told, monkeypatch):
+    told.system.take("camera_front", True)
+    made = []
+    monkeypatch.setattr(events, "list_text", lambda op, items: made.append(op) or "{}")
+    ops = [replaces for _, replaces in told.system.overview({"matches", "log"}, new=False)]
+    assert ops == [("log", 1), "matches"]
+    assert told.system.overview({"health"}, new=False) == made == []
 
 
 def test_a_node_that_names_endless_keys_is_cut_and_that_is_said_once(told):

@@ -90,3 +90,13 @@ test("of the log the last 1000 lines are kept, and none from before a new greeti
   connection.emit("hello", { version: "0", now_ns: "0" });
   assert.deepEqual(system.lines, []);
 });
+
+test("drops are those since the report a second before, and unknown after a gap", () => {
+  const connection = new Events();
+  const system = new System(connection);
+  for (const [seconds, dropped] of [[0, 5], [1, 7], [4, 8], [64, 600], [65, 601], [66, 0]]) {
+    const diagnostics = { counters: { "dropped.late": dropped, processed: 9 } };
+    connection.emit("health", { node: "a", diagnostics, at_ns: String(seconds * 1e9) });
+  }
+  assert.deepEqual(system.histories.get("a").map(({ drops }) => drops), [0, 2, 1, null, 1, 0]);
+});

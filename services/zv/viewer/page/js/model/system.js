@@ -6,6 +6,7 @@ import { Events, milliseconds } from "../transport/connection.js";
 
 const LINES_KEPT = 1000;
 const HISTORY_MS = 5 * 60 * 1000;
+const GAP_MS = 3000; // reports come once a second, but not while the page is hidden
 
 export class System extends Events {
 	constructor(connection) {
@@ -16,7 +17,7 @@ export class System extends Events {
 		this.streams = [];
 		this.nodes = [];
 		this.matches = {}; // key expression with wildcards -> the keys of streams that it matches
-		this.histories = new Map(); // node -> [{at, diagnostics, rate, p50, p99, drops}]
+		this.histories = new Map(); // node -> [{at, diagnostics, rate, p50, p99, drops|null}]
 		this.parameters = new Map(); // node -> (name -> parameter)
 		this.lines = [];
 		this.routerConnected = null;
@@ -90,10 +91,11 @@ export class System extends Events {
 	onHealth({ node, diagnostics, at_ns: at }) {
 		const now = milliseconds(at);
 		const history = this.histories.get(node) ?? [];
-		const before = this.report(node)?.diagnostics ?? diagnostics;
+		const before = history.at(-1) ?? { at: now, diagnostics };
 		const { rate_hz: rate, latency_ms: latency } = diagnostics;
 		// The counters of a restarted node begin at 0.
-		const drops = Math.max(0, droppedFrames(diagnostics) - droppedFrames(before));
+		const more = Math.max(0, droppedFrames(diagnostics) - droppedFrames(before.diagnostics));
+		const drops = now - before.at > GAP_MS ? null : more; // of a gap they are not per second
 		history.push({ at: now, diagnostics, rate, p50: latency?.p50, p99: latency?.p99, drops });
 		while (now - history[0].at > HISTORY_MS) history.shift();
 		this.histories.set(node, history);
