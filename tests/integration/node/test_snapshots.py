@@ -109,6 +109,7 @@ def test_diagnostics_answer_with_the_newest_as_well(client, service):
     assert newest(client, "@vision/diagnostics/tracker_front").payload == published.payload
 
 
+@pytest.mark.quiet
 def test_a_camera_that_nobody_listens_to_says_that_it_published_nothing(client, service):
     service("camera", "--rate", 20, *SMALL)
     health = Listener(client, "@vision/diagnostics/camera_front")
