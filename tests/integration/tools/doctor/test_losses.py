@@ -139,7 +139,8 @@ def test_a_real_node_slower_than_its_stream_is_found_with_the_parameter(shared, 
         )
         assert report
         seen = Diagnosis(shared.endpoint, "slow", for_s=2.2)
-    ((level, text, remedy),) = seen.of("speed")
+    # On a busy machine the camera itself may be too slow as well.
+    ((level, text, remedy),) = (one for one in seen.of("speed") if "slow_front" in one[1])
     assert level == "WARN"
     assert text.startswith("slow_front uses ")
     assert text.endswith(" Hz that arrive on slow/front/image/compressed")
