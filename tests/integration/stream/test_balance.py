@@ -40,7 +40,9 @@ def test_counters_balance_in_every_health_message_beside_a_rogue_publisher(clien
             counters = message.body["counters"]
             assert balance(counters) == 0, (node, counters)
             assert all(count >= 0 for count in counters.values())
-            assert counters["pending"] <= 3, (node, counters)  # slot of two lanes, one in work
+            # A slot of two lanes, one in work, and one that arrives: it is counted before the one
+            # that it replaces, which ten reports a second sometimes show.
+            assert counters["pending"] <= 4, (node, counters)
         for earlier, later in pairwise(listener.messages):
             for name, count in earlier.body["counters"].items():
                 assert name == "pending" or later.body["counters"][name] >= count
