@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 FILE ?= configs/up.toml
 ARGS ?=
 
-.PHONY: up test check tests test-compose soak coverage wheel bench configs screenshots clean
+.PHONY: up test check tests test-compose soak coverage wheel bench quality configs figures screenshots clean
 
 ifdef SOURCE
 export ZV_CAMERA_SOURCE := $(SOURCE)
@@ -32,7 +32,7 @@ check: $(VENV)/.dev
 # Tests marked `quiet` measure times: they run after the others, one at a time. Both runs are made;
 # status 5 means that ARGS selected no test in one of them.
 define run_tests
-$(BIN)/pytest -m "not compose and not quiet" -n 3 --dist worksteal $(1); others=$$?; \
+$(BIN)/pytest -m "not compose and not quiet" -n 3 --dist loadfile --no-loadscope-reorder $(1); others=$$?; \
 	$(BIN)/pytest -m quiet $(2); quiet=$$?; \
 	case "$$others $$quiet" in "0 0"|"0 5"|"5 0") ;; *) exit 1 ;; esac
 endef
@@ -61,9 +61,17 @@ wheel: $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python -m benchmarks $(ARGS)
 
+## quality: measure results against ground truth (ARGS="tracker --only vtest"; see --help)
+quality: $(VENV)/.quality
+	$(BIN)/python -m benchmarks.quality $(ARGS)
+
 ## configs: regenerate configs/*.toml, docs/configuration.md and docs/cli.md
 configs: $(VENV)/.dev
 	$(BIN)/python -m zv.cli.generate
+
+## figures: render docs/images/edges again, and the tables of measurements in docs/edges.md
+figures: $(VENV)/.dev
+	$(BIN)/python -m docs.images.make_edges
 
 ## screenshots: render docs/images/viewer.png again (needs Debian's chromium)
 screenshots: $(VENV)/.dev
@@ -84,4 +92,9 @@ $(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/bin/python
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . --group dev
+	@touch $@ $(VENV)/.runtime
+
+$(VENV)/.quality: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . --group quality
 	@touch $@ $(VENV)/.runtime

@@ -8,7 +8,18 @@ import platform
 
 import cv2
 
-from benchmarks import exporter, fleet, floor, painted, parameters, stream, tools, viewer
+from benchmarks import (
+    edges,
+    exporter,
+    fleet,
+    floor,
+    painted,
+    parameters,
+    stream,
+    tools,
+    tracker,
+    viewer,
+)
 from benchmarks.material import frames
 
 SIZES = ((768, 576), (1920, 1080))
@@ -23,18 +34,27 @@ def main() -> None:
     parser.add_argument("--only-tools", action="store_true", help="measure the tools, no more")
     parser.add_argument("--only-viewer", action="store_true", help="measure the viewer, no more")
     parser.add_argument("--only-painted", action="store_true", help="measure to the painted pixel")
+    parser.add_argument("--only-tracker", action="store_true", help="measure the tracker, no more")
+    parser.add_argument("--only-edges", action="store_true", help="measure the edge detectors")
     options = parser.parse_args()
-    alone = options.only_tools or options.only_viewer or options.only_painted
+    alone = options.only_edges or (
+        options.only_tools or options.only_viewer or options.only_painted or options.only_tracker
+    )
     cv2.setNumThreads(1)
     print(f"# {platform.machine()}, Python {platform.python_version()}, OpenCV {cv2.__version__}")
     if not alone:
         measure_services(options)
+    if options.only_edges or not alone:
+        for size in ((640, 480), *SIZES):
+            show(f"{size[0]}x{size[1]}, edges of a frame", edges.measure(*size))
     if options.only_tools or not alone:
         measure_tools(options.seconds)
     if options.only_viewer or not alone:
         measure_viewer(options)
     if options.only_painted or not alone:
         measure_painted(options.seconds)
+    if options.only_tracker or not alone:
+        measure_tracker(options.seconds)
 
 
 def measure_services(options: argparse.Namespace) -> None:
@@ -87,6 +107,14 @@ def measure_painted(seconds: float) -> None:
         return
     name = f"{viewer.WIDTH}x{viewer.HEIGHT} at {painted.RATE_HZ:g} Hz, capture to painted pixel"
     show(name, painted.capture_to_painted(seconds * painted.SHARE))
+
+
+def measure_tracker(seconds: float) -> None:
+    """Measure the robust pipeline beside the tutorial's, and trackers of large frames."""
+    show("tracker, 768x576, CPU with decode", tracker.cpu_beside_tutorial(2 * seconds))
+    name = f"{tracker.CAMERAS} cameras of {tracker.WIDTH}x{tracker.HEIGHT}, a tracker each"
+    for pipeline in ("tutorial", "robust"):
+        show(name, tracker.large_cameras(seconds, pipeline))
 
 
 def show(name: str, figures: object) -> None:

@@ -1,4 +1,4 @@
-"""The real camera service in a process of its own, fed from memory: WIDTH HEIGHT RATE ENDPOINT."""
+"""The real camera service alone, fed from memory: WIDTH HEIGHT RATE ENDPOINT [NAME]."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ def main() -> None:
     width, height, rate_hz = int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     pictures = frames(width, height)
     # Named as a file, a source that may repeat its pictures.
-    settings = CameraSettings(source=__file__)
+    name = sys.argv[5] if len(sys.argv) > 5 else "front"
+    settings = CameraSettings(camera=name, source=__file__)
     run(settings, Connection(connect=sys.argv[4]), lambda *_: MemorySource(pictures, rate_hz))
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -18,19 +20,23 @@ FRAMES = 60
 
 def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
     """Return frames of vtest.avi at a size; of the synthetic scene if the video does not exist."""
-    folder = Path(os.environ.get("ZV_TEST_DATA", ROOT.parent / "shared" / "data"))
-    video = cv2.VideoCapture(str(folder / "vtest.avi"))
-    found = []
-    while len(found) < FRAMES and video.isOpened():
-        read, frame = video.read()
-        if not read:
-            break
-        found.append(np.asarray(cv2.resize(frame, (width, height)), np.uint8))
+    found = list(islice(video(width, height), FRAMES))
     if not found:
         source = SyntheticSource((width, height), 1, Conditions)
         pictures = [source.read() for _ in range(FRAMES)]
         found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
     return found
+
+
+def video(width: int, height: int) -> Iterator[NDArray[np.uint8]]:
+    """Yield all frames of vtest.avi at a size; none if the video does not exist."""
+    folder = Path(os.environ.get("ZV_TEST_DATA", ROOT.parent / "shared" / "data"))
+    opened = cv2.VideoCapture(str(folder / "vtest.avi"))
+    while opened.isOpened():
+        read, frame = opened.read()
+        if not read:
+            break
+        yield np.asarray(cv2.resize(frame, (width, height)), np.uint8)
 
 
 class MemorySource:

@@ -45,7 +45,11 @@ config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
 config.insert_json5("transport/shared_memory/enabled", "false")
 jpegs = itertools.cycle(map(Path.read_bytes, map(Path, files))) if files else drawn_pictures()
-with suppress(KeyboardInterrupt), zenoh.open(config) as session:
+try:
+    session = zenoh.open(config)
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint}; start one: zv router")
+with suppress(KeyboardInterrupt), session:
     publisher = session.declare_publisher(
         "vision/front/image/compressed",
         encoding="image/jpeg",

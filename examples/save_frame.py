@@ -15,7 +15,11 @@ key = given[2] or "vision/front/image/compressed"
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-with zenoh.open(config) as session:
+try:
+    session = zenoh.open(config)
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint}; start one: zv router")
+with session:
     samples = [reply.ok for reply in session.get(key, timeout=2.0) if reply.ok]
 if not samples:
     sys.exit(f"nobody answered on {key}")

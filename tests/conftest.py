@@ -1,17 +1,59 @@
-"""Real video, which is not part of the project."""
+"""Real video, which is not part of the project, and the order of the tests among workers."""
 
 from __future__ import annotations
 
 import gzip
 import os
 import shutil
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling
+
+from tests.support.processes import CAMERA_SIZE
 
 ROOT = Path(__file__).parents[1]
+PAGE = "tests/integration/viewer/page/"
+LONGEST_FIRST = (PAGE, "tests/integration/launcher/", "tests/integration/", "tests/docs/")
 OPENCV_DOC = Path("/usr/share/doc/opencv-doc/examples/data")
+
+
+class OneChromium(LoadFileScheduling):  # type: ignore[misc]
+    """Gives a worker the tests of a file, and one worker all tests of the page.
+
+    Two browsers at a time would fill two cores, and the times of the tests beside them with it.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        return PAGE if nodeid.startswith(PAGE) else str(super()._split_scope(nodeid))
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling | None:
+    """Use it for ``--dist loadfile``."""
+    return OneChromium(config, log) if config.getvalue("dist") == "loadfile" else None
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let cameras have their default size where tests run alone, and programs end on Ctrl-C.
+
+    A shell that starts tests in the background has SIGINT ignored, which every program inherits.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if config.getoption("markexpr") == "quiet":
+        CAMERA_SIZE.clear()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest, so that no worker is left alone with it at the end."""
+
+    def rank(item: pytest.Item) -> int:
+        starts = [item.nodeid.startswith(folder) for folder in LONGEST_FIRST]
+        return starts.index(True) if any(starts) else len(starts)
+
+    items.sort(key=rank)
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,8 @@ export PYTHONPATH="$work"
 "$work/venv/bin/python" -c 'import common; assert common.THEIRS; from zenoh_vision import Node'
 "$work/venv/bin/zv" --help >help.txt
 grep -q camera help.txt
+"$work/venv/bin/python" -c 'from importlib.resources import files
+assert (files("zv.edge.detectors") / "learned.onnx").is_file(), "the wheel lacks learned.onnx"'
 port=$("$work/venv/bin/python" -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')
 "$work/venv/bin/zv" up --plain --listen "tcp/127.0.0.1:$port" >out.txt 2>err.txt &
 up=$!

@@ -1,5 +1,6 @@
 """The public names, one a line."""
 
+from zenoh_vision.cli.service import run_service as run_service
 from zenoh_vision.config.parameters import Live as Live
 from zenoh_vision.config.revisions import Change as Change
 from zenoh_vision.config.revisions import ParameterStore as ParameterStore
@@ -18,10 +19,13 @@ from zenoh_vision.image.frame import Frame as Frame
 from zenoh_vision.message_codec import Message as Message
 from zenoh_vision.messages import CameraInfo as CameraInfo
 from zenoh_vision.messages import Centroid as Centroid
+from zenoh_vision.messages import Contour as Contour
+from zenoh_vision.messages import Contours as Contours
 from zenoh_vision.messages import Diagnostics as Diagnostics
 from zenoh_vision.messages import Header as Header
 from zenoh_vision.messages import Level as Level
 from zenoh_vision.messages import NodeDescription as NodeDescription
+from zenoh_vision.messages import Prediction as Prediction
 from zenoh_vision.messages import Stamped as Stamped
 from zenoh_vision.messages import Track as Track
 from zenoh_vision.messages import TrackEvent as TrackEvent

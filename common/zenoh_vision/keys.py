@@ -8,7 +8,7 @@ camera's data and nothing else.
 from __future__ import annotations
 
 import re
-from typing import Final
+from typing import Final, Literal
 
 DEFAULT_NAMESPACE: Final = "vision"
 DEFAULT_CAMERA: Final = "front"
@@ -17,7 +17,13 @@ NAME: Final = re.compile(r"[a-z0-9_]+")
 JPEG: Final = "image/jpeg"
 PNG: Final = "image/png"
 RAW_IMAGE: Final = "application/octet-stream;vision.Image.v1"
+BITS: Final = "application/octet-stream;vision.Bits.v1"
 JSON: Final = "application/json"
+
+Transport = Literal["auto", "raw", "jpeg"]
+"""Which of a camera's two keys a consumer subscribes to. ``jpeg``: that of the compressed frames,
+JPEG or PNG. ``raw``: that of the raw pixels. ``auto``: the compressed ones if they flow, else the
+raw ones."""
 
 
 def msgpack_of(schema_name: str) -> str:

@@ -49,7 +49,7 @@ class Message(BaseModel):
         try:
             return cls.model_validate(fields)
         except ValidationError as error:
-            raise PayloadError("bad_message", _first_error(cls.__name__, error)) from None
+            raise PayloadError("bad_message", first_error(cls.__name__, error)) from None
 
     @classmethod
     def from_bytes(cls, payload: bytes) -> Self:
@@ -80,7 +80,8 @@ def unpack(payload: bytes) -> object:
         ) from None
 
 
-def _first_error(name: str, error: ValidationError) -> str:
+def first_error(name: str, error: ValidationError) -> str:
+    """Return the first error of a message: the field, what is wrong, and a part of its value."""
     first = error.errors(include_url=False)[0]
     place = ".".join(str(part) for part in (name, *first["loc"]))
     # repr itself raises RecursionError on input that is nested deep enough.

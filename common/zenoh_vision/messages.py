@@ -6,14 +6,14 @@ full-resolution pixels, origin top left.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
-from zenoh_vision.error_text import did_you_mean, similar_names
-from zenoh_vision.errors import ConfigurationError, PayloadError
+from zenoh_vision.errors import PayloadError
 from zenoh_vision.message_codec import Message
 
 MAX_BOUNDS = 100
@@ -93,6 +93,13 @@ class Stamped(Message):
         return {**self.model_dump(exclude={"header"}), "header": self.header.to_map()}
 
 
+def _without_nil(fields: dict[str, Any], optional: Sequence[str]) -> dict[str, Any]:
+    """Return the fields of a message without those of the optional ones that are nil."""
+    return {
+        name: value for name, value in fields.items() if value is not None or name not in optional
+    }
+
+
 class Centroid(Stamped):
     """The largest moving object of one frame; all nil when nothing moves."""
 
@@ -120,12 +127,34 @@ class Track(Message):
     world: tuple[float, float] | None = None
 
 
+class ZoneCount(Message):
+    """Stays in a zone since it has its shape, and the objects that are in it now."""
+
+    entered: Count = 0
+    left: Count = 0
+    dwelled: Count = 0
+    inside: Count = 0
+
+
+class LineCount(Message):
+    """Crossings of a line since it has its position, by the side to which they went."""
+
+    left: Count = 0
+    right: Count = 0
+
+
 class Tracks(Stamped):
-    """All moving objects of one frame."""
+    """All moving objects of one frame, and the counts of zones and lines after it."""
 
     schema_name: ClassVar[str] = "vision.Tracks.v1"
 
     tracks: Many[Track]
+    zones: Annotated[dict[str, ZoneCount], Field(max_length=100)] | None = None
+    lines: Annotated[dict[str, LineCount], Field(max_length=100)] | None = None
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire, without the counts if there are none."""
+        return _without_nil(super().to_map(), ("zones", "lines"))
 
 
 class TrackEvent(Stamped):
@@ -135,10 +164,26 @@ class TrackEvent(Stamped):
 
     event: Annotated[str, Field(max_length=64)]
     id: Count
-    zone: str | None = None
-    direction: str | None = None
+    zone: Annotated[str | None, Field(description="name of the zone or line")] = None
+    direction: Annotated[
+        str | None, Field(description="left or right: the side of the line to which it went")
+    ] = None
     x: float
     y: float
+    stamp_ns: Annotated[
+        int | None,
+        Field(ge=-(2**63), lt=2**63, description="when it happened, between two frames, ns"),
+    ] = None
+    count: Annotated[
+        Count | None, Field(description="such events of the zone or line and direction so far")
+    ] = None
+    inside: Annotated[Count | None, Field(description="objects in the zone after it")] = None
+    dwell_s: Annotated[float | None, Field(ge=0, description="stay in the zone so far")] = None
+    world: tuple[float, float] | None = None
+
+    def to_map(self) -> dict[str, Any]:
+        """Return the map on the wire, without what does not apply of the newer fields."""
+        return _without_nil(super().to_map(), ("stamp_ns", "count", "inside", "dwell_s", "world"))
 
 
 class CameraInfo(Stamped):
@@ -154,6 +199,60 @@ class CameraInfo(Stamped):
     r: Annotated[Many[float], Field(min_length=9, max_length=9)]
     p: Annotated[Many[float], Field(min_length=12, max_length=12)]
     plane: Annotated[Many[float], Field(min_length=9, max_length=9)] | None = None
+
+
+Pair = tuple[float, float]
+
+
+class Prediction(Stamped):
+    """Where an object will be at a stamp, with standard deviations: the answer to a query.
+
+    The header is that of the newest frame that the tracker knew. The fields of the world are nil
+    without a plane.
+    """
+
+    schema_name: ClassVar[str] = "vision.Prediction.v1"
+
+    id: Count
+    state: Literal["tentative", "confirmed", "lost"]
+    stamp_ns: Annotated[Nanoseconds, Field(description="for which it is predicted")]
+    x: Annotated[float, Field(description="centre, full-resolution pixels")]
+    y: float
+    vx: Annotated[float, Field(description="pixels per second")]
+    vy: float
+    sigma: Annotated[Pair, Field(description="standard deviations of x and y, pixels")]
+    world: Annotated[Pair | None, Field(description="X, Y in the units of the calibration")] = None
+    world_velocity: Annotated[Pair | None, Field(description="units per second")] = None
+    world_sigma: Annotated[
+        Pair | None, Field(description="standard deviations of X and Y, units")
+    ] = None
+
+
+class Contour(Message):
+    """One line of an edge map, simplified."""
+
+    points: Annotated[Many[tuple[Pixel, Pixel]], Field(description="x, y along the line")]
+    length: Annotated[float, Field(ge=0, description="before it was simplified, pixels")]
+    closed: Annotated[bool, Field(description="the last point is joined to the first")]
+
+
+class Contours(Stamped):
+    """Edges of one frame as polylines, straight segments and circles, the longest first."""
+
+    schema_name: ClassVar[str] = "vision.Contours.v1"
+
+    density: Annotated[
+        float, Field(ge=0, le=1, description="share of the pixels looked at that are edges")
+    ]
+    contours: Many[Contour]
+    omitted: Annotated[Count, Field(description="number of further contours that were left out")]
+    segments: Annotated[
+        Many[tuple[float, float, float, float]], Field(description="x1, y1, x2, y2")
+    ]
+    circles: Annotated[
+        Many[tuple[float, float, float]] | None,
+        Field(description="x, y, radius; nil if they were not looked for"),
+    ] = None
 
 
 class Latency(Message):
@@ -278,15 +377,9 @@ MESSAGES: Final[dict[str, type[Message]]] = {
 """Every message class of this module by the name of its schema."""
 
 
-def message_named(name: str) -> type[Message]:
-    """Return a message's class by its short or versioned name, in any case.
-
-    Raises:
-        ConfigurationError: There is none; the text has the names that exist.
-    """
+def known_message(name: str) -> type[Message] | None:
+    """Return a message's class by its short or versioned name, in any case; None if unknown."""
     for message in MESSAGES.values():
         if name.lower() in (message.short_name().lower(), message.schema_name.lower()):
             return message
-    known = sorted(message.short_name() for message in MESSAGES.values())
-    hint = did_you_mean(similar_names(name, known), after=" ")
-    raise ConfigurationError(f"no message {name!r}: {hint}there are {', '.join(known)}")
+    return None

@@ -8,7 +8,14 @@ from typing import Final, Literal
 from zenoh_vision import keys
 from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE, msgpack_of
 from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import CameraInfo, Centroid, TrackEvent, Tracks
+from zenoh_vision.messages import (
+    CameraInfo,
+    Centroid,
+    Contours,
+    Prediction,
+    TrackEvent,
+    Tracks,
+)
 
 Delivery = Literal["frame", "message"]
 """``frame``: BLOCK_FIRST at data priority, so that a slow link carries whole frames or none.
@@ -25,6 +32,8 @@ class Topic:
         message: Class of its messages; None for pictures.
         delivery: Priority and congestion control.
         lazy: Payloads are made only for subscribers and queries.
+        keeps: How many of its newest payloads answer a query.
+        by_query: It is never published: a function of the node answers each query.
     """
 
     name: str
@@ -32,6 +41,8 @@ class Topic:
     message: type[Message] | None = None
     delivery: Delivery = "frame"
     lazy: bool = True
+    keeps: int = 1
+    by_query: bool = False
 
     def key(self, namespace: str, camera: str) -> str:
         """Return the full key expression; the camera may be ``*``."""
@@ -43,17 +54,24 @@ class Topic:
         return self.encoding == RAW_IMAGE
 
 
-def message_topic(name: str, message: type[Message]) -> Topic:
+def message_topic(name: str, message: type[Message], *, keeps: int = 1) -> Topic:
     """Return the topic of a msgpack message, which is published even without subscribers."""
     encoding = msgpack_of(message.schema_name)
-    return Topic(name, encoding, message, delivery="message", lazy=False)
+    return Topic(name, encoding, message, delivery="message", lazy=False, keeps=keeps)
 
 
 COMPRESSED = Topic("image/compressed", JPEG)
 RAW = Topic("image", RAW_IMAGE)
 CENTROID = message_topic("centroid", Centroid)
 TRACKS = message_topic("tracks", Tracks)
+EVENTS = message_topic("events", TrackEvent, keeps=100)
+PREDICTION = Topic(
+    "prediction", msgpack_of(Prediction.schema_name), Prediction, delivery="message", by_query=True
+)
 EDGES = Topic("edges/compressed", PNG)
+CONTOURS = Topic(
+    "edges/contours", msgpack_of(Contours.schema_name), Contours, delivery="message", lazy=True
+)
 EDGE_STAGES: Final = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
 
 TOPICS: Final = {
@@ -64,12 +82,14 @@ TOPICS: Final = {
         message_topic("camera_info", CameraInfo),
         CENTROID,
         TRACKS,
-        message_topic("events", TrackEvent),
+        EVENTS,
+        PREDICTION,
         Topic("tracked/compressed", JPEG),
         Topic("mask/compressed", PNG),
         Topic("background/compressed", JPEG),
         EDGES,
         *(Topic(f"edges/{stage}/compressed", PNG) for stage in EDGE_STAGES),
+        CONTOURS,
         message_topic("truth", Tracks),
     )
 }

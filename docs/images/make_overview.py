@@ -19,7 +19,7 @@ from zenoh_vision.messages import Header
 from zv.camera.convert import Converter
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import open_source
-from zv.edge.service import edges_of
+from zv.edge.finding import EdgesOfFrame
 from zv.edge.settings import EdgeSettings
 from zv.tracker.pipelines.largest import LargestObject, draw
 from zv.tracker.service import parameters_of
@@ -59,7 +59,7 @@ def main() -> None:
         "vision/front/tracked/compressed": draw(frame.bgr, found),
         "vision/front/mask/compressed": cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR),
         "vision/front/edges/compressed": cv2.cvtColor(
-            edges_of(frame, EdgeSettings()), cv2.COLOR_GRAY2BGR
+            EdgesOfFrame(frame, EdgeSettings()).edges, cv2.COLOR_GRAY2BGR
         ),
     }
     tiles = [labelled(np.asarray(pixels, np.uint8), key) for key, pixels in pictures.items()]

@@ -23,11 +23,13 @@ class Service:
     Attributes:
         model: Module and class of its settings.
         summary: What it does, for ``zv --help``.
-        example: A command line that starts it.
+        example: Command lines that start it, one a line.
         command: Its command, if that differs from its name.
         of_camera: Whether it belongs to one camera, whose name is then part of its node's name.
         publishes: Topics that it may publish, by suffix (``image/compressed``), the main one first.
         consumes: Topics that it subscribes to, by suffix, or ``EVERY_TOPIC``.
+        files: Module and class of further flags, with one of which it works on files, without a
+            router; that loop is ``zv.{name}.files.run``.
     """
 
     model: str
@@ -37,6 +39,7 @@ class Service:
     of_camera: bool = True
     publishes: tuple[str, ...] = ()
     consumes: tuple[str, ...] = ()
+    files: str = ""
 
 
 SERVICES = {
@@ -50,21 +53,39 @@ SERVICES = {
         "zv.camera.settings:CameraSettings",
         "Publish a camera, a video, a folder or a synthetic scene.",
         "zv camera --camera front --source walk.avi --rate 10 --loop",
-        publishes=("image/compressed", "image", "truth"),  # the truth of the synthetic scene
+        # The calibration if it has a file of that, the truth of the synthetic scene.
+        publishes=("image/compressed", "image", "camera_info", "truth"),
     ),
     "tracker": Service(
         "zv.tracker.settings:TrackerSettings",
-        "Publish the largest moving object of each frame.",
-        "zv tracker --camera front --history 300",
-        publishes=("centroid", "tracked/compressed", "mask/compressed"),
-        consumes=("image/compressed",),
+        "Publish the moving objects of each frame, with ids.",
+        "zv tracker --camera front --min-area 400",
+        publishes=(
+            "centroid",
+            "tracks",
+            "events",
+            "prediction",
+            "tracked/compressed",
+            "mask/compressed",
+            "background/compressed",
+        ),
+        consumes=("image/compressed", "image"),  # one of them, by the setting transport
     ),
     "edge": Service(
         "zv.edge.settings:EdgeSettings",
-        "Publish the edge map of each frame.",
-        "zv edge --camera front --sigma 2 --high 150",
-        publishes=("edges/compressed",),
-        consumes=("image/compressed",),
+        "Publish the edges of each frame; or find those of a file.",
+        "zv edge --camera front --sigma 2 --high 150\nzv edge --image in.png --out out.png",
+        publishes=(
+            "edges/compressed",
+            "edges/smoothed/compressed",
+            "edges/magnitude/compressed",
+            "edges/direction/compressed",
+            "edges/suppressed/compressed",
+            "edges/thresholded/compressed",
+            "edges/contours",
+        ),
+        consumes=("image/compressed", "image"),  # one of them, by the setting transport
+        files="zv.edge.file_options:FileOptions",
     ),
     "viewer": Service(
         "zv.viewer.settings:ViewerSettings",

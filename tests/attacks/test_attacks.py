@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import pytest
 
-from tests.attacks.observer import BACK_S, Observer
-from tests.attacks.table import ATTACKS, NODES, USUAL, run, under
 from tests.integration.conftest import QUICK_ZV, some_services
+from tests.support.attacks.observer import BACK_S, Observer
+from tests.support.attacks.table import ATTACKS, NODES, USUAL, run, under
 from tests.support.listening import open_client, wait_for_nodes
 from tests.support.processes import Program, peak_bytes
 from tests.support.routing import Router
-from tests.support.viewer_client import Viewer
+from tests.support.viewer.client import Viewer
 
 pytestmark = pytest.mark.quiet
 MOST_BYTES = 512 << 20

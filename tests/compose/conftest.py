@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.compose.stack import IMAGE, Stack, compose_command, run
-from tests.compose.witness import Witness
+from tests.support.containers.stack import IMAGE, Stack, compose_command, run
+from tests.support.containers.witness import Witness
 from tests.support.processes import ROOT
 
 SMALL = {"ZV_CAMERA_WIDTH": "320", "ZV_CAMERA_HEIGHT": "240"}

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from tests.compose.stack import OURS, SERVICES, Stack, run
-from tests.compose.witness import CENTROID, EDGES, IMAGE, STREAMS, Witness
+from tests.support.containers.stack import OURS, SERVICES, Stack, run
+from tests.support.containers.witness import CENTROID, EDGES, IMAGE, STREAMS, Witness
 from tests.support.listening import balance
 from tests.support.processes import ROOT
 

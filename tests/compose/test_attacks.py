@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.attacks.observer import Observer
-from tests.attacks.table import ATTACKS, run, under
-from tests.compose import stack as containers
 from tests.compose.conftest import SMALL
-from tests.compose.stack import SERVICES, Stack
+from tests.support.attacks.observer import Observer
+from tests.support.attacks.table import ATTACKS, run, under
+from tests.support.containers import stack as containers
+from tests.support.containers.stack import SERVICES, Stack
 from tests.support.listening import open_client
 from tests.support.processes import peak_bytes
 from tests.support.waiting import DEADLINE_S, wait_until

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.compose.stack import OURS, Stack, run
-from tests.compose.witness import Witness, assert_whole
+from tests.support.containers.stack import OURS, Stack, run
+from tests.support.containers.witness import Witness, assert_whole
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.compose.stack import OURS, SERVICES, Stack, compose_command, run
+from tests.support.containers.stack import OURS, SERVICES, Stack, compose_command, run
 from tests.support.processes import ROOT, Program
 from zv.registry import model_of
 

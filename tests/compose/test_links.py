@@ -6,9 +6,9 @@ import time
 
 import pytest
 
-from tests.compose.link import FarSubscriber
-from tests.compose.stack import Stack, pause, run
-from tests.compose.witness import CENTROID, IMAGE, STREAMS, Witness, assert_whole, split
+from tests.support.containers.link import FarSubscriber
+from tests.support.containers.stack import Stack, pause, run
+from tests.support.containers.witness import CENTROID, IMAGE, STREAMS, Witness, assert_whole, split
 from tests.support.listening import Listener, balance
 from tests.support.waiting import wait_until
 

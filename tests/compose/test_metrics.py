@@ -6,7 +6,7 @@ import urllib.request
 
 import pytest
 
-from tests.compose.witness import Witness
+from tests.support.containers.witness import Witness
 from tests.support.routing import free_port
 from tests.support.waiting import wait_until
 

@@ -8,9 +8,9 @@ from itertools import cycle
 import pytest
 import zenoh
 
-from tests.compose import rogue
-from tests.compose.stack import SERVICES, Stack
-from tests.compose.witness import IMAGE, STREAMS, Witness, assert_whole
+from tests.support.containers import rogue
+from tests.support.containers.stack import SERVICES, Stack
+from tests.support.containers.witness import IMAGE, STREAMS, Witness, assert_whole
 from tests.support.listening import ask, balance, drops, open_client
 from tests.support.publishing import Paced
 from tests.support.waiting import wait_until

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from tests.compose.stack import OURS, Stack, pause
-from tests.compose.witness import RATE_HZ, STREAMS, Witness, assert_whole, split
+from tests.support.containers.stack import OURS, Stack, pause
+from tests.support.containers.witness import RATE_HZ, STREAMS, Witness, assert_whole, split
 from tests.support.listening import balance
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]

@@ -8,8 +8,16 @@ import urllib.request
 
 import pytest
 
-from tests.compose.stack import OURS, SERVICES, Stack, pause, run
-from tests.compose.witness import CENTROID, EDGES, IMAGE, STREAMS, Witness, assert_whole, split
+from tests.support.containers.stack import OURS, SERVICES, Stack, pause, run
+from tests.support.containers.witness import (
+    CENTROID,
+    EDGES,
+    IMAGE,
+    STREAMS,
+    Witness,
+    assert_whole,
+    split,
+)
 from tests.support.listening import balance
 from tests.support.waiting import wait_until
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.compose.stack import HANDSHAKE_MS, OURS, Stack, run
-from tests.compose.witness import Witness
+from tests.support.containers.stack import HANDSHAKE_MS, OURS, Stack, run
+from tests.support.containers.witness import Witness
 from tests.support.listening import Listener, newest, open_client, wait_for_nodes
-from tests.support.pictures import write_video
+from tests.support.pictures.encoded import write_video
 from tests.support.processes import Program, missing
 from tests.support.programs import rtsp_camera
 from tests.support.routing import Router, free_port

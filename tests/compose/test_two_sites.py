@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.compose.stack import Stack, pause, run
-from tests.compose.witness import CENTROID, IMAGE, Witness, assert_whole
+from tests.support.containers.stack import Stack, pause, run
+from tests.support.containers.witness import CENTROID, IMAGE, Witness, assert_whole
 from tests.support.routing import free_port
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]

@@ -13,10 +13,10 @@ import pytest
 
 from tests.support.fork_server import ZV
 from tests.support.listening import newest, open_client
-from tests.support.pages import Page, begins, run_as_written
 from tests.support.processes import ROOT, START_S, Program
 from tests.support.routing import free_endpoint
 from tests.support.systems import service
+from tests.support.viewer.pages import Page, begins, run_as_written
 
 PAGE = Page("docs/deploy.md")
 SITE = "tcp/192.0.2.10:7447"

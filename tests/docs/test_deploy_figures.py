@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.bandwidth import QUALITIES, frames_per_mbit, kilobytes, scene
 from benchmarks.memory import SIZES
-from tests.support.pages import Page
 from tests.support.processes import ROOT
+from tests.support.viewer.pages import Page
 from zenoh_vision.transport.zenoh_config import (
     WAIT_BEFORE_CLOSE,
     WAIT_BEFORE_CLOSE_US,

@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from tests.support.pages import Page, begins, run_as_written
 from tests.support.processes import ROOT
 from tests.support.systems import running_router
+from tests.support.viewer.pages import Page, begins, run_as_written
 from zv.tools.doctor.remedies import REMEDIES
 
 PAGE = Page("docs/doctor.md")
@@ -25,7 +25,7 @@ def checks_in_code() -> set[str]:
 def test_every_check_has_its_section_and_there_is_no_other():
     section = TEXT.partition("## What is checked")[2]
     assert set(re.findall(r"^### (\w+)$", section, re.MULTILINE)) == checks_in_code()
-    assert len(checks_in_code()) == 13
+    assert len(checks_in_code()) == 15
 
 
 def test_the_remedies_are_those_of_the_code():

@@ -13,9 +13,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from tests.support import systems
+from tests.support import processes, systems
 from tests.support.listening import Listener, newest, open_client
-from tests.support.processes import ROOT, START_S, Program, run_program
+from tests.support.processes import HEIGHT, ROOT, START_S, WIDTH, Program, run_program
 from tests.support.routing import free_endpoint
 from tests.support.systems import running_router, service
 from tests.support.waiting import wait_until
@@ -70,7 +70,7 @@ def test_save_frame_writes_the_newest_picture(system: str, tmp_path: Path):
     picture = tmp_path / "frame.jpg"
     done = run_once("save_frame.py", picture, system)
     assert done.returncode == 0, done.stderr
-    assert cv2.imread(str(picture)).shape == (480, 640, 3)
+    assert cv2.imread(str(picture)).shape == (HEIGHT, WIDTH, 3)
 
 
 def test_save_frame_says_when_nobody_answers(system: str, tmp_path: Path):
@@ -81,7 +81,7 @@ def test_save_frame_says_when_nobody_answers(system: str, tmp_path: Path):
 
 def test_own_service_publishes_its_message_and_answers_its_schema(system: str, tmp_path: Path):
     with (
-        Program([EXAMPLES / "own_service.py", system], tmp_path, "own") as program,
+        Program([EXAMPLES / "own_service.py", "--connect", system], tmp_path, "own") as program,
         open_client(system) as session,
     ):
         sample = newest(session, "vision/front/brightness")
@@ -98,10 +98,25 @@ def test_own_service_publishes_its_message_and_answers_its_schema(system: str, t
 
 
 def test_own_service_ends_with_ctrl_c_while_it_waits_for_a_router(tmp_path: Path):
-    with Program([EXAMPLES / "own_service.py", free_endpoint()], tmp_path, "own") as program:
+    with Program(
+        [EXAMPLES / "own_service.py", "--connect", free_endpoint()], tmp_path, "own"
+    ) as program:
         wait_until(lambda: catches_sigint(program), START_S, lambda: program.complaints)
         assert program.interrupt() == 0
         assert not program.complaints
+
+
+def test_own_service_takes_the_endpoint_from_the_environment_and_says_what_it_waits_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    with running_router(tmp_path) as endpoint:
+        own = EXAMPLES / "own_service.py"
+        environment = processes.environment() | {"ZV_CONNECT": endpoint}
+        monkeypatch.setattr(processes, "environment", lambda: environment)
+        with Program([own], tmp_path, "own") as program:
+            said = "brightness_front: waiting: no frame on vision/front/image/compressed for 2 s"
+            wait_until(lambda: said in program.complaints, START_S, lambda: program.complaints)
+            assert program.interrupt() == 0
 
 
 def catches_sigint(program: Program) -> bool:
@@ -114,6 +129,41 @@ def catches_sigint(program: Program) -> bool:
     caught = next(line for line in status.read_text().splitlines() if line.startswith("SigCgt"))
     sigterm = 1 << 14
     return loaded and bool(int(caught.split()[1], 16) & sigterm)
+
+
+# Windows that need no screen: imshow prints what it is given, and the fifth picture gets a q.
+FAKE_WINDOWS = """
+import runpy, sys
+import cv2
+
+shown = []
+cv2.namedWindow = lambda name: None
+cv2.imshow = lambda name, pixels: (shown.append(name), print(name, *pixels.shape, pixels.dtype))
+cv2.waitKey = lambda ms: ord("q") if len(shown) == 5 else -1
+sys.argv = sys.argv[1:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+def test_show_shows_each_picture_until_q(system: str, tmp_path: Path):
+    windows = tmp_path / "windows.py"
+    windows.write_text(FAKE_WINDOWS)
+    command = [sys.executable, windows, EXAMPLES / "show.py", system, "tracked/compressed"]
+    done = run_program(command)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [f"tracked/compressed {HEIGHT} {WIDTH} 3 uint8"] * 5
+
+
+def test_show_says_at_once_what_to_install_instead_of_an_opencv_without_windows():
+    done = run_once("show.py", free_endpoint())
+    assert done.returncode == 1
+    assert done.stderr == (
+        "this OpenCV has no windows: pip uninstall --yes opencv-python-headless, "
+        "then pip install opencv-python\n"
+    )
+    said = (EXAMPLES / "show.py").read_text()
+    for command in ("pip uninstall --yes opencv-python-headless", "pip install opencv-python"):
+        assert f"\n{command}\n" in said  # and nowhere that both are to be installed
 
 
 @pytest.mark.parametrize("files", [False, True], ids=["drawn", "from files"])
@@ -141,7 +191,7 @@ def test_a_publisher_with_three_more_lines_gives_its_own_identity(
 ):
     arguments = [EXAMPLES / "publish_from_anything.py", tracker_alone, "--header"]
     with Program(arguments, tmp_path, "publish") as program:
-        found = centroids(tracker_alone, 10)
+        found = centroids(tracker_alone, 40)  # the background is learned for a second
         assert program.interrupt() == 0
     assert {centroid.header.assumed for centroid in found} == {None}
     assert len({centroid.header.epoch for centroid in found}) == 1
@@ -149,5 +199,6 @@ def test_a_publisher_with_three_more_lines_gives_its_own_identity(
 
 
 def test_every_example_is_tested():
-    text = Path(__file__).read_text()
+    places = (Path(__file__), ROOT / "tests" / "integration" / "tracker" / "test_world.py")
+    text = "".join(path.read_text() for path in places)
     assert all(f'"{path.name}"' in text for path in EXAMPLES.glob("*.py"))

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import zenoh_vision
-from tests.support.pages import Page
 from tests.support.processes import Program
 from tests.support.systems import system
+from tests.support.viewer.pages import Page
 
 PAGE = Page("docs/library.md")
 

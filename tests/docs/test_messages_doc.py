@@ -10,11 +10,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from tests.support.pages import Page
 from tests.support.processes import ROOT, missing, need
+from tests.support.viewer.pages import Page
 from zenoh_vision import keys, messages
+from zenoh_vision.image.bits import pack_bits
 from zenoh_vision.image.pixel_formats import ENCODINGS
 from zenoh_vision.message_codec import Message
 from zenoh_vision.topics import TOPICS
@@ -109,6 +111,9 @@ SECTIONS = {
     messages.Tracks: "### Tracks",
     messages.Track: "### Tracks",
     messages.TrackEvent: "### TrackEvent",
+    messages.Prediction: "### Prediction",
+    messages.Contours: "### Contours",
+    messages.Contour: "### Contours",
     messages.CameraInfo: "### CameraInfo",
     messages.Diagnostics: "### Diagnostics",
     messages.Latency: "### Diagnostics",
@@ -256,3 +261,21 @@ def test_the_rust_program_reads_every_vector(pytestconfig: pytest.Config, tmp_pa
     )
     assert built.returncode == 0, built.stderr
     check([str(project / "target" / "debug" / "read_message")], tmp_path)
+
+
+def test_the_program_for_packed_bits_draws_an_edge_map(tmp_path: Path):
+    picture = np.zeros((3, 11), np.uint8)
+    picture[0, 0] = picture[1, 8] = picture[2, 10] = 255
+    header = messages.Header(camera="front", epoch=1, seq=0, stamp_ns=0, width=11, height=3)
+    (tmp_path / "bits").write_bytes(pack_bits(picture))
+    (tmp_path / "header").write_bytes(header.to_bytes())
+    program = re.search(r"```python\n(.*?)```", section("## Packed bits"), re.DOTALL)
+    assert program
+    drawn = subprocess.run(
+        [sys.executable, "-c", program[1], tmp_path / "bits", tmp_path / "header"],
+        capture_output=True,
+        text=True,
+        timeout=RUN_S,
+        check=True,
+    )
+    assert drawn.stdout.split() == ["#..........", "........#..", "..........#"]

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.pages import Page
 from tests.support.processes import ROOT
+from tests.support.viewer.pages import Page
 from zenoh_vision.health.fleet import GONE_S, MAX_NODES
 from zenoh_vision.health.message_limits import MAX_COUNTERS
 from zv.tools.metrics.families import FAMILIES, PREFIX

@@ -11,9 +11,10 @@ import msgpack
 import pytest
 
 from tests.support.listening import open_client
-from tests.support.pages import Page, run_as_written
 from tests.support.processes import Program, run_program
 from tests.support.systems import system
+from tests.support.typist import zv
+from tests.support.viewer.pages import Page, run_as_written
 from tests.support.waiting import wait_until
 from zenoh_vision.config.settings import load_settings
 from zv.registry import model_of
@@ -43,8 +44,9 @@ def test_the_commands_run_as_written_one_after_the_other(page: Page, endpoint: s
         done = run_as_written(command, tmp_path, ZV_CONNECT=endpoint)
         assert done.returncode == 0, (command, done.stderr)
         assert done.stdout or "at revision" in done.stderr or "written to" in done.stderr
-    saved = load_settings(model_of("tracker"), config=tmp_path / "tracker.toml")
-    assert saved.model_dump()["closing"] == 10
+    if page is PAGE:
+        saved = load_settings(model_of("tracker"), config=tmp_path / "tracker.toml")
+        assert saved.model_dump()["closing"] == 10
 
 
 def test_the_program_sets_two_parameters_as_written(endpoint: str, tmp_path: Path):
@@ -59,15 +61,22 @@ def test_the_program_sets_two_parameters_as_written(endpoint: str, tmp_path: Pat
 
 def test_the_service_of_ones_own_takes_what_is_set(endpoint: str, tmp_path: Path):
     program = tmp_path / "dimmer.py"
-    connected = f"zenoh_vision.Connection({endpoint!r})"
-    code = PAGE.blocks("python")[1].replace('"dimmer", ', f'"dimmer", connection={connected}, ')
-    program.write_text("import zenoh_vision\n" + code)
-    with Program([program], tmp_path, "dimmer") as running, open_client(endpoint) as session:
+    program.write_text(PAGE.blocks("python")[1])
+    command: list[str | Path] = [program, "--connect", endpoint]
+    with Program(command, tmp_path, "dimmer") as running, open_client(endpoint) as session:
         running.lines(r"\d+ [1-9][\d.]+")
         key, payload = "@vision/param/dimmer_front/gain", msgpack.packb(0)
         (reply,) = wait_until(lambda: list(session.get(key, payload=payload)))
         assert msgpack.unpackb(reply.ok.payload.to_bytes())["unit"] == "ratio"
         running.lines(r"\d+ 0\.0")
+        saved = tmp_path / "dump.toml"
+        assert zv(endpoint, "param", "dump", "dimmer_front", "-o", str(saved)).returncode == 0
+        assert running.interrupt() == 0
+    # What was dumped holds at the next start.
+    command += ["--config", saved]
+    with Program(command, tmp_path, "again") as running:
+        running.lines(r"\d+ 0\.0")
+        assert not re.search(r"^\d+ [1-9]", running.output, re.MULTILINE)
         assert running.interrupt() == 0
 
 

@@ -1,4 +1,4 @@
-"""The README is true: its commands run as written, its code is the examples', its links lead on."""
+"""The README and the first pages are true: commands run as written, code is the examples'."""
 
 from __future__ import annotations
 
@@ -14,16 +14,21 @@ from pathlib import Path
 import pytest
 
 from tests.support.listening import living_nodes, newest, open_client
-from tests.support.pages import Page, once_each, run_as_written
 from tests.support.processes import ROOT, START_S, Program, run_program
 from tests.support.routing import free_endpoint
 from tests.support.systems import running_router, service, system
+from tests.support.viewer.pages import Page, once_each, run_as_written
 from tests.support.waiting import wait_until
-from zv.cli.errors import FAULT_STATUS
+from zenoh_vision.cli.errors import FAULT_STATUS
 from zv.cli.main import COMMANDS
 
-PAGE = Page("README.md")
-COMMANDS_SHOWN = [shlex.split(line) for line in PAGE.commands()]
+README = Page("README.md")
+RUN_HERE = [
+    README,
+    *(Page(f"docs/{name}.md") for name in ("cameras", "running", "testing", "metrics")),
+]
+LINES = once_each(*(line for page in RUN_HERE for line in page.commands()))
+COMMANDS_SHOWN = [shlex.split(line) for line in LINES]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 MISSING_SOURCES = {"0", "/dev/video2"}
 """Devices that a test machine need not have: then the camera must say so, with exit status 3."""
@@ -31,8 +36,7 @@ MISSING_SOURCES = {"0", "/dev/video2"}
 
 def written(program: str, *second: str) -> list[object]:
     """Return the commands that begin so, each once, as test parameters: text and words."""
-    found = once_each(*PAGE.commands(f"{program} "))
-    chosen = {line: shlex.split(line) for line in found}
+    chosen = {line: shlex.split(line) for line in LINES if line.startswith(f"{program} ")}
     return [
         pytest.param(words[1:], id=line)
         for line, words in chosen.items()
@@ -42,8 +46,8 @@ def written(program: str, *second: str) -> list[object]:
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Of a router, the synthetic camera, a tracker and an edge detector."""
-    with system(tmp_path_factory.mktemp("system"), "tracker", "edge") as endpoint:
+    """Of a router and the nodes of configs/up.toml."""
+    with system(tmp_path_factory.mktemp("system"), "tracker", "edge", "view") as endpoint:
         yield endpoint
 
 
@@ -55,13 +59,14 @@ def empty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def test_every_command_is_one_that_is_tested_here():
-    # Those of containers are in tests/compose/test_readme_containers.py.
-    containers = {words[0] for words in COMMANDS_SHOWN} - {"make", "zv", "python", "source"}
-    assert {word.partition("=")[0] for word in containers} == {
-        "docker", "cp", "curl", "ZV_VIDEO", "ZV_COMPOSE_CONNECT",
-    }  # fmt: skip
+    here = {"make", "zv", "python", "source"}
+    others = [line for line in LINES if shlex.split(line)[0] not in here]
+    # The second is one of docs/containers.md, which tests/compose/test_containers_doc.py runs; the
+    # first is what tests/smoke_wheel.sh does with pip.
+    assert others == ["pipx install .", "docker compose up"]
     assert {words[1] for words in COMMANDS_SHOWN if words[0] == "zv"} <= set(COMMANDS)
-    assert {words[1] for words in COMMANDS_SHOWN if words[0] == "make"} == {"up", "test"}
+    targets = {words[1] for words in COMMANDS_SHOWN if words[0] == "make"}
+    assert targets == {"up", "test", "test-compose"}
 
 
 @pytest.mark.parametrize("arguments", written("make"))
@@ -157,7 +162,7 @@ def test_zv_up_starts_a_system_and_ends_with_ctrl_c(
         assert program.interrupt() == 0, program.complaints
 
 
-@pytest.mark.parametrize("command", PAGE.commands("zv doctor"))
+@pytest.mark.parametrize("command", [line for line in LINES if line.startswith("zv doctor")])
 def test_the_doctor_runs_as_written(endpoint: str, command: str):
     done = run_as_written(command, ROOT, ZV_CONNECT=endpoint)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -176,7 +181,8 @@ def test_an_example_runs_as_written(endpoint: str, tmp_path: Path, arguments: li
         saved = (tmp_path / arguments[1]).read_bytes()
         assert saved.startswith(b"\xff\xd8" if arguments[1].endswith(".jpg") else b"\x89PNG")
         return
-    with Program([*words, endpoint], tmp_path, "example") as program:
+    connect = ["--connect"] if "own_service.py" in arguments[0] else []
+    with Program([*words, *connect, endpoint], tmp_path, "example") as program:
         if "own_service.py" in arguments[0]:
             with open_client(endpoint) as session:
                 newest(session, "vision/front/brightness")
@@ -205,14 +211,14 @@ def test_completion_is_there_after_the_line_as_written(words: list[str], tmp_pat
 
 
 def test_the_code_shown_is_that_of_the_examples():
-    subscriber, service_core = PAGE.blocks("python")
+    subscriber, service_core = README.blocks("python")
     example = (ROOT / "examples" / "subscribe.py").read_text()
     assert subscriber.strip() == example.split('"""')[2].strip()
     assert service_core in (ROOT / "examples" / "own_service.py").read_text()
 
 
 def test_the_output_shown_is_what_the_subscriber_prints():
-    shown = PAGE.blocks("text")[-1].splitlines()
+    shown = README.blocks("text")[-1].splitlines()
     assert shown
     assert all(re.fullmatch(r"front \d+ (\d+|None) (\d+|None) [\d.]+ ms", line) for line in shown)
 
@@ -262,5 +268,6 @@ def test_the_exit_statuses_are_those_of_the_code():
         and issubclass(error, errors.VisionError)
         and error not in (errors.VisionError, errors.PayloadError)
     }
-    shown = {int(found) for found in re.findall(r"^\| (\d+) \|", PAGE.text, re.MULTILINE)}
+    table = re.findall(r"^\| (\d+) \|", Page("docs/running.md").text, re.MULTILINE)
+    shown = set(map(int, table))
     assert shown == statuses | {FAULT_STATUS}

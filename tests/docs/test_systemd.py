@@ -16,7 +16,7 @@ from tests.support.listening import newest, open_client
 from tests.support.processes import ROOT, STOP_S, Program, environment, need
 from tests.support.routing import free_endpoint
 from tests.support.waiting import wait_until
-from zv.cli.flags import ConnectionSettings
+from zenoh_vision.cli.flags import ConnectionSettings
 from zv.registry import SERVICES, model_of
 
 FOLDER = ROOT / "examples" / "systemd"

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from tests.support.fork_server import ZV
-from tests.support.pages import Page, begins, once_each, run_as_written
 from tests.support.processes import ROOT, Program
 from tests.support.systems import system
+from tests.support.viewer.pages import Page, begins, once_each, run_as_written
 from zv.tools.registry import TOOLS
 
 PAGE = Page("docs/tools.md")
@@ -22,7 +22,6 @@ ENDLESS = {
     "zv topic list --watch",
     "zv topic hz",
     "zv topic hz vision/front/centroid",
-    "zv topic echo vision/front/centroid --field x",
     "zv node list --watch",
     "zv top",
 }

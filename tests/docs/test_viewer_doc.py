@@ -11,9 +11,9 @@ import pytest
 from aiohttp import WSCloseCode
 
 from tests.support.fork_server import ZV
-from tests.support.pages import Page
 from tests.support.processes import Program
 from tests.support.routing import free_port
+from tests.support.viewer.pages import Page
 from zenoh_vision.transport.connection import Connection
 from zv.launcher.launch_file import Plan, PlannedNode
 from zv.launcher.starting import how_to_subscribe
@@ -22,7 +22,7 @@ from zv.viewer.http import access, app, connections, listener
 from zv.viewer.settings import ViewerSettings
 from zv.viewer.streams import message_stream, registry
 from zv.viewer.web_video_server import query
-from zv.viewer.websocket import audit, commands, session
+from zv.viewer.websocket import audit, commands, sender, session
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "viewer.md").read_text()
@@ -105,7 +105,7 @@ def test_the_limits_are_those_of_the_code():
         f"not text, with {WSCloseCode.POLICY_VIOLATION:d}",
         f"watch at most {session.MAX_WATCHES} streams",
         f"at most {message_stream.QUEUE} are queued for a page",
-        f"At most {session.AHEAD} pictures are sent without acknowledgement",
+        f"At most {sender.AHEAD} pictures are sent without acknowledgement",
         f"the kernel's buffer ({listener.SEND_BUFFER_BYTES >> 10} kB)",
         f"is disconnected after {connections.LEFT_S:.0f} s",
         f"reads nothing for {connections.LEFT_S:.0f} s",
@@ -121,3 +121,22 @@ def test_the_limits_are_those_of_the_code():
         assert words in TEXT, words
     assert access.PUBLIC_PATHS == ("/healthz",)
     assert registry.MAX_KEYS > session.MAX_WATCHES
+
+
+def test_the_options_of_a_layout_are_those_of_the_page():
+    code = (FOLDER / "page" / "js" / "model" / "layout.js").read_text()
+    text = section("A layout in the URL")
+    rows = re.findall(r"^\| `(\w+)` \| (.+?) \|", text, re.MULTILINE)
+    readers = code.partition("const READERS = {")[2].partition("\n};")[0]
+    assert [name for name, _ in rows] == re.findall(r"^\t(\w+):", readers, re.MULTILINE)
+    allowed = dict(rows)
+    for name, constant in (("panel", "PANELS"), ("hide", "HIDEABLE")):
+        listed = re.findall(
+            r'"(\w+)"', code.partition(f"const {constant} = [")[2].partition("]")[0]
+        )
+        assert [each for each in re.findall(r"`(\w+)`", allowed[name]) if each != "none"] == listed
+    for name, constant in (("columns", "MOST_COLUMNS"), ("width", "LARGEST_WIDTH")):
+        assert (
+            allowed[name] == f"1 to {code.partition(f'const {constant} = ')[2].partition(';')[0]}"
+        )
+    assert allowed["only"].startswith(f"up to {code.partition('const MOST_KEYS = ')[2][:2]} keys")

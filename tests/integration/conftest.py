@@ -13,7 +13,7 @@ import zenoh
 
 from tests.support.fork_server import ZV
 from tests.support.listening import open_client
-from tests.support.pictures import write_video
+from tests.support.pictures.encoded import write_video
 from tests.support.processes import Program
 from tests.support.routing import Router
 

@@ -12,8 +12,10 @@ from tests.support.processes import ROOT
 from tests.support.standing_in import StandIn
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.errors import VisionError
+from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.transport.connection import Connection
 from zv.tools.doctor.command import run
+from zv.tools.doctor.observation import Observation
 from zv.tools.doctor.options import DoctorOptions
 from zv.tools.shared.output import Output
 
@@ -76,3 +78,9 @@ class Diagnosis:
 
 def levels(session: zenoh.Session, namespace: str, node: str) -> list[int]:
     return [each.body["level"] for each in ask(session, f"@{namespace}/diagnostics/{node}")]
+
+
+def observation(*nodes: NodeState, **more: Any) -> Observation:
+    """Return what zv doctor has seen: these nodes."""
+    known = {"routers": {}, "reached": (), "parameters": {}}
+    return Observation(**{**known, **more}, nodes=list(nodes))

@@ -164,3 +164,8 @@ def balance(counters: dict[str, int]) -> int:
 def drops(counters: dict[str, int]) -> int:
     """Return all drops together."""
     return sum(count for name, count in counters.items() if name.startswith("dropped."))
+
+
+def wait_until_listed(session: zenoh.Session, *keys: str, kind: str = "publisher") -> None:
+    """Wait until the router lists publishers, or else subscribers, of these keys."""
+    wait_until(lambda: all(list(session.get(f"@/*/router/{kind}/{key}")) for key in keys))

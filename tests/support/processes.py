@@ -18,6 +18,12 @@ from tests.support.fork_server import ROOT, ZV, ForkedProcess, ForkServer
 from tests.support.waiting import wait_until
 
 START_S = 60.0
+
+WIDTH, HEIGHT = 320, 240
+CAMERA_SIZE = {"ZV_CAMERA_WIDTH": str(WIDTH), "ZV_CAMERA_HEIGHT": str(HEIGHT)}
+"""Of cameras whose size does not matter: three systems of 640x480 would fill two cores. It is empty
+where only ``quiet`` tests run, which then measure the default size."""
+
 """Time for a program to start and do its first work. It says nothing of speed, as ``STOP_S``."""
 
 STOP_S = 20.0
@@ -165,11 +171,12 @@ def fork(arguments: Sequence[str], *, first: str = ZV, **order: Any) -> ForkedPr
 def environment() -> dict[str, str]:
     """Return the environment for a program: ours importable, no ``ZV_`` settings of the user.
 
-    Each viewer takes a free port, since tests run beside each other.
+    Each viewer takes a free port and each camera has ``CAMERA_SIZE``, since tests run beside each
+    other.
     """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
     own = {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "ZV_VIEWER_PORT": "0"}
-    return {**kept, **own}
+    return {**kept, **own, **CAMERA_SIZE}
 
 
 def need(program: str, package: str) -> str:

@@ -10,9 +10,10 @@ from contextlib import contextmanager
 from typing import Any, Self
 
 import msgpack
+import numpy as np
 import zenoh
 
-from tests.support.pictures import PICTURES, size_of
+from tests.support.pictures.encoded import PICTURES, size_of
 from tests.support.waiting import wait_until
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
@@ -126,6 +127,23 @@ class Paced:
             self._call()
             self.calls += 1
             due_s += self._period_s
+
+
+RAW_PIXELS = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
+
+
+def raw_frames(publisher: zenoh.Publisher) -> Callable[[], None]:
+    """Return what publishes frame after frame of ``RAW_PIXELS``, on the raw key of a camera."""
+    epoch, numbers = time.time_ns(), iter(range(10**9))
+    camera = str(publisher.key_expr).split("/")[1]
+
+    def send() -> None:
+        identity = {"camera": camera, "epoch": epoch, "seq": next(numbers)}
+        shape = {"width": 8, "height": 6, "encoding": "bgr8"}
+        header = {**identity, **shape, "stamp_ns": time.time_ns()}
+        publisher.put(RAW_PIXELS.tobytes(), attachment=msgpack.packb(header))
+
+    return send
 
 
 S = 10**9

@@ -11,8 +11,12 @@ from tests.support.listening import newest, open_client
 from tests.support.processes import START_S, Program
 from tests.support.routing import Router
 
-RESULTS = {"tracker": "vision/front/centroid", "edge": "vision/front/edges/compressed"}
-"""Key of what a service makes of the camera's pictures."""
+RESULTS = {
+    "tracker": "vision/front/centroid",
+    "edge": "vision/front/edges/compressed",
+    "view": "@vision/node/viewer",
+}
+"""Key on which a service answers once it works."""
 
 
 @contextmanager
@@ -38,7 +42,7 @@ def system(folder: Path, *services: str) -> Iterator[str]:
 
     Args:
         folder: Where the programs' output goes.
-        services: Beside the synthetic camera: ``tracker``, ``edge``.
+        services: Beside the synthetic camera: ``tracker``, ``edge``, ``view``.
     """
     with running_router(folder) as endpoint, ExitStack() as running:
         for name in ("camera", *services):

@@ -28,6 +28,12 @@ TABLE = {
     ),
     "tracks": ("vision/front/tracks", "application/msgpack;vision.Tracks.v1", "message", False),
     "events": ("vision/front/events", "application/msgpack;vision.TrackEvent.v1", "message", False),
+    "prediction": (
+        "vision/front/prediction",
+        "application/msgpack;vision.Prediction.v1",
+        "message",
+        True,
+    ),
     "tracked/compressed": ("vision/front/tracked/compressed", "image/jpeg", "frame", True),
     "mask/compressed": ("vision/front/mask/compressed", "image/png", "frame", True),
     "background/compressed": ("vision/front/background/compressed", "image/jpeg", "frame", True),
@@ -41,6 +47,12 @@ TABLE = {
         )
         for stage in STAGES
     },
+    "edges/contours": (
+        "vision/front/edges/contours",
+        "application/msgpack;vision.Contours.v1",
+        "message",
+        True,
+    ),
     "truth": ("vision/front/truth", "application/msgpack;vision.Tracks.v1", "message", False),
 }
 

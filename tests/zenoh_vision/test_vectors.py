@@ -23,6 +23,8 @@ MESSAGES: dict[str, type[Message]] = {
         "Tracks",
         "TrackEvent",
         "CameraInfo",
+        "Prediction",
+        "Contours",
         "Diagnostics",
         "Parameter",
         "ParameterList",

@@ -9,13 +9,15 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from zenoh_vision.config.durations import EXAMPLES, Duration, duration_text
 from zenoh_vision.error_text import printable, shortened, suggestion
 from zenoh_vision.messages import Parameter, ParameterList
 
@@ -24,9 +26,36 @@ TYPES = {"boolean": "bool", "integer": "int", "number": "float", "string": "str"
 
 WORDS = {"bool": "true or false", "int": "a whole number", "float": "a number", "str": "a text"}
 
+SHORT_REASONS = {
+    "less_than_equal": "above {le}",
+    "less_than": "not below {lt}",
+    "greater_than_equal": "below {ge}",
+    "greater_than": "not above {gt}",
+    "float_parsing": "not a number",
+    "float_type": "not a number",
+    "int_parsing": "not a whole number",
+    "int_type": "not a whole number",
+    "int_from_float": "not a whole number",
+    "string_pattern_mismatch": "",
+}
+"""What is wrong with a value, by pydantic's type of error, where its own text says no more."""
+
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 Value = bool | int | float | str | None
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Says in words which texts an option allows, for people who do not read regular expressions.
+
+    Attributes:
+        words: What help and errors show: ``tcp/HOST:PORT``.
+    """
+
+    words: str
 
 
 @cache
@@ -65,31 +94,80 @@ def allowed(model: type[BaseModel], name: str) -> str:
     if listed:
         return ("one of " if len(listed) > 1 else "") + ", ".join(listed)
     schema = schema_of(model, name)
+    if is_duration(model, name):
+        return f"a duration such as {EXAMPLES}{_range(schema, duration_text, ',')}"
     kind = schema.get("type", "")
     words = "a list" if kind == "array" else WORDS.get(TYPES.get(kind, ""), kind)
+    words += _range(schema, lambda number: f"{number:.12g}")
+    form = _mark(model, name, Form)
+    if form is not None:
+        words = form.words
+    elif "pattern" in schema:
+        words += f" of the form {schema['pattern']}"
+    if "maxLength" in schema:
+        words += f"{' of' if form is None else ','} at most {schema['maxLength']} characters"
+    return words
+
+
+def _range(schema: Mapping[str, Any], shown: Callable[[float], str], separator: str = "") -> str:
+    """Return the limits of a number in words, with a space in front; empty if there are none."""
+    words = ""
     low, high = bounds(schema)
     if "exclusiveMinimum" in schema:
         words += f" above {schema['exclusiveMinimum']:g}"
     if low is not None and high is not None:
-        words += f" from {low:.12g} to {high:.12g}"
+        words += f" from {shown(low)} to {shown(high)}"
     elif low is not None:
-        words += f" of at least {low:.12g}"
+        words += f" of at least {shown(low)}"
     elif high is not None:
-        words += f" up to {high:.12g}"
+        words += f" up to {shown(high)}"
     if high is None and "exclusiveMaximum" in schema:
         words += f"{' and' if low is not None else ''} below {schema['exclusiveMaximum']:g}"
-    if "pattern" in schema:
-        words += f" of the form {schema['pattern']}"
-    if "maxLength" in schema:
-        words += f" of at most {schema['maxLength']} characters"
-    return words
+    return words and separator + words
+
+
+def is_duration(model: type[BaseModel], name: str) -> bool:
+    """Tell whether an option is a duration, whose value is a number of seconds."""
+    return _mark(model, name, Duration) is not None
+
+
+def _mark(model: type[BaseModel], name: str, kind: type[T]) -> T | None:
+    """Return the mark of a type that an option's annotation has; None if it has none."""
+    marks = model.model_fields[name].metadata
+    return next((mark for mark in marks if isinstance(mark, kind)), None)
 
 
 def allowed_and_default(model: type[BaseModel], name: str) -> str:
     """Return the allowed values of an option, and its default unless that is "not set"."""
     field = model.model_fields[name]
     unset = field.is_required() or field.default in (None, ())
-    return allowed(model, name) + ("" if unset else f"; default {field.default!r}")
+    return allowed(model, name) + ("" if unset else f"; default {_default(model, name)}")
+
+
+def help_words(model: type[BaseModel], name: str) -> str:
+    """Return what help says after an option's description: limits and default, if they tell much.
+
+    That an option is a text or a list says nothing; a switch is on or off.
+    """
+    field = model.model_fields[name]
+    schema = schema_of(model, name)
+    if schema.get("type") == "boolean":
+        return f"default: {'on' if field.default else 'off'}"
+    words = allowed(model, name)
+    if is_duration(model, name):
+        words = f"such as 500ms, 5s, 2m{_range(schema, duration_text, ';')}"
+    elif words in ("a list", WORDS["str"]):
+        words = ""
+    unset = field.is_required() or field.default in (None, (), "")
+    return "; ".join(filter(None, (words, "" if unset else f"default {_default(model, name)}")))
+
+
+def _default(model: type[BaseModel], name: str) -> str:
+    """Return the default of an option as it would be typed."""
+    default = model.model_fields[name].default
+    if is_duration(model, name):
+        return duration_text(default)
+    return plain(default) if isinstance(default, (bool, int, float)) else repr(default)
 
 
 def limits(parameter: Parameter) -> str:
@@ -109,13 +187,27 @@ def limits(parameter: Parameter) -> str:
 
 
 def reason(error: ErrorDetails) -> str:
-    """Return pydantic's error text, without the prefix that it adds to texts of validators."""
+    """Return what is wrong in short: ``above 100``; the text of a validator without a prefix.
+
+    Empty for a pattern: the allowed values, which follow in words, say all.
+    """
+    words = SHORT_REASONS.get(error["type"])
+    if words is not None:
+        return words.format(**{name: f"{limit:.12g}" for name, limit in _limits_in(error)})
     return error["msg"].removeprefix("Value error, ")
 
 
+def _limits_in(error: ErrorDetails) -> Iterator[tuple[str, float]]:
+    """Yield the limits of a number that an error is about, by the names that pydantic gives."""
+    for name, limit in error.get("ctx", {}).items():
+        if isinstance(limit, int | float):
+            yield name, limit
+
+
 def wrong_value(shown: str, value: object, error: ErrorDetails) -> str:
-    """Return ``rate = 'x' is not allowed (Input should be a valid number)``."""
-    return f"{shown} = {shortened(value)} is not allowed ({reason(error)})"
+    """Return ``rate = 'x' is not allowed (not a number)``."""
+    why = reason(error)
+    return f"{shown} = {shortened(value)} is not allowed" + (f" ({why})" if why else "")
 
 
 def wrong_values(

@@ -19,6 +19,7 @@ from typing import Annotated, Any, ClassVar, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo
 
 from zenoh_vision.config.constraints import (
+    Form,
     allowed_and_default,
     reason,
     schema_of,
@@ -28,14 +29,15 @@ from zenoh_vision.config.constraints import (
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import DEFAULT_CAMERA, NAME
 
-CameraName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=64)]
+NAME_FORM = Form("letters a-z, digits and _")
+CameraName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=64), NAME_FORM]
 Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
 """A text that may be written as a number in TOML: ``source = 0``."""
 
 
 def _from_text(value: object, info: ValidationInfo) -> object:
     if isinstance(value, (bool, float)):  # a choice would accept it as the number that it equals
-        raise ValueError("Input should be a whole number")
+        raise ValueError("not a whole number")
     typed = bool(info.context and info.context["typed"])
     return int(value) if isinstance(value, str) and value.isdecimal() and not typed else value
 
@@ -68,7 +70,7 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    env_prefix: ClassVar[str]
+    env_prefix: ClassVar[str] = ""
     """Prefix of its environment variables; empty if the environment sets none of them."""
 
     env_shared: ClassVar[bool] = False
@@ -87,6 +89,12 @@ class ServiceSettings(Settings):
 def flag_of(name: str) -> str:
     """Return the flag of an option: ``--stall-after``; ``for_`` is ``--for``."""
     return f"--{name.rstrip('_').replace('_', '-')}"
+
+
+def option_name(model: type[BaseModel], name: str) -> str:
+    """Return the name of an option on the command line: ``--rate``, or ``KEY`` of an argument."""
+    marks = (mark for mark in model.model_fields[name].metadata if isinstance(mark, Argument))
+    return next((mark.metavar for mark in marks), flag_of(name))
 
 
 def load_settings(
@@ -179,7 +187,7 @@ def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, type
     def shown(name: str) -> str:
         if place == "environment":
             return f"{model.env_prefix}{name.upper()}"
-        return flag_of(name) if place == "command line" else name
+        return option_name(model, name) if place == "command line" else name
 
     try:
         model.model_validate(values, strict=typed, context={"typed": typed})

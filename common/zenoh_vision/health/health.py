@@ -12,11 +12,11 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.health.log_throttle import LogThrottle
 from zenoh_vision.health.rate_monitor import RateMonitor
+from zenoh_vision.health.silence_log import SILENT_S, SilenceLog
 from zenoh_vision.messages import SEVERITY, Diagnostics, Level
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.intake import InputState, Intake
 
-SILENT_S = 2.0
 STUCK_S = 5.0
 """A loop whose iteration takes so long is stuck: in the work on a frame, or in a device."""
 
@@ -25,14 +25,21 @@ CLOCK_BEHIND_NS = 1_000_000_000
 
 
 class Health:
-    """Collects a node's state and makes its diagnostics; safe between threads."""
+    """Collects a node's state and makes its diagnostics; safe between threads.
+
+    Attributes:
+        namesake: What is wrong about another node of the same name; empty if there is none.
+    """
 
     def __init__(self, node: str, counters: FrameCounters) -> None:
         self.latency = LatencyMonitor()
         self.rates = RateMonitor(counters.arrived)
+        self.namesake = ""
         self._node = node
         self._counters = counters
-        self._log_throttle = LogThrottle(logging.getLogger(node))
+        log = logging.getLogger(node)
+        self._log_throttle = LogThrottle(log)
+        self._silence_log = SilenceLog(log)
         self._report: tuple[int, str] = (Level.OK, "")
         self._loop_alive_s: float | None = None
         self._started_s = time.monotonic()
@@ -108,15 +115,18 @@ class Health:
     def _judge(self, now_s: float, wall_ns: int, counters: dict[str, int]) -> tuple[int, str]:
         """Return the most serious level, and all messages."""
         found: list[tuple[int, str]] = [self._report]
+        if self.namesake:
+            found.append((Level.WARN, self.namesake))
         if stuck := self._stuck():
             found.append((Level.ERROR, stuck))
         if self._report[0] == Level.OK:
             found += [(Level.WARN, words) for words in self.rates.judge(now_s, counters)]
         else:  # a rate that is low because of that needs no words of its own
             self.rates.restart()
-        for watched in self.inputs:
-            for state in watched.states():
-                found += _input_findings(state, now_s, wall_ns)
+        states = [state for watched in self.inputs for state in watched.states()]
+        self._silence_log.note(states, now_s)
+        for state in states:
+            found += _input_findings(state, now_s, wall_ns)
         reasons = self._log_throttle.current()
         if reasons:
             found.append((Level.WARN, f"dropping samples: {', '.join(reasons)}"))

@@ -16,9 +16,15 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.image.pixel_formats import ENCODINGS, MAX_PIXELS, Pixels
 from zenoh_vision.keys import JPEG, PNG
 
+MAX_SIDE: Final = 65_500
+"""Of a JPEG, by libjpeg; a longer picture could be received, but not sent on."""
+
 MAX_COMPRESSED_BYTES: Final = 32 << 20
 JPEG_START: Final = b"\xff\xd8\xff"
 PNG_START: Final = b"\x89PNG\r\n\x1a\n"
+PNG_HEAD: Final = 26
+"""Bytes up to and with a PNG's depth and type of colour."""
+
 ANIMATION_CHUNKS: Final = (b"acTL", b"fcTL", b"fdAT")
 """Of an animated PNG, no frame of a camera; OpenCV 5.0 dies of malformed ones (SIGSEGV)."""
 
@@ -160,6 +166,30 @@ def decode_png(png: bytes) -> Pixels:
     if pixels is None:
         raise PayloadError("corrupt", "the PNG cannot be decoded")
     return pixels  # type: ignore[return-value]
+
+
+def is_deep_png(picture: bytes) -> bool:
+    """Tell whether a picture is a PNG of 16 bits per pixel, grey, by its header."""
+    return (
+        picture.startswith(PNG_START)
+        and picture[12:16] == b"IHDR"
+        and (picture[24:26] == b"\x10\0")
+    )
+
+
+def stored_encoding(picture: bytes) -> str:
+    """Return the encoding of a picture that comes without one: ``mono16`` or ``bgr8``."""
+    return "mono16" if is_deep_png(picture) else "bgr8"
+
+
+def decode_deep_png(png: bytes) -> NDArray[np.uint16] | None:
+    """Return the pixels of a grey PNG of 16 bits; None if they have several channels after all.
+
+    Raises:
+        PayloadError: ``corrupt``.
+    """
+    pixels = decode_png(png)
+    return np.asarray(pixels, np.uint16) if pixels.ndim == 2 and pixels.dtype == np.uint16 else None
 
 
 def picture_size(picture: bytes) -> tuple[int, int]:

@@ -7,12 +7,14 @@ decoded to grey alone, or never encoded, unless somebody asks for a form that ne
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.depth import RangeFinder, ValueRange, eight_bits
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Header
@@ -27,6 +29,7 @@ class Frame:
         header: Its identity; ``header.encoding`` is the format of ``pixels``.
         pixels: (height, width[, channels]) in that encoding, if it is made from pixels.
         compressed: JPEG, or PNG for 16 bits, if it is made from a compressed picture.
+        finder: Finds the range of 16-bit values that becomes 8 bits; None for the whole range.
         quality: JPEG quality, 1 to 100, if it must be encoded.
         key: The key on which it arrived; empty if it was made in this process.
         borrowed: ``pixels`` is a view of memory that the transport owns.
@@ -48,6 +51,7 @@ class Frame:
         quality: int = 80,
         key: str = "",
         borrowed: bool = False,
+        finder: RangeFinder | None = None,
     ) -> None:
         if (pixels is None) == (compressed is None):
             raise ValueError("a frame is made from either pixels or a compressed picture")
@@ -60,6 +64,14 @@ class Frame:
         self._pixels = pixels
         self._compressed = compressed
         self._quality = quality
+        self._is_deep = (
+            self._encoding in pixel_formats.DEEP
+            if compressed is None
+            else codecs.is_deep_png(compressed)
+        )
+        self._finder = finder
+        self._depth: NDArray[np.uint16] | None = None
+        self._value_range: ValueRange | None = None
         self._forms: dict[str, NDArray[np.uint8]] = {}
         self._lock = threading.RLock()
 
@@ -69,6 +81,7 @@ class Frame:
             return self
         kept = Frame(self.header, pixels=self.pixels.copy(), quality=self._quality, key=self.key)
         kept.revision = self.revision
+        kept._finder, kept._value_range = self._finder, self.value_range
         return kept
 
     @property
@@ -76,20 +89,64 @@ class Frame:
         """Zenoh encoding of ``compressed``."""
         if self._compressed is not None:
             return codecs.picture_type(self._compressed) or JPEG
-        return PNG if self._encoding == "mono16" else JPEG
+        return PNG if self._is_deep else JPEG
 
     @property
     def compressed(self) -> bytes:
-        """The picture as JPEG; as PNG for ``mono16``."""
+        """The picture as JPEG; if it has more than 8 bits, as PNG of 16 bits."""
         with self._lock:
             if self._compressed is None:
                 assert self._pixels is not None
+                depth = self.depth
                 self._compressed = (
-                    codecs.encode_png(self._pixels)
-                    if self._encoding == "mono16"
-                    else codecs.encode_jpeg(self._pixels, self._encoding, self._quality)
+                    codecs.encode_jpeg(self._pixels, self._encoding, self._quality)
+                    if depth is None
+                    else codecs.encode_png(depth)
                 )
             return self._compressed
+
+    @property
+    def compressed_header(self) -> Header:
+        """The header that belongs to ``compressed``: of ``32FC1``, that is ``16UC1``."""
+        if self._encoding != "32FC1":
+            return self.header
+        return self.header.model_copy(update={"encoding": "16UC1"})
+
+    @property
+    def depth(self) -> NDArray[np.uint16] | None:
+        """The values of 16 bits, (height, width); read-only. None if it has 8 bits.
+
+        They are millimetres for ``16UC1`` and ``32FC1``, and 0 is no reading.
+
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        with self._lock:
+            if self._depth is None and self._is_deep:
+                if self._pixels is not None and self._encoding in pixel_formats.DEEP:
+                    self._depth = pixel_formats.sixteen_bits(self._pixels, self._encoding)
+                elif self._compressed is not None:
+                    self._depth = codecs.decode_deep_png(self._compressed)
+                    self._is_deep = self._depth is not None
+            return self._depth
+
+    @property
+    def is_deep(self) -> bool:
+        """Whether it has more than 8 bits, by its header: depth, or grey of 16 bits."""
+        return self._is_deep
+
+    @property
+    def value_range(self) -> ValueRange | None:
+        """The values that become 1 and 255 in 8 bits; None if it has 8 bits, or for all of them.
+
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        with self._lock:
+            if self._value_range is None and self._finder is not None:
+                depth = self.depth
+                self._value_range = None if depth is None else self._finder.range_of(depth)
+            return self._value_range
 
     @property
     def pixels(self) -> Pixels:
@@ -147,17 +204,30 @@ class Frame:
             return self._forms[encoding]
 
     def _eight_bits(self, encoding: str) -> NDArray[np.uint8]:
+        depth = self.depth
+        if depth is not None:
+            gray = eight_bits(depth, self.value_range)
+            return np.asarray(pixel_formats.convert(gray, "mono8", encoding), np.uint8)
         if self._pixels is None and self._compressed is not None:
             return np.asarray(self._decode(encoding), np.uint8)
         return np.asarray(pixel_formats.convert(self.pixels, self._encoding, encoding), np.uint8)
 
     def _decode(self, encoding: str) -> Pixels:
         assert self._compressed is not None
-        if self._compressed.startswith(codecs.PNG_START):
-            pixels = codecs.decode_png(self._compressed)
-            if pixels.ndim == 3 and pixels.dtype == np.uint16:
-                pixels = pixel_formats.eight_bits(pixels)
-            return pixel_formats.convert(pixels, pixel_formats.encoding_of(pixels), encoding)
-        eight_bits = "mono8" if encoding == "mono16" else encoding
-        pixels = codecs.decode_jpeg(self._compressed, eight_bits)
-        return pixel_formats.convert(pixels, eight_bits, encoding)
+        if not self._compressed.startswith(codecs.PNG_START):
+            shallow = "mono8" if encoding in pixel_formats.DEEP else encoding
+            pixels: Pixels = codecs.decode_jpeg(self._compressed, shallow)
+            return pixel_formats.convert(pixels, shallow, encoding)
+        depth = self.depth
+        if depth is not None:
+            if encoding not in pixel_formats.DEEP:
+                return self._eight_bits(encoding)
+            return pixel_formats.convert(depth, "16UC1", encoding)
+        pixels = codecs.decode_png(self._compressed)
+        if pixels.dtype == np.uint16:  # colour
+            pixels = eight_bits(pixels)
+        return pixel_formats.convert(pixels, pixel_formats.encoding_of(pixels), encoding)
+
+
+Want = Form | Callable[[Frame], object]
+"""What a consumer needs of a frame: one of its forms, or a function that decodes it."""

@@ -1,7 +1,7 @@
 """Pixel formats: encodings, conversions between them, and raw bytes to arrays and back.
 
 The names and their meaning are those of sensor_msgs/image_encodings; conversions between 8 and
-16 bits scale by 65535 / 255 = 257, as cv_bridge does.
+16 bits scale by 65535 / 255 = 257, as cv_bridge does, unless a range of values is known (depth.py).
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.image import depth
 
-Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 
 MAX_PIXELS: Final = 7680 * 4320
 MAX_PIXEL_BYTES: Final = 4
 MAX_RAW_BYTES: Final = MAX_PIXELS * MAX_PIXEL_BYTES
-DEPTH_RATIO: Final = 257  # 65535 / 255
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,11 @@ ENCODINGS: Final = {
     "rgb8": PixelEncoding(3, np.dtype("<u1"), "RGB"),
     "bgra8": PixelEncoding(4, np.dtype("<u1"), "BGRA"),
     "rgba8": PixelEncoding(4, np.dtype("<u1"), "RGBA"),
+    "16UC1": PixelEncoding(1, np.dtype("<u2"), "GRAY"),
+    "32FC1": PixelEncoding(1, np.dtype("<f4"), "GRAY"),
 }
+DEEP: Final = frozenset({"mono16", "16UC1", "32FC1"})
+"""Encodings of more than 8 bits: ``16UC1`` is depth in millimetres, ``32FC1`` in metres."""
 
 
 def encoding_of(pixels: NDArray[Any]) -> str:
@@ -81,18 +85,21 @@ def convert(pixels: Pixels, source: str, target: str) -> Pixels:
     """
     if source == target:
         return pixels
-    if source == "mono16":
-        return convert(eight_bits(pixels), "mono8", target)
-    if target == "mono16":
+    if source in DEEP:
+        sixteen = sixteen_bits(pixels, source)
+        if target in DEEP:
+            return depth.metres(sixteen) if target == "32FC1" else sixteen
+        return convert(depth.eight_bits(sixteen), "mono8", target)
+    if target in DEEP:
         gray = convert(pixels, source, "mono8")
-        return gray.astype(np.uint16) * np.uint16(DEPTH_RATIO)
+        return convert(gray.astype(np.uint16) * np.uint16(depth.RATIO), "mono16", target)
     code = getattr(cv2, f"COLOR_{ENCODINGS[source].space}2{ENCODINGS[target].space}")
     return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 
 
-def eight_bits(pixels: Pixels) -> NDArray[np.uint8]:
-    """Return 16-bit pixels of any shape scaled to 8 bits by 255 / 65535, rounded."""
-    return np.asarray(cv2.convertScaleAbs(pixels, alpha=1 / DEPTH_RATIO), np.uint8)
+def sixteen_bits(pixels: Pixels, encoding: str) -> NDArray[np.uint16]:
+    """Return pixels of an encoding in ``DEEP`` as 16 bits: of ``32FC1``, the millimetres."""
+    return np.asarray(depth.millimetres(pixels) if encoding == "32FC1" else pixels, np.uint16)
 
 
 def raw_size(encoding: str | None, width: int, height: int) -> int:

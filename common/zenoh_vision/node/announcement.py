@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import os
+import socket
 import threading
 import time
-from collections.abc import Callable
+from contextlib import suppress
 from importlib import metadata
+from typing import Protocol
 
 import zenoh
 
@@ -14,6 +17,8 @@ from zenoh_vision import keys
 from zenoh_vision.health.health import Health
 from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.messages import Diagnostics, NodeDescription
+from zenoh_vision.node.namesake import NamesakeMonitor
+from zenoh_vision.node.outputs import Outputs
 from zenoh_vision.node.query_server import QueryServer
 from zenoh_vision.topics import message_topic
 from zenoh_vision.transport.link import Link
@@ -33,19 +38,48 @@ def installed_version() -> str:
         return "unknown"
 
 
+class Owner(Protocol):
+    """The part of a node that its announcement uses."""
+
+    name: str
+    service: str
+    cameras: tuple[str, ...]
+    outputs: Outputs
+    health: Health
+
+
 class Announcement:
     """The token, the answer to queries for the description, and diagnostics once a second.
 
     The diagnostics have a thread of their own, so that no query delays them.
     """
 
-    def __init__(self, node: str, health: Health, describe: Callable[[], NodeDescription]) -> None:
-        self._node = node
-        self._health = health
-        self._describe = describe
+    def __init__(self, node: Owner) -> None:
+        self._owner = node
+        self._node = node.name
+        self._health = node.health
+        self._started_ns = time.time_ns()
         self._health_file = HealthFile()
+        self._namesake = NamesakeMonitor(node.name, node.health, self.description)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
+
+    def description(self) -> NodeDescription:
+        """Return the node's description at this moment."""
+        node = self._owner
+        return NodeDescription(
+            node=node.name,
+            service=node.service,
+            cameras=tuple(node.cameras),
+            version=installed_version(),
+            host=socket.gethostname(),
+            pid=os.getpid(),
+            started_ns=self._started_ns,
+            publishes=tuple(node.outputs.keys),
+            subscribes=tuple(key for each in node.health.inputs for key in each.keys),
+            stamp_ns=time.time_ns(),
+            rate_hz=node.health.rates.expected_hz,
+        )
 
     def beat(self) -> None:
         """Update the health file while the node waits for a router, which counts as healthy."""
@@ -62,6 +96,7 @@ class Announcement:
             server.queue,
         )
         server.declare(link, self._key, self._answer)
+        self._namesake.declare(link, namespace)
 
     def start(self) -> None:
         """Declare the token, so that observers see a complete node, and send diagnostics."""
@@ -87,8 +122,11 @@ class Announcement:
     def _send(self) -> None:
         self._health_file.beat(self._health.failure())
         diagnostics = self._health.diagnostics()
+        self._namesake.note_own(diagnostics)
         self._diagnostics.offer(lambda: Outgoing.message(diagnostics))
+        with suppress(zenoh.ZError):  # the session is being replaced
+            self._namesake.check()
 
     def _answer(self, query: zenoh.Query) -> None:
-        outgoing = Outgoing.message(self._describe())
+        outgoing = Outgoing.message(self.description())
         query.reply(self._key, outgoing.payload, encoding=outgoing.encoding)

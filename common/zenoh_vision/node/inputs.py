@@ -20,6 +20,13 @@ POLL_S = 0.1
 T = TypeVar("T", covariant=True)
 
 
+class Subscription(Protocol):
+    """What passes the samples to an intake until it is undeclared."""
+
+    def undeclare(self) -> None:
+        """End it."""
+
+
 class Owner(Protocol):
     """The part of a node that an input uses."""
 
@@ -47,16 +54,21 @@ class Input(Generic[T]):
         node: The node that it belongs to.
         intake: Receives its samples.
         take: Returns the next item; None after a time-out in seconds, or if it was dropped.
+        subscription: Passes samples to the intake; by default one to the intake's key.
     """
 
     def __init__(
-        self, node: Owner, intake: Intake[Any, T], take: Callable[[float], T | None]
+        self,
+        node: Owner,
+        intake: Intake[Any, T],
+        take: Callable[[float], T | None],
+        subscription: Subscription | None = None,
     ) -> None:
         self.intake = intake
         self.take = take
         self.closed = False
         self._node = node
-        self._subscription = subscribe(node.link, intake)
+        self._subscription = subscription or subscribe(node.link, intake)
         node.health.watch(intake)
         node.inputs.add(self)
 
@@ -93,6 +105,20 @@ class Input(Generic[T]):
                 self.intake.close(unread="unread")
 
 
+def check_open(node: Owner, inputs: Sequence[Input[Any]]) -> None:
+    """Check that a loop over inputs can begin.
+
+    Raises:
+        RuntimeError: One is closed, and the node is not stopping.
+    """
+    for each in inputs:
+        if each.closed and not node.stopping:
+            raise RuntimeError(
+                f"the input on {each.intake.key} is closed, as every input is when its loop ends; "
+                "open another with node.frames, node.messages or node.samples"
+            )
+
+
 def merged(node: Owner, inputs: Sequence[Input[Any]]) -> Iterator[Any]:
     """Yield the items of a node's inputs until it is told to stop.
 
@@ -102,12 +128,7 @@ def merged(node: Owner, inputs: Sequence[Input[Any]]) -> Iterator[Any]:
     Raises:
         RuntimeError: An input is closed, as a loop over it has ended.
     """
-    for each in inputs:
-        if each.closed and not node.stopping:
-            raise RuntimeError(
-                f"the input on {each.intake.key} is closed, as every input is when its loop ends; "
-                "open another with node.frames, node.messages or node.samples"
-            )
+    check_open(node, inputs)
     buffers = [each.intake.buffer for each in inputs]
     try:
         while not node.stopping:

@@ -11,12 +11,9 @@ The iteration ends at SIGINT or SIGTERM, and so does the ``with``.
 
 from __future__ import annotations
 
-import os
-import socket
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar, overload
 
 from zenoh_vision import keys
 from zenoh_vision.config.revisions import ParameterStore
@@ -24,28 +21,34 @@ from zenoh_vision.config.settings import Settings
 from zenoh_vision.errors import ConfigurationError, PayloadError
 from zenoh_vision.health.health import Health
 from zenoh_vision.host.signals import StopSignals
-from zenoh_vision.image.frame import Form, Frame
+from zenoh_vision.image.frame import Frame, Want
 from zenoh_vision.image.pixel_formats import MAX_PIXELS
+from zenoh_vision.keys import Transport
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Diagnostics, Header, NodeDescription
 from zenoh_vision.node import parameter_server
-from zenoh_vision.node.announcement import Announcement, installed_version
+from zenoh_vision.node.announcement import Announcement
+from zenoh_vision.node.frame_input import MAX_AGE_S, frame_input
 from zenoh_vision.node.inputs import Input, merged
-from zenoh_vision.node.outputs import Outputs
+from zenoh_vision.node.outputs import Outputs, Publishes
+from zenoh_vision.node.own_frames import OwnFrames
+from zenoh_vision.node.pairs import DEPTH, TOLERANCE_S, WAIT_S, paired
 from zenoh_vision.node.parameter_server import ParameterServer
-from zenoh_vision.node.query_server import QueryServer, schema_answer
+from zenoh_vision.node.query_server import QueryServer, message_answer, schema_answer
+from zenoh_vision.node.rate import ticks
 from zenoh_vision.stream.buffer import Buffering, latest, queue
 from zenoh_vision.stream.counters import FrameCounters
-from zenoh_vision.stream.frame_intake import FrameIntake
 from zenoh_vision.stream.intake import Consumer, MessageIntake, SampleIntake
 from zenoh_vision.stream.sample import Sample
-from zenoh_vision.topics import COMPRESSED, TOPICS, Topic, topic_named
+from zenoh_vision.topics import COMPRESSED, RAW, TOPICS, Topic, topic_named
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
 
-MAX_AGE_S = 0.4
+COUNTS = ("received", "processed")
+CAMERA_COUNTS = ("captured", "published")
 
-T = TypeVar("T")
+A = TypeVar("A")
+B = TypeVar("B")
 
 
 class Node:
@@ -56,16 +59,20 @@ class Node:
         camera: The camera it serves; its name is then ``{service}_{camera}``. Several or none:
             a tuple of them, and its name is ``{service}``.
         connection: Where the router is.
-        publishes: Topics, or their names in the table. It answers queries for the schemas of
-            their messages.
-        counts: Names of the counters of arrivals and of what was done with them.
+        publishes: Topics, or their names in the table; of several cameras that have different
+            ones, a mapping: ``{"left": ["depth"], "right": []}``. Only their keys are declared.
+            It answers queries for the schemas of their messages.
+        counts: Names of the counters of arrivals and of what was done with them; by default
+            ``captured`` and ``published`` of a node that publishes ``image/compressed`` or
+            ``image``, ``received`` and ``processed`` of any other.
         parameters: Its settings, or a store of them. Those marked ``Live`` are parameters under
             the node's name; the newest revision is activated between two frames.
 
     Attributes:
         stopping: Whether a stop was requested.
         inputs: Its open inputs.
-        publish, publish_picture, publish_frame, header: Those of its ``Outputs``.
+        publish, publish_picture, header: Those of its ``Outputs``.
+        publish_frame, publish_captured: Those of its ``OwnFrames``.
 
     Raises:
         ConfigurationError: A name has other characters than a-z, 0-9 and _.
@@ -77,8 +84,8 @@ class Node:
         *,
         camera: str | tuple[str, ...] = keys.DEFAULT_CAMERA,
         connection: Connection | None = None,
-        publishes: Sequence[Topic | str] = (),
-        counts: tuple[str, str] = ("received", "processed"),
+        publishes: Publishes = (),
+        counts: tuple[str, str] | None = None,
         parameters: ParameterStore[Any] | Settings | None = None,
     ) -> None:
         self.connection = connection or Connection()
@@ -91,16 +98,18 @@ class Node:
         if isinstance(parameters, Settings):
             parameters = ParameterStore(parameters)
         self.parameters = parameters
-        self.counters = FrameCounters(*counts)
+        self.outputs = Outputs(self.name, self.cameras, publishes)
+        is_camera = {COMPRESSED, RAW} & set(self.outputs.topics)
+        self.counters = FrameCounters(*counts or (CAMERA_COUNTS if is_camera else COUNTS))
         self.health = Health(self.name, self.counters)
         self.consumer = Consumer(self.counters, self.health.log_drop)
-        self.outputs = Outputs(self.name, self.cameras, publishes)
+        self.own_frames = OwnFrames(self, self._camera)
         self.publish = self.outputs.publish
         self.publish_picture = self.outputs.publish_picture
-        self.publish_frame = self.outputs.publish_frame
+        self.publish_frame = self.own_frames.publish_frame
+        self.publish_captured = self.own_frames.publish_captured
         self.header = self.outputs.header
-        self._announcement = Announcement(self.name, self.health, self._description)
-        self._started_ns = time.time_ns()
+        self._announcement = Announcement(self)
         self.inputs: set[Input[Any]] = set()
         self.stopping = False
         self._link: Link | None = None
@@ -121,7 +130,7 @@ class Node:
             opening.callback(signals.release)
             self._link = Link(self.connection, self._give_up_waiting, lambda: self.stopping)
             opening.callback(self._link.close)
-            server = QueryServer()
+            self._server = server = QueryServer()
             self._declare(self._link, server)
             server.start()
             opening.callback(server.close)
@@ -154,21 +163,6 @@ class Node:
             messages.update(parameter_server.MESSAGES)
         server.declare(link, keys.schema_key(namespace, "*"), schema_answer(namespace, messages))
 
-    def _description(self) -> NodeDescription:
-        return NodeDescription(
-            node=self.name,
-            service=self.service,
-            cameras=tuple(self.cameras),
-            version=installed_version(),
-            host=socket.gethostname(),
-            pid=os.getpid(),
-            started_ns=self._started_ns,
-            publishes=tuple(self.outputs.keys),
-            subscribes=tuple(each.key for each in self.health.inputs),
-            stamp_ns=time.time_ns(),
-            rate_hz=self.health.rates.expected_hz,
-        )
-
     @property
     def camera(self) -> str:
         """The camera that it serves, if that is only one."""
@@ -196,11 +190,12 @@ class Node:
         topic: Topic | str = COMPRESSED,
         *,
         camera: str | None = None,
-        want: Form = "bgr",
+        want: Want = "bgr",
         max_age_s: float | None = MAX_AGE_S,
         buffering: Buffering = latest,
         borrow: bool = False,
         max_pixels: int = MAX_PIXELS,
+        transport: Transport | None = None,
     ) -> Input[Frame]:
         """Return an iterable of frames, without damaged, duplicate and stale ones.
 
@@ -210,7 +205,8 @@ class Node:
         Args:
             topic: ``image/compressed`` or ``image``, or another topic that carries pictures.
             camera: The camera, if the node serves several; ``*`` for all.
-            want: The form that is decoded beforehand, so that its errors are counted here.
+            want: The form that is decoded beforehand, so that its errors are counted here; or a
+                function that decodes what the loop needs of a frame, such as a reduced size.
             max_age_s: Frames later than this over the best of the last minute are dropped as
                 ``stale``, unless the node has a setting ``max_age``, which then holds instead.
                 None drops none, whatever the settings.
@@ -218,24 +214,25 @@ class Node:
             borrow: Frames may be views of memory that the transport lends, valid until the next
                 is asked for; ``Frame.keep`` copies one.
             max_pixels: Larger frames are dropped as ``too_large`` before they are decoded.
+            transport: ``auto``: the camera's compressed frames if they flow, else its raw pixels;
+                ``jpeg`` or ``raw``: only these. If the node has a setting ``transport``, that
+                holds instead. None: the topic alone; another value needs the topic
+                ``image/compressed`` of one camera.
+
+        Raises:
+            ValueError: The node does not serve the camera, or the transport does not fit the topic.
         """
-        row = topic_named(topic)
-        key = row.key(self.connection.namespace, self._camera(camera))
-        intake = FrameIntake(
-            key, self.consumer, buffering, raw=row.raw, borrow=borrow, max_pixels=max_pixels
+        return frame_input(
+            self,
+            topic_named(topic),
+            self._camera(camera),
+            want=want,
+            max_age_s=max_age_s,
+            buffering=buffering,
+            borrow=borrow,
+            max_pixels=max_pixels,
+            transport=transport,
         )
-
-        def take(timeout_s: float) -> Frame | None:
-            revision = None if self.parameters is None else self.parameters.active
-            allowed_s = max_age_s
-            if revision is not None and allowed_s is not None:
-                allowed_s = getattr(revision.settings, "max_age", allowed_s)
-            frame = intake.take(timeout_s, want, allowed_s)
-            if frame is not None:
-                frame.revision = revision
-            return frame
-
-        return Input(self, intake, take)
 
     def messages(
         self,
@@ -283,6 +280,122 @@ class Node:
     def receive(self, *inputs: Input[Any]) -> Iterator[Any]:
         """Yield the items of several inputs in one loop, until the node is told to stop."""
         return merged(self, inputs)
+
+    @overload
+    def pairs(
+        self,
+        first: Input[A],
+        second: Input[B],
+        *,
+        tolerance_s: float = ...,
+        wait_s: float = ...,
+        depth: int = ...,
+        alone: Literal[False] = ...,
+    ) -> Iterator[tuple[A, B]]: ...
+
+    @overload
+    def pairs(
+        self,
+        first: Input[A],
+        second: Input[B],
+        *,
+        tolerance_s: float = ...,
+        wait_s: float = ...,
+        depth: int = ...,
+        alone: Literal[True],
+    ) -> Iterator[tuple[A | None, B | None]]: ...
+
+    def pairs(
+        self,
+        first: Input[Any],
+        second: Input[Any],
+        *,
+        tolerance_s: float = TOLERANCE_S,
+        wait_s: float = WAIT_S,
+        depth: int = DEPTH,
+        alone: bool = False,
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield items of two inputs whose stamps are close, until the node is told to stop.
+
+        Each item is in one pair at most, and pairs come in the order of their stamps. What has no
+        partner is dropped as ``unpaired``. If one camera dies, the loop waits without an end and
+        goes on when the camera is back; meanwhile each frame of the other one is dropped when its
+        time is over, or yielded with ``alone``, and the node's health says which one is silent.
+        The stamps are compared as they are: cameras at two machines need clocks that agree.
+
+        Args:
+            first: Frames, or messages that carry a header.
+            second: The same of another camera or topic.
+            tolerance_s: By how much the stamps of a pair may differ; 0 for results of the same
+                frame, less than half of the time between two frames for two cameras.
+            wait_s: How long an item waits for its partner.
+            depth: Most items of an input that wait.
+            alone: Yield what has no partner too, with None in the place of the other.
+
+        Raises:
+            ValueError: The two inputs are the same, or a limit is not allowed.
+        """
+        return paired(
+            self,
+            first,
+            second,
+            tolerance_s=tolerance_s,
+            wait_s=wait_s,
+            depth=depth,
+            alone=alone,
+        )
+
+    # Queries
+
+    def answer(
+        self,
+        topic: Topic | str,
+        reply_to: Callable[[Mapping[str, str]], Message],
+        *,
+        camera: str | None = None,
+    ) -> None:
+        """Answer the queries on a topic that is never published, until the node closes.
+
+        Args:
+            topic: One of those that the node publishes, with ``by_query``.
+            reply_to: Called with the parameters of each query, one after the other, on the thread
+                for queries. A ``ParameterRefused`` that it raises is sent as an error.
+            camera: As for ``frames``.
+
+        Raises:
+            RuntimeError: The node is not open.
+            ValueError: The table has no topic of this name, or it is published.
+        """
+        row = topic_named(topic)
+        if not row.by_query:
+            raise ValueError(f"{row.name} is published; queries get its newest message")
+        key = row.key(self.connection.namespace, self._camera(camera))
+        self._server.declare(self.link, key, message_answer(key, reply_to))
+
+    # A camera of one's own
+
+    def rate(self, rate_hz: float) -> Iterator[int]:
+        """Yield 0, 1, 2, ... so many times a second until the node is told to stop.
+
+        What takes too long makes the next one late, but no later ones are made up for. The newest
+        parameters are activated before each.
+        """
+        return ticks(self, rate_hz)
+
+    def add_camera(self, name: str, publishes: Sequence[Topic | str] = ()) -> None:
+        """Serve one more camera, such as one whose first frame came in by the camera ``*``.
+
+        Its topics are declared, and the node's description names it from now on.
+
+        Raises:
+            ConfigurationError: The name has other characters than a-z, 0-9 and _.
+            ValueError: The table has no topic of a name.
+        """
+        if not keys.is_name(name):
+            raise ConfigurationError(f"{name!r} is no name: allowed are a-z, 0-9 and _")
+        if name not in self.cameras:
+            self.outputs.add_camera(name, publishes)
+            self.cameras = (*self.cameras, name)
 
     def drop(self, error: PayloadError) -> None:
         """Count one pending frame as dropped, and log it once per burst."""

@@ -4,26 +4,46 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import JPEG, RAW_IMAGE
+from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Header, Stamped
 from zenoh_vision.node.query_server import QueryServer
 from zenoh_vision.topics import COMPRESSED, RAW, Topic, topic_named
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.publisher import Outgoing, StreamPublisher, encoded_picture
 
+Publishes = Sequence[Topic | str] | Mapping[str, Sequence[Topic | str]]
+"""The topics of each camera of a node, or those of all its cameras; a topic, or its name."""
+
 
 class Outputs:
-    """The publishers of a node, one for each topic and camera."""
+    """The publishers of a node, one for each topic and camera that it publishes.
 
-    def __init__(self, node: str, cameras: Sequence[str], topics: Iterable[Topic | str]) -> None:
-        self.topics = tuple(topic_named(topic) for topic in topics)
+    Raises:
+        ValueError: The table has no topic of a name, or the node does not serve a camera.
+    """
+
+    def __init__(self, node: str, cameras: Sequence[str], publishes: Publishes) -> None:
+        by_camera = (
+            publishes if isinstance(publishes, Mapping) else dict.fromkeys(cameras, publishes)
+        )
+        for camera in by_camera:
+            if camera not in cameras:
+                raise ValueError(f"{node} publishes of {camera!r}, but serves {tuple(cameras)}")
+        self._topics = {
+            camera: tuple(map(topic_named, topics)) for camera, topics in by_camera.items()
+        }
+        # Those of a sequence are known also while there is no camera yet.
+        named = () if isinstance(publishes, Mapping) else map(topic_named, publishes)
+        self.topics = tuple(dict.fromkeys(itertools.chain(named, *self._topics.values())))
         self._node = node
         self._cameras = tuple(cameras)
         self._publishers: dict[tuple[str, str], StreamPublisher] = {}
+        self._new_publisher: Callable[[Topic, str], StreamPublisher] | None = None
 
     @property
     def keys(self) -> list[str]:
@@ -32,10 +52,33 @@ class Outputs:
 
     def declare(self, link: Link, namespace: str, server: QueryServer) -> None:
         """Declare a publisher for each topic and camera."""
-        for topic, camera in itertools.product(self.topics, self._cameras):
-            self._publishers[topic.name, camera] = StreamPublisher(
-                link, topic, topic.key(namespace, camera), server.queue
-            )
+
+        def publisher(topic: Topic, camera: str) -> StreamPublisher:
+            return StreamPublisher(link, topic, topic.key(namespace, camera), server.queue)
+
+        self._new_publisher = publisher
+        for camera, topics in self._topics.items():
+            self._declare(camera, topics)
+
+    def add_camera(self, camera: str, topics: Sequence[Topic | str]) -> None:
+        """Declare the topics of one more camera; after ``declare``.
+
+        Raises:
+            ValueError: The table has no topic of a name.
+        """
+        added = tuple(map(topic_named, topics))
+        self._topics = {**self._topics, camera: added}
+        self._cameras = (*self._cameras, camera)
+        self._declare(camera, added)
+
+    def _declare(self, camera: str, topics: Sequence[Topic]) -> None:
+        assert self._new_publisher is not None
+        new = {
+            (topic.name, camera): self._new_publisher(topic, camera)
+            for topic in topics
+            if not topic.by_query
+        }
+        self._publishers = {**self._publishers, **new}  # other threads may iterate over the old one
 
     def header(self, frame: Frame, encoding: str | None = None) -> Header:
         """Return the header of a result: the frame's identity, this node's name and revision."""
@@ -48,10 +91,31 @@ class Outputs:
             }
         )
 
-    def publish(self, topic: Topic | str, message: Stamped) -> None:
-        """Publish a message that carries a header."""
-        publisher = self._publisher(topic, message.header.camera)
-        publisher.offer(lambda: Outgoing.message(message))
+    def publish(
+        self,
+        topic: Topic | str,
+        message: Message | Callable[[], Message],
+        *,
+        camera: str | None = None,
+    ) -> None:
+        """Publish a message.
+
+        Args:
+            topic: A topic that the node publishes.
+            message: One that carries a header is published for the camera in it. A function that
+                makes one is called at most once, perhaps later and on another thread; of a lazy
+                topic only if someone subscribes or asks.
+            camera: Of a message without a header, or of a function, if the node serves several.
+        """
+        if isinstance(message, Stamped):
+            camera = message.header.camera
+        elif camera is None:
+            if len(self._cameras) != 1:
+                raise ValueError(f"{self._node} serves {self._cameras}: name the camera")
+            camera = self._cameras[0]
+        self._publisher(topic, camera).offer(
+            lambda: Outgoing.message(message if isinstance(message, Message) else message())
+        )
 
     def publish_picture(
         self,
@@ -63,6 +127,7 @@ class Outputs:
         quality: int = 80,
         jpeg: bool | None = None,
         bilevel: bool = False,
+        bits: bool = False,
     ) -> None:
         """Publish a picture made from a frame, if someone subscribes; keep it for queries.
 
@@ -75,32 +140,58 @@ class Outputs:
             quality: JPEG quality, 1 to 100.
             jpeg: True or False overrides the topic.
             bilevel: All pixels are 0 or 255: a PNG then has one bit each.
+            bits: All pixels are 0 or 255: send packed bits instead of a PNG or JPEG.
         """
         publisher = self._publisher(topic, frame.header.camera)
-        header = self.header(frame, encoding)
         as_jpeg = publisher.topic.encoding == JPEG if jpeg is None else jpeg
-        publisher.offer(
-            lambda: encoded_picture(
-                picture() if callable(picture) else picture,
-                header,
+
+        def make() -> Outgoing:
+            pixels = picture() if callable(picture) else picture
+            return encoded_picture(
+                pixels,
+                self.header(frame, encoding),  # after the work, whose end it states
                 jpeg_quality=quality if as_jpeg else None,
                 bilevel=bilevel,
+                bits=bits,
             )
-        )
+
+        publisher.offer(make)
 
     def publish_frame(self, frame: Frame) -> bool:
-        """Publish a camera's own frame, compressed and raw, each if someone subscribes.
+        """Publish a camera's own frame, compressed and raw, each if declared and subscribed to.
 
         Returns:
             Whether someone subscribes to either.
+
+        Raises:
+            ValueError: The node publishes neither of this camera.
+            PayloadError: The pixels cannot be encoded.
         """
         attachment = frame.header.to_bytes()
         camera = frame.header.camera
-        compressed = self._publisher(COMPRESSED, camera).offer(
-            lambda: Outgoing(frame.compressed, frame.mime, attachment)
-        )
-        raw = self._publisher(RAW, camera).offer(lambda: Outgoing(frame.raw, RAW_IMAGE, attachment))
-        return compressed or raw
+        declared = self._frame_topics(camera)
+        forms = {
+            COMPRESSED: lambda: Outgoing(
+                frame.compressed, frame.mime, frame.compressed_header.to_bytes()
+            ),
+            RAW: lambda: Outgoing(frame.raw, RAW_IMAGE, attachment),
+        }
+        found = [self._publisher(topic, camera).offer(forms[topic]) for topic in declared]
+        return any(found)
+
+    def check_camera(self, camera: str) -> None:
+        """Check that frames of a camera can be published.
+
+        Raises:
+            ValueError: The node publishes neither ``image/compressed`` nor ``image`` of it.
+        """
+        for topic in self._frame_topics(camera):
+            self._publisher(topic, camera)
+
+    def _frame_topics(self, camera: str) -> list[Topic]:
+        """Return the topics of a camera's frames that are declared; one in any case."""
+        declared = [each for each in (COMPRESSED, RAW) if (each.name, camera) in self._publishers]
+        return declared or [COMPRESSED]
 
     def _publisher(self, topic: Topic | str, camera: str) -> StreamPublisher:
         name = topic if isinstance(topic, str) else topic.name
@@ -108,7 +199,11 @@ class Outputs:
         if found is None:
             raise ValueError(
                 f"{self._node} does not publish {name} of {camera}; it publishes "
-                f"{', '.join(topic.name for topic in self.topics)} "
-                f"of {', '.join(self._cameras) or 'no camera'}"
+                f"{'; '.join(map(_listed, self._topics.items())) or 'nothing'}"
             )
         return found
+
+
+def _listed(item: tuple[str, Sequence[Topic]]) -> str:
+    camera, topics = item
+    return f"{', '.join(topic.name for topic in topics) or 'nothing'} of {camera}"

@@ -6,14 +6,17 @@ import json
 import logging
 import queue
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import cache
+from typing import Any
 
 import zenoh
 
 from zenoh_vision import keys
+from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.message_codec import Message
+from zenoh_vision.messages import Refusal, Stamped
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.session import direct
 
@@ -68,6 +71,34 @@ class QueryServer:
                     answer(query)
                 except Exception:
                     log.exception("a query could not be answered")
+
+
+def _parameters(query: zenoh.Query) -> dict[str, str]:
+    pairs: Any = query.parameters  # the binding's types do not know that it can be iterated
+    return dict(pairs)
+
+
+def message_answer(key: str, reply_to: Callable[[Mapping[str, str]], Message]) -> Answer:
+    """Return a function that answers queries on a key with a message made for their parameters.
+
+    A refusal is an error reply, the message ``Refusal``. A query with wildcards, which asks for
+    what is there and not for this, gets no reply.
+    """
+
+    def answer(query: zenoh.Query) -> None:
+        if str(query.key_expr) != key:
+            return
+        try:
+            message = reply_to(_parameters(query))
+        except ParameterRefused as refused:
+            refusal = Refusal(error=refused.error, allowed=refused.allowed)
+            query.reply_err(refusal.to_bytes(), encoding=keys.msgpack_of(Refusal.schema_name))
+            return
+        attachment = message.header.to_bytes() if isinstance(message, Stamped) else None
+        encoding = keys.msgpack_of(message.schema_name)
+        query.reply(key, message.to_bytes(), encoding=encoding, attachment=attachment)
+
+    return answer
 
 
 def schema_answer(namespace: str, messages: Iterable[type[Message]]) -> Answer:

@@ -98,7 +98,12 @@ class EpochGate:
             return self._gauge.offset_ns
 
     def identify(
-        self, attachment: bytes | None, size: tuple[int, int] | None, received_ns: int, now_ns: int
+        self,
+        attachment: bytes | None,
+        size: tuple[int, int] | None,
+        received_ns: int,
+        now_ns: int,
+        encoding: str = "bgr8",
     ) -> Header:
         """Return the header that came with a picture, or one created on its arrival.
 
@@ -107,6 +112,7 @@ class EpochGate:
             size: Width and height by the picture's own header; None for raw pixels.
             received_ns: Wall-clock time of arrival, since 1970.
             now_ns: Monotonic time of arrival.
+            encoding: Of a bare picture.
 
         Raises:
             PayloadError: ``bad_header wrong_camera bad_stamp wrong_size``, or ``no_header`` for
@@ -117,7 +123,7 @@ class EpochGate:
                 raise PayloadError("no_header", "raw pixels need a header")
             if not is_name(self._camera):
                 raise PayloadError("no_header", "a bare picture on a key that names no camera")
-            return self._made_up(size, received_ns, now_ns)
+            return self._made_up(size, received_ns, now_ns, encoding)
         header = Header.from_bytes(attachment)
         if header.camera != self._camera:
             raise PayloadError(
@@ -248,7 +254,9 @@ class EpochGate:
         runs = (_run_of(header, self._unverified), _run_of(header, self._refused))
         return any(run is not None and run.settled(now_ns) for run in runs)
 
-    def _made_up(self, size: tuple[int, int], received_ns: int, now_ns: int) -> Header:
+    def _made_up(
+        self, size: tuple[int, int], received_ns: int, now_ns: int, encoding: str
+    ) -> Header:
         with self._lock:
             self._check_no_identified_stream(now_ns)
             if self._bare_epoch is None:
@@ -261,7 +269,7 @@ class EpochGate:
                 stamp_ns=received_ns,
                 width=size[0],
                 height=size[1],
-                encoding="bgr8",
+                encoding=encoding,
                 assumed=True,
             )
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
-from zenoh_vision.image.frame import Form, Frame
+from zenoh_vision.image.bits import bits_size, unpack_bits
+from zenoh_vision.image.depth import RangeFinder
+from zenoh_vision.image.frame import Frame, Want
 from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES, MAX_PIXELS
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffering, latest
@@ -29,13 +31,15 @@ FORGET_NS = 60 * 10**9
 
 @dataclass(slots=True)
 class KeyStream:
-    """State of one key that sent a frame. Times are monotonic."""
+    """State of one stream that sent a frame, and the key of its newest. Times are monotonic."""
 
     gate: EpochGate
+    key: str = ""
     since_ns: int = 0  # last good arrival
     number: int = 0
     missed: int = 0
     late_since_ns: int | None = None
+    finder: RangeFinder = field(default_factory=RangeFinder)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +68,15 @@ class FrameIntake(Intake[Arrival, Frame]):
     Args:
         key, consumer, buffering: As for ``Intake``.
         raw: The payloads are raw pixels instead of JPEG or PNG.
+        raw_key: Another key that carries the same frames as raw pixels: both are one stream, so
+            that each frame counts once.
         borrow: Frames of raw pixels may be views of memory that the transport lends; else they
             own their memory.
         max_pixels: Larger frames are dropped as ``too_large``, by their headers.
+
+    Attributes:
+        depth_limits: Lowest and highest of the 16-bit values that become 8 bits, each None for
+            automatic; None for the whole range, as cv_bridge does.
     """
 
     def __init__(
@@ -76,25 +86,30 @@ class FrameIntake(Intake[Arrival, Frame]):
         buffering: Buffering = latest,
         *,
         raw: bool = False,
+        raw_key: str | None = None,
         borrow: bool = False,
         max_pixels: int = MAX_PIXELS,
     ) -> None:
         super().__init__(key, consumer, buffering, picture_limit(max_pixels, raw=raw))
         self._max_pixels = max_pixels
         self._raw = raw
+        self._raw_key = raw_key
+        self._newest_key: str | None = None
+        self.depth_limits: tuple[int | None, int | None] | None = None
         self._borrow = borrow
         self._since_ns = time.monotonic_ns()
         self._streams: dict[str, KeyStream] = {}  # the one that has been silent longest comes first
         self._lock = threading.Lock()
 
-    def take(self, timeout_s: float, want: Form, max_age_s: float | None) -> Frame | None:
+    def take(self, timeout_s: float, want: Want, max_age_s: float | None) -> Frame | None:
         """Return the next frame, decoded; None after the time-out, or if it was dropped.
 
         The frame is pending until the consumer counts it as processed or dropped.
 
         Args:
             timeout_s: How long to wait.
-            want: The form that is decoded here, so that its errors are counted here.
+            want: The form that is decoded here, so that its errors are counted here; or a
+                function that decodes what its caller needs.
             max_age_s: Frames later than this over the best of the last minute are dropped as
                 ``stale``; None drops none.
         """
@@ -110,7 +125,7 @@ class FrameIntake(Intake[Arrival, Frame]):
         return None if item is None else item[1]
 
     def accept(
-        self, arrival: Arrival, max_age_s: float | None, want: Form | None = None
+        self, arrival: Arrival, max_age_s: float | None, want: Want | None = None
     ) -> Frame | None:
         """Return the frame of an arrival; None if it was dropped as stale or no picture.
 
@@ -126,8 +141,16 @@ class FrameIntake(Intake[Arrival, Frame]):
                 stream.late_since_ns = now_ns
             return None
         try:
-            frame = frame_of(sample, header, raw=self._raw, borrow=self._borrow)
-            if want is not None or arrival.unverified:
+            frame = frame_of(
+                sample,
+                header,
+                raw=self._is_raw(sample.key),
+                borrow=self._borrow,
+                finder=self._finder(stream),
+            )
+            if callable(want):
+                want(frame)
+            elif want is not None or arrival.unverified:
                 frame.form(want or "gray")
             stream.gate.accept(header, sample.arrived_ns, time.monotonic_ns(), max_age_ns)
         except PayloadError as error:
@@ -142,21 +165,51 @@ class FrameIntake(Intake[Arrival, Frame]):
             if "*" in self.key:
                 self._forget_silent(time.monotonic_ns())
             found = [
-                InputState(key, stream.since_ns, stream.late_since_ns, stream.gate.offset_ns)
-                for key, stream in sorted(self._streams.items())
+                InputState(
+                    stream.key,
+                    stream.since_ns,
+                    stream.late_since_ns,
+                    stream.gate.offset_ns,
+                    stream=name,
+                )
+                for name, stream in sorted(self._streams.items())
             ]
-            return found or [InputState(self.key, self._since_ns)]
+            return found or [InputState(self.keys[0], self._since_ns, stream=self.key)]
+
+    @property
+    def newest(self) -> tuple[str | None, int]:
+        """Key and monotonic time of the last good arrival; None and the opening before it."""
+        with self._lock:
+            return self._newest_key, self._since_ns
+
+    def limit_of(self, key: str) -> SizeLimit:
+        """Return the limit of the size of a payload on a key."""
+        return picture_limit(self._max_pixels, raw=self._is_raw(key))
+
+    def _finder(self, stream: KeyStream) -> RangeFinder | None:
+        if self.depth_limits is None:
+            return None
+        stream.finder.limits = self.depth_limits
+        return stream.finder
+
+    def _is_raw(self, key: str) -> bool:
+        return self._raw or key == self._raw_key
+
+    def _stream_key(self, key: str) -> str:
+        return self.key if key == self._raw_key else key
 
     def _check(self, sample: Sample) -> tuple[Arrival, bool]:
-        key, now_ns = sample.key, sample.arrived_ns
+        key, now_ns = self._stream_key(sample.key), sample.arrived_ns
+        raw = self._is_raw(sample.key)
         with self._lock:
             stream = self._streams.get(key) or KeyStream(EpochGate(keys.camera_of(key)))
-            header = checked_header(sample, stream.gate, self._max_pixels, raw=self._raw)
+            header = checked_header(sample, stream.gate, self._max_pixels, raw=raw)
             unverified, missed = stream.gate.admit(header, now_ns)
             self._enter(key, stream, now_ns)
             stream.number += 1
             stream.missed += missed
             stream.since_ns = self._since_ns = now_ns
+            stream.key = self._newest_key = sample.key
             arrival = Arrival(sample, stream, header, unverified, stream.number, stream.missed)
         if missed:
             self._counters.note("missed", missed)
@@ -197,14 +250,29 @@ def checked_header(
     if sample.attachment is not None and len(sample.attachment) > MAX_ATTACHMENT_BYTES:
         raise PayloadError("bad_header", f"an attachment of {len(sample.attachment)} bytes")
     payload = sample.payload
-    size = None if raw else codecs.picture_size(bytes(payload))
-    header = gate.identify(sample.attachment, size, sample.received_ns, sample.arrived_ns)
+    bits = sample.encoding == keys.BITS
+    size = None if raw or bits else codecs.picture_size(bytes(payload))
+    header = gate.identify(
+        sample.attachment,
+        size,
+        sample.received_ns,
+        sample.arrived_ns,
+        codecs.stored_encoding(bytes(payload[: codecs.PNG_HEAD])),
+    )
     if header.width * header.height > max_pixels:
         raise PayloadError(
             "too_large", f"{header.width}x{header.height} pixels, at most {max_pixels} in all"
         )
-    if raw:
-        expected = pixel_formats.raw_size(header.encoding, header.width, header.height)
+    if max(header.width, header.height) > codecs.MAX_SIDE:
+        raise PayloadError(
+            "too_large", f"{header.width}x{header.height} pixels, a side at most {codecs.MAX_SIDE}"
+        )
+    if raw or bits:
+        expected = (
+            bits_size(header.width, header.height)
+            if bits
+            else pixel_formats.raw_size(header.encoding, header.width, header.height)
+        )
         if len(payload) != expected:
             raise PayloadError("wrong_size", f"{len(payload)} bytes instead of {expected}")
     else:
@@ -212,17 +280,34 @@ def checked_header(
     return header.model_copy(update={"received_ns": sample.received_ns})
 
 
-def frame_of(sample: Sample, header: Header, *, raw: bool, borrow: bool = False) -> Frame:
+def frame_of(
+    sample: Sample,
+    header: Header,
+    *,
+    raw: bool,
+    borrow: bool = False,
+    finder: RangeFinder | None = None,
+) -> Frame:
     """Return the frame of a sample whose header was checked; nothing is decoded yet."""
+    if sample.encoding == keys.BITS:
+        mono = header.model_copy(update={"encoding": "mono8"})
+        pixels = unpack_bits(sample.payload, header.width, header.height)
+        return Frame(mono, pixels=pixels, key=sample.key)
     if not raw:
-        return Frame(header, compressed=bytes(sample.payload), key=sample.key)
+        return Frame(header, compressed=bytes(sample.payload), key=sample.key, finder=finder)
     payload = sample.payload if borrow else bytes(sample.payload)
-    pixels = pixel_formats.from_raw(payload, header.encoding or "", header.width, header.height)
+    rows = pixel_formats.from_raw(payload, header.encoding or "", header.width, header.height)
     borrowed = isinstance(payload, memoryview)
-    return Frame(header, pixels=pixels, key=sample.key, borrowed=borrowed)
+    return Frame(header, pixels=rows, key=sample.key, borrowed=borrowed, finder=finder)
 
 
-def snapshot_of(sample: Sample, max_pixels: int = MAX_PIXELS, *, raw: bool) -> Frame:
+def snapshot_of(
+    sample: Sample,
+    max_pixels: int = MAX_PIXELS,
+    *,
+    raw: bool,
+    finder: RangeFinder | None = None,
+) -> Frame:
     """Return the frame of a single sample, such as the reply to a query.
 
     The camera of a bare picture on a key that names none is ``unknown``.
@@ -234,4 +319,5 @@ def snapshot_of(sample: Sample, max_pixels: int = MAX_PIXELS, *, raw: bool) -> F
         raise PayloadError("empty", "a deletion")
     camera = keys.camera_of(sample.key)
     gate = EpochGate(camera if keys.is_name(camera) else "unknown")
-    return frame_of(sample, checked_header(sample, gate, max_pixels, raw=raw), raw=raw)
+    header = checked_header(sample, gate, max_pixels, raw=raw)
+    return frame_of(sample, header, raw=raw, finder=finder)

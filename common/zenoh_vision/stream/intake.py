@@ -33,12 +33,14 @@ class InputState:
         since_ns: Last good arrival; before the first, when the input was opened.
         late_since_ns: Since when every frame has been stale; None if the last one was not.
         offset_ns: The least ``now - stamp`` of the last minute; None if unknown.
+        stream: Stays the same while the key changes, for a stream that has two; empty for the key.
     """
 
     key: str
     since_ns: int
     late_since_ns: int | None = None
     offset_ns: int | None = None
+    stream: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,9 @@ class Intake(ABC, Generic[Waiting, Item]):
         buffering: How many items wait for the consumer.
         limit: Of the size of a payload.
         deletions: Whether deletions are taken too; else they are dropped as ``empty``.
+
+    Attributes:
+        keys: The key expressions that are subscribed to: its own, unless its frames have two.
     """
 
     def __init__(
@@ -79,6 +84,7 @@ class Intake(ABC, Generic[Waiting, Item]):
         deletions: bool = False,
     ) -> None:
         self.key = key
+        self.keys: tuple[str, ...] = (key,)
         self.limit = limit
         self._deletions = deletions
         self._counters = consumer.counters
@@ -95,12 +101,16 @@ class Intake(ABC, Generic[Waiting, Item]):
 
     # On the transport's thread
 
+    def limit_of(self, key: str) -> SizeLimit:  # noqa: ARG002 - for those that distinguish
+        """Return the limit of the size of a payload on a key."""
+        return self.limit
+
     def receive(self, sample: Sample) -> None:
         """Check a sample and queue it for the consumer, or drop it."""
         self._counters.arrive()
         size = len(sample.payload)
         try:
-            self.limit.check(size)
+            self.limit_of(sample.key).check(size)
             if sample.deleted and not self._deletions:
                 raise PayloadError("empty", "a deletion")
             item, unverified = self._check(sample)
@@ -108,7 +118,8 @@ class Intake(ABC, Generic[Waiting, Item]):
             self._discard(sample, error.reason)
             self._dropped(error)
             return
-        self.buffer.put((sample, item), sample.key, unverified=unverified, size=size)
+        stream = self._stream_key(sample.key)
+        self.buffer.put((sample, item), stream, unverified=unverified, size=size)
         if self._closed:  # it was on its way when the subscription ended
             self._discard_waiting()
         else:
@@ -137,6 +148,10 @@ class Intake(ABC, Generic[Waiting, Item]):
             self._closed = True
         self._release()
         self._discard_waiting()
+
+    def _stream_key(self, key: str) -> str:
+        """Return the key of the stream to which the samples on a key belong."""
+        return key
 
     def _discard_waiting(self) -> None:
         while (item := self.buffer.take(0)) is not None:

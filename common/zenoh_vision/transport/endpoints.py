@@ -9,14 +9,45 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from zenoh_vision.error_text import did_you_mean
+
 POLL_S = 0.1
 MAX_PORT = 65535
 
-PATTERN = r"^(tcp|tls|udp|quic|ws|unixsock-stream)/.+$"
-"""Endpoints that settings allow."""
+PROTOCOLS = ("tcp", "tls", "udp", "quic", "ws", "unixsock-stream")
+WITH_PORT = PROTOCOLS[:-1]
+FORM = (
+    "PROTOCOL/HOST:PORT such as tcp/192.168.0.2:7447, or unixsock-stream/PATH; PROTOCOL: "
+    + ", ".join(WITH_PORT)
+)
+HOST_AND_PORT = re.compile(r"([^:\[\]/?#\s]+|\[[^\[\]\s]+\]):([0-9]{1,5})([?#].*)?")
+HOST = re.compile(r"[^:\[\]/?#\s]+|\[[^\[\]\s]+\]")
 
 OVER_TCP = re.compile(r"(tcp|tls|ws|wss)/([^?#]+):(\d{1,5})([?#].*)?")
 ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}  # noqa: S104 - compared, not bound
+
+
+def checked_endpoint(text: str) -> str:
+    """Return an endpoint unchanged.
+
+    Raises:
+        ValueError: Zenoh could not use it; says what is wrong. Zenoh itself would try for ever.
+    """
+    protocol, _, rest = text.partition("/")
+    if protocol not in PROTOCOLS:
+        hint = did_you_mean([f"tcp/{text}"] if HOST_AND_PORT.fullmatch(text) else [], before="; ")
+        raise ValueError(f"it begins with none of the protocols{hint}")
+    if not rest:
+        raise ValueError(f"nothing follows {protocol}/")
+    if protocol in WITH_PORT:
+        found = HOST_AND_PORT.fullmatch(rest)
+        if found is None:
+            if HOST.fullmatch(rest) is None:
+                raise ValueError("it is not one host and one port; IPv6 is written [::1]:7447")
+            raise ValueError(f"it has no port{did_you_mean([f'{text}:7447'], before='; ')}")
+        if int(found[2]) > MAX_PORT:
+            raise ValueError(f"ports end at {MAX_PORT}")
+    return text
 
 
 @dataclass(frozen=True, slots=True)

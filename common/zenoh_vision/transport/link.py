@@ -17,19 +17,26 @@ import zenoh
 
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.session import close_session, open_replacement, open_session
-from zenoh_vision.transport.zenoh_config import zenoh_error_text
+from zenoh_vision.transport.zenoh_config import (
+    client_config,
+    connect_endpoints,
+    zenoh_error_text,
+)
 
 log = logging.getLogger(__name__)
 
 REPLACE_AFTER_S = 10.0
 """After this long without a router another session is tried; a usable one reconnects in 1 s."""
 
-CHECK_INTERVAL_S = 0.5
+CHECK_INTERVAL_S = 0.2
 GRACE_S = 0.5
 """Other threads may still use the old session for this long after it was replaced."""
 
 CLOSE_TIMEOUT_S = 1.0
 MAX_ATTEMPT_S = 1.7
+
+TELL_AFTER_S = 1.0
+"""A wait for the router is told after this long: of a system that starts, it is not the first."""
 
 T = TypeVar(
     "T",
@@ -61,6 +68,7 @@ class Link:
         connection: Where the router is, and how long to wait for it here.
         give_up: Polled while this waits for the router; True ends the wait.
         stopping: Whether the program is about to end, so that no other session is tried.
+        log_state: Log when this waits for the router, is connected, loses it, and has it back.
 
     Raises:
         VisionError: As for ``open_session``.
@@ -71,10 +79,14 @@ class Link:
         connection: Connection,
         give_up: Callable[[], bool] = lambda: False,
         stopping: Callable[[], bool] = lambda: False,
+        *,
+        log_state: bool = True,
     ) -> None:
         self._connection = connection
         self._stopping = stopping
-        self._session = open_session(connection, give_up)
+        self._log_state = log_state
+        self._where = " or ".join(connect_endpoints(client_config(connection)))
+        self._session = self._open(give_up)
         self._declared: list[Declaration[Any]] = []
         self._lock = threading.Lock()
         self._closed = threading.Event()
@@ -121,13 +133,41 @@ class Link:
         self._thread.join(MAX_ATTEMPT_S)
         closing.join(CLOSE_TIMEOUT_S)
 
+    def _open(self, give_up: Callable[[], bool]) -> zenoh.Session:
+        """Open the first session; one line says that this waits, one that it is connected."""
+        began_s = time.monotonic()
+        # Tools that wait for a limited time only say that it is over.
+        level = logging.WARNING if self._connection.timeout_s is None else logging.INFO
+        told = False
+
+        def waiting() -> bool:
+            nonlocal told
+            if not told and time.monotonic() - began_s > TELL_AFTER_S:
+                told = True
+                self._tell(level, "waiting for the router at %s", self._where)
+            return give_up()
+
+        session = open_session(self._connection, waiting)
+        if told:
+            took_s = time.monotonic() - began_s
+            self._tell(level, "connected to the router at %s after %.1f s", self._where, took_s)
+        else:
+            self._tell(logging.INFO, "connected to the router at %s", self._where)
+        return session
+
+    def _tell(self, level: int, text: str, *values: object) -> None:
+        if self._log_state:
+            log.log(level, text, *values)
+
     def _ending(self) -> bool:
         return self._closed.is_set() or self._stopping()
 
     def _monitor(self) -> None:
         connected_s = time.monotonic()
+        lost_s: float | None = None
         while not self._closed.wait(CHECK_INTERVAL_S):
             try:
+                lost_s = self._tell_change(lost_s)
                 if _connected(self._session) or self._stopping():
                     connected_s = time.monotonic()
                 elif time.monotonic() - connected_s > REPLACE_AFTER_S:
@@ -136,6 +176,23 @@ class Link:
             except Exception:
                 log.exception("the attempt to open another session failed")
                 connected_s = time.monotonic()
+
+    def _tell_change(self, lost_s: float | None) -> float | None:
+        """Log that the router was lost, or is back; return since when it is lost, None if not."""
+        if self._ending():
+            return lost_s
+        now_s = time.monotonic()
+        if _connected(self._session):
+            if lost_s is not None:
+                away_s = now_s - lost_s
+                text = "the router at %s is back after %.1f s"
+                self._tell(logging.WARNING, text, self._where, away_s)
+            return None
+        if lost_s is None:
+            text = "lost the router at %s; trying to reach it again until it is back"
+            self._tell(logging.WARNING, text, self._where)
+            return now_s
+        return lost_s
 
     def _try_replacement(self) -> None:
         session = open_replacement(self._connection, self._ending)

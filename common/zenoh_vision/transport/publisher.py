@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import zenoh
 
 from zenoh_vision.image import codecs
+from zenoh_vision.image.bits import pack_bits
 from zenoh_vision.image.pixel_formats import Pixels
-from zenoh_vision.keys import JPEG, PNG, msgpack_of
+from zenoh_vision.keys import BITS, JPEG, PNG, msgpack_of
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Header, Stamped
 from zenoh_vision.topics import Topic
@@ -34,10 +37,17 @@ class Outgoing:
 
 
 def encoded_picture(
-    pixels: Pixels, header: Header, *, jpeg_quality: int | None, bilevel: bool
+    pixels: Pixels,
+    header: Header,
+    *,
+    jpeg_quality: int | None,
+    bilevel: bool,
+    bits: bool = False,
 ) -> Outgoing:
     """Encode 8-bit pixels as JPEG, or as PNG if ``jpeg_quality`` is None; see ``Outputs``."""
     attachment = header.to_bytes()
+    if bits:
+        return Outgoing(pack_bits(np.asarray(pixels, np.uint8)), BITS, attachment)
     if jpeg_quality is None:
         return Outgoing(codecs.encode_png(pixels, bilevel=bilevel), PNG, attachment)
     jpeg = codecs.encode_jpeg(pixels, header.encoding or "bgr8", jpeg_quality)
@@ -66,8 +76,16 @@ FRAME_DELIVERY = (zenoh.CongestionControl.BLOCK_FIRST, zenoh.Priority.DATA)
 MESSAGE_DELIVERY = (zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HIGH)
 
 
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A payload that is kept for queries; with a timestamp if several are."""
+
+    payload: LazyPayload
+    timestamp: zenoh.Timestamp | None = None
+
+
 class StreamPublisher:
-    """Publishes one key and answers queries with its newest payload.
+    """Publishes one key and answers queries with its newest payload, or with several of them.
 
     Args:
         topic: Says how the samples are encoded and delivered.
@@ -88,7 +106,8 @@ class StreamPublisher:
         congestion_control, priority = (
             FRAME_DELIVERY if topic.delivery == "frame" else MESSAGE_DELIVERY
         )
-        self._newest: LazyPayload | None = None
+        self._link = link
+        self._kept: deque[Kept] = deque(maxlen=topic.keeps)
         self._publisher = link.declare(
             lambda session: session.declare_publisher(
                 key,
@@ -115,7 +134,8 @@ class StreamPublisher:
             Whether it was published. A topic that is not lazy always is.
         """
         newest = LazyPayload(make)
-        self._newest = newest
+        several = self.topic.keeps > 1
+        self._kept.append(Kept(newest, self._link.session.new_timestamp() if several else None))
         if self.topic.lazy and not self.wanted:
             return False
         outgoing = newest()
@@ -125,7 +145,17 @@ class StreamPublisher:
         return True
 
     def answer(self, query: zenoh.Query) -> None:
-        """Reply with the newest payload; no reply if there is none yet."""
-        if (newest := self._newest) is not None:
-            sent = newest()
-            query.reply(self.key, sent.payload, encoding=sent.encoding, attachment=sent.attachment)
+        """Reply with the newest payloads, oldest first; no reply if there is none yet.
+
+        All replies have the same key, of which a client keeps only the newest by default: that of
+        the latest timestamp, or without timestamps the last.
+        """
+        for kept in tuple(self._kept):
+            sent = kept.payload()
+            query.reply(
+                self.key,
+                sent.payload,
+                encoding=sent.encoding,
+                attachment=sent.attachment,
+                timestamp=kept.timestamp,
+            )

@@ -106,9 +106,11 @@ class Replies(list[Reply]):
 
     Attributes:
         left_out: How many more there were than are kept.
+        timed_out: The time was over before the router or some queryable had replied.
     """
 
     left_out = 0
+    timed_out = False
 
 
 def messages_in(replies: Iterable[Reply], kind: type[M]) -> Iterator[tuple[Reply, M]]:
@@ -139,7 +141,8 @@ def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) 
         said = reply.ok or reply.err
         length = 0 if said is None else len(said.payload)
         if reply.err is not None and length < 10 and reply.err.payload.to_bytes() == b"Timeout":
-            return  # Zenoh's own word for a queryable that did not reply in time
+            replies.timed_out = True  # Zenoh's own word for a reply that did not come in time
+            return
         fits = size + REPLY_BYTES + length <= query.most_bytes
         if replies and (not fits or len(replies) >= MAX_REPLIES):
             replies.left_out += 1
@@ -171,7 +174,7 @@ def ask(
     """Send queries together and wait for all replies, at most for the time-out of each query.
 
     ``stopping`` ends the wait early; queries that are not complete then have no replies. Replies
-    that are too many are left out, with a warning.
+    that are too many are left out, with a warning; so is a list of tokens that is not complete.
     """
     pending: list[Future[Replies]] = []
     asked = list(queries)
@@ -184,4 +187,8 @@ def ask(
     for query, replies in zip(asked, found, strict=True):
         if replies.left_out:
             log.warning("%s: %d more replies are left out", query.key, replies.left_out)
+        if query.tokens and replies.timed_out:
+            log.warning(
+                "%s: the router has not listed all tokens within %g s", query.key, query.timeout_s
+            )
     return found

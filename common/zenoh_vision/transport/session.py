@@ -42,6 +42,9 @@ LONG = Timeouts(open_ms=1500, handshake_ms=1500)
 LONG_EVERY = 4
 """Every fourth attempt has long time-outs."""
 
+UNREACHABLE = "Unable to connect"
+"""Begins Zenoh's error for a router that does not answer, which adds nothing to our own."""
+
 REPLACEMENT_BASE_MS = 700
 REPLACEMENT_ROUND_TRIPS = 5  # with TLS; three without
 
@@ -84,7 +87,7 @@ def open_session(
         if time.monotonic() >= deadline_s - MIN_TIMEOUT_MS / 1000:
             break
     where = " or ".join(connect_endpoints(client_config(connection)))
-    because = f" ({errors[-1]})" if errors else ""
+    because = f" ({errors[-1]})" if errors and UNREACHABLE not in errors[-1] else ""
     raise RouterUnreachable(
         f"no Zenoh router at {where} within {connection.timeout_s:g} s{because}; "
         "start one with `zv router`, or name another with --connect tcp/HOST:PORT"
@@ -106,6 +109,18 @@ def open_replacement(
     enough_ms = REPLACEMENT_BASE_MS + int(REPLACEMENT_ROUND_TRIPS * trip_s * 1000)
     timeout_ms = min(LONG.open_ms, enough_ms)
     return _attempt(connection, Timeouts(timeout_ms, timeout_ms), float("inf"), stopping, [])
+
+
+def open_at_once(connection: Connection, timeout_s: float) -> zenoh.Session | None:
+    """Open a session if a router answers within a time; return None if none does.
+
+    It must not end up in an interpreter that ends while the attempt goes on, which would abort.
+    """
+    if round_trip_s(connect_endpoints(client_config(connection)), timeout_s) is None:
+        return None
+    timeout_ms = max(MIN_TIMEOUT_MS, int(timeout_s * 1000))
+    timeouts = Timeouts(timeout_ms, timeout_ms)
+    return _attempt(connection, timeouts, time.monotonic() + timeout_s, lambda: False, [])
 
 
 def _attempt(

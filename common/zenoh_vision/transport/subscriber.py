@@ -33,15 +33,18 @@ def sample_of(sample: zenoh.Sample, limit: SizeLimit = RAW_LIMIT) -> Sample:
     )
 
 
-def subscribe(link: Link, intake: Intake[Any, Any]) -> Declaration[zenoh.Subscriber[None]]:
-    """Pass the samples on an intake's key expression to it, until ``undeclare()``."""
+def subscribe(
+    link: Link, intake: Intake[Any, Any], key: str | None = None
+) -> Declaration[zenoh.Subscriber[None]]:
+    """Pass the samples on a key, by default the intake's, to the intake until ``undeclare()``."""
+    expression = key or intake.key
 
     def on_sample(arrived: zenoh.Sample) -> None:
         try:
-            sample = sample_of(arrived, intake.limit)
+            sample = sample_of(arrived, intake.limit_of(expression))
         except PayloadError as error:
             intake.reject(error)
         else:
             intake.receive(sample)
 
-    return link.declare(lambda session: session.declare_subscriber(intake.key, direct(on_sample)))
+    return link.declare(lambda session: session.declare_subscriber(expression, direct(on_sample)))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import zenoh
 
+from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.endpoints import FORM, PROTOCOLS, checked_endpoint
 
 LEASE_MS = 2000
 RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
@@ -41,6 +43,7 @@ def client_config(connection: Connection) -> zenoh.Config:
         ConfigurationError: The file cannot be read or has settings unknown to Zenoh, or the
             endpoint is malformed.
     """
+    _check_endpoints("connect", [connection.connect])
     config = _base(connection.zenoh_config, "client")
     defaults = {
         "connect/endpoints": [connection.connect],
@@ -48,7 +51,7 @@ def client_config(connection: Connection) -> zenoh.Config:
         "transport/link/tx/lease": LEASE_MS,
         MAX_MESSAGE_SIZE: MAX_MESSAGE_BYTES,
     }
-    return set_defaults(config, defaults, "client")
+    return _checked(config, defaults, "client", connection.zenoh_config)
 
 
 def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
@@ -61,6 +64,7 @@ def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
     Raises:
         ConfigurationError: As for ``client_config``.
     """
+    _check_endpoints("listen", [listen])
     config = _base(zenoh_config, "router")
     set_values(config, {"adminspace/enabled": True})
     defaults = {
@@ -70,7 +74,35 @@ def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
         WAIT_BEFORE_CLOSE: WAIT_BEFORE_CLOSE_US,
         MAX_MESSAGE_SIZE: MAX_MESSAGE_BYTES,
     }
-    return set_defaults(config, defaults, "router")
+    return _checked(config, defaults, "router", zenoh_config)
+
+
+def _checked(
+    config: zenoh.Config, defaults: Mapping[str, object], mode: str, path: str | None
+) -> zenoh.Config:
+    """Set what a file left open, and check the endpoints that hold then."""
+    set_defaults(config, defaults, mode)
+    if path is not None:
+        for kind in ("connect", "listen"):
+            stated = _value(config, f"{kind}/endpoints", mode) or []
+            known = [each for each in stated if each.partition("/")[0] in PROTOCOLS]
+            _check_endpoints(f"--zenoh-config {path}: {kind}/endpoints", known)
+    return config
+
+
+def _check_endpoints(place: str, endpoints: Iterable[str]) -> None:
+    """Check endpoints before Zenoh gets them, which would try an impossible one for ever.
+
+    Raises:
+        ConfigurationError: One cannot be used; names the place and what is allowed.
+    """
+    for endpoint in endpoints:
+        try:
+            checked_endpoint(endpoint)
+        except ValueError as error:
+            raise ConfigurationError(
+                f"{place} = {shortened(endpoint)} is not allowed ({error}); allowed: {FORM}"
+            ) from None
 
 
 def listen_endpoints(config: zenoh.Config) -> list[str]:

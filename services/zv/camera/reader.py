@@ -11,6 +11,7 @@ from typing import Literal
 
 from zenoh_vision.config.revisions import ParameterStore, Revision
 from zenoh_vision.errors import SourceError, SourceLost
+from zenoh_vision.host import abandoned_threads
 from zenoh_vision.stream.buffer import Buffer
 from zenoh_vision.stream.counters import FrameCounters
 from zv.camera import source_policy
@@ -105,6 +106,7 @@ class SourceReader:
 
     def abandon(self) -> None:
         """Abandon the thread; it closes the source as soon as it can."""
+        abandoned_threads.abandon(self._thread)
         self.timer.stop()
         self._may_read.set()
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import logging
 
 from zenoh_vision import Connection, Header, Level, Node, ParameterStore, PayloadError, Tracks
+from zenoh_vision.calibration.camera_model import CalibrationFault
+from zenoh_vision.calibration.ros_yaml import read_calibration
+from zv.camera.calibration_latch import CalibrationLatch
 from zv.camera.capture import Capture
 from zv.camera.convert import Converter, mirrored
 from zv.camera.reader import CapturedFrame
@@ -21,8 +24,10 @@ def run(
     """Publish the newest frame of the source until it ends or the camera is told to stop.
 
     Raises:
-        SourceError: The source cannot be opened at the start.
+        SourceError: The source or the calibration file cannot be opened at the start.
+        ConfigurationError: The calibration file is wrong.
     """
+    calibration = None if settings.calibration is None else read_calibration(settings.calibration)
     parameters = ParameterStore(settings.limited())
     node = Node(
         "camera",
@@ -31,9 +36,9 @@ def run(
         publishes=[
             topic
             for topic in published_by("camera")
-            if topic != "truth" or settings.source == "synthetic"
+            if (topic != "truth" or settings.source == "synthetic")
+            and (topic != "camera_info" or calibration is not None)
         ],
-        counts=("captured", "published"),
         parameters=parameters,
     )
     log = logging.getLogger(node.name)
@@ -56,12 +61,18 @@ def run(
         with node:
             log.info("%s", description)
             converter = Converter()
+            latch = None if calibration is None else CalibrationLatch(calibration, settings.flip)
             for captured in capture.frames(stopping, report):
-                publish(node, converter, captured)
+                publish(node, converter, captured, latch)
 
 
-def publish(node: Node, converter: Converter, captured: CapturedFrame) -> None:
-    """Publish one captured frame and its ground truth, and count the outcome."""
+def publish(
+    node: Node,
+    converter: Converter,
+    captured: CapturedFrame,
+    latch: CalibrationLatch | None = None,
+) -> None:
+    """Publish one captured frame, its calibration and ground truth; count the outcome."""
     picture, settings = captured.picture, captured.revision.settings
     header = Header(
         camera=node.camera,
@@ -74,19 +85,31 @@ def publish(node: Node, converter: Converter, captured: CapturedFrame) -> None:
         node=node.name,
         revision=captured.revision.number,
     )
+    if latch is not None:
+        send_calibration(node, latch, header, settings.flip)
     if picture.truth is not None:
         truth_header = header.model_copy(update={"encoding": None})
         tracks = mirrored(picture.truth, settings.flip, picture.width, picture.height)
         node.publish("truth", Tracks(header=truth_header, tracks=tracks))
     try:
         frame = converter.frame(header, picture, flip=settings.flip, quality=settings.quality)
-        frame.revision = captured.revision
-        subscribed = node.publish_frame(frame)
     except PayloadError as error:
         node.drop(error)
         return
-    if subscribed:
-        node.counters.finish()
+    frame.revision = captured.revision
+    node.own_frames.publish_pending(frame)
+
+
+def send_calibration(node: Node, latch: CalibrationLatch, header: Header, flip: str) -> None:
+    """Publish the calibration before the first picture for which it is another one.
+
+    Whoever subscribes later asks for it with a query.
+    """
+    try:
+        message = latch.follow(header.model_copy(update={"encoding": None}), flip)
+    except CalibrationFault as fault:
+        node.health.report(Level.WARN, f"no camera_info: {fault}")
+        logging.getLogger(node.name).warning("no camera_info: %s", fault)
     else:
-        node.counters.drop("no_subscriber")
-    node.health.done(captured.stamp_ns)
+        if message is not None:
+            node.publish("camera_info", message)

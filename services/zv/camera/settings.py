@@ -6,6 +6,8 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import ServiceSettings, Text
 from zv.camera.synthetic.faults import parse_faults
@@ -71,6 +73,7 @@ class CameraSettings(ServiceSettings):
             pattern="^[ -~]{4}$",
             description="pixel format requested from a device, such as MJPG or YUYV",
         ),
+        Form("four characters"),
         Live(effect="a change opens a device again"),
     ] = None
     loop: Annotated[
@@ -85,33 +88,45 @@ class CameraSettings(ServiceSettings):
         Field(description="mirror the picture; both rotates it by 180 degrees"),
         Live(),
     ] = "none"
+    calibration: Annotated[
+        str | None,
+        Field(
+            min_length=1,
+            description="calibration file, which zv calibrate or ROS wrote; it is published as "
+            "camera_info. It holds for pictures of its shape, in the flip of the start",
+        ),
+    ] = None
     stall_after: Annotated[
         float,
-        Field(ge=0.1, le=3600, description="seconds without a picture until a source is reopened"),
+        Field(ge=0.1, le=3600, description="time without a picture until a source is reopened"),
         Live("s"),
+        SECONDS,
     ] = 5.0
     frozen_after: Annotated[
         float,
         Field(
             ge=0,
             le=3600,
-            description="seconds of identical pictures until a live source is reopened; 0: never",
+            description="time of identical pictures until a live source is reopened; 0: never",
         ),
         Live("s"),
+        SECONDS,
     ] = 10.0
     reopen_min: Annotated[
         float,
-        Field(ge=0.01, le=60, description="seconds before the first attempt to reopen"),
+        Field(ge=0.01, le=60, description="delay before the first attempt to reopen"),
         Live("s"),
+        SECONDS,
     ] = 0.5
     reopen_max: Annotated[
         float,
         Field(
             ge=0.01,
             le=3600,
-            description="longest delay before an attempt, seconds; the delay doubles each time",
+            description="longest delay before an attempt; the delay doubles each time",
         ),
         Live("s"),
+        SECONDS,
     ] = 10.0
     seed: Annotated[
         int,

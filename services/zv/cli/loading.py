@@ -13,15 +13,9 @@ from typing import Any
 
 import click
 
-from zenoh_vision.config.settings import load_settings
-from zenoh_vision.errors import ConfigurationError
-from zenoh_vision.host.lifeline import end_with_parent
-from zenoh_vision.host.signals import SIGNALS
-from zenoh_vision.transport.connection import Connection
-from zv.cli.command import Command, Group
-from zv.cli.errors import leave_on_signals, log_to_stderr
-from zv.cli.flags import (
-    CONFIG,
+from zenoh_vision.cli.command import Command, Group
+from zenoh_vision.cli.errors import leave_on_signals, log_to_stderr
+from zenoh_vision.cli.flags import (
     JSON,
     ConnectionSettings,
     ToolConnectionSettings,
@@ -30,6 +24,11 @@ from zv.cli.flags import (
     parameters_of,
     sections,
 )
+from zenoh_vision.cli.service import service_command
+from zenoh_vision.config.settings import Settings, load_settings
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.host.signals import SIGNALS
+from zenoh_vision.transport.connection import Connection
 from zv.registry import BY_COMMAND, SERVICES, imported, model_of
 from zv.tools.registry import GROUPS, TOOLS
 from zv.tools.shared.options import ToolOptions
@@ -52,20 +51,23 @@ def load(name: str) -> click.Command:
 
 def _service(name: str) -> Command:
     service = BY_COMMAND[name]
-    model = model_of(service)
-
-    def call(*, debug: bool, config: str | None, **flags: Any) -> None:
-        leave_on_signals()
-        end_with_parent()
-        log_to_stderr(debug)
-        connection = connection_from(flags)
-        settings = load_settings(model, flags=flags, config=config)
-        run = importlib.import_module(f"zv.{service}.service").run
-        run(settings, connection.zenoh_config if service == "router" else connection)
-
-    options = [*parameters_of(model), CONFIG]
     entry = SERVICES[service]
-    return Command(name, call, sections(options), entry.summary, [entry.example])
+
+    def run(settings: Settings, connection: Connection) -> None:
+        loop = importlib.import_module(f"zv.{service}.service").run
+        loop(settings, connection.zenoh_config if service == "router" else connection)
+
+    def run_on_files(settings: Settings, options: Settings) -> None:
+        importlib.import_module(f"zv.{service}.files").run(settings, options)
+
+    return service_command(
+        name,
+        model_of(service),
+        run,
+        entry.summary,
+        entry.example.splitlines(),
+        files=(imported(entry.files), run_on_files) if entry.files else None,
+    )
 
 
 def _up() -> Command:
@@ -75,26 +77,41 @@ def _up() -> Command:
             metavar="[FILE.toml]",
             shell_complete=completer(),
             required=False,
-            help="launch file; default: configs/up.toml, or the built-in one",
+            help="launch file; default: configs/up.toml of this folder, or else the built-in one",
         ),
         click.Option(
             ["--listen"],
             metavar="ENDPOINT",
             help="endpoint on which the router listens; overrides the file",
         ),
+        click.Option(
+            ["--remap"],
+            metavar="OLD=NEW",
+            multiple=True,
+            help="run the nodes of camera OLD for camera NEW; may be repeated",
+        ),
         click.Option(["--plain"], is_flag=True, help="plain lines, on a terminal too"),
     ]
-    return Command("up", _run_up, sections(options), UP_TEXT, ["zv up configs/two-cameras.toml"])
+    examples = ["zv up", "zv up my-system.toml", "zv up --remap front=left --namespace robot1"]
+    return Command("up", _run_up, sections(options), UP_TEXT, examples)
 
 
-def _run_up(*, file: str | None, listen: str | None, plain: bool, debug: bool, **flags: Any) -> int:
-    from zv.launcher.launch_file import read_launch_file
+def _run_up(
+    *,
+    file: str | None,
+    listen: str | None,
+    remap: tuple[str, ...],
+    plain: bool,
+    debug: bool,
+    **flags: Any,
+) -> int:
+    from zv.launcher.launch_file import read_launch_file, remapped_cameras
     from zv.launcher.starting import launch_file, start
 
     log_to_stderr(debug)
     if flags["connect"] and listen:
         raise ConfigurationError("--connect uses a running router, --listen starts one: give one")
-    plan = read_launch_file(launch_file(file))
+    plan = read_launch_file(launch_file(file), remapped_cameras(remap))
     given = load_settings(
         ConnectionSettings, flags=flags, inline=plan.connection, inline_place=plan.place
     )

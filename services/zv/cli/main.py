@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 
 import click
-from click.shell_completion import get_completion_class, shell_complete
+from click.shell_completion import get_completion_class
 
-from zv.cli.command import Command, Group
-from zv.cli.errors import reader_is_gone, tell, tell_end_of_thread
+from zenoh_vision.cli.command import Command, Group, run_command
+from zenoh_vision.cli.errors import exit_with_status
 from zv.registry import BY_COMMAND, SERVICES
 from zv.tools.registry import GROUPS, TOOLS
 
@@ -60,13 +59,13 @@ def section(name: str) -> str:
     """Return the heading of a command in ``zv --help``."""
     if name == "up" or name in BY_COMMAND:
         return "Services"
-    return "Setting up" if name == "completion" else "Tools"
+    return "Setting up" if name in ("calibrate", "new", "completion") else "Tools"
 
 
 def example(name: str) -> str:
     """Return an example of a command; for a group, of its first command."""
     if name in BY_COMMAND:
-        return SERVICES[BY_COMMAND[name]].example
+        return SERVICES[BY_COMMAND[name]].example.splitlines()[0]
     tools = [tool for words, tool in TOOLS.items() if words.split()[0] == name]
     return tools[0].example.splitlines()[0] if tools else f"zv {name}"
 
@@ -76,39 +75,50 @@ def _examples() -> list[str]:
     return [*map(example, ["up", "camera", *tools[:5]]), "zv COMMAND --help"]
 
 
+def _print_version(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
+    if wanted and not context.resilient_parsing:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            click.echo(f"zv {version('zenoh-vision')}")
+        except PackageNotFoundError:
+            click.echo("zv of a checkout that is not installed")
+        context.exit()
+
+
+VERSION = click.Option(
+    ["--version"],
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="show the version and exit",
+)
+
 app = Group(
-    "zv", "Cameras and vision on the network without ROS.", COMMANDS, load, _examples(), section
+    "zv",
+    "Cameras and vision on the network without ROS.",
+    COMMANDS,
+    load,
+    _examples(),
+    section,
+    [VERSION],
 )
 
 
 def run() -> int:
     """Run the command of ``sys.argv``, or a completion request, and return the exit status."""
     if instruction := os.environ.get(COMPLETION_VARIABLE):
-        return shell_complete(app, {}, "zv", COMPLETION_VARIABLE, instruction)
-    plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
-    try:
-        with app.make_context("zv", sys.argv[1:], color=False if plain else None) as context:
-            return app.invoke(context) or 0
-    except click.exceptions.Exit as end:
-        return end.exit_code
+        from zv.cli.completion import complete
+
+        status = complete(app, "zv", COMPLETION_VARIABLE, instruction)
+        sys.stdout.flush()
+        if "zenoh" in sys.modules:
+            os._exit(status)  # a shell waits, and Zenoh may still be opening a session
+        return status
+    return run_command(app, "zv", sys.argv[1:])
 
 
 def main() -> None:
     """Run ``zv``; an error is printed in one line and becomes the exit status."""
-    debug = "--debug" in sys.argv[1:]
-    if not debug:
-        threading.excepthook = tell_end_of_thread
-    try:
-        status = run()
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except KeyboardInterrupt:
-        status = 0
-    except (Exception, SystemExit) as error:
-        if reader_is_gone(error):
-            status = 0
-        elif isinstance(error, SystemExit):
-            raise
-        else:
-            status = tell(error, debug=debug)
-    sys.exit(status)
+    exit_with_status(run)

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_vision import Connection, Frame, Node
-from zv.edge.detectors.canny import detect_edges
+from zenoh_vision.errors import PayloadError, SourceError
+from zenoh_vision.image.files import decode_image
+from zenoh_vision.messages import Contours
+from zenoh_vision.topics import EDGE_STAGES
+from zv.edge.detectors.detection import COLOURED, Gray
+from zv.edge.finding import EdgesOfFrame, message_of, wanted_form
 from zv.edge.settings import EdgeSettings
 from zv.registry import published_by
 
 
 def run(settings: EdgeSettings, connection: Connection) -> None:
-    """Publish the edge map of each frame until told to stop."""
+    """Publish the edge map of each frame, and steps and lines to those who ask, until stopped."""
+    mask = read_mask(settings.mask)
     with Node(
         "edge",
         camera=settings.camera,
@@ -20,27 +28,63 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
         publishes=published_by("edge"),
         parameters=settings,
     ) as node:
-        frames = node.frames("image/compressed", want="gray", max_pixels=settings.max_pixels)
+        active = settings  # of the frame before: decoding both forms costs little for one frame
+        frames = node.frames(
+            "image/compressed",
+            want=lambda frame: frame.form(wanted_form(active)),
+            max_pixels=settings.max_pixels,
+            transport=settings.transport,
+        )
         for frame in frames:
-            settings = frame.revision.settings
-            node.publish_picture(
-                "edges/compressed",
-                frame,
-                edges_of(frame, settings),
-                encoding="mono8",
-                bilevel=True,
-                jpeg=settings.format == "jpeg",
-                quality=settings.quality,
-            )
+            active = frame.revision.settings
+            try:
+                found = EdgesOfFrame(frame, active, mask)
+            except PayloadError as error:
+                node.counters.note(error.reason)
+                node.health.log_drop(error)
+                continue
+            publish(node, frame, found, active)
 
 
-def edges_of(frame: Frame, settings: EdgeSettings) -> NDArray[np.uint8]:
-    """Return the edge map of a frame."""
-    return detect_edges(
-        frame.gray,
-        sigma=settings.sigma,
-        low=settings.low,
-        high=settings.high,
-        aperture=settings.aperture,
-        l2=settings.l2,
+def publish(node: Node, frame: Frame, found: EdgesOfFrame, settings: EdgeSettings) -> None:
+    """Publish the edge map of a frame; its steps and lines are made only if someone wants them."""
+    node.publish_picture(
+        "edges/compressed",
+        frame,
+        lambda: found.edges,
+        encoding="mono8",
+        bilevel=True,
+        jpeg=settings.format == "jpeg",
+        bits=settings.format == "bits",
+        quality=settings.quality,
     )
+    stages = found.stages
+    for name in EDGE_STAGES:
+        if name in stages:
+            encoding = "bgr8" if name in COLOURED else "mono8"
+            node.publish_picture(f"edges/{name}/compressed", frame, stages[name], encoding=encoding)
+    node.publish("edges/contours", partial(contours_of, node, frame, found))
+
+
+def contours_of(node: Node, frame: Frame, found: EdgesOfFrame) -> Contours:
+    """Return the message with the lines of a frame; its header states when they were found."""
+    lines, density = found.lines, found.density
+    return message_of(lines, density, node.header(frame))
+
+
+def read_mask(file: str | None) -> Gray | None:
+    """Return the image of the setting ``mask``, (height, width) uint8; None for none.
+
+    Raises:
+        SourceError: It cannot be read.
+    """
+    if file is None:
+        return None
+    try:
+        pixels = decode_image(Path(file).read_bytes())
+    except OSError as error:
+        raise SourceError(f"--mask {file}: {error.strerror or error}") from None
+    except (ValueError, PayloadError) as error:
+        raise SourceError(f"--mask {file}: {error}") from None
+    bright = pixels if pixels.ndim == 2 else pixels[..., :3].max(axis=2)
+    return np.asarray(np.where(bright > 0, 255, 0), np.uint8)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
+from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
+from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import FromText, ServiceSettings
+from zenoh_vision.keys import Transport
+
+LEAST_LAPLACIAN_SIGMA: Final = 0.5
+REGION: Final = r"^([0-9]{1,5},[0-9]{1,5},[1-9][0-9]{0,4},[1-9][0-9]{0,4})?$"
 
 
 class EdgeSettings(ServiceSettings):
@@ -15,42 +22,146 @@ class EdgeSettings(ServiceSettings):
 
     env_prefix: ClassVar[str] = "ZV_EDGE_"
 
+    detector: Annotated[
+        Literal[
+            "canny",
+            "roberts",
+            "sobel",
+            "prewitt",
+            "scharr",
+            "laplacian_of_gaussian",
+            "haralick",
+            "colour",
+            "learned",
+        ],
+        Field(description="how edges are found"),
+        Live(),
+    ] = "canny"
+    density: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=10,
+            description="of colour and learned: wanted share of edge pixels in an average picture, "
+            "the only dial that they have",
+        ),
+        Live("percent"),
+    ] = 3.5
     sigma: Annotated[
         float,
-        Field(ge=0, le=20, description="Gaussian smoothing, pixels; 0: none"),
+        Field(
+            ge=0,
+            le=20,
+            description="Gaussian smoothing, pixels; 0: none; at least 0.5 for "
+            "laplacian_of_gaussian",
+        ),
         Live("pixels"),
     ] = 1.4
     low: Annotated[
         float,
-        Field(ge=0, le=100_000, description="hysteresis: gradients below it are no edge"),
+        Field(ge=0, le=100_000, description="of canny: gradients below it are no edge"),
         Live(),
     ] = 40.0
     high: Annotated[
         float,
-        Field(ge=0, le=100_000, description="hysteresis: gradients above it are edges"),
+        Field(
+            ge=0,
+            le=100_000,
+            description="of canny: gradients above it are edges, and those above low that touch "
+            "them; of the others: the only threshold",
+        ),
         Live(),
     ] = 100.0
     aperture: Annotated[
         Literal[3, 5, 7],
         FromText,
-        Field(description="side of the Sobel kernel, pixels"),
+        Field(description="side of canny's Sobel kernel, pixels"),
         Live("pixels"),
     ] = 3
     l2: Annotated[
         bool,
-        Field(description="gradient magnitude sqrt(gx^2 + gy^2) instead of |gx| + |gy|"),
+        Field(
+            description="gradient magnitude sqrt(gx^2 + gy^2) instead of |gx| + |gy|, of canny, "
+            "roberts, sobel, prewitt and scharr"
+        ),
         Live(),
     ] = True
+    window: Annotated[
+        Literal[5, 7, 9, 11],
+        FromText,
+        Field(description="side of the window of haralick's cubic, pixels"),
+        Live("pixels"),
+    ] = 5
+    region: Annotated[
+        str,
+        Field(
+            max_length=40,
+            pattern=REGION,
+            description="part of the frame that is looked at: X,Y,WIDTH,HEIGHT in pixels; "
+            "empty: all of it",
+        ),
+        Form("X,Y,WIDTH,HEIGHT or empty"),
+        Live(),
+    ] = ""
+    scale: Annotated[
+        float,
+        Field(
+            ge=0.1,
+            le=1,
+            description="frames are made smaller by it before edges are found; results stay in "
+            "pixels of the whole frame",
+        ),
+        Live(),
+    ] = 1.0
+    mask: Annotated[
+        str | None,
+        Field(
+            min_length=1,
+            description="image file: no edges where it is black; it is stretched to the frame",
+        ),
+    ] = None
+    contours: Annotated[
+        int,
+        Field(ge=0, le=1000, description="most polylines, and most segments, in edges/contours"),
+        Live(),
+    ] = 100
+    contour_min: Annotated[
+        int,
+        Field(ge=1, le=10_000, description="pixels that a line in edges/contours has at least"),
+        Live("pixels"),
+    ] = 10
+    contour_tolerance: Annotated[
+        float,
+        Field(ge=0, le=50, description="how far polylines may be from the edges' pixels"),
+        Live("pixels"),
+    ] = 1.0
+    circles: Annotated[bool, Field(description="look for circles in edges/contours"), Live()] = (
+        False
+    )
     format: Annotated[
-        Literal["png", "jpeg"],
-        Field(description="png is lossless; jpeg also has values between 0 and 255"),
+        Literal["png", "jpeg", "bits"],
+        Field(
+            description="png is lossless; jpeg also has values between 0 and 255; bits: packed, "
+            "one bit a pixel"
+        ),
         Live(),
     ] = "png"
     quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality, for jpeg"), Live()] = 80
+    transport: Annotated[
+        Transport,
+        Field(
+            description="key of the frames. jpeg: the compressed ones, JPEG or PNG; raw: the raw "
+            "pixels; auto: the compressed ones if they flow, else the raw pixels"
+        ),
+        Live(),
+    ] = "auto"
+    depth_min: DepthMin = None
+    depth_max: DepthMax = None
     max_age: Annotated[
         float,
-        Field(ge=0.001, le=60, description="seconds; frames older than this are dropped"),
+        Field(ge=0.001, le=60, description="frames older than this are dropped"),
         Live("s"),
+        SECONDS,
     ] = 0.4
     max_pixels: Annotated[
         int,
@@ -62,10 +173,32 @@ class EdgeSettings(ServiceSettings):
         ),
     ] = 4096 * 2304
 
+    @property
+    def box(self) -> tuple[int, int, int, int] | None:
+        """The region as x, y, width and height; None for the whole frame."""
+        if not self.region:
+            return None
+        x, y, width, height = map(int, self.region.split(","))
+        return x, y, width, height
+
+    @model_validator(mode="after")
+    def _sigma_fits(self) -> Self:
+        if self.detector == "laplacian_of_gaussian" and self.sigma < LEAST_LAPLACIAN_SIGMA:
+            raise ValueError(
+                f"sigma = {self.sigma:g} is too little for laplacian_of_gaussian, whose second "
+                f"derivative falls between the pixels; allowed: at least {LEAST_LAPLACIAN_SIGMA:g}"
+            )
+        return self
+
     @model_validator(mode="after")
     def _thresholds_in_order(self) -> Self:
         if self.low > self.high:
             raise ValueError(
                 f"low = {self.low:g} is above high = {self.high:g}; allowed: low at most high"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _depth_in_order(self) -> Self:
+        check_depth_range(self)
         return self

@@ -1,22 +1,20 @@
-"""One child process: its command line, its start, its restarts, and its end within a time limit."""
+"""One child process: its start, its restarts, and its end within a time limit."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import IO
-from urllib.parse import urlsplit
 
-from zenoh_vision.config.settings import Secret, flag_of
-from zenoh_vision.host import health_file, lifeline
+from zenoh_vision.host import lifeline
 from zenoh_vision.host.backoff import Backoff
-from zv.launcher.launch_file import PlannedNode
-from zv.registry import command_of as command_name
+from zv.launcher.command_line import CommandLine
+from zv.launcher.group_guard import GroupGuard, end_group, signal_group
 
 FIRST_DELAY_S = 1.0
 LONGEST_DELAY_S = 30.0
@@ -24,57 +22,61 @@ STEADY_S = 60.0
 """A process that ran this long is not in a crash loop: its delay starts at the first one again."""
 
 WRONG_CONFIGURATION = 2
+CANNOT_EXECUTE = 127
 MEANING = {
     WRONG_CONFIGURATION: "wrong configuration",
     3: "cannot open its source",
     4: "no router",
 }
+"""What the exit statuses of ``zv`` mean; those of other programs have no common meaning."""
 
-RESOLVED = ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT", health_file.VARIABLE)
-"""Variables that ``zv up`` resolves for its children, which get the values as flags if needed.
+KILLED_S = 0.5
+"""How long to wait for a process that was killed."""
 
-Only ``zv up`` itself writes the health file, for all of them.
-"""
-
-ROOT = Path(__file__).parent.parent.parent
+MAX_LINE = 4096
+"""Characters of a line of output that are shown as one; a longer one becomes several."""
 
 
 class Child:
-    """A node's process, started again when it dies.
+    """A node's process, started again when it dies, in a process group of its own.
 
-    ``state`` is ``starting``, ``running``, ``restarting in N s``, ``finished``, ``failed`` (not
-    started again) or ``stopped`` (ended by us).
+    ``state`` is ``starting``, ``running``, ``running, no node`` (it runs, but announces no node),
+    ``restarting in N s``, ``finished``, ``failed`` (not started again) or ``stopped`` (ended by
+    us).
 
     Args:
         name: Name of the node.
-        arguments: Command-line arguments of ``zv``.
+        command_line: How it is started.
         restart: Whether to start it again when it dies.
         finishes: Whether exit status 0 means that its work is done, such as for a camera at the
             end of its file. Any other process with status 0 was stopped by someone else.
         say: Called with a line to show the user; from any thread.
-        environment: Variables to add to the inherited ones.
+        guard: Ends its group when this process is gone, for any program. None for a command of
+            ``zv``, which watches its parent itself, and whose standard output is not of interest.
     """
 
     def __init__(
         self,
         name: str,
-        arguments: Sequence[str],
+        command_line: CommandLine,
         *,
         restart: bool = True,
         finishes: bool = False,
         say: Callable[[str], None],
-        environment: Mapping[str, str] | None = None,
+        guard: GroupGuard | None = None,
     ) -> None:
         self.name = name
         self.state = "starting"
         self.pid: int | None = None
         self.exit_status: int | None = None
-        self._arguments = list(arguments)
+        self._command_line = command_line
         self._restart = restart
         self._finishes = finishes
         self._say = say
-        self._environment = dict(environment or {})
+        self._guard = guard
         self._process: subprocess.Popen[str] | None = None
+        self._reader: threading.Thread | None = None
+        self._group: int | None = None
         self._lifeline: int | None = None
         self._has_run = False
         self._started_s = 0.0
@@ -82,17 +84,48 @@ class Child:
         self._again_s: float | None = None
 
     def start(self) -> None:
-        """Start the process; it ends when this process ends, for any reason."""
-        reading, writing = os.pipe()
+        """Start the process; it ends when this process ends, for any reason.
+
+        A program that cannot be executed any more counts as ended with status 127, as in a shell.
+        """
+        self.state, self.exit_status, self._again_s = "starting", None, None
+        self._started_s = time.monotonic()
         try:
-            self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and modules
-                # -P: do not import from a folder named zv in the working directory.
-                [sys.executable, "-P", "-m", "zv", *self._arguments],
-                env={**inherited(), **self._environment, lifeline.VARIABLE: str(reading)},
-                pass_fds=(reading,),
+            self._process = self._started()
+        except OSError as error:
+            self._say(f"{self.name}: {self._command_line.words[0]}: {error.strerror}")
+            self._plan_restart(CANNOT_EXECUTE)
+            return
+        self.pid = self._group = self._process.pid
+        if self._guard is not None:
+            self._add_to(self._guard, self._group)
+        output = self._process.stderr or self._process.stdout
+        assert output is not None
+        reader = threading.Thread(target=self._forward, args=(output,), daemon=True)
+        reader.start()
+        self._reader = reader
+
+    def _add_to(self, guard: GroupGuard, group: int) -> None:
+        try:
+            guard.add(group)
+        except OSError as error:  # such as too many processes: better unguarded than not at all
+            self._say(
+                f"{self.name} would outlive a killed zv up: the process that would end it "
+                f"cannot be started: {error.strerror}"
+            )
+
+    def _started(self) -> subprocess.Popen[str]:
+        reading, writing = os.pipe()
+        line, service = self._command_line, self._guard is None
+        try:
+            process = subprocess.Popen(  # noqa: S603 - what the launch file names
+                line.words,
+                env={**line.environment, **({lifeline.VARIABLE: str(reading)} if service else {})},
+                cwd=line.folder,
+                pass_fds=(reading,) if service else (),
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
+                stdout=subprocess.DEVNULL if service else subprocess.PIPE,
+                stderr=subprocess.PIPE if service else subprocess.STDOUT,
                 text=True,
                 errors="replace",
                 start_new_session=True,  # a terminal's Ctrl-C must reach only this process
@@ -103,14 +136,7 @@ class Child:
         finally:
             os.close(reading)
         self._lifeline = writing
-        self.pid = self._process.pid
-        self.state, self.exit_status, self._again_s = "starting", None, None
-        self._started_s = time.monotonic()
-        assert self._process.stderr is not None
-        self._reader = threading.Thread(
-            target=self._forward, args=(self._process.stderr,), daemon=True
-        )
-        self._reader.start()
+        return process
 
     @property
     def alive(self) -> bool:
@@ -122,10 +148,10 @@ class Child:
         """Seconds since its start."""
         return time.monotonic() - self._started_s
 
-    def mark_running(self) -> None:
-        """Note that the process does its work."""
+    def mark_running(self, *, announced: bool = True) -> None:
+        """Note that the process does its work, and whether it has announced a node."""
         if self.alive:
-            self.state, self._has_run = "running", True
+            self.state, self._has_run = "running" if announced else "running, no node", True
 
     def check(self) -> None:
         """Note the process's end, and start it again when its delay is over."""
@@ -138,11 +164,12 @@ class Child:
         elif self.pid is not None and not self.alive:
             assert self._process is not None
             self.pid, self.exit_status = None, self._process.returncode
+            self._end_group(time.monotonic())  # what it has started does not outlive it
             self._close_lifeline()
             self._plan_restart(self.exit_status)
 
     def _plan_restart(self, status: int) -> None:
-        how = ended_how(status)
+        how = ended_how(status, MEANING if self._guard is None else {})
         if status == 0 and self._finishes:
             self.state = "finished"
             self._say(f"{self.name} has finished")
@@ -161,8 +188,8 @@ class Child:
     def terminate(self) -> None:
         """Ask the process to end, and do not start it again."""
         self._again_s = None
-        if self.alive and self._process is not None:
-            self._process.terminate()
+        if self._group is not None:
+            signal_group(self._group, signal.SIGTERM)
 
     def finish(self, deadline_s: float) -> None:
         """Wait for the process to end until a monotonic time, then kill it."""
@@ -171,13 +198,25 @@ class Child:
                 self._process.wait(max(0.0, deadline_s - time.monotonic()))
             except subprocess.TimeoutExpired:
                 self._say(f"{self.name} did not end in time: killed")
-                self._process.kill()
-                self._process.wait()
-            self._reader.join(0.2)
+                if self._group is not None:
+                    signal_group(self._group, signal.SIGKILL)
+                with suppress(subprocess.TimeoutExpired):  # one of another user lives on
+                    self._process.wait(KILLED_S)
+            self._end_group(deadline_s)
+            if self._reader is not None:
+                self._reader.join(0.2)
         self._close_lifeline()
         self.pid = None
         if self.state not in ("finished", "failed"):
             self.state = "stopped"
+
+    def _end_group(self, deadline_s: float) -> None:
+        """End the processes that a process has left behind."""
+        if self._group is not None:
+            end_group(self._group, deadline_s)
+            if self._guard is not None:
+                self._guard.remove(self._group)
+            self._group = None
 
     def _close_lifeline(self) -> None:
         if self._lifeline is not None:
@@ -186,55 +225,14 @@ class Child:
 
     def _forward(self, lines: IO[str]) -> None:
         with lines:
-            for line in lines:
+            while line := lines.readline(MAX_LINE):
                 text = line.rstrip().removeprefix("zv: ")
                 self._say(text if f"{self.name}: " in text else f"{self.name}: {text}")
 
 
-def ended_how(status: int) -> str:
+def ended_how(status: int, meanings: Mapping[int, str] = MEANING) -> str:
     """Return how a process ended, by its exit status."""
     if status < 0:
         return f"died (signal {-status})"
-    meaning = f" ({MEANING[status]})" if status in MEANING else ""
+    meaning = f" ({meanings[status]})" if status in meanings else ""
     return f"ended with status {status}{meaning}"
-
-
-def command_of(node: PlannedNode) -> tuple[list[str], dict[str, str]]:
-    """Return the command-line arguments that give a process its settings, and its environment.
-
-    Defaults are left out. Secrets go by environment, since everyone on a machine can read the
-    command lines of all processes.
-    """
-    flags = [command_name(node.service)]
-    secret: dict[str, str] = {}
-    model = type(node.settings)
-    for name, field in model.model_fields.items():
-        value = getattr(node.settings, name)
-        if value == field.default and name != "camera":
-            continue
-        flag = flag_of(name)
-        if isinstance(value, bool):
-            flags.append(flag if value else f"--no-{flag[2:]}")
-        elif Secret in map(type, field.metadata) or _has_user(str(value)):
-            secret[f"{model.env_prefix}{name.upper()}"] = str(value)
-        else:
-            flags += [flag, str(value)]
-    return flags, secret
-
-
-def inherited() -> dict[str, str]:
-    """Return the environment without the resolved variables, with our packages in the path."""
-    found = {name: value for name, value in os.environ.items() if name not in RESOLVED}
-    if ROOT.name not in ("site-packages", "dist-packages"):  # a checkout, perhaps not installed
-        found["PYTHONPATH"] = os.pathsep.join(
-            part for part in (str(ROOT), os.environ.get("PYTHONPATH")) if part
-        )
-    return found
-
-
-def _has_user(text: str) -> bool:
-    """Tell whether a setting is a URL with a user's name, and so perhaps a password."""
-    try:
-        return "://" in text and urlsplit(text).username is not None
-    except ValueError:
-        return False

@@ -2,79 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from zenoh_vision.config.constraints import allowed_and_default, unknown_key, wrong_value
-from zenoh_vision.config.settings import CameraName, Settings, load_settings, read_toml
+from zenoh_vision.config.settings import NAME_FORM, CameraName, Settings, load_settings
 from zenoh_vision.error_text import shortened, suggestion
 from zenoh_vision.errors import ConfigurationError
-from zenoh_vision.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
-from zenoh_vision.transport.connection import DEFAULT_ENDPOINT
+from zenoh_vision.keys import NAME
+from zv.launcher.command_line import found_program, program_flags, search_path
+from zv.launcher.launch_tables import NODE_SERVICES, LaunchTables, NodeTable, read_tables
 from zv.registry import SERVICES, model_of
 
-NODE_SERVICES = tuple(name for name in SERVICES if name != "router")
-
-
-class Table(BaseModel):
-    """Base of the tables of a launch file."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-
-class RouterTable(Table):
-    """``[router]``: the router that the nodes connect to."""
-
-    listen: Annotated[
-        str | None,
-        Field(
-            description="Zenoh endpoint that the embedded router listens on; "
-            f"not set: {DEFAULT_ENDPOINT}"
-        ),
-    ] = None
-    connect: Annotated[
-        str | None, Field(description="endpoint of a running router to use instead of starting one")
-    ] = None
-    zenoh_config: Annotated[
-        str | None,
-        Field(description="Zenoh's JSON5 file for the router, relative to the launch file"),
-    ] = None
-
-
-class NodeTable(Table):
-    """``[[node]]``: one process."""
-
-    service: Annotated[str, Field(description=f"one of {', '.join(NODE_SERVICES)}")]
-    camera: Annotated[
-        CameraName,
-        Field(description="camera of the node, whose name is {service}_{camera}; not for a viewer"),
-    ] = DEFAULT_CAMERA
-    config: Annotated[
-        str | None, Field(description="TOML file with options, relative to the launch file")
-    ] = None
-    settings: Annotated[
-        dict[str, Any], Field(description="options that override those in config")
-    ] = {}
-    restart: Annotated[bool, Field(description="restart the process when it dies")] = True
-
-
-class LaunchTables(Table):
-    """The whole file."""
-
-    namespace: Annotated[
-        str | None,
-        Field(description=f"first chunk of every key expression; not set: {DEFAULT_NAMESPACE}"),
-    ] = None
-    router: Annotated[RouterTable, Field(description="table [router]")] = RouterTable()
-    node: Annotated[list[NodeTable], Field(min_length=1, description="one or more [[node]]")]
+ONLY_WITH_COMMAND = ("env", "cwd")
+OPTION_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+CAMERA = TypeAdapter(CameraName)
+OPTION_VALUES = "a text, a number, true, false, or a list of them"
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedNode:
-    """One node with its checked options.
+    """One node that is a service of ``zv``, with its checked options.
 
     Attributes:
         name: ``{service}_{camera}``, or ``{service}`` of one that serves all cameras.
@@ -83,6 +35,24 @@ class PlannedNode:
     name: str
     service: str
     settings: Settings
+    restart: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedProgram:
+    """One node that is any other program.
+
+    Attributes:
+        name: ``{service}_{camera}``, or ``{service}`` without a camera.
+        words: The program's path and its arguments.
+        variables: Environment variables that the launch file sets.
+        folder: Its working directory.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    variables: Mapping[str, str] = field(repr=False)
+    folder: Path
     restart: bool
 
 
@@ -100,25 +70,28 @@ class Plan:
     connection: dict[str, str]
     listen: str | None
     router_config: str | None
-    nodes: tuple[PlannedNode, ...]
+    nodes: tuple[PlannedNode | PlannedProgram, ...]
 
 
-def read_launch_file(path: Path) -> Plan:
+def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan:
     """Read a launch file and check the options of every node in it.
 
     The environment overrides the file: ``ZV_CAMERA_SOURCE`` is the source of every camera in it.
 
+    Args:
+        path: The file.
+        remap: Cameras of the file by the names to use instead; added to those in the file.
+
     Raises:
         ConfigurationError: The file is wrong; the text has the key, its value and what is allowed.
     """
-    values = read_toml(path)
-    try:
-        tables = LaunchTables.model_validate(values)
-    except ValidationError as error:
-        _refuse(path, error)
-    nodes: list[PlannedNode] = []
-    for index, table in enumerate(tables.node):
-        node = _planned(path, f"{path}: node[{index}]", table)
+    tables = read_tables(path)
+    nodes: list[PlannedNode | PlannedProgram] = []
+    for index, table in enumerate(_remapped(path, tables, remap or {})):
+        place = f"{path}: node[{index}]"
+        node = (
+            _planned(path, place, table) if table.command is None else _program(path, place, table)
+        )
         if node.name in (other.name for other in nodes):
             raise ConfigurationError(
                 f"{path}: node[{index}]: there is already a {node.name}; allowed: each service "
@@ -135,18 +108,70 @@ def read_launch_file(path: Path) -> Plan:
     )
 
 
+def remapped_cameras(texts: Sequence[str]) -> dict[str, str]:
+    """Return the cameras of ``--remap OLD=NEW`` flags.
+
+    Raises:
+        ConfigurationError: One does not have this form, or a camera is named twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        old, _, new = text.partition("=")
+        try:
+            CAMERA.validate_python(old)
+            CAMERA.validate_python(new)
+        except ValidationError:
+            raise ConfigurationError(
+                f"--remap = {shortened(text)} is not allowed; allowed: OLD=NEW, two names of "
+                f"cameras: {NAME_FORM.words}, at most 64 characters"
+            ) from None
+        if old in found:
+            raise ConfigurationError(f"--remap = {shortened(text)}: {old} was given before")
+        found[old] = new
+    return found
+
+
+def _remapped(path: Path, tables: LaunchTables, remap: Mapping[str, str]) -> list[NodeTable]:
+    """Return the tables of the nodes with the names of their cameras replaced."""
+    cameras = {camera for table in tables.node if (camera := _camera_of(table)) is not None}
+    both = [(f"{path}: remap.", tables.remap), (f"{path}: --remap ", remap)]
+    for old, place in [(old, place) for place, names in both for old in names]:
+        if old not in cameras:
+            hint = suggestion(old, cameras, after=" ")
+            there = ", ".join(sorted(cameras)) or "none, since no node has a camera"
+            raise ConfigurationError(
+                f"{place}{old} is not allowed: no node has this camera; {hint}allowed: {there}"
+            )
+    names = {**tables.remap, **remap}
+    return [
+        table.model_copy(update={"camera": names[camera]})
+        if (camera := _camera_of(table)) in names
+        else table
+        for table in tables.node
+    ]
+
+
+def _camera_of(table: NodeTable) -> str | None:
+    """Return the camera of a node; None if it has none."""
+    if table.command is not None:
+        return table.camera if "camera" in table.model_fields_set else None
+    service = SERVICES.get(table.service)
+    return table.camera if service is not None and service.of_camera else None
+
+
 def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
     if table.service not in NODE_SERVICES:
         hint = suggestion(table.service, NODE_SERVICES, after=" ")
         raise ConfigurationError(
             f"{place}.service = {shortened(table.service)} is not allowed; {hint}"
-            f"allowed: {', '.join(NODE_SERVICES)}"
+            f"allowed: {', '.join(NODE_SERVICES)}, or a name of your own with command = ..."
         )
-    if "camera" in table.settings:
-        raise ConfigurationError(
-            f"{place}.settings.camera = {shortened(table.settings['camera'])} is not allowed; "
-            "allowed: camera = ... beside settings"
-        )
+    for key in ONLY_WITH_COMMAND:
+        if key in table.model_fields_set:
+            raise ConfigurationError(
+                f"{place}.{key} is not allowed for a service of zv; allowed: with command = ..."
+            )
+    _check_camera_beside_settings(place, table)
     of_camera = SERVICES[table.service].of_camera
     if not of_camera and "camera" in table.model_fields_set:
         raise ConfigurationError(
@@ -164,6 +189,67 @@ def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
     return PlannedNode(name, table.service, settings, table.restart)
 
 
+def _program(path: Path, place: str, table: NodeTable) -> PlannedProgram:
+    camera = _camera_of(table)
+    if table.service == "router" or not NAME.fullmatch(table.service):
+        raise ConfigurationError(
+            f"{place}.service = {shortened(table.service)} is not allowed; allowed: a name of "
+            f"your own of the form {NAME.pattern}, other than router"
+        )
+    _check_camera_beside_settings(place, table)
+    name = table.service if camera is None else f"{table.service}_{camera}"
+    folder = path.parent.absolute() / (table.cwd or "")
+    if not folder.is_dir():
+        raise ConfigurationError(
+            f"{place}.cwd = {shortened(table.cwd)} is not allowed: there is no folder {folder}"
+        )
+    assert table.command is not None
+    try:
+        if not table.command:
+            raise ConfigurationError("it is empty")
+        program = found_program(table.command[0], table.env.get("PATH", search_path()), folder)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"{place}.command = {shortened(list(table.command))} is not allowed: {name}: {error}; "
+            f"allowed: a program on PATH, or its path relative to {folder}, and its arguments"
+        ) from None
+    config = _beside(path, f"{place}.config", table.config)
+    options = {} if camera is None else {"camera": camera}
+    options |= {} if config is None else {"config": str(Path(config).absolute())}
+    options |= {key: _option(place, key, value) for key, value in table.settings.items()}
+    return PlannedProgram(
+        name,
+        (program, *table.command[1:], *program_flags(options)),
+        table.env,
+        folder,
+        table.restart,
+    )
+
+
+def _option(place: str, key: str, value: Any) -> Any:
+    """Return an option of a program, checked."""
+    if not OPTION_NAME.fullmatch(key):
+        raise ConfigurationError(
+            f"{place}.settings: {shortened(key)} is not allowed; allowed: names of the form "
+            f"{OPTION_NAME.pattern}, which become flags"
+        )
+    values = value if isinstance(value, list) else [value]
+    if not all(isinstance(each, str | int | float) and "\0" not in str(each) for each in values):
+        raise ConfigurationError(
+            f"{place}.settings.{key} = {shortened(value)} is not allowed for a command; "
+            f"allowed: {OPTION_VALUES}"
+        )
+    return value
+
+
+def _check_camera_beside_settings(place: str, table: NodeTable) -> None:
+    if "camera" in table.settings:
+        raise ConfigurationError(
+            f"{place}.settings.camera = {shortened(table.settings['camera'])} is not allowed; "
+            "allowed: camera = ... beside settings"
+        )
+
+
 def _beside(path: Path, place: str, name: str | None) -> str | None:
     """Return the path of a file that the launch file names, relative to itself."""
     if name is None:
@@ -172,22 +258,3 @@ def _beside(path: Path, place: str, name: str | None) -> str | None:
     if not found.is_file():
         raise ConfigurationError(f"{place} = {name!r} is not allowed: there is no file {found}")
     return str(found)
-
-
-def _refuse(path: Path, error: ValidationError) -> NoReturn:
-    first = error.errors(include_url=False)[0]
-    loc = first["loc"]
-    dotted = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
-    place = f"{path}: {dotted.lstrip('.')}"
-    tables: dict[str, type[BaseModel]] = {"router": RouterTable, "node": NodeTable}
-    model = tables.get(str(loc[0]), LaunchTables) if len(loc) > 1 else LaunchTables
-    name = str(loc[-1])
-    if first["type"] == "extra_forbidden":
-        raise ConfigurationError(f"{place}: {unknown_key(name, name, model)}")
-    missing = first["type"] == "missing"
-    message = f"{place} is missing" if missing else wrong_value(place, first["input"], first)
-    if name in model.model_fields:
-        only_described = missing or model is LaunchTables  # a table has no range
-        words = model.model_fields[name].description
-        message += f"; allowed: {words if only_described else allowed_and_default(model, name)}"
-    raise ConfigurationError(message)

@@ -16,7 +16,7 @@ from zenoh_vision.topics import CENTROID, COMPRESSED, EDGES
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.endpoints import MAX_PORT, local_endpoint, tcp_endpoint
 from zenoh_vision.transport.zenoh_config import client_config, listen_endpoints, router_config
-from zv.launcher.launch_file import Plan, PlannedNode
+from zv.launcher.launch_file import Plan, PlannedNode, PlannedProgram
 from zv.launcher.supervisor import System, run
 from zv.router.settings import RouterSettings
 from zv.status.display import display_on
@@ -41,7 +41,10 @@ def launch_file(given: str | None) -> Path:
         return Path(given)
     if DEFAULT_FILE.is_file():
         return DEFAULT_FILE
-    return Path(str(resources.files("zv.launcher") / "configs" / "up.toml"))
+    built_in = Path(str(resources.files("zv.launcher") / "configs" / "up.toml"))
+    if built_in.is_file():
+        return built_in
+    return Path(__file__).parents[3] / DEFAULT_FILE  # of the checkout, which has no copy
 
 
 def start(
@@ -150,10 +153,10 @@ def with_ports(plan: Plan) -> Plan:
     return replace(plan, nodes=tuple(_with_port(plan, node) for node in plan.nodes))
 
 
-def _with_port(plan: Plan, node: PlannedNode) -> PlannedNode:
-    settings = node.settings
-    if not isinstance(settings, ViewerSettings):
+def _with_port(plan: Plan, node: PlannedNode | PlannedProgram) -> PlannedNode | PlannedProgram:
+    if isinstance(node, PlannedProgram) or not isinstance(node.settings, ViewerSettings):
         return node
+    settings = node.settings
     try:
         port = free_port(settings.host, settings.port, WAY_OUT)
     except ConfigurationError as error:
@@ -167,7 +170,11 @@ def addresses(plan: Plan, *, view_only: bool = False) -> list[str]:
 
     With ``view_only`` those that do not permit control, of the viewers that have a token.
     """
-    found = [node.settings for node in plan.nodes if isinstance(node.settings, ViewerSettings)]
+    found = [
+        node.settings
+        for node in plan.nodes
+        if isinstance(node, PlannedNode) and isinstance(node.settings, ViewerSettings)
+    ]
     return [
         url(each.host, each.port, token, each.address)
         for each in found
@@ -180,11 +187,14 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
     """Return lines that name the router, the keys, a program to run, and last the viewer."""
     whose = "started" if own_router else "already running"
     lines = [f"router: {connection.connect} ({whose}); published keys, for any Zenoh program:"]
+    keys = []
     for node in plan.nodes:
-        if node.service in SHOWN:
+        if isinstance(node, PlannedNode) and node.service in SHOWN:
             topic = SHOWN[node.service]
             camera = node.name.removeprefix(f"{node.service}_")
-            lines.append(f"  {topic.key(connection.namespace, camera):<36} {topic.encoding}")
-    lines.append(f"for example: python examples/subscribe.py {connection.connect}")
+            keys.append(topic.key(connection.namespace, camera))
+            lines.append(f"  {keys[-1]:<36} {topic.encoding}")
+    if keys:
+        lines.append(f"for example: zv topic echo {keys[-1]} --connect {connection.connect}")
     lines += (f"viewer, view only: {address}" for address in addresses(plan, view_only=True))
     return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

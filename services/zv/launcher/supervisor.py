@@ -17,8 +17,10 @@ from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.messages import Level
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
-from zv.launcher.child import WRONG_CONFIGURATION, Child, command_of
-from zv.launcher.launch_file import Plan, PlannedNode
+from zv.launcher.child import WRONG_CONFIGURATION, Child
+from zv.launcher.command_line import program_command_line, service_flags, zv_command_line
+from zv.launcher.group_guard import GroupGuard
+from zv.launcher.launch_file import Plan, PlannedNode, PlannedProgram
 from zv.status.display import Display
 from zv.status.process_usage import ProcessUsage
 from zv.status.row import Row, number, row_of, view_of
@@ -28,6 +30,9 @@ NODES_END_S = 1.3
 ALL_END_S = 1.5
 SETTLED_S = 1.0
 """A router that cannot listen has ended within this time."""
+
+ANNOUNCED_S = 10.0
+"""A program that has announced no node after this time is shown as none."""
 
 ROUTER = "router"
 
@@ -62,14 +67,21 @@ class System:
         self._stopping = False
         self._health_file = HealthFile()
         debug_flag = ["--debug"] if debug else []
-        self._nodes = [self._node_child(node, debug_flag) for node in plan.nodes]
+        self._guard = GroupGuard()
+        self._nodes = [
+            self._program_child(node)
+            if isinstance(node, PlannedProgram)
+            else self._node_child(node, debug_flag)
+            for node in plan.nodes
+        ]
+        self._programs = [node.name for node in plan.nodes if isinstance(node, PlannedProgram)]
         self._children = list(self._nodes)
         self._router: Child | None = None
         if listen is not None:
             flags = [ROUTER, "--listen", listen, *debug_flag]
             if plan.router_config:
                 flags += ["--zenoh-config", plan.router_config]
-            self._router = Child(ROUTER, flags, say=display.say)
+            self._router = Child(ROUTER, zv_command_line(flags), say=display.say)
             self._children.insert(0, self._router)
         self._pids: dict[str, int] = {}
 
@@ -88,9 +100,17 @@ class System:
             # All at once: they wait for the router themselves, and loading takes longest.
             for child in self._children:
                 child.start()
-            link = Link(self._connection, self._waiting_is_over, lambda: self._stopping)
+            link = Link(
+                self._connection,
+                self._waiting_is_over,
+                lambda: self._stopping,
+                log_state=False,  # each node tells its own
+            )
             names = [child.name for child in self._children]
-            self._monitor.watch(link, self._connection.namespace, "diagnostics", names=names)
+            namespace = self._connection.namespace
+            self._monitor.watch(link, namespace, "diagnostics", names=names)
+            # A program in another language may announce a node that sends no diagnostics.
+            self._monitor.watch(link, namespace, "token", names=self._programs)
             self._supervise(link)
         except ToldToStop:
             pass
@@ -110,6 +130,8 @@ class System:
                     self._usage.begin(child.pid)
                 if self._monitor.node(child.name) is not None:
                     child.mark_running()
+                elif child.name in self._programs and child.age_s > ANNOUNCED_S:
+                    self._mark_without_node(child)
             router = self._router
             if router and router.age_s > SETTLED_S and link.connected:
                 router.mark_running()
@@ -117,9 +139,20 @@ class System:
             failures = (failure_of(child, node) for child, node in known)
             self._health_file.beat("; ".join(filter(None, failures)))
             if self.display.due():
-                rows = [child_row(child, node, self._usage) for child, node in known]
+                rows = [
+                    child_row(child, node, self._usage, descendants=child.name in self._programs)
+                    for child, node in known
+                ]
                 self.display.show(view_of(rows))
             time.sleep(POLL_S)
+
+    def _mark_without_node(self, child: Child) -> None:
+        if child.alive and child.state == "starting":
+            self.display.say(
+                f"{child.name} runs, but no node of this name has announced itself for "
+                f"{ANNOUNCED_S:.0f} s: its row has neither rate nor health"
+            )
+            child.mark_running(announced=False)
 
     def _waiting_is_over(self) -> bool:
         """Tell whether to give up on the router; waiting for it is not a failure."""
@@ -145,27 +178,44 @@ class System:
                 child.terminate()
             for child in group:
                 child.finish(began_s + allowed_s)
+        self._guard.close()
         closing.join(max(0.0, began_s + ALL_END_S - time.monotonic()))
 
     def _node_child(self, node: PlannedNode, debug_flag: list[str]) -> Child:
-        flags, secret = command_of(node)
+        flags, secrets = service_flags(node.service, node.settings)
         flags += ["--connect", self._connection.connect]
         flags += ["--namespace", self._connection.namespace, *debug_flag]
         if self._connection.zenoh_config:
             flags += ["--zenoh-config", self._connection.zenoh_config]
         return Child(
             node.name,
-            flags,
+            zv_command_line(flags, secrets),
             restart=node.restart,
             finishes=node.service == "camera",
             say=self.display.say,
-            environment=secret,
+        )
+
+    def _program_child(self, node: PlannedProgram) -> Child:
+        return Child(
+            node.name,
+            program_command_line(
+                node.name, node.words, node.variables, node.folder, self._connection
+            ),
+            restart=node.restart,
+            finishes=True,
+            say=self.display.say,
+            guard=self._guard,
         )
 
 
-def child_row(child: Child, node: NodeState | None, usage: ProcessUsage) -> Row:
-    """Return the row of a child: the state of its process, and its node's health."""
-    cpu, memory_mb = usage.read(child.pid)
+def child_row(
+    child: Child, node: NodeState | None, usage: ProcessUsage, *, descendants: bool = False
+) -> Row:
+    """Return the row of a child: the state of its process, and its node's health.
+
+    With ``descendants``, CPU and memory are those of its process and all that it has started.
+    """
+    cpu, memory_mb = usage.read(child.pid, descendants=descendants)
     state = child.state
     if node is not None and node.report is not None and child.alive:
         silent_s = node.report_age_s(time.monotonic_ns())

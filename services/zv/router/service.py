@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
-import json
 import logging
 import os
-import re
 import time
 
 import zenoh
@@ -14,6 +13,7 @@ import zenoh
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.host.signals import StopSignals
+from zenoh_vision.transport.router import listening_endpoints
 from zenoh_vision.transport.zenoh_config import (
     ROUTER_RUNTIME,
     RUNTIME,
@@ -25,8 +25,8 @@ from zv.router.settings import RouterSettings
 
 log = logging.getLogger("router")
 POLL_S = 0.1
-QUERY_TIMEOUT_S = 2.0
-PORT_0 = re.compile(r":0(?=$|[?#])")
+M_ARENA_MAX = -8
+"""glibc's option for the number of arenas, as ``mallopt`` takes it."""
 
 
 def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
@@ -48,6 +48,7 @@ def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
 
     StopSignals(stop).catch()
     os.environ.setdefault(RUNTIME, ROUTER_RUNTIME)
+    use_one_arena()
     config = router_config(settings.listen, zenoh_config)
     endpoints = listen_endpoints(config)
     try:
@@ -59,33 +60,23 @@ def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
             cannot_listen(f"{setting} = {value!r}", zenoh_error_text(error))
         ) from None
     with session:
-        if any(PORT_0.search(endpoint) for endpoint in endpoints):
-            endpoints = with_ports(endpoints, locators(session))
-        log.info("router listens on %s", ", ".join(endpoints) or "nothing")
+        listening = listening_endpoints(session, endpoints)
+        log.info("router listens on %s", ", ".join(listening) or "nothing")
         health_file = HealthFile()
         while not stopping:
             health_file.beat()
             time.sleep(POLL_S)
 
 
-def with_ports(endpoints: list[str], addresses: list[str]) -> list[str]:
-    """Return the endpoint, with port 0 replaced by the port of the addresses.
+def use_one_arena() -> None:
+    """Have glibc take memory for all threads from one arena; other C libraries have no arenas.
 
-    With several endpoints, or addresses with several ports, return the addresses themselves.
+    With an arena for each receiving thread, messages of 128 MB that come one after the other leave
+    memory behind in all of them: 450 MB instead of 180 MB.
     """
-    ports = {address.rpartition(":")[2] for address in addresses}
-    if len(endpoints) == len(ports) == 1:
-        return [PORT_0.sub(f":{ports.pop()}", endpoints[0])]
-    return addresses
-
-
-def locators(session: zenoh.Session) -> list[str]:
-    """Return the addresses that a router announces, which are all addresses of this machine."""
-    for reply in session.get(f"@/{session.zid()}/router", timeout=QUERY_TIMEOUT_S):
-        if reply.ok:
-            found: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
-            return found
-    return []
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(M_ARENA_MAX, 1)
 
 
 def cannot_listen(setting: str, reason: str) -> str:

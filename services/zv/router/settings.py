@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from zenoh_vision.config.settings import Settings
-from zenoh_vision.transport import endpoints
+from zenoh_vision.transport.endpoint_option import Endpoint
 
 
 class RouterSettings(Settings):
@@ -16,9 +16,8 @@ class RouterSettings(Settings):
     env_prefix: ClassVar[str] = "ZV_ROUTER_"
 
     listen: Annotated[
-        str,
+        Endpoint,
         Field(
-            pattern=endpoints.PATTERN,
             description="Zenoh endpoint to listen on; tcp/0.0.0.0:7447 serves other machines, "
             "tcp/0.0.0.0:7447#so_sndbuf=32768 also those behind slow links",
         ),

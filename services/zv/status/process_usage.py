@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import psutil
 
 CLOCK_S = 2.0
 """Accuracy of a process's time of creation, which is counted in ticks since the machine's start."""
+
+MAX_DESCENDANTS = 100
+"""Processes that one process has started, which are counted."""
 
 LOADING_S = 120.0
 """A process has started its node within this time."""
@@ -16,6 +21,7 @@ class ProcessUsage:
 
     def __init__(self) -> None:
         self._processes: dict[int, psutil.Process] = {}
+        self._descendants: dict[int, dict[int, psutil.Process]] = {}
 
     def begin(self, pid: int, started_s: float | None = None) -> None:
         """Begin to measure a process: CPU time is measured between two readings.
@@ -35,13 +41,32 @@ class ProcessUsage:
             return  # it has ended
         self._processes[pid] = process
 
-    def read(self, pid: int | None) -> tuple[float | None, float | None]:
-        """Return CPU (percent of a core since the last reading) and memory (MB), if known."""
+    def read(
+        self, pid: int | None, *, descendants: bool = False
+    ) -> tuple[float | None, float | None]:
+        """Return CPU (percent of a core since the last reading) and memory (MB), if known.
+
+        Args:
+            pid: Process id.
+            descendants: Whether to add those of the processes that it has started.
+        """
         process = None if pid is None else self._processes.get(pid)
         if process is None:
             return None, None
         try:
-            return process.cpu_percent(), process.memory_info().rss / 1e6
+            cpu, memory_mb = process.cpu_percent(), process.memory_info().rss / 1e6
+            found = process.children(recursive=True) if descendants else []
         except psutil.Error:
             self._processes.pop(process.pid, None)
+            self._descendants.pop(process.pid, None)
             return None, None
+        if descendants:
+            known = self._descendants.get(process.pid, {})
+            # CPU is measured between two readings of the same object.
+            kept = {each.pid: known.get(each.pid, each) for each in found[:MAX_DESCENDANTS]}
+            self._descendants[process.pid] = kept
+            for each in kept.values():
+                with suppress(psutil.Error):  # it has ended
+                    cpu += each.cpu_percent()
+                    memory_mb += each.memory_info().rss / 1e6
+        return cpu, memory_mb

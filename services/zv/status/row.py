@@ -21,6 +21,7 @@ STATES = ("", "warn", "ERROR", "stale")
 
 STYLES = {
     "running": "green",
+    "running, no node": "green",
     "ERROR": "bold red",
     "failed": "bold red",
     "finished": "dim",

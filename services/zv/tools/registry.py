@@ -17,6 +17,8 @@ class Tool:
         details: The help text below the summary.
         json: Whether it has ``--json``.
         waits: Whether it waits for a router without limit by default, as a service does.
+        completes: Kinds of its positional arguments, for completion from the running system:
+            ``key``, ``node``, ``parameter``, ``value``; ``...`` where the last ones repeat.
     """
 
     options: str
@@ -26,12 +28,15 @@ class Tool:
     details: str = ""
     json: bool = True
     waits: bool = False
+    completes: tuple[str, ...] = ()
 
 
 GROUPS: Final[dict[str, str]] = {
     "topic": "Inspect, measure and publish data on key expressions.",
     "node": "List running nodes and show their details.",
     "param": "Read, set, save and load the parameters of running nodes.",
+    "calibrate": "Calibrate a camera: its lens, and the plane that it looks at.",
+    "new": "Write the files of a service of your own.",
 }
 """Commands that have commands of their own, with their summaries."""
 
@@ -43,21 +48,25 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv topic list\nzv topic list 'vision/*/centroid' --watch",
         "Listens for one second, without starting streams that are produced on demand; --all "
         "starts them too. This command is not counted among the subscribers.",
+        completes=("key",),
     ),
     "topic info": Tool(
         "zv.tools.topic.options:InfoOptions",
         "zv.tools.topic.info:run",
         "Show a key's type, publishers, subscribers and newest message.",
         "zv topic info vision/front/image/compressed",
+        completes=("key",),
     ),
     "topic echo": Tool(
         "zv.tools.topic.options:EchoOptions",
         "zv.tools.topic.echo:run",
         "Print messages as they arrive; for a picture its header, size and format.",
         "zv topic echo vision/front/centroid --once\n"
-        "zv topic echo vision/front/centroid --field x --csv > x.csv",
-        "Nested fields have dotted names: header.seq, box.2, tracks.id. If nothing arrives for a "
-        "second, the newest message is shown.",
+        "zv topic echo vision/front/centroid --field header.seq --field x --csv > x.csv",
+        "Nested fields have dotted names: header.seq, box.2, tracks.id. --field may be given "
+        "several times; a message without such a field is skipped and counted. If nothing arrives "
+        "for a second, the newest message is shown.",
+        completes=("key",),
     ),
     "topic hz": Tool(
         "zv.tools.topic.options:HzOptions",
@@ -66,6 +75,7 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv topic hz vision/front/centroid\nzv topic hz --expect 30 --tolerance 10% --for 5s",
         "min, max, std, p50 and p99 describe the times between messages, over the window. lost "
         "counts the camera's frames that have not arrived here since the start.",
+        completes=("key", "..."),
     ),
     "topic bw": Tool(
         "zv.tools.topic.options:BwOptions",
@@ -73,6 +83,7 @@ TOOLS: Final[dict[str, Tool]] = {
         "Show bandwidths, or check them.",
         "zv topic bw 'vision/*/image/compressed'\nzv topic bw --expect 1.5MB/s --for 5s",
         "min, max, std, p50 and p99 describe the sizes of the payloads, over the window.",
+        completes=("key", "..."),
     ),
     "topic delay": Tool(
         "zv.tools.topic.options:DelayOptions",
@@ -81,6 +92,7 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv topic delay vision/front/centroid\nzv topic delay --at-most 50ms --for 5s",
         "Measured from the stamp in the header by this machine's clock; between two machines it "
         "includes the difference of their clocks. Samples without a header have no delay.",
+        completes=("key", "..."),
     ),
     "topic pub": Tool(
         "zv.tools.topic.options:PubOptions",
@@ -90,8 +102,9 @@ TOOLS: Final[dict[str, Tool]] = {
         """zv topic pub vision/front/centroid '{"x": 1, "y": 2, "box": null, "area": null}'""",
         "The key determines the type that the message is checked against. Each message gets a "
         "new header: epoch, number and stamp cannot be given. The first message waits up to a "
-        "second for a subscriber.",
+        "second for a subscriber, with --wait-for N for so many without limit.",
         json=False,
+        completes=("key", ""),
     ),
     "node list": Tool(
         "zv.tools.node.options:ListOptions",
@@ -107,12 +120,14 @@ TOOLS: Final[dict[str, Tool]] = {
         "Show the description of a node.",
         "zv node info tracker_front\nzv node info 'camera_*' --json",
         "Shows its keys, parameters, version, host, process, uptime and health.",
+        completes=("node",),
     ),
     "param list": Tool(
         "zv.tools.param.options:ListOptions",
         "zv.tools.param.commands:list_",
         "Show the parameters of a node, or of all nodes.",
         "zv param list tracker_front",
+        completes=("node",),
     ),
     "param get": Tool(
         "zv.tools.param.options:NamedOptions",
@@ -120,31 +135,36 @@ TOOLS: Final[dict[str, Tool]] = {
         "Print the value of a parameter.",
         "zv param get camera_front quality",
         "A single value is printed alone, several with their names.",
+        completes=("node", "parameter", "..."),
     ),
     "param set": Tool(
         "zv.tools.param.options:SetOptions",
         "zv.tools.param.commands:set_",
         "Set parameters, all or none.",
-        "zv param set edge_front low=30 high=90",
+        "zv param set edge_front low=30 high=90\nzv param set camera_front quality 60",
         "A change takes effect with the next frame, and is lost when the node ends: dump saves it.",
+        completes=("node", "parameter", "value", "..."),
     ),
     "param describe": Tool(
         "zv.tools.param.options:NamedOptions",
         "zv.tools.param.commands:describe",
         "Show the meaning, range, unit and default of a parameter.",
         "zv param describe tracker_front closing",
+        completes=("node", "parameter", "..."),
     ),
     "param dump": Tool(
         "zv.tools.param.options:DumpOptions",
         "zv.tools.param.commands:dump",
         "Write the parameters of a node as the TOML that --config reads.",
         "zv param dump tracker_front -o tracker.toml",
+        completes=("node",),
     ),
     "param load": Tool(
         "zv.tools.param.options:LoadOptions",
         "zv.tools.param.commands:load",
         "Send the values of a TOML file to a node, all or none.",
         "zv param load tracker_front tracker.toml",
+        completes=("node", ""),
     ),
     "snapshot": Tool(
         "zv.tools.snapshot.options:SnapshotOptions",
@@ -155,14 +175,44 @@ TOOLS: Final[dict[str, Tool]] = {
         "Saved unchanged if it has the format of the file's name. Raw pictures are saved as JPEG "
         "or PNG, 16-bit pictures as PNG only. Age and identity are printed to standard error. "
         "--draw waits for a picture and the result of the same frame, matched by epoch and seq.",
+        completes=("key",),
     ),
     "schema": Tool(
-        "zv.tools.schema:SchemaOptions",
-        "zv.tools.schema:run",
+        "zv.tools.schema.options:SchemaOptions",
+        "zv.tools.schema.command:run",
         "Print the JSON Schema of a message, or list the messages.",
         "zv schema\nzv schema Centroid",
-        "Made from the message's class, without a network; a running node replies with it on "
-        "@{ns}/schema/{name}.",
+        "Those of this project need no network. Those of other programs are answered by their "
+        "running nodes, on @{ns}/schema/{name}; a list has them if a router is reached within 1 s.",
+    ),
+    "new service": Tool(
+        "zv.tools.new.options:ServiceOptions",
+        "zv.tools.new.service:run",
+        "Write a service of your own: settings, loop, launch file and test.",
+        "zv new service brightness",
+        "Writes a folder with NAME.py, launch.toml and test_NAME.py, a complete service to change. "
+        "Needs no router; nothing is overwritten.",
+    ),
+    "calibrate camera": Tool(
+        "zv.tools.calibrate.options:CameraOptions",
+        "zv.tools.calibrate.camera:run",
+        "Find a camera's lens from pictures of a board.",
+        "zv calibrate camera --size 9x6 --square 25 -o front.yaml\n"
+        "zv calibrate camera --images boards --size 9x6 --square 25 -o front.yaml",
+        "Move the board through the whole picture, near and tilted, and hold it still; what is "
+        "still missing is printed for each picture that is taken. Ends when the pictures do, and "
+        "writes the file that ROS' camera_info_manager reads too. Exit status 1 and no file if "
+        "they are too poor. With --images no router is needed.",
+    ),
+    "calibrate plane": Tool(
+        "zv.tools.calibrate.options:PlaneOptions",
+        "zv.tools.calibrate.plane:run",
+        "Find the way from a camera's pixels to a plane in the world.",
+        "zv calibrate plane front.yaml --pairs belt.txt\n"
+        "zv calibrate plane front.yaml --size 9x6 --square 25",
+        "Takes four or more pixels and their places on the plane, in any unit, or a board that "
+        "lies on it, whose first inner corner is the origin then. Without a board no router is "
+        "needed. Exit status 1 if they do not determine a plane; FILE is not changed then.",
     ),
     "top": Tool(
         "zv.tools.top.options:TopOptions",
@@ -176,9 +226,9 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv.tools.doctor.options:DoctorOptions",
         "zv.tools.doctor.command:run",
         "Find problems and suggest remedies.",
-        "zv doctor\nzv doctor --namespace lab --for 10s\nzv doctor my-camera.toml",
+        "zv doctor\nzv doctor --namespace lab --for 10s\nzv doctor --expect my-system.toml",
         "Prints a line for each check: OK, WARN or FAIL. Exit status 1 if one is FAIL, 4 if only "
-        "the router is. docs/doctor.md explains each check.",
+        "the router is. --expect also reports the nodes of a launch file that do not run.",
     ),
     "metrics": Tool(
         "zv.tools.metrics.options:MetricsOptions",
@@ -186,7 +236,7 @@ TOOLS: Final[dict[str, Tool]] = {
         "Serve the health of all nodes to Prometheus.",
         "zv metrics --listen 127.0.0.1:9464",
         details="Prints the address that Prometheus scrapes and serves it until Ctrl-C, with or "
-        "without a router. docs/metrics.md lists the metrics.",
+        "without a router; each has a line of explanation there.",
         waits=True,
     ),
 }

@@ -1,1 +1,1 @@
-"""The tracker: the largest moving object of each frame."""
+"""The tracker: all moving objects of each frame, or the largest one as the tutorial finds it."""

@@ -1,55 +1,60 @@
-"""The tracker's loop."""
+"""The tracker's loop, over the frames of one camera, of several, or of all that there are."""
 
 from __future__ import annotations
 
-from dataclasses import fields
-from functools import partial
+import numpy as np
+from numpy.typing import NDArray
 
-from zenoh_vision import Centroid, Connection, Frame, Node
+from zenoh_vision import Connection, Frame, Node
 from zv.registry import published_by
-from zv.tracker.pipelines.largest import LargestObject, LargestObjectParameters, MovingObject, draw
-from zv.tracker.settings import TrackerSettings
+from zv.tracker.camera_tracking import CameraTracking, decoded
+from zv.tracker.settings import ALL_CAMERAS, TrackerSettings
+
+MAX_CAMERAS = 64
+"""With ``*``, cameras that appear later than so many others are not tracked: their frames count as
+processed and as ``cameras_left_out``."""
 
 
 def run(settings: TrackerSettings, connection: Connection) -> None:
-    """Publish the largest moving object of each frame until told to stop."""
+    """Publish the moving objects of each frame until told to stop.
+
+    Each camera has a state of its own. Of each, the newest frame waits, and the cameras are
+    served in turn, so that one that is fast, slow or silent does not delay the others.
+    """
+    names = settings.cameras
     with Node(
         "tracker",
-        camera=settings.camera,
+        camera=names[0] if len(names) == 1 else names,
         connection=connection,
         publishes=published_by("tracker"),
         parameters=settings,
     ) as node:
-        learned_from: tuple[object, ...] = ()
-        frames = node.frames("image/compressed", want="bgr", max_pixels=settings.max_pixels)
-        for frame in frames:
-            header, settings = frame.header, frame.revision.settings
-            parameters = parameters_of(settings)
-            # The background is learned again for a new epoch, size or pipeline. Changes of all
-            # other settings keep it.
-            stream = (header.epoch, header.width, header.height, settings.pipeline)
-            if learned_from != stream:
-                learned_from = stream
-                tracker = LargestObject(parameters)
-            else:
-                tracker.adjust(parameters)
-            found, mask = tracker.update(frame.bgr)
-            node.publish("centroid", centroid_of(node, frame, found))
-            drawn = partial(draw, frame.bgr, found)
-            node.publish_picture("tracked/compressed", frame, drawn, quality=settings.quality)
-            node.publish_picture("mask/compressed", frame, mask, encoding="mono8", bilevel=True)
+        picture = np.empty((0, 0, 3), np.uint8)
 
+        def decode(frame: Frame) -> NDArray[np.uint8]:
+            nonlocal picture
+            assert node.parameters is not None
+            picture = decoded(frame, node.parameters.active.settings)
+            return picture
 
-def parameters_of(settings: TrackerSettings) -> LargestObjectParameters:
-    """Return the pipeline's parameters from the settings of the same names."""
-    names = [field.name for field in fields(LargestObjectParameters)]
-    return LargestObjectParameters(**{name: getattr(settings, name) for name in names})
-
-
-def centroid_of(node: Node, frame: Frame, found: MovingObject | None) -> Centroid:
-    """Return the message for a frame, with the object that was found or without."""
-    header = node.header(frame)
-    if found is None:
-        return Centroid(header=header, x=None, y=None, box=None, area=None)
-    x, y = found.center
-    return Centroid(header=header, x=x, y=y, box=found.box, area=found.area)
+        inputs = [
+            node.frames(
+                "image/compressed",
+                camera=name,
+                want=decode,
+                max_pixels=settings.max_pixels,
+                transport=None if name == ALL_CAMERAS else settings.transport,
+            )
+            for name in names or (ALL_CAMERAS,)
+        ]
+        tracked: dict[str, CameraTracking] = {}
+        for frame in node.receive(*inputs):
+            camera = frame.header.camera
+            if camera not in tracked:
+                if len(tracked) >= MAX_CAMERAS:
+                    node.counters.note("cameras_left_out")
+                    continue
+                if camera not in node.cameras:
+                    node.add_camera(camera, published_by("tracker"))
+                tracked[camera] = CameraTracking(node, camera, settings)
+            tracked[camera].process(frame, picture)

@@ -2,27 +2,132 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, model_validator
 
+from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
+from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import FromText, ServiceSettings
+from zenoh_vision.keys import DEFAULT_CAMERA, Transport
+from zv.tracker import shapes
+
+
+def _polygons(text: str) -> str:
+    shapes.polygons(text)
+    return text
+
+
+def _pixel_polygons(text: str) -> str:
+    shapes.polygons(text, world=False)
+    return text
+
+
+def _lines(text: str) -> str:
+    shapes.lines(text)
+    return text
+
+
+ALL_CAMERAS = "*"
 
 
 class TrackerSettings(ServiceSettings):
-    """Options of ``zv tracker``; the defaults are the tutorial's parameters."""
+    """Options of ``zv tracker``; those of ``tutorial`` have the tutorial's values as defaults."""
 
     env_prefix: ClassVar[str] = "ZV_TRACKER_"
 
+    camera: Annotated[
+        str,
+        Field(
+            pattern=r"^([a-z0-9_]+(,[a-z0-9_]+)*|\*)$",
+            max_length=1000,
+            description="camera this node belongs to; several as front,left, or * for all",
+        ),
+        Form("letters a-z, digits and _; several separated by commas; or *"),
+    ] = DEFAULT_CAMERA
+
     pipeline: Annotated[
-        Literal["tutorial"],
-        Field(description="tutorial: MOG2, closing, median, threshold, largest contour"),
+        Literal["robust", "tutorial"],
+        Field(
+            description="robust: all moving objects, with ids; tutorial: MOG2, closing, median, "
+            "threshold, largest contour, without ids"
+        ),
         Live(),
-    ] = "tutorial"
+    ] = "robust"
+    subtractor: Annotated[
+        Literal["mog2", "knn"],
+        Field(description="robust: model of the background, a mixture of Gaussians or neighbours"),
+        Live(effect="a change learns the background anew"),
+    ] = "mog2"
+    learning_time: Annotated[
+        float,
+        Field(
+            ge=0.5,
+            le=3600,
+            description="robust: time after which a change of the scene has become background "
+            "by 63 %",
+        ),
+        Live("s"),
+        SECONDS,
+    ] = 10.0
+    freeze: Annotated[
+        bool, Field(description="robust: keep the background as it is, learn nothing"), Live()
+    ] = False
+    reset: Annotated[
+        int,
+        Field(ge=0, le=2**31 - 1, description="robust: each change learns the background anew"),
+        Live(),
+    ] = 0
+    min_area: Annotated[
+        float,
+        Field(ge=1, le=1e8, description="robust: smallest foreground of an object"),
+        Live("square pixels"),
+    ] = 160.0
+    max_area: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=1e8,
+            description="robust: largest connected foreground that may be objects; 0: no limit",
+        ),
+        Live("square pixels"),
+    ] = 0.0
+    regions: Annotated[
+        str,
+        Field(
+            max_length=shapes.MAX_CHARACTERS,
+            description="robust: polygons in pixels inside of which objects are looked for; "
+            "empty: everywhere",
+        ),
+        AfterValidator(_pixel_polygons),
+        Form(shapes.POLYGONS_FORM),
+        Live(),
+    ] = ""
+    ignore: Annotated[
+        str,
+        Field(
+            max_length=shapes.MAX_CHARACTERS,
+            description="robust: polygons in pixels inside of which objects are ignored",
+        ),
+        AfterValidator(_pixel_polygons),
+        Form(shapes.POLYGONS_FORM),
+        Live(),
+    ] = ""
+    keep_lost: Annotated[
+        float,
+        Field(ge=0, le=60, description="robust: how long a track that is not seen is kept"),
+        Live("s"),
+        SECONDS,
+    ] = 2.0
     history: Annotated[
         int,
-        Field(ge=1, le=100_000, description="number of frames that form the background model"),
+        Field(
+            ge=1,
+            le=100_000,
+            description="tutorial: number of frames that form the background model",
+        ),
         Live("frames"),
     ] = 700
     var_threshold: Annotated[
@@ -34,28 +139,77 @@ class TrackerSettings(ServiceSettings):
         ),
         Live(),
     ] = 25.0
-    detect_shadows: Annotated[
-        bool, Field(description="mark shadows, which the threshold then removes"), Live()
-    ] = True
+    detect_shadows: Annotated[bool, Field(description="leave out shadows"), Live()] = True
     closing: Annotated[
         int,
-        Field(ge=0, le=255, description="side of the closing kernel, pixels; 0: no closing"),
+        Field(
+            ge=0, le=255, description="tutorial: side of the closing kernel, pixels; 0: no closing"
+        ),
         Live("pixels"),
     ] = 20
     median: Annotated[
         Literal[0, 3, 5, 7, 9, 11, 13, 15],
         FromText,
-        Field(description="side of the median filter, pixels; 0: none"),
+        Field(description="tutorial: side of the median filter, pixels; 0: none"),
         Live("pixels"),
     ] = 5
     threshold: Annotated[
-        int, Field(ge=0, le=254, description="mask values above it are foreground"), Live()
+        int,
+        Field(ge=0, le=254, description="tutorial: mask values above it are foreground"),
+        Live(),
     ] = 127
+    zones: Annotated[
+        str,
+        Field(
+            max_length=shapes.MAX_CHARACTERS,
+            description="zones whose entering and leaving are events; in pixels, or in units of "
+            "the calibration after the word world",
+        ),
+        AfterValidator(_polygons),
+        Form(shapes.POLYGONS_FORM),
+        Live(),
+    ] = ""
+    lines: Annotated[
+        str,
+        Field(
+            max_length=shapes.MAX_CHARACTERS,
+            description="lines whose crossings are events; in pixels, or in units of the "
+            "calibration after the word world",
+        ),
+        AfterValidator(_lines),
+        Form(shapes.LINES_FORM),
+        Live(),
+    ] = ""
+    dwell: Annotated[
+        float,
+        Field(ge=0.01, le=86_400, description="stay in a zone after which it is an event"),
+        Live("s"),
+        SECONDS,
+    ] = 10.0
+    anchor: Annotated[
+        Literal["centre", "foot"],
+        Field(
+            description="point of an object that enters zones and crosses lines. foot: the middle "
+            "of the lower edge of its box"
+        ),
+        Live(),
+    ] = "centre"
     quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality of tracked"), Live()] = 80
+    transport: Annotated[
+        Transport,
+        Field(
+            description="key of the frames. jpeg: the compressed ones, JPEG or PNG; raw: the raw "
+            "pixels; auto: the compressed ones if they flow, else the raw pixels"
+        ),
+        Live(),
+    ] = "auto"
+    depth_min: DepthMin = None
+    depth_max: DepthMax = None
     max_age: Annotated[
         float,
-        Field(ge=0.001, le=60, description="seconds; frames older than this are dropped"),
+        Field(ge=0.001, le=60, description="frames older than this are dropped"),
         Live("s"),
+        SECONDS,
     ] = 0.4
     max_pixels: Annotated[
         int,
@@ -66,3 +220,15 @@ class TrackerSettings(ServiceSettings):
             "to 130 bytes a pixel",
         ),
     ] = 1920 * 1200
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The cameras by name, each once; none if it is all that there are."""
+        if self.camera == ALL_CAMERAS:
+            return ()
+        return tuple(dict.fromkeys(self.camera.split(",")))
+
+    @model_validator(mode="after")
+    def _depth_in_order(self) -> Self:
+        check_depth_range(self)
+        return self

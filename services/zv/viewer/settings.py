@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 from urllib.parse import urlsplit
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
+from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import Secret, Settings
 
@@ -37,6 +40,7 @@ class ViewerSettings(Settings):
             description="URL at which browsers reach the viewer, if it differs from host and port, "
             "as outside a container; it is printed, and its host name is allowed",
         ),
+        Form("http://HOST:PORT or https://HOST:PORT"),
     ] = ""
     token: Annotated[
         str | None,
@@ -46,6 +50,7 @@ class ViewerSettings(Settings):
             "from it and printed too, permits viewing only; not set: none if all addresses are "
             "loopback, else one that is generated on first use and kept",
         ),
+        Form("16 to 128 letters, digits and _ . ~ -"),
         Secret(),
     ] = None
     allow_host: Annotated[
@@ -57,6 +62,7 @@ class ViewerSettings(Settings):
             "separated by commas, besides this machine's name and its addresses; a name that is "
             "not loopback makes the token required",
         ),
+        Form("host names, separated by commas"),
     ] = ""
     max_clients: Annotated[
         int,
@@ -68,15 +74,19 @@ class ViewerSettings(Settings):
         Field(ge=1, le=100, description="JPEG quality of pictures that the viewer encodes"),
         Live(),
     ] = 80
+    depth_min: DepthMin = None
+    depth_max: DepthMax = None
     max_age: Annotated[
         float,
-        Field(ge=0.001, le=60, description="seconds; frames older than this are not shown"),
+        Field(ge=0.001, le=60, description="frames older than this are not shown"),
         Live("s"),
+        SECONDS,
     ] = 1.0
     wait: Annotated[
         float,
-        Field(ge=0.1, le=60, description="seconds that a snapshot waits for its picture"),
+        Field(ge=0.1, le=60, description="how long a snapshot waits for its picture"),
         Live("s"),
+        SECONDS,
     ] = 2.0
     max_pixels: Annotated[
         int,
@@ -87,6 +97,11 @@ class ViewerSettings(Settings):
             "two at once is up to 33 bytes a pixel",
         ),
     ] = 4096 * 2304
+
+    @model_validator(mode="after")
+    def _depth_in_order(self) -> Self:
+        check_depth_range(self)
+        return self
 
     @property
     def names(self) -> list[str]:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import zenoh
 
-from tests.support.http_camera import HttpCamera, picture
 from tests.support.listening import Listener, Message, balance, newest, wait_for_nodes
+from tests.support.pictures.http_camera import HttpCamera, picture
 from tests.support.processes import START_S, STOP_S
 from tests.support.waiting import wait_until
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.listening import Listener, Message, newest
-from tests.support.pictures import HEIGHT, WIDTH, scene
+from tests.support.pictures.encoded import HEIGHT, WIDTH, scene
 from tests.support.publishing import Paced
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision.image.frame import Frame

@@ -21,7 +21,10 @@ MISTAKES = {
     "not a number": (["tracker", "--history", "many"], ["--history", "'many'", "from 1 to 100000"]),
     "out of range": (["edge", "--sigma", "99"], ["--sigma", "'99'", "from 0 to 20"]),
     "not a choice": (["edge", "--aperture", "4"], ["--aperture", "'4'", "3, 5, 7"]),
-    "no name": (["tracker", "--camera", "Front!"], ["--camera", "'Front!'", "[a-z0-9_]+"]),
+    "no name": (
+        ["tracker", "--camera", "Front!"],
+        ["--camera", "'Front!'", "letters a-z, digits and _"],
+    ),
     "two that do not fit": (["edge", "--low", "200", "--high", "100"], ["low", "200", "high"]),
     "no endpoint": (["camera", "--connect", "localhost"], ["--connect", "'localhost'", "tcp"]),
     "unknown encoding": (

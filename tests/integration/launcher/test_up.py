@@ -86,7 +86,7 @@ def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_
         assert not running(started)
     assert f"router: {endpoint}" in program.output
     assert "vision/front/centroid" in program.output
-    assert f"python examples/subscribe.py {endpoint}" in program.output
+    assert f"zv topic echo vision/front/edges/compressed --connect {endpoint}" in program.output
     greeting = program.output.partition("for example: ")[2].splitlines()
     assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+/", greeting[1])
     assert "Traceback" not in program.complaints
@@ -322,3 +322,44 @@ def test_a_wrong_option_of_any_node_ends_with_2_before_anything_is_started(tmp_p
         assert program.process.wait(START_S) == 2
     assert "did you mean 'aperture'" in program.complaints
     assert "router" not in program.complaints.replace(str(launch), "")
+
+
+def test_programs_of_ones_own_have_rows_and_a_remap_reaches_them_too(tmp_path):
+    launch = tmp_path / "own.toml"
+    launch.write_text(
+        '[[node]]\nservice = "camera"\n'
+        '[[node]]\nservice = "mean"\ncamera = "front"\ncommand = "python mean.py"\n'
+        '[[node]]\nservice = "idle"\ncommand = "sleep 600"\n'
+    )
+    (tmp_path / "mean.py").write_text(
+        "import os, sys\n"
+        "from zenoh_vision import Connection, Node\n"
+        "camera = sys.argv[1].removeprefix('--camera=')\n"
+        "connection = Connection(os.environ['ZV_CONNECT'], os.environ['ZV_NAMESPACE'])\n"
+        "with Node('mean', camera=camera, connection=connection) as node:\n"
+        "    for frame in node.frames('image/compressed', want='gray'):\n"
+        "        print(frame.header.camera, flush=True) if frame.header.seq % 9 == 0 else None\n"
+    )
+    flags = ["--listen", free_endpoint(), "--remap", "front=left", "--namespace", "robot1"]
+    with up(tmp_path, str(launch), *flags) as program:
+        program.lines(r"mean_left +running +rate [1-9]\d.*dropped.*")
+        program.lines(r"idle +running, no node.*")
+        assert "idle runs, but no node of this name has announced itself" in program.complaints
+        wait_until(lambda: "mean_left: left" in program.complaints)
+        started = psutil.Process(program.process.pid).children(recursive=True)
+        program.process.send_signal(signal.SIGINT)
+        assert program.process.wait(STOP_S) == 0
+        assert not running(started)
+
+
+def test_a_program_that_does_not_exist_is_an_error_before_anything_is_started(tmp_path):
+    launch = tmp_path / "own.toml"
+    launch.write_text(
+        '[[node]]\nservice = "camera"\n[[node]]\nservice = "mine"\ncommand = "nosuch --flag"\n'
+    )
+    with up(tmp_path, str(launch)) as program:
+        assert program.process.wait(START_S) == 2
+    (line,) = program.complaints.splitlines()
+    assert f"{launch}: node[1].command" in line
+    assert "mine: there is no program 'nosuch' on PATH" in line
+    assert program.output == ""

@@ -15,7 +15,7 @@ import zenoh
 
 from tests.integration.conftest import a_router, some_services
 from tests.support.listening import Listener, Message, message_of, open_client, wait_for_nodes
-from tests.support.pictures import HEIGHT, PICTURES, STILL, WIDTH
+from tests.support.pictures.encoded import HEIGHT, PICTURES, STILL, WIDTH
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import wait_until
 from zv.camera.synthetic.scene import Scene
@@ -76,9 +76,9 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         open_client(router.endpoint) as another,
     ):
         start("camera", *QUIET)
-        start("tracker")
+        start("tracker", "--pipeline", "tutorial")
         start("edge")
-        start("tracker", "--camera", "own", "--no-detect-shadows")
+        start("tracker", "--camera", "own", "--pipeline", "tutorial", "--no-detect-shadows")
         wait_for_nodes(client, "camera_front", "tracker_front", "edge_front", "tracker_own")
         yield System(client, another)
 

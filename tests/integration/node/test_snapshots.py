@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from tests.support.listening import Listener, Message, ask, newest, wait_for_nodes
-from tests.support.pictures import HEIGHT, WIDTH, scene
+from tests.support.pictures.encoded import HEIGHT, WIDTH, scene
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import wait_until
 from zenoh_vision.image import codecs, pixel_formats

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.integration.conftest import a_router, some_services
+from tests.integration.conftest import LOSSLESS_ZV, a_router, some_services
 from tests.support.listening import (
     Listener,
     Message,
@@ -55,12 +55,13 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     folder = tmp_path_factory.mktemp("wire")
     with (
         a_router(folder) as router,
+        some_services(router.endpoint, folder, LOSSLESS_ZV) as start_lossless,
         some_services(router.endpoint, folder) as start,
         open_client(router.endpoint) as client,
     ):
         programs = {
-            "camera_front": start("camera", "--rate", 20, *SIZE),
-            "tracker_front": start("tracker"),
+            "camera_front": start_lossless("camera", "--rate", 20, *SIZE),
+            "tracker_front": start("tracker", "--pipeline", "tutorial"),
             "edge_front": start("edge"),
         }
         wait_for_nodes(client, *programs)
@@ -264,16 +265,28 @@ def check_health(node: str, message: Message) -> None:
     assert balance(body["counters"]) == 0
 
 
+TRACKER = {
+    *("centroid", "tracks", "events"),
+    *("tracked/compressed", "mask/compressed", "background/compressed"),
+}
+EDGES = {
+    "edges/contours",
+    *("edges/compressed", "edges/smoothed/compressed", "edges/magnitude/compressed"),
+    *("edges/direction/compressed", "edges/suppressed/compressed"),
+    "edges/thresholded/compressed",
+}
+
+
 @pytest.mark.parametrize(
     ("node", "publishes", "subscribes"),
     [
         ("camera_front", {"image/compressed", "image", "truth"}, set()),
         (
             "tracker_front",
-            {"centroid", "tracked/compressed", "mask/compressed"},
+            TRACKER,
             {"image/compressed"},
         ),
-        ("edge_front", {"edges/compressed"}, {"image/compressed"}),
+        ("edge_front", EDGES, {"image/compressed"}),
     ],
     ids=["camera", "tracker", "edge"],
 )
@@ -308,10 +321,7 @@ def test_every_node_shows_a_token_that_no_wildcard_of_data_matches(system):
     data.close()
     assert found <= {
         f"vision/front/{suffix}"
-        for suffix in (
-            *("image/compressed", "image", "truth", "centroid", "tracked/compressed"),
-            *("mask/compressed", "edges/compressed"),
-        )
+        for suffix in (*("image/compressed", "image", "truth", *TRACKER, *EDGES),)
     }
 
 
@@ -345,7 +355,8 @@ def test_a_header_satisfies_its_schema(system):
 
 
 SCHEMAS = (
-    *("Header", "Centroid", "Tracks", "Diagnostics", "Node"),
+    *("Header", "Centroid", "Contours", "Tracks", "TrackEvent", "Prediction"),
+    *("Diagnostics", "Node"),
     *("Parameter", "ParameterList", "Refusal"),
 )
 

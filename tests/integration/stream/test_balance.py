@@ -10,7 +10,7 @@ from itertools import pairwise
 import msgpack
 
 from tests.support.listening import Listener, balance, wait_for_nodes
-from tests.support.pictures import PICTURES, damaged
+from tests.support.pictures.encoded import PICTURES, damaged
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import wait_until
 

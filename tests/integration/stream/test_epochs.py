@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from tests.support.listening import Listener, balance, newest, wait_for_nodes
-from tests.support.pictures import HEIGHT, STILL, WIDTH, jpeg, scene
+from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg, scene
 from tests.support.publishing import IMAGE_KEY, PlainCamera, wait_for_subscriber
 from tests.support.waiting import wait_until
 
@@ -15,7 +15,7 @@ HEALTH = "@vision/diagnostics/tracker_front"
 
 # With shadows on, MOG2 takes the very first frame for shadow, 127, which the threshold drops;
 # with shadows off it takes it for foreground: the whole picture.
-NO_SHADOWS = "--no-detect-shadows"
+TUTORIAL = ("--pipeline", "tutorial", "--no-detect-shadows")
 
 
 def first_frames_box(picture: bytes) -> list[int]:
@@ -29,7 +29,7 @@ def first_frames_box(picture: bytes) -> list[int]:
 
 
 def test_a_new_epoch_starts_a_new_background(client, quick_service):
-    centroids = tracker(client, quick_service, NO_SHADOWS)
+    centroids = tracker(client, quick_service, *TUTORIAL)
     old = PlainCamera(client, pictures=(STILL,))
     with old.at(30):
         wait_until(lambda: len(centroids.messages) > 5 and not centroids.messages[-1].body["box"])
@@ -42,7 +42,7 @@ def test_a_new_epoch_starts_a_new_background(client, quick_service):
 
 
 def test_a_new_size_starts_a_new_background(client, quick_service):
-    centroids = tracker(client, quick_service, NO_SHADOWS)
+    centroids = tracker(client, quick_service, *TUTORIAL)
     camera = PlainCamera(client, pictures=(STILL,))
     with camera.at(30):
         wait_until(lambda: len(centroids.messages) > 5 and not centroids.messages[-1].body["box"])

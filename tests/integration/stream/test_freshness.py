@@ -128,7 +128,9 @@ def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
     )
     with (
         open_client(router.endpoint) as other,
-        Program(["examples/own_service.py", router.endpoint], tmp_path, "own") as program,
+        Program(
+            ["examples/own_service.py", "--connect", router.endpoint], tmp_path, "own"
+        ) as program,
     ):
         wait_for_nodes(client, "brightness_front")
         frames = Listener(other, "vision/front/image/compressed")
@@ -156,7 +158,7 @@ def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
 ):
     raw, small = "vision/front/image", "vision/front/centroid"
     first = zenoh.CongestionControl.BLOCK_FIRST
-    program = ROOT / "tests/compose/listener.py"
+    program = ROOT / "tests/support/containers/listener.py"
 
     def send() -> None:
         header = msgpack.packb({"epoch": 0, "seq": 0, "stamp_ns": time.time_ns()})

@@ -10,7 +10,7 @@ import pytest
 
 from tests.integration.conftest import QUICK_ZV, a_router, some_services
 from tests.support.listening import Listener, balance, newest, open_client, wait_for_nodes
-from tests.support.pictures import WIDTH, jpeg
+from tests.support.pictures.encoded import WIDTH, jpeg
 from tests.support.publishing import (
     IMAGE_KEY,
     PlainCamera,

@@ -18,9 +18,11 @@ from zenoh_vision import (
     Diagnostics,
     Frame,
     Live,
+    Message,
     Node,
     NodeDescription,
     ServiceSettings,
+    message_topic,
     queue,
 )
 
@@ -82,6 +84,29 @@ def test_messages_of_a_topic_come_as_their_class(client, connection):
         sender.publish("centroid", made)
         found = next(iter(in_time(taker, iter(centroids))))
         assert found == made
+
+
+class Light(Message):
+    schema_name: ClassVar[str] = "my.Light.v1"
+
+    on: bool
+
+
+LIGHT = message_topic("light", Light)
+
+
+def test_a_message_without_a_header_is_published_for_the_camera_that_is_named(client, connection):
+    with Node(
+        "switch", camera=("door", "yard"), connection=connection, publishes=[LIGHT]
+    ) as switch:
+        switch.publish(LIGHT, Light(on=True), camera="yard")
+        assert newest(client, "vision/yard/light").body == {"on": True}
+        assert newest(client, "vision/yard/light").attachment is None
+        with pytest.raises(ValueError, match=r"switch serves \('door', 'yard'\): name the camera"):
+            switch.publish(LIGHT, Light(on=True))
+    with Node("switch", camera="door", connection=connection, publishes=[LIGHT]) as switch:
+        switch.publish(LIGHT, Light(on=False))
+        assert newest(client, "vision/door/light").body == {"on": False}
 
 
 def test_a_frame_carries_the_revision_that_was_activated_for_it(client, connection):

@@ -112,10 +112,11 @@ def test_when_two_answer_for_a_node_that_is_said(endpoint, client):
         for words in ("get", "describe", "dump", "set low=1"):
             command, *rest = words.split()
             done = zv(endpoint, "param", command, NODE, *rest)
-            assert f"2 answer for {NODE}, and one may speak for another" in done.stderr
+            how = " and both were set: " if command == "set" else "; this is the answer of session "
+            assert f"2 nodes are called {NODE}{how}" in done.stderr
             assert done.returncode == 0, done.stderr
         listed = zv(endpoint, "param", "list")
-        assert f"2 answer for {NODE}" in listed.stderr
+        assert f"2 nodes are called {NODE}; see zv node list" in listed.stderr
 
 
 @pytest.mark.parametrize(
@@ -137,7 +138,26 @@ def test_an_impostors_unreadable_answer_does_not_hide_the_nodes_own(endpoint, cl
     ):
         done = zv(endpoint, "param", "get", NODE, "low")
     assert (done.returncode, done.stdout) == (0, "1.0\n"), done.stderr
-    assert f"2 answer for {NODE}" in done.stderr
+    assert f"2 nodes are called {NODE}; this is the answer of " in done.stderr
+
+
+def test_setting_two_nodes_of_one_name_says_what_each_of_them_changed(endpoint, client):
+    key = f"@vision/param/{NODE}"
+
+    def of(low: float) -> Callable[[zenoh.Query], bytes]:
+        return lambda query: parameters(low if query.payload is None else 5.0, revision=int(low))
+
+    with (
+        open_client(endpoint) as other,
+        answering(client, key, of(2.0)),
+        answering(other, key, of(3.0)),
+    ):
+        done = zv(endpoint, "param", "set", NODE, "low=5")
+        mine, theirs = client.zid(), other.zid()
+    assert f"2 nodes are called {NODE} and both were set: session " in done.stderr
+    assert f"session {mine} (low 2.0 -> 5.0, revision 2)" in done.stderr
+    assert f"session {theirs} (low 3.0 -> 5.0, revision 3)" in done.stderr
+    assert done.stdout in ("low: 2.0 -> 5.0\n", "low: 3.0 -> 5.0\n")
 
 
 def test_the_refusal_of_one_of_two_is_shown(endpoint, client):
@@ -155,3 +175,6 @@ def test_the_refusal_of_one_of_two_is_shown(endpoint, client):
         done = zv(endpoint, "param", "set", NODE, "low=7")
     assert done.returncode == 2
     assert "low = 7 is too much; allowed: 0 to 5" in done.stderr
+    assert f"2 nodes are called {NODE}: " in done.stderr
+    assert "(refused, or cannot be read)" in done.stderr
+    assert "(low 7.0 -> 7.0, revision 2)" in done.stderr

@@ -20,7 +20,8 @@ from tests.support.processes import ROOT
 from tests.support.waiting import wait_until
 from zenoh_vision.messages import MESSAGES
 from zenoh_vision.transport.connection import Connection
-from zv.tools import schema as schema_tool
+from zv.tools.schema import command as schema_tool
+from zv.tools.schema.options import SchemaOptions
 from zv.tools.shared.output import Output
 
 VECTORS = ROOT / "tests" / "vectors"
@@ -65,7 +66,7 @@ def captured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, lis
 def schema(name: str) -> dict[str, Any]:
     """Return what ``zv schema NAME`` prints."""
     with redirect_stdout(io.StringIO()) as printed:
-        schema_tool.run(schema_tool.SchemaOptions(name=name), Connection(), Output())
+        schema_tool.run(SchemaOptions(name=name), Connection(), Output())
     found: dict[str, Any] = json.loads(printed.getvalue())
     jsonschema.Draft202012Validator.check_schema(found)
     return found
@@ -120,7 +121,7 @@ def test_a_node_answers_the_same_schema(captured):
 
 
 def test_without_a_name_every_message_is_listed(capsys):
-    schema_tool.run(schema_tool.SchemaOptions(), Connection(), Output(as_json=True))
+    schema_tool.run(SchemaOptions(), Connection(), Output(as_json=True))
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert {row["schema"] for row in rows} == set(MESSAGES)
     assert all(row["keys"] and row["meaning"] for row in rows)

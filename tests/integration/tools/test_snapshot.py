@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.listening import open_client
-from tests.support.pictures import HEIGHT, STILL, WIDTH, jpeg
-from tests.support.publishing import Paced
+from tests.support.listening import open_client, wait_until_listed
+from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg
+from tests.support.publishing import RAW_PIXELS, Paced, raw_frames
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.transport.connection import Connection
@@ -257,6 +257,57 @@ def test_what_is_drawn_belongs_to_the_picture_however_late_it_comes(
         pytest.approx(left + 20, abs=2),
     )
     assert f"with its {'tracks' if tracks else 'centroid'}" in said
+
+
+@contextmanager
+def publishing(client: zenoh.Session, key: str = KEY) -> Iterator[None]:
+    """Publish bare pictures as a plain Zenoh program, which answers no query."""
+    publisher = client.declare_publisher(key, encoding=JPEG)
+    with Paced(20, lambda: publisher.put(STILL)):
+        yield
+    publisher.undeclare()
+
+
+@pytest.mark.parametrize("pattern", [KEY, "vision/*/image/compressed"])
+def test_where_no_query_is_answered_the_next_picture_is_taken(
+    client, zv, tmp_path: Path, pattern: str
+):
+    with publishing(client):
+        wait_until_listed(client, KEY)
+        _, said = zv(pattern, tmp_path / "a.jpg")
+    assert (tmp_path / "a.jpg").read_bytes() == STILL
+    assert said.startswith(f"zv: {KEY}: no header, ")
+
+
+def test_raw_pixels_without_an_encoding_are_known_by_their_key(client, zv, tmp_path: Path):
+    with client.declare_publisher("vision/r1/image") as publisher:
+        wait_until_listed(client, "vision/r1/image")
+        with Paced(20, raw_frames(publisher)):
+            zv("vision/r1/image", tmp_path / "a.png")
+    assert (cv2.imread(str(tmp_path / "a.png")) == RAW_PIXELS).all()
+
+
+def test_a_picture_that_is_put_without_a_publisher_is_taken_too(client, zv, tmp_path: Path):
+    with Paced(20, lambda: client.put(KEY, STILL, encoding=JPEG)):
+        zv(KEY, tmp_path / "a.jpg")
+    assert (tmp_path / "a.jpg").read_bytes() == STILL
+
+
+def test_of_several_keys_on_which_no_query_is_answered_one_must_be_named(
+    client, zv, tmp_path: Path
+):
+    other = "vision/d/image/compressed"
+    with publishing(client), publishing(client, other):
+        wait_until_listed(client, KEY, other)
+        with pytest.raises(ConfigurationError, match=f"2 keys, name one: {KEY}, {other}"):
+            zv("vision/*/image/compressed", tmp_path / "a.jpg")
+
+
+def test_a_publisher_that_sends_nothing_is_named_when_the_time_is_over(client, zv, tmp_path: Path):
+    with client.declare_publisher(KEY):
+        wait_until_listed(client, KEY)
+        with pytest.raises(ExpectationNotMet, match=f"nothing arrived on {KEY}, although"):
+            zv(KEY, tmp_path / "a.jpg", timeout_s=0.3)
 
 
 def test_draw_without_a_tracker_says_so_at_once(client, zv, tmp_path: Path):

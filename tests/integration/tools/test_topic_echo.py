@@ -14,7 +14,7 @@ import msgpack
 import pytest
 import zenoh
 
-from tests.support.pictures import HEIGHT, STILL, WIDTH
+from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH
 from tests.support.publishing import (
     CENTROID,
     JPEG,
@@ -23,7 +23,10 @@ from tests.support.publishing import (
     put_picture,
 )
 from tests.support.waiting import wait_until
+from zenoh_vision import Connection
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
+from zv.tools.shared.output import Output
+from zv.tools.topic import echo
 from zv.tools.topic.options import (
     EchoOptions,
 )
@@ -113,12 +116,100 @@ def test_echo_as_csv_can_be_read_as_csv(echoed, client):
     ],
 )
 def test_echo_prints_one_field(echoed, client, field, values):
-    assert echoed(EchoOptions(key=KEY, count=2, field=field), centroids(client, 2)) == values
+    assert echoed(EchoOptions(key=KEY, count=2, field=(field,)), centroids(client, 2)) == values
 
 
-def test_echo_of_a_field_that_is_not_there_is_wrong_use_and_names_those_that_are(echoed, client):
-    with pytest.raises(ConfigurationError, match="header, x, y, box, area"):
-        echoed(EchoOptions(key=KEY, field="z"), centroids(client, 1))
+def test_echo_prints_several_fields(echoed, client):
+    options = EchoOptions(key=KEY, count=2, field=("header.seq", "x", "box"))
+    box = "box=[1, 2, 3, 4]"
+    assert echoed(options, centroids(client, 2)) == [
+        f"header.seq=0 x=0 {box}",
+        f"header.seq=1 x=10 {box}",
+    ]
+    lines = echoed(options, centroids(client, 2), as_json=True)
+    assert [json.loads(line)["fields"] for line in lines] == [
+        {"header.seq": seq, "x": 10 * seq, "box": [1, 2, 3, 4]} for seq in (0, 1)
+    ]
+
+
+def test_nested_fields_are_columns_of_their_own_in_csv(echoed, client):
+    options = EchoOptions(key=KEY, count=2, field=("x", "header"), csv=True)
+    rows = list(csv.DictReader(io.StringIO("\n".join(echoed(options, centroids(client, 2))))))
+    assert [(row["x"], row["header.seq"], row["header.camera"]) for row in rows] == [
+        ("0", "0", "c"),
+        ("10", "1", "c"),
+    ]
+
+
+def test_a_message_without_a_field_is_skipped_and_counted(echoed, client, capsys):
+    def send() -> None:
+        for body in ({"other": 1}, {"x": 7}, {"other": 2}, {"x": 8}):
+            client.put("a/b", json.dumps(body), encoding="application/json")
+
+    lines = echoed(EchoOptions(key="a/b", count=2, field=("x",)), send)
+    assert lines == ["7", "8"]
+    first, last = capsys.readouterr().err.splitlines()
+    assert first == "zv: skipping messages without x: a/b (application/json) has other"
+    assert last == "zv: skipped 2 messages without x"
+
+
+@pytest.mark.parametrize("field", ["z", "centroid.z"])
+def test_echo_of_a_field_that_a_type_never_has_is_wrong_use_and_names_those_it_has(
+    echoed, client, field
+):
+    with pytest.raises(ConfigurationError, match="available there: header, x, y, box, area"):
+        echoed(EchoOptions(key=KEY, field=(field,)), centroids(client, 1))
+
+
+def test_of_several_fields_only_that_is_named_which_a_message_lacks(echoed, client, capsys):
+    for once in (True, False):
+        options = EchoOptions(key=KEY, once=once, field=("header.seq", "nope", "x"))
+        with pytest.raises(ConfigurationError, match=r"^--field nope: .*; available there: header"):
+            echoed(options, centroids(client, 1))
+    with pytest.raises(ExpectationNotMet, match="none of 1 messages was printed"):
+        echoed(
+            EchoOptions(key="a/b", field=("x", "nope"), for_=2.0),
+            lambda: client.put("a/b", '{"x": 1}', encoding="application/json"),
+        )
+    assert capsys.readouterr().err.splitlines() == [
+        "zv: skipping messages without nope: a/b (application/json) has x",
+        "zv: skipped 1 message without nope",
+    ]
+
+
+def test_on_a_key_that_nobody_publishes_it_says_how_the_wait_ends(endpoint, client):
+    notes: list[str] = []
+
+    class Answering(Output):
+        """Sends a message as soon as a note is printed."""
+
+        def note(self, text: str) -> None:
+            notes.append(text)
+            client.put("nobody/here", "late", encoding="text/plain")
+
+    options = EchoOptions(key="nobody/here", once=True)
+    echo.run(options, Connection(endpoint, timeout_s=5), Answering())
+    assert len(notes) == 1
+    assert notes[0].endswith("; waiting for it (Ctrl-C ends it, --for 5s limits it)")
+
+
+def test_a_part_that_this_message_lacks_is_no_wrong_use(echoed, client, capsys):
+    def send() -> None:
+        centroids(client, 1)()
+        put_centroid(client, KEY, 1)
+
+    with pytest.raises(ExpectationNotMet, match="none of 2 messages was printed"):
+        echoed(EchoOptions(key=KEY, field=("box.4",), for_=2.0), send)
+    assert "skipped 2 messages without box.4" in capsys.readouterr().err
+
+
+def test_among_several_types_a_message_without_the_field_is_skipped(echoed, client):
+    def send() -> None:
+        put_picture(client, "vision/c/image/compressed", 1)
+        put_centroid(client, KEY, 2)
+
+    options = EchoOptions(key="vision/c/**", count=1, field=("x",))
+    assert echoed(options, send) == [f"{KEY} 20"]
 
 
 def test_echo_of_a_picture_is_its_header_format_and_size(echoed, client):
@@ -157,7 +248,7 @@ def test_what_has_stopped_to_flow_is_shown_by_query(client, zv):
             query.reply(KEY, body, encoding=CENTROID)
 
     queryable = client.declare_queryable(KEY, answer)
-    assert zv(EchoOptions(key=KEY, once=True, field="header.seq")) == ["4"]
+    assert zv(EchoOptions(key=KEY, once=True, field=("header.seq",))) == ["4"]
     queryable.undeclare()
 
 

@@ -14,7 +14,7 @@ import pytest
 import zenoh
 
 from tests.support.listening import open_client
-from tests.support.pictures import STILL
+from tests.support.pictures.encoded import STILL
 from tests.support.publishing import (
     JPEG,
     Paced,
@@ -187,6 +187,16 @@ def test_info_says_who_sends_who_gets_and_what_is_newest(client, zv, node):
     assert text[0] == LAZY
     assert "    - node: tracker_c" in text
     queryable.undeclare()
+
+
+def test_info_does_not_say_when_a_stream_of_others_is_made(client, zv):
+    publisher = client.declare_publisher("vision/foreign/image/compressed")
+    (line,) = zv(InfoOptions(key="vision/foreign/image/compressed", window=0.1), as_json=True)
+    found = json.loads(line)
+    assert found["publishers"] == [{"node": "?"}]
+    assert "made" not in found
+    assert "delivery" not in found
+    publisher.undeclare()
 
 
 def test_a_description_without_end_is_left_out_at_once(client, zv, node):

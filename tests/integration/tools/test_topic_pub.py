@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.listening import Listener
-from tests.support.pictures import HEIGHT, STILL, WIDTH, jpeg
+from tests.support.listening import Listener, open_client
+from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg
 from tests.support.publishing import (
     CENTROID,
     JPEG,
@@ -81,6 +81,19 @@ def test_pub_waits_for_a_subscriber_that_comes_a_little_later(client, zv, monkey
     zv(PubOptions(key="other/late", data='{"error": "x", "allowed": "y"}', type_="refusal"))
     later.join()
     assert listeners[0].wait_for(1)
+
+
+def test_pub_waits_for_as_many_subscribers_as_it_is_told_to(client, endpoint, zv, capsys):
+    key, listeners = "other/several", [Listener(client, "other/several")]
+    with open_client(endpoint) as another:
+        later = threading.Timer(0.5, lambda: listeners.append(Listener(another, key)))
+        later.start()
+        data = '{"error": "x", "allowed": "y"}'
+        zv(PubOptions(key=key, data=data, type_="refusal", wait_for=2))
+        later.join()
+        for listener in listeners:
+            assert listener.wait_for(1)
+    assert f"waiting for 2 subscribers on {key}; there are 1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -11,9 +11,9 @@ import pytest
 from tests.integration.conftest import some_services
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, living_nodes, open_client, wait_for_nodes
-from tests.support.pages import Page
 from tests.support.processes import Program
 from tests.support.routing import free_port, port_answers
+from tests.support.viewer.pages import Page
 from tests.support.waiting import wait_until
 
 PAGE = Page("docs/deploy.md")

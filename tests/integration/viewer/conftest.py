@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.integration.conftest import Service, a_router, some_services
-from tests.support.viewer_client import Viewer
+from tests.support.viewer.client import Viewer
 from tests.support.waiting import wait_until
 
 

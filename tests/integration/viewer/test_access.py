@@ -21,7 +21,7 @@ from tests.support.fork_server import ZV
 from tests.support.processes import START_S, Program, environment
 from tests.support.publishing import PlainCamera
 from tests.support.routing import free_port
-from tests.support.viewer_client import Viewer
+from tests.support.viewer.client import Viewer
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.image import codecs
 from zv.viewer.credentials import view_token

@@ -15,7 +15,7 @@ import pytest
 import zenoh
 
 from tests.support.publishing import KEPT, PlainCamera
-from tests.support.viewer_client import Viewer
+from tests.support.viewer.client import Viewer
 
 TRACKS = "vision/front/tracks"
 MOST_MS = 50

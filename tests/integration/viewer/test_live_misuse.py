@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.pictures import jpeg
+from tests.support.pictures.encoded import jpeg
 from tests.support.publishing import KEPT, PlainCamera
-from tests.support.viewer_client import IMAGE, Page, Viewer, run
+from tests.support.viewer.client import IMAGE, Page, Viewer, run
 from tests.support.waiting import wait_until
 from zv.viewer.websocket.commands import MAX_BYTES, MAX_RATE_HZ
 

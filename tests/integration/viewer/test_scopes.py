@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.integration.conftest import Service
-from tests.support.viewer_client import Viewer
+from tests.support.viewer.client import Viewer
 from tests.support.waiting import wait_until
 from zv.viewer.credentials import view_token
 

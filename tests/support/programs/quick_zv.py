@@ -6,13 +6,14 @@ import sys
 
 from zenoh_vision.node import announcement
 from zv.cli import main as command_line
-from zv.launcher import starting
+from zv.launcher import starting, supervisor
 
 
 def main() -> None:
     """Change the periods, and be ``zv``."""
     announcement.PERIOD_S /= 10
     starting.LINES_PERIOD_S /= 10
+    supervisor.ANNOUNCED_S /= 10
     if "view" in sys.argv:
         from zv.viewer.http import connections
 

@@ -89,12 +89,12 @@ def test_the_live_options_of_the_services_are_all_but_those_that_say_who_they_ar
         service: set(model_of(service).model_fields) - set(live_fields(model_of(service)))
         for service in NODE_SERVICES
     }
-    # The source is not live: whoever may set parameters could read any file of the machine.
+    # No file is live: whoever may set parameters could read any file of the machine.
     # Nor is anything that says who may reach the viewer, or how much memory a frame may take.
     assert fixed == {
-        "camera": {"camera", "source", "max_pixels"},
+        "camera": {"camera", "source", "calibration", "max_pixels"},
         "tracker": {"camera", "max_pixels"},
-        "edge": {"camera", "max_pixels"},
+        "edge": {"camera", "mask", "max_pixels"},
         "viewer": {"host", "port", "address", "token", "allow_host", "max_pixels"},
     }
 

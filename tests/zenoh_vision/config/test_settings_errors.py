@@ -40,7 +40,13 @@ def refusal(model: type[Settings], **sources: Any) -> str:
         (CameraSettings, "rate = 0", ["rate = 0", "from 0.0001"]),
         (CameraSettings, "width = 8", ["width = 8", "from 16 to 7680"]),
         (CameraSettings, 'encoding = "yuv"', ["encoding = 'yuv'", "mono8, mono16, bgr8, rgb8"]),
-        (CameraSettings, 'camera = "Front"', ["camera = 'Front'", "[a-z0-9_]+"]),
+        (CameraSettings, 'camera = "Front"', ["camera = 'Front'", "letters a-z, digits and _"]),
+        (
+            CameraSettings,
+            'stall_after = "5 parsecs"',
+            ["'5 parsecs'", "5, 5s, 500ms, 2m, from 100ms"],
+        ),
+        (CameraSettings, "stall_after = 7200", ["stall_after = 7200", "from 100ms to 1h"]),
         (EdgeSettings, "aperture = 4", ["aperture = 4", "one of 3, 5, 7"]),
         (EdgeSettings, 'aperture = "5"', ["aperture = '5'", "one of 3, 5, 7"]),
         (TrackerSettings, 'median = "5"', ["median = '5'", "one of 0, 3, 5, 7"]),
@@ -71,6 +77,24 @@ def test_a_wrong_flag_or_variable_is_named_as_the_user_spelled_it(
     monkeypatch.setenv(f"ZV_CAMERA_{name.upper()}", text)
     by_environment = refusal(CameraSettings)
     assert by_environment.startswith(f"environment: ZV_CAMERA_{name.upper()} = {text!r} is not")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "why"),
+    [
+        ("quality", "101", " (above 100)"),
+        ("quality", "0", " (below 1)"),
+        ("quality", "high", " (not a whole number)"),
+        ("rate", "fast", " (not a number)"),
+        ("rate", "0", " (below 0.0001)"),
+        ("camera", "Front", ""),
+    ],
+)
+def test_why_a_value_is_wrong_is_said_in_short_or_left_to_what_is_allowed(
+    name: str, text: str, why: str
+):
+    message = refusal(CameraSettings, flags={name: text})
+    assert message.startswith(f"command line: --{name} = {text!r} is not allowed{why}; allowed: ")
 
 
 @pytest.mark.parametrize(

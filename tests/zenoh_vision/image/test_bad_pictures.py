@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures import SCENE, png_of, progressive
+from tests.support.pictures.encoded import SCENE, png_of, progressive
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures import SCENE
+from tests.support.pictures.encoded import SCENE
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 
@@ -16,6 +16,8 @@ EIGHT_BITS = ["mono8", "bgr8", "rgb8", "bgra8", "rgba8"]
 def noise(encoding: str, width: int = 31, height: int = 17) -> pixel_formats.Pixels:
     known = pixel_formats.ENCODINGS[encoding]
     shape = (height, width) if known.channels == 1 else (height, width, known.channels)
+    if known.dtype.kind == "f":
+        return np.random.default_rng(3).random(shape, np.float32) * 10
     limit = int(np.iinfo(known.dtype).max) + 1
     pixels: pixel_formats.Pixels = np.random.default_rng(3).integers(0, limit, shape, known.dtype)
     return pixels
@@ -138,7 +140,7 @@ def test_8_bits_survive_16_exactly():
 
 
 @pytest.mark.parametrize("source", EIGHT_BITS)
-@pytest.mark.parametrize("target", [*EIGHT_BITS, "mono16"])
+@pytest.mark.parametrize("target", [*EIGHT_BITS, "mono16", "16UC1", "32FC1"])
 def test_every_conversion_exists_and_leaves_its_input_alone(source: str, target: str):
     pixels = noise(source)
     before = pixels.copy()

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures import SCENE
+from tests.support.pictures.encoded import SCENE
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.library import Changes, changed, changes, fuzz, tried
-from tests.support.pictures import chunks_of, png_of
+from tests.support.pictures.encoded import chunks_of, png_of
 from zenoh_vision.image import codecs, pixel_formats
 
 NOISE = np.random.default_rng(7).integers(0, 256, (48, 64, 3), np.uint8)

@@ -9,8 +9,10 @@ import pytest
 from pydantic import Field
 
 from tests.support.library import LampSettings, header
+from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.health.latency import LatencyMonitor
+from zenoh_vision.keys import Transport
 from zenoh_vision.messages import Centroid
 from zenoh_vision.node.node import Node
 from zenoh_vision.stream.sample import Sample
@@ -153,3 +155,26 @@ def test_the_age_from_which_a_frame_is_stale(
     monkeypatch.setattr(frames.intake, "take", lambda *arguments: used.append(arguments[-1]))
     assert frames.take(0.0) is None
     assert used == [used_s]
+
+
+class TransportSettings(LampSettings):
+    env_prefix: ClassVar[str] = "ZV_TRANSPORT_"
+
+    transport: Annotated[Transport, Field(description="which key"), Live()] = "jpeg"
+
+
+def test_a_silent_input_of_pairs_follows_the_parameters(node: Node, monkeypatch):
+    node.parameters = ParameterStore(TransportSettings())
+    left = node.frames(transport="auto")
+    right = node.messages("centroid")
+    assert left.intake.keys == ("vision/front/image/compressed",)
+    node.parameters.change({"transport": "raw"})
+    rounds = iter(range(3))
+
+    def end_after_three() -> None:
+        if next(rounds, None) is None:
+            node.stop()
+
+    monkeypatch.setattr(node.health, "loop_alive", end_after_three)
+    assert list(node.pairs(left, right, wait_s=0)) == []
+    assert left.intake.keys == ("vision/front/image",)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import numpy as np
 import pytest
 
 from tests.support.intakes import JPEG, KEY, RAW_KEY, Taker, sample, take
@@ -192,3 +193,12 @@ def test_inputs_that_share_a_condition_wake_one_consumer():
     for key in ("a/b/c", "d/e/f"):
         SampleIntake(key, consumer).receive(Sample(key, b""))
     assert next(woken) == 2
+
+
+def test_a_bare_png_of_16_bits_is_assumed_to_be_one():
+    intake = Taker().frames()
+    depth = np.arange(64 * 48, dtype=np.uint16).reshape(48, 64)
+    intake.receive(sample(0, codecs.encode_png(depth), attachment=None))
+    frame = take(intake)
+    assert (frame.header.encoding, frame.header.assumed) == ("mono16", True)
+    assert np.array_equal(frame.pixels, depth)

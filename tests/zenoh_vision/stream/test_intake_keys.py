@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 import pytest
 
-from tests.support.intakes import FAR_NS, KEY, Taker, sample, take
+from tests.support.intakes import FAR_NS, KEY, PIXELS, RAW_KEY, Taker, sample, take
+from tests.support.library import header
+from zenoh_vision.image.depth import ValueRange
 from zenoh_vision.stream.buffer import queue
 from zenoh_vision.stream.epoch_gate import SILENCE_NS
 from zenoh_vision.stream.frame_intake import FORGET_NS, MAX_KEYS
@@ -103,3 +106,40 @@ def test_a_camera_that_stays_is_not_stale_for_one_that_departed():
     intake.receive(sample(0, key=key_of(1), arrived_ns=now_ns - FORGET_NS))
     intake.receive(sample(0, arrived_ns=now_ns))
     assert [state.key for state in intake.states()] == [KEY]
+
+
+def test_compressed_and_raw_frames_of_a_camera_are_one_stream_in_which_each_counts_once():
+    taker = Taker()
+    intake = taker.frames(raw_key=RAW_KEY)
+    raw = PIXELS.tobytes()
+    intake.receive(sample(5))
+    assert take(intake).mime == "image/jpeg"
+    intake.receive(sample(5, raw, RAW_KEY))
+    assert taker.drops == ["out_of_order"]
+    intake.receive(sample(6, raw, RAW_KEY))
+    assert (take(intake).pixels == PIXELS).all()
+    assert [state.key for state in intake.states()] == [RAW_KEY]
+    intake.receive(sample(7, raw, RAW_KEY))
+    intake.receive(sample(8))
+    assert take(intake).header.seq == 8, "the newest, whatever its key"
+    assert take(intake) is None
+    assert taker.counters.snapshot()["dropped.overwritten"] == 1
+
+
+def test_each_camera_has_a_range_of_depth_of_its_own():
+    intake = Taker().frames("vision/*/image", raw=True)
+    intake.depth_limits = (None, None)
+    found = []
+    for camera, value in (("near", 500), ("far", 9000), ("near", 600)):
+        key, shape = f"vision/{camera}/image", {"width": 2, "height": 1, "encoding": "16UC1"}
+        head = header(value, camera=camera, **shape).to_bytes()
+        pixels = np.array([[value, value + 100]], "<u2").tobytes()
+        intake.receive(sample(value, pixels, key, attachment=head))
+        found.append(take(intake).value_range)
+    assert found == [ValueRange(500, 600), ValueRange(9000, 9100), ValueRange(600, 700)]
+
+
+def test_raw_pixels_beside_compressed_frames_have_a_limit_of_their_own():
+    intake = Taker().frames(raw_key=RAW_KEY, max_pixels=100)
+    assert intake.limit_of(RAW_KEY).max_bytes == 400, "4 bytes a pixel"
+    assert intake.limit_of(KEY).max_bytes == 32 << 20

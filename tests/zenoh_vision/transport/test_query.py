@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import zenoh
 
 from zenoh_vision.transport.query import MAX_REPLIES, Query, Replies, ask, send
 
@@ -56,3 +57,16 @@ def test_how_many_were_left_out_is_said(caplog: pytest.LogCaptureFixture):
     asked = ask(session_of([400_000] * 5), [Query("v/front/image", most_bytes=1_000_000)])
     assert [len(replies) for replies in asked] == [2]
     assert caplog.messages == ["v/front/image: 3 more replies are left out"]
+
+
+def test_a_list_of_tokens_that_is_not_complete_is_said(caplog: pytest.LogCaptureFixture):
+    def get(_key: str, handler: Any, **_options: object) -> None:
+        err = SimpleNamespace(payload=zenoh.ZBytes(b"Timeout"))  # as Zenoh 1.10 sends it
+        handler.callback(SimpleNamespace(ok=None, err=err, replier_id=None))
+        handler.drop()
+
+    session: Any = SimpleNamespace(liveliness=lambda: SimpleNamespace(get=get), get=get)
+    assert ask(session, [Query("v/front/image")]) == [[]]
+    assert caplog.messages == []  # a queryable that does not reply is found in other ways
+    assert ask(session, [Query("@v/node/*", timeout_s=2.5, tokens=True)]) == [[]]
+    assert caplog.messages == ["@v/node/*: the router has not listed all tokens within 2.5 s"]

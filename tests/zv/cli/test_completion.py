@@ -78,7 +78,7 @@ def test_to_offer_the_commands_none_of_them_is_loaded():
     program = (
         "import sys, atexit, zv.cli.main as m\n"
         "atexit.register(lambda: print([name for name in sys.modules if name in "
-        "('zenoh', 'cv2', 'numpy', 'zv.cli.flags', 'zv.cli.loading')]))\n"
+        "('zenoh', 'cv2', 'numpy', 'zenoh_vision.cli.flags', 'zv.cli.loading')]))\n"
         "m.main()"
     )
     done = run_program([sys.executable, "-c", program], **question("bash", "zv "))

@@ -8,16 +8,20 @@ import shlex
 import subprocess
 import sys
 import threading
+from importlib.metadata import version
 
 import pytest
 
 from tests.support.processes import ROOT, START_S, environment, run_program
 from tests.support.terminal import Terminal
 from tests.support.typist import type_zv
+from zenoh_vision.cli import errors
+from zenoh_vision.cli.command import CONNECTION_FLAGS, Command, Group, flags_behind_command
+from zenoh_vision.cli.errors import FAULT_STATUS
+from zenoh_vision.cli.flags import ConnectionSettings
+from zenoh_vision.config.settings import flag_of
 from zenoh_vision.errors import ConfigurationError, ToldToStop
-from zv.cli import errors
-from zv.cli.command import Command, Group
-from zv.cli.errors import FAULT_STATUS
+from zv.cli import main
 from zv.cli.generate import entries
 from zv.cli.main import COMMANDS, example, section
 
@@ -91,7 +95,7 @@ def helped(*words):
     loaded = {HEAVY!r} & set(sys.modules)
     assert not loaded, (words, loaded)
 helped()
-assert not {{"zenoh", "zv.cli.flags"}} & set(sys.modules)
+assert not {{"zenoh", "zenoh_vision.cli.flags"}} & set(sys.modules)
 for words in {list(ENTRIES)!r}:
     helped(*words.split()[1:])
 """
@@ -130,14 +134,19 @@ def test_a_reader_that_has_had_enough_is_no_error(words: str):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["trakker"], "zv: no such command 'trakker'. Did you mean 'tracker'?; see zv --help"),
+        (["trakker"], "zv: no such command 'trakker'; did you mean tracker? see zv --help"),
         (["xyz"], "zv: no such command 'xyz'; see zv --help"),
         (["camera", "--bogus"], "zv: no such option: --bogus; see zv camera --help"),
         (
             ["camera", "--reopen-mix", "1"],
-            "zv: no such option: --reopen-mix (Possible options: --reopen-max, --reopen-min); "
+            "zv: no such option: --reopen-mix; did you mean --reopen-min or --reopen-max? "
             "see zv camera --help",
         ),
+        (
+            ["camera", "--sorce", "0"],
+            "zv: no such option: --sorce; did you mean --source? see zv camera --help",
+        ),
+        (["toppic"], "zv: no such command 'toppic'; did you mean topic or top? see zv --help"),
         (["camera", "--rate"], "zv: option '--rate' requires an argument"),
         (["edge", "x"], "zv: got unexpected extra argument (x); see zv edge --help"),
         (
@@ -184,11 +193,133 @@ def test_with_debug_a_fault_shows_its_traceback_too():
     assert done.stderr.splitlines()[-1].startswith("zv: unexpected KeyError")
 
 
-def test_with_debug_an_error_of_the_users_shows_where_it_was_found():
-    done = zv("edge", "--sigma", "99", "--debug")
-    assert done.returncode == 2
-    assert "Traceback (most recent call last)" in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("zv: command line: --sigma")
+@pytest.mark.parametrize("flags", [[], ["--debug"]], ids=["", "debug"])
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        (["edge", "--sigma", "99"], 2),
+        (["edge", "--config", "missing.toml"], 2),
+        (["topic", "list", "--connect", "tcp/127.0.0.1:1", "--timeout", "100ms"], 4),
+        (["param", "load", "camera_front", "missing.toml"], 3),
+        (["up", "missing.toml"], 2),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_an_error_of_the_users_is_one_line_with_debug_too(
+    arguments: list[str], status: int, flags: list[str]
+):
+    done = zv(*arguments, *flags)
+    assert (done.returncode, done.stdout) == (status, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("zv: ")
+
+
+@pytest.mark.parametrize("flags", [[], ["--debug"]], ids=["", "debug"])
+@pytest.mark.parametrize(
+    "error", [ToldToStop("told to stop"), KeyboardInterrupt()], ids=["in a wait", "in our code"]
+)
+def test_ctrl_c_ends_with_0_and_says_nothing_with_debug_too(
+    error: BaseException,
+    flags: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    def interrupted() -> int:
+        raise error
+
+    monkeypatch.setattr(main, "run", interrupted)
+    monkeypatch.setattr(sys, "argv", ["zv", "top", *flags])
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    assert ended.value.code == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_ctrl_c_while_zv_is_loaded_shows_no_traceback():
+    program = (
+        "import os, signal, sys\n"
+        "import zv.__main__ as entry\n"
+        "class Interrupted:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'zv.cli.main': os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupted())\n"
+        "entry.main()"
+    )
+    done = run_program([sys.executable, "-c", program])
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+# Flags before the command
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+@pytest.mark.parametrize("words", ["", "topic", "topic echo", "camera", "completion"])
+def test_help_has_a_short_flag(words: str, flag: str):
+    done = zv(*words.split(), flag)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"Usage: zv {words}".rstrip())
+    assert re.search(r"^  -h, --help +\w", done.stdout, re.MULTILINE)
+
+
+def test_version_prints_the_version_of_the_distribution():
+    done = zv("--version")
+    assert (done.returncode, done.stdout) == (0, f"zv {version('zenoh-vision')}\n")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("--connect X topic list --json", "topic --connect X list --json"),
+        ("--connect=X --timeout 5s up", "up --connect=X --timeout 5s"),
+        ("--debug --namespace lab list", "list --debug --namespace lab"),
+        ("list --connect X", "list --connect X"),
+        ("--connect X", "--connect X"),
+        ("--connect X --help", "--connect X --help"),
+        ("--bogus list", "--bogus list"),
+        ("", ""),
+    ],
+)
+def test_the_flags_of_the_connection_may_stand_before_a_command(typed: str, meant: str):
+    assert flags_behind_command(typed.split()) == meant.split()
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "--connect tcp/127.0.0.1:1 --timeout 100ms topic list",
+        "topic --connect tcp/127.0.0.1:1 --timeout 100ms list",
+        "--connect tcp/127.0.0.1:2 topic list --connect tcp/127.0.0.1:1 --timeout 100ms",
+    ],
+)
+def test_a_flag_before_the_command_is_used_and_one_behind_it_overrides_it(typed: str):
+    done = zv(*typed.split())
+    assert done.returncode == 4
+    assert "no Zenoh router at tcp/127.0.0.1:1 within 0.1 s; start one" in done.stderr
+
+
+def test_the_flags_before_a_command_are_those_of_the_connection():
+    assert list(CONNECTION_FLAGS) == [flag_of(name) for name in ConnectionSettings.model_fields]
+
+
+# Texts
+
+
+@pytest.mark.parametrize("words", ENTRIES)
+def test_help_is_for_people(words: str):
+    text = zv(*words.split()[1:], "--help").stdout
+    told = " ".join(text.split())
+    for unwanted in ("^[", "]+", "(a list", "<bool>", "(a text)", "...)", " /--", "2m; )", "None"):
+        assert unwanted not in told
+    below = text.partition("\n\n")[2]  # the line of usage has the dots of arguments that repeat
+    assert not re.search(r"[a-z]\.\.\.$", below, re.MULTILINE), "a sentence is cut"
+
+
+@pytest.mark.parametrize("words", ENTRIES)
+def test_each_example_is_one_line_of_its_own(words: str):
+    for line in ENTRIES[words].examples:
+        assert "\n" not in line
+        assert line.startswith("zv ")
 
 
 def test_an_error_in_a_thread_is_one_line(

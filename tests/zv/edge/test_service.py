@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures import smooth
+from tests.support.pictures.encoded import smooth
+from zenoh_vision.config.constraints import choices
+from zenoh_vision.config.settings import load_settings
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
-from zv.edge.service import edges_of
+from zenoh_vision.messages import Contours, Header
+from zv.edge.detectors.available import DETECTORS, detector_named
+from zv.edge.finding import EdgesOfFrame, message_of
+from zv.edge.service import read_mask
 from zv.edge.settings import EdgeSettings
 
 JPEG = codecs.encode_jpeg(smooth(160, 120, detail=10), "bgr8", 90)
@@ -44,7 +51,96 @@ def test_every_setting_is_canny_on_the_grey_decode(changed: dict):
         L2gradient=numbers["l2"],
     )
     frame = Frame(HEADER, compressed=JPEG)
-    found = edges_of(frame, EdgeSettings.model_validate(changed))
+    found = EdgesOfFrame(frame, EdgeSettings.model_validate(changed)).edges
     assert np.array_equal(found, expected)
-    default = edges_of(frame, EdgeSettings())
+    default = EdgesOfFrame(frame, EdgeSettings()).edges
     assert np.array_equal(found, default) == (not changed)
+
+
+def edges_of(changed: dict) -> EdgesOfFrame:
+    return EdgesOfFrame(
+        Frame(HEADER, compressed=JPEG), EdgeSettings.model_validate({"contour_min": 1} | changed)
+    )
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"detector": "haralick", "window": 7},
+        {"detector": "laplacian_of_gaussian"},
+        {"detector": "roberts", "sigma": 0.0},
+        {"region": "20,30,60,40"},
+        {"scale": 0.5},
+        {"region": "100,60,500,500", "scale": 0.7},
+    ],
+    ids=str,
+)
+def test_every_result_is_of_the_frames_size(changed: dict):
+    found = edges_of(changed)
+    assert found.edges.shape == found.strength.shape == (120, 160)
+    assert set(np.unique(found.edges)) <= {0, 255}
+    assert {make().shape[:2] for make in found.stages.values()} == {(120, 160)}
+
+
+def test_a_region_is_the_map_of_what_is_in_it():
+    """But for its border, and without hysteresis, which follows lines out of it and back."""
+    options = {"sigma": 0.0, "low": 100.0}
+    whole, part = edges_of(options), edges_of({**options, "region": "20,30,60,40"})
+    assert part.edges[32:68, 22:78].any()
+    assert np.array_equal(part.edges[32:68, 22:78], whole.edges[32:68, 22:78])
+    assert not part.edges[:30].any()
+    assert not part.edges[:, 80:].any()
+    assert part.density == pytest.approx(np.count_nonzero(part.edges) / (60 * 40))
+
+
+def test_the_message_has_the_lines_of_the_map():
+    found = edges_of({"contours": 5, "circles": True})
+    message = message_of(found.lines, found.density, HEADER)
+    assert 0 < len(message.contours) <= 5
+    lengths = [line.length for line in message.contours]
+    assert lengths == sorted(lengths, reverse=True)
+    edges = found.edges
+    assert all(edges[y, x] == 255 for line in message.contours for x, y in line.points)
+    assert message.circles is not None
+    assert Contours.from_bytes(message.to_bytes()) == message
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"low": 120.0}, "low = 120 is above high = 100"),
+        ({"aperture": 4}, "aperture"),
+        ({"aperture": 9}, "aperture"),
+        ({"sigma": -1.0}, "sigma"),
+        ({"sigma": 0.3, "detector": "laplacian_of_gaussian"}, "sigma = 0.3 is too little"),
+        ({"detector": "susan"}, "detector"),
+        ({"window": 6}, "window"),
+        ({"region": "1,2,3"}, "region"),
+        ({"region": "0,0,0,10"}, "region"),
+        ({"scale": 0.0}, "scale"),
+        ({"format": "gif"}, "format"),
+    ],
+    ids=str,
+)
+def test_settings_that_make_no_sense_are_refused_with_the_reason(values: dict, words: str):
+    with pytest.raises(ConfigurationError, match=words):
+        load_settings(EdgeSettings, flags=values)
+
+
+def test_a_mask_that_cannot_be_read_is_named(tmp_path: Path):
+    with pytest.raises(SourceError, match="No such file"):
+        read_mask(str(tmp_path / "none.png"))
+    (tmp_path / "text.png").write_text("no image")
+    with pytest.raises(SourceError, match="text"):
+        read_mask(str(tmp_path / "text.png"))
+    (tmp_path / "mask.png").write_bytes(codecs.encode_png(np.eye(4, dtype=np.uint8) * 9))
+    mask = read_mask(str(tmp_path / "mask.png"))
+    assert mask is not None
+    assert np.array_equal(mask, np.eye(4) * 255)
+    assert read_mask(None) is None
+
+
+def test_the_setting_names_every_detector_and_has_all_their_parameters():
+    assert set(choices(EdgeSettings, "detector")) == set(DETECTORS)
+    for name, kind in DETECTORS.items():
+        assert isinstance(detector_named(name, EdgeSettings()), kind)

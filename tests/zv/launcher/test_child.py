@@ -14,7 +14,12 @@ from tests.support.routing import free_endpoint
 from tests.support.waiting import wait_until
 from zenoh_vision.host.backoff import Backoff
 from zv.launcher import child as child_module
-from zv.launcher.child import LONGEST_DELAY_S, Child, inherited
+from zv.launcher.child import LONGEST_DELAY_S, Child
+from zv.launcher.command_line import zv_command_line
+
+
+def service_child(name: str, arguments: list[str], **options) -> Child:
+    return Child(name, zv_command_line(arguments), **options)
 
 
 @pytest.fixture
@@ -24,7 +29,7 @@ def said() -> list[str]:
 
 @pytest.fixture
 def router(said: list[str]) -> Iterator[Child]:
-    child = Child("router", ["router", "--listen", free_endpoint()], say=said.append)
+    child = service_child("router", ["router", "--listen", free_endpoint()], say=said.append)
     child.start()
     yield child
     child.terminate()
@@ -52,7 +57,7 @@ def test_a_process_that_is_killed_is_started_again_after_a_delay_and_that_is_sai
 
 def test_the_delay_doubles_up_to_half_a_minute(said, monkeypatch):
     monkeypatch.setattr(child_module, "FIRST_DELAY_S", 0.02)
-    child = Child("x", ["camera", "--source", "/nonexistent"], say=said.append)
+    child = service_child("x", ["camera", "--source", "/nonexistent"], say=said.append)
     child._backoff = Backoff(8.0, LONGEST_DELAY_S)
     delays = []
     for _ in range(4):
@@ -64,7 +69,7 @@ def test_the_delay_doubles_up_to_half_a_minute(said, monkeypatch):
 
 
 def test_a_source_that_cannot_be_opened_is_tried_again_and_its_words_are_passed_on(said):
-    child = Child("camera_x", ["camera", "--source", "/nonexistent"], say=said.append)
+    child = service_child("camera_x", ["camera", "--source", "/nonexistent"], say=said.append)
     child.start()
     wait_until(lambda: child.check() or child.exit_status is not None)
     assert child.exit_status == 3
@@ -75,7 +80,7 @@ def test_a_source_that_cannot_be_opened_is_tried_again_and_its_words_are_passed_
 
 
 def test_a_wrong_configuration_is_not_started_again(said):
-    child = Child("edge_x", ["edge", "--low", "9", "--high", "1"], say=said.append)
+    child = service_child("edge_x", ["edge", "--low", "9", "--high", "1"], say=said.append)
     child.start()
     wait_until(lambda: child.check() or child.exit_status is not None)
     assert (child.exit_status, child.state) == (2, "failed")
@@ -83,7 +88,9 @@ def test_a_wrong_configuration_is_not_started_again(said):
 
 
 def test_a_node_that_is_not_to_be_restarted_stays_down(said):
-    child = Child("camera_x", ["camera", "--source", "/none"], restart=False, say=said.append)
+    child = service_child(
+        "camera_x", ["camera", "--source", "/none"], restart=False, say=said.append
+    )
     child.start()
     wait_until(lambda: child.check() or child.exit_status is not None)
     assert child.state == "failed"
@@ -108,7 +115,9 @@ def test_a_router_that_was_told_to_end_by_someone_else_is_started_again(router, 
 
 
 def test_a_camera_that_ends_with_0_has_finished_and_stays_down(said):
-    child = Child("camera_x", ["--help"], finishes=True, say=said.append)  # ends with 0, too
+    child = service_child(
+        "camera_x", ["--help"], finishes=True, say=said.append
+    )  # ends with 0, too
     child.start()
     wait_until(lambda: child.check() or child.exit_status is not None)
     assert (child.exit_status, child.state) == (0, "finished")
@@ -118,7 +127,7 @@ def test_a_camera_that_ends_with_0_has_finished_and_stays_down(said):
 def test_a_router_whose_port_was_taken_while_it_was_down_is_started_again(said, monkeypatch):
     monkeypatch.setattr(child_module, "FIRST_DELAY_S", 0.0)
     endpoint = free_endpoint()
-    child = Child("router", ["router", "--listen", endpoint], say=said.append)
+    child = service_child("router", ["router", "--listen", endpoint], say=said.append)
     child.start()
     wait_until(lambda: listens(said))
     child.mark_running()
@@ -132,7 +141,7 @@ def test_a_router_whose_port_was_taken_while_it_was_down_is_started_again(said, 
 
 def test_who_ran_for_long_begins_with_the_first_delay_again(said, monkeypatch):
     monkeypatch.setattr(child_module, "STEADY_S", 0.0)
-    child = Child("x", ["camera", "--source", "/nonexistent"], say=said.append)
+    child = service_child("x", ["camera", "--source", "/nonexistent"], say=said.append)
     assert [child._backoff.next_delay_s() for _ in range(4)] == [1, 2, 4, 8]
     child.start()
     wait_until(lambda: child.check() or child.exit_status is not None)
@@ -140,7 +149,7 @@ def test_who_ran_for_long_begins_with_the_first_delay_again(said, monkeypatch):
 
 
 def test_who_waits_for_its_next_start_is_not_started_once_told_to_end(said):
-    child = Child("x", ["camera", "--source", "/nonexistent"], say=said.append)
+    child = service_child("x", ["camera", "--source", "/nonexistent"], say=said.append)
     child.start()
     wait_until(lambda: child.check() or child.state.startswith("restarting"))
     child.terminate()
@@ -153,7 +162,7 @@ def test_a_folder_named_services_where_the_user_is_does_no_harm(said, tmp_path, 
     (tmp_path / "zv").mkdir()
     (tmp_path / "zv" / "__init__.py").write_text("raise SystemExit(77)")
     monkeypatch.chdir(tmp_path)
-    child = Child("router", ["router", "--listen", free_endpoint()], say=said.append)
+    child = service_child("router", ["router", "--listen", free_endpoint()], say=said.append)
     child.start()
     wait_until(lambda: listens(said) or not child.alive)
     assert child.alive, said
@@ -168,13 +177,16 @@ def test_a_terminals_ctrl_c_does_not_reach_a_child_so_that_nodes_end_before_thei
 def test_what_zv_up_has_resolved_reaches_a_child_only_as_its_flags(monkeypatch):
     for name in ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT", "ZV_EDGE_LOW"):
         monkeypatch.setenv(name, "1")
-    assert {name for name in inherited() if name.startswith("ZV_")} == {"ZV_EDGE_LOW"}
+    environment = zv_command_line([]).environment
+    assert {name for name in environment if name.startswith("ZV_")} == {"ZV_EDGE_LOW"}
 
 
 def test_no_descriptor_is_left_after_the_end(said, tmp_path: Path):
     before = len(os.listdir("/proc/self/fd"))
     for _ in range(3):
-        child = Child("x", ["router", "--listen", "nonsense"], restart=False, say=said.append)
+        child = service_child(
+            "x", ["router", "--listen", "nonsense"], restart=False, say=said.append
+        )
         child.start()
         wait_until(lambda child=child: child.check() or child.exit_status is not None)
         child.finish(time.monotonic() + 1)

@@ -7,9 +7,9 @@ import pytest
 
 from zenoh_vision.errors import ConfigurationError
 from zv.cli.loading import load
-from zv.launcher.child import command_of
-from zv.launcher.launch_file import read_launch_file
-from zv.launcher.starting import addresses, with_ports
+from zv.launcher.command_line import service_flags
+from zv.launcher.launch_file import PlannedNode, read_launch_file
+from zv.launcher.starting import addresses, launch_file, with_ports
 
 ROOT = Path(__file__).parent.parent.parent.parent
 NODE = '[[node]]\nservice = "camera"\n'
@@ -19,6 +19,11 @@ def launch(folder: Path, text: str) -> Path:
     path = folder / "up.toml"
     path.write_text(text)
     return path
+
+
+def command_of(node) -> tuple[list[str], dict[str, str]]:
+    assert isinstance(node, PlannedNode)
+    return service_flags(node.service, node.settings)
 
 
 def complaint(path: Path) -> str:
@@ -36,13 +41,15 @@ def test_the_default_file_names_a_camera_a_tracker_and_an_edge_detector():
     assert plan.listen == "tcp/127.0.0.1:7447"
 
 
+NODES = ("camera", "tracker", "edge")
+
+
 def test_two_cameras_differ_in_name_and_scene():
     plan = read_launch_file(ROOT / "configs" / "two-cameras.toml")
-    assert sorted(node.name for node in plan.nodes) == sorted(
-        f"{service}_{camera}"
-        for service in ("camera", "tracker", "edge")
-        for camera in ("left", "right")
-    )
+    assert {node.name for node in plan.nodes} == {
+        *(f"{service}_{camera}" for service in NODES for camera in ("left", "right")),
+        "viewer",  # as in the standard file
+    }
     assert [command_of(node)[0][1:] for node in plan.nodes[:2]] == [
         ["--camera", "left"],
         ["--camera", "right", "--seed", "2"],
@@ -62,7 +69,7 @@ def test_two_cameras_differ_in_name_and_scene():
         ('[node]\nservice = "camera"\n', ["node = ", "one or more [[node]]"]),
         ("node = []\n", ["node = []", "one or more [[node]]"]),
         ('[[node]]\ncamera = "x"\n', ["node[0].service is missing", "camera, tracker, edge"]),
-        (NODE + 'camera = "Front!"\n', ["node[0].camera = 'Front!'", "[a-z0-9_]+"]),
+        (NODE + 'camera = "Front!"\n', ["node[0].camera = 'Front!'", "letters a-z, digits and _"]),
         (NODE + "config = 3\n", ["node[0].config = 3", "a text"]),
         ('[[node]]\nservice = "camra"\n', ["node[0].service = 'camra'", "mean 'camera'?"]),
         ('[[node]]\nservice = "router"\n', ["node[0]", "'router'"]),
@@ -193,3 +200,14 @@ def test_a_viewers_port_that_is_taken_is_named_with_the_ways_out_that_there_are(
         assert with_ports(read_launch_file(launch(tmp_path, table % 0)))  # one way out
         monkeypatch.setenv("ZV_VIEWER_PORT", "0")  # the other
         assert with_ports(read_launch_file(launch(tmp_path, table % port)))
+
+
+def test_without_a_file_of_this_folder_the_standard_one_is_found(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert (
+        read_launch_file(launch_file(None)).nodes
+        == read_launch_file(ROOT / "configs" / "up.toml").nodes
+    )
+    (tmp_path / "configs").mkdir()
+    (tmp_path / "configs" / "up.toml").write_text('[[node]]\nservice = "edge"\n')
+    assert len(read_launch_file(launch_file(None)).nodes) == 1

@@ -11,6 +11,7 @@ from rich.console import Console
 from zenoh_vision.health.node_state import NodeState, S
 from zenoh_vision.messages import Diagnostics, Latency
 from zv.launcher.child import Child, ended_how
+from zv.launcher.command_line import CommandLine
 from zv.launcher.supervisor import child_row
 from zv.status.display import Display, LiveTable, View
 from zv.status.process_usage import ProcessUsage
@@ -39,13 +40,13 @@ def node(silent_s: float = 0.0, **fields: object) -> NodeState:
 
 
 def test_a_node_that_does_not_run_shows_no_figures_of_its_earlier_life():
-    child = Child("tracker_front", [], say=lambda _: None)
+    child = Child("tracker_front", CommandLine((), {}), say=lambda _: None)
     row = child_row(child, node(), ProcessUsage())
     assert (row.state, row.rate, row.dropped) == ("starting", "", "")
 
 
 def test_a_line_has_the_units_and_says_when_nothing_was_dropped(monkeypatch):
-    child = Child("tracker_front", [], say=lambda _: None)
+    child = Child("tracker_front", CommandLine((), {}), say=lambda _: None)
     child.state = "running"
     monkeypatch.setattr(Child, "alive", True)
     row = child_row(child, node(counters={"received": 0}), ProcessUsage())
@@ -53,21 +54,21 @@ def test_a_line_has_the_units_and_says_when_nothing_was_dropped(monkeypatch):
 
 
 def test_a_node_that_complains_shows_its_level_and_words(monkeypatch):
-    child = Child("tracker_front", [], say=lambda _: None)
+    child = Child("tracker_front", CommandLine((), {}), say=lambda _: None)
     monkeypatch.setattr(Child, "alive", True)
     row = child_row(child, node(level=3, message="no frame for 4 s"), ProcessUsage())
     assert (row.state, row.message) == ("stale", "no frame for 4 s")
 
 
 def test_a_node_that_says_nothing_shows_that_and_no_figures_of_the_past(monkeypatch):
-    child = Child("tracker_front", [], say=lambda _: None)
+    child = Child("tracker_front", CommandLine((), {}), say=lambda _: None)
     monkeypatch.setattr(Child, "alive", True)
     row = child_row(child, node(silent_s=4.2), ProcessUsage())
     assert (row.state, row.rate, row.dropped) == ("silent for 4 s", "", "")
 
 
 def test_what_nobody_wanted_stands_last_in_a_line_too(monkeypatch):
-    child = Child("camera_front", [], say=lambda _: None)
+    child = Child("camera_front", CommandLine((), {}), say=lambda _: None)
     monkeypatch.setattr(Child, "alive", True)
     counters = {"captured": 9, "dropped.no_subscriber": 7, "dropped.overwritten": 2}
     line = line_of(child_row(child, node(counters=counters), ProcessUsage()))

@@ -11,8 +11,9 @@ from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
 from zenoh_vision.node.node import Node
+from zv.tracker.camera_tracking import centroid_of
+from zv.tracker.camera_tracking import largest_parameters as parameters_of
 from zv.tracker.pipelines.largest import LargestObject, MovingObject
-from zv.tracker.service import centroid_of, parameters_of
 from zv.tracker.settings import TrackerSettings
 
 FRAME = Frame(

@@ -3,34 +3,20 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Final
 
-import cv2
 import numpy as np
 
 from zenoh_vision.errors import PayloadError, SourceError
-from zenoh_vision.image import codecs, pixel_formats
-from zenoh_vision.image.pixel_formats import Pixels
+from zenoh_vision.image import codecs, depth
+from zenoh_vision.image.files import decode_image, images_in, is_turned
 from zv.camera.sources.base import Picture, picture_of
-from zv.camera.sources.kinds import IMAGE_EXTENSIONS, names_image
 from zv.camera.sources.mjpeg import whole_jpeg
 
 log = logging.getLogger(__name__)
-
-TURNED: Final = re.compile(
-    rb"\xff\xe1..Exif\0\0"
-    rb"(?:II.{,800}?\x12\x01\x03\0....[\x02-\x08]\0|MM.{,800}?\x01\x12\0\x03....\0[\x02-\x08])",
-    re.DOTALL,
-)
-"""An Exif orientation that is not upright: tag 0x0112, a short of 2 to 8, in either byte order."""
-
-EXIF_BYTES: Final = 1 << 16
-"""Length of a JPEG's start in which its Exif segment is looked for."""
 
 
 class FolderSource:
@@ -73,34 +59,6 @@ class FolderSource:
         self._pictures = chain()
 
 
-def images_in(path: Path) -> list[Path]:
-    """Return the images of a folder in natural order, or the path itself if it is an image.
-
-    Raises:
-        SourceError: The folder does not exist, cannot be read, or has no image.
-    """
-    try:
-        if path.is_file():
-            return [path]
-        files = [
-            file
-            for file in path.iterdir()
-            if names_image(file) and not file.name.startswith(".") and file.is_file()
-        ]
-    except OSError as error:
-        raise SourceError(f"{path}: the folder cannot be read: {error.strerror}") from None
-    if not files:
-        raise SourceError(f"{path}: no image in this folder ({', '.join(IMAGE_EXTENSIONS)})")
-    return sorted(files, key=_natural_key)
-
-
-def _natural_key(file: Path) -> tuple[list[str | int], str]:
-    """Return a sort key for natural order: digits compare as numbers, letters without case."""
-    parts: list[str | int] = list(re.split(r"([0-9]+)", file.name.casefold()))
-    parts[1::2] = map(int, parts[1::2])
-    return parts, file.name
-
-
 def _pictures(files: list[Path], rate_hz: float) -> Iterator[Picture]:
     count = 0
     for file in files:
@@ -123,26 +81,9 @@ def _picture(data: bytes) -> Picture:
         codecs.picture_size(data)
     if data.startswith(codecs.JPEG_START):
         jpeg = whole_jpeg(data)
-        if jpeg is not None and not TURNED.search(data, 0, EXIF_BYTES):
+        if jpeg is not None and not is_turned(data):
             return jpeg
-    pixels = _decode(data)
+    pixels = decode_image(data)
     if pixels.ndim == 3 and pixels.dtype == np.uint16:
-        pixels = pixel_formats.eight_bits(pixels)
+        pixels = depth.eight_bits(pixels)
     return picture_of(pixels)
-
-
-def _decode(data: bytes) -> Pixels:
-    if data.startswith(codecs.PNG_START):
-        return codecs.decode_png(data)
-    # UNCHANGED keeps alpha, but ignores the Exif orientation; a JPEG has no alpha.
-    upright = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
-    flags = upright if data.startswith(codecs.JPEG_START) else cv2.IMREAD_UNCHANGED
-    if not data:
-        raise ValueError("the file is empty")
-    try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except cv2.error as error:
-        raise ValueError(f"OpenCV: {error.err}") from None
-    if pixels is None:
-        raise ValueError("not an image that can be decoded")
-    return pixels  # type: ignore[return-value]  # other depths are refused by the caller

@@ -10,11 +10,11 @@ from typing import Literal
 
 from zenoh_vision.error_text import did_you_mean, similar_names
 from zenoh_vision.errors import SourceError
+from zenoh_vision.image.files import names_image
 
 Kind = Literal["synthetic", "device", "video", "folder", "url"]
 
 URL_SCHEMES = ("rtsp", "rtsps", "http", "https")
-IMAGE_EXTENSIONS = ("png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "pgm", "ppm")
 SECRET_FIELD = re.compile(r"(?i)([?&][^=&]*(?:pass|pwd|token|key|secret|auth)[^=&]*=)[^&#]*")
 ALLOWED = (
     "synthetic, a device (0, /dev/video0), a video file, a folder of images, "
@@ -63,11 +63,6 @@ def kind_of(spec: str) -> Kind:
     if stat.S_ISREG(mode):
         return "folder" if names_image(path) else "video"
     raise SourceError(f"{spec}: neither a regular file nor a folder; a source is {ALLOWED}")
-
-
-def names_image(path: Path) -> bool:
-    """Tell whether a file is an image by its extension."""
-    return path.suffix[1:].lower() in IMAGE_EXTENSIONS
 
 
 def _suggestion(path: Path) -> str:

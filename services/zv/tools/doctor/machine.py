@@ -24,7 +24,7 @@ LAUNCH = "launch file"
 ZENOH = (".json5", ".json", ".yaml", ".yml")
 IN_JSON = re.compile(r'msg: "(?P<message>.*)", location: Some\(Location \{ line: (?P<line>\d+)')
 SHM = "transport/shared_memory/enabled"
-CORRECT = "correct it; zv COMMAND --help and docs/configuration.md have all options"
+CORRECT = "correct it; zv COMMAND --help shows all options"
 
 
 def file_findings(given: Sequence[str], zenoh_config: str | None = None) -> Iterator[Finding]:

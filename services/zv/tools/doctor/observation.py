@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 from zenoh_vision.health.fleet import Fleet
 from zenoh_vision.health.node_state import NodeState
+from zenoh_vision.keys import camera_of, suffix_of
 from zenoh_vision.messages import Parameter
+from zenoh_vision.topics import COMPRESSED, RAW
+from zenoh_vision.transport.declarations import ROUTERS, Sessions
+from zv.tools.doctor.other_cameras import ArrivalCounter, OtherCamera
+from zv.tools.shared.discovery import discover, intersect
 from zv.tools.shared.nodes import parameters_by_session, running_nodes
-from zv.tools.shared.session import ROUTERS, ToolSession
+from zv.tools.shared.session import ToolSession
 
 PERIOD_S = 0.5
+MAX_SESSIONS = 2000
+MAX_ADDRESS = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +31,13 @@ class Router:
     Attributes:
         version: Version of Zenoh, ``1.10.2``; None if it is in another form.
         sharing: Zenoh ids of the sessions that it shares memory with.
+        addresses: Where its sessions connect from, by Zenoh id.
     """
 
     zid: str
     version: str | None
     sharing: tuple[str, ...]
+    addresses: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +49,10 @@ class Observation:
         reached: Ids of the routers that this tool is connected to at the end.
         nodes: The nodes at the end, with all their diagnostics.
         left_out: How many more nodes there are, none of which answers.
+        others: The cameras that are not nodes.
+        others_left_out: How many more of them there are.
+        publishers: Ids of the sessions that declared a publisher, by key expression.
+        own: Id of this tool's session.
         parameters: Parameters by node and name; empty if no node answers for its parameters.
     """
 
@@ -47,6 +61,10 @@ class Observation:
     nodes: list[NodeState]
     parameters: dict[tuple[str, str], Parameter]
     left_out: int = 0
+    others: tuple[OtherCamera, ...] = ()
+    others_left_out: int = 0
+    publishers: Sessions = field(default_factory=dict)
+    own: str = ""
 
     def value(self, node: str, parameter: str) -> float | None:
         """Return the value of a numeric parameter; None if it is unknown or not a number."""
@@ -63,19 +81,51 @@ class Observation:
         publishing = (n for n in self.nodes if n.description and key in n.description.publishes)
         return sorted({node.name for node in publishing})
 
+    def is_published(self, key: str) -> bool:
+        """Tell whether a node publishes a key, or any other program has declared that it does."""
+        others = any(each.key == key for each in self.others)
+        return bool(others or self.publishers_of(key) or self.strangers(key)[1])
+
+    def strangers(self, key: str) -> tuple[list[str], bool]:
+        """Return the programs that may send on a key and are no nodes, and whether that is sure.
+
+        It is sure of those that declared a publisher; a program can send without one. Zenoh does
+        not tell which session a sample came from.
+        """
+        known = {each.session for each in self.nodes} | {self.own}
+        declared = {zid for on, ids in self.publishers.items() if intersect(on, key) for zid in ids}
+        connected = {zid for router in self.routers.values() for zid in router.addresses}
+        found = declared - known
+        return sorted(map(self._session, found or connected - known)), bool(found)
+
+    def _session(self, zid: str) -> str:
+        addresses = (router.addresses.get(zid) for router in self.routers.values())
+        address = next(filter(None, addresses), None)
+        return f"session {zid}" + (f" from {address}" if address else "")
+
     def cameras(self) -> list[NodeState]:
         """Return the nodes that are cameras."""
         return [n for n in self.nodes if n.description and n.description.service == "camera"]
 
 
+def other_form(key: str) -> str:
+    """Return the key of the same frames in the other form, compressed or raw; empty if none."""
+    names = {COMPRESSED.name: RAW.name, RAW.name: COMPRESSED.name}
+    namespace, _, _ = key.partition("/")
+    other = names.get(suffix_of(key))
+    return f"{namespace}/{camera_of(key)}/{other}" if other else ""
+
+
 def observe(session: ToolSession, for_s: float) -> Observation:
-    """Observe the nodes for a time, and query the routers and the parameters."""
+    """Observe nodes and cameras for a time, and query the routers and the parameters."""
     routers = [
         router_of(reply.key.split("/")[1], reply.ok.payload.to_bytes())
         for reply in session.ask(ROUTERS)
         if reply.ok
     ]
+    declared = discover(session)
     known = parameters_by_session(session, "*").values()
+    arrivals = ArrivalCounter(session, declared)
     fleet = Fleet(window_s=float("inf"))
     end_s, left_out = time.monotonic() + for_s, 0
     while not session.stopping:
@@ -89,6 +139,10 @@ def observe(session: ToolSession, for_s: float) -> Observation:
         reached=tuple(map(str, session.link.session.info.routers_zid())),
         nodes=fleet.nodes(),
         left_out=left_out,
+        others=arrivals.close(),
+        others_left_out=arrivals.left_out,
+        publishers=declared.publishers,
+        own=str(session.link.session.zid()),
         parameters={(each.node, each.name): each for those in known for each in those},
     )
 
@@ -98,7 +152,13 @@ def router_of(zid: str, payload: bytes) -> Router:
     try:
         said: dict[str, Any] = json.loads(payload)
         version = str(said.get("version", "")).lstrip("v").partition("-")[0].partition(" ")[0]
-        sharing = [s["peer"] for s in said.get("sessions") or () if s.get("shm") is True]
+        sessions = list(said.get("sessions") or ())[:MAX_SESSIONS]
+        sharing = [s["peer"] for s in sessions if s.get("shm") is True]
+        addresses = {
+            str(s["peer"]): str(link["dst"])[:MAX_ADDRESS]
+            for s in sessions
+            for link in (s.get("links") or ())[:1]
+        }
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return Router(zid, None, ())
-    return Router(zid, version or None, tuple(map(str, sharing)))
+    return Router(zid, version or None, tuple(map(str, sharing)), addresses)

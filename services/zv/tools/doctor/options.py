@@ -18,7 +18,18 @@ class DoctorOptions(ToolOptions):
         Argument("FILE"),
         Field(
             description="configuration files to check: of a service, launch files (.toml), "
-            "of Zenoh (.json5); default: those in configs/"
+            "of Zenoh (.json5); default: those in the folder configs/ here, if there is one"
+        ),
+    ] = ()
+    expect: Annotated[
+        str | None,
+        Field(description="launch file whose nodes must run; each that does not is a FAIL"),
+    ] = None
+    remap: Annotated[
+        tuple[str, ...],
+        Field(
+            description="with --expect, OLD=NEW as for zv up: its nodes of camera OLD run for "
+            "camera NEW; may be given several times"
         ),
     ] = ()
     for_: Annotated[

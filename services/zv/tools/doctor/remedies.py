@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
 from zenoh_vision.health.node_state import NodeState
+from zenoh_vision.keys import suffix_of
 from zenoh_vision.messages import NodeDescription
+from zenoh_vision.topics import RAW
 from zv.registry import SERVICES, model_of
-from zv.tools.doctor.observation import Observation
+from zv.tools.doctor.observation import Observation, other_form
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +32,7 @@ class Remedy:
     of_camera: bool = False
 
 
+MAX_SENDERS = 3
 SENDER = "find who sends them: zv topic info"
 
 REMEDIES: Final = {
@@ -50,12 +54,18 @@ REMEDIES: Final = {
     "given_up": Remedy(
         "the source stalls: check its cable or network, or wait longer", "stall_after", 2.0
     ),
+    "region_outside": Remedy("no pixel of the region is in the frame: set another", "region"),
+    "bad_calibration": Remedy("make the camera's file again with zv calibrate"),
     "out_of_order": Remedy(
         "two publishers share a key, or a camera's clock was set: give each camera a --camera of "
         "its own"
     ),
     "overflow": Remedy(
         "more frames arrive than it can process: lower the rate", "rate", 0.8, of_camera=True
+    ),
+    "unpaired": Remedy(
+        "one of its two cameras is silent, slower, or has another clock: compare their rates and "
+        "stamps"
     ),
     "too_many_keys": Remedy("its wildcard matches too many keys: name the cameras to follow"),
     "unknown_message": Remedy("their encoding names no known message: " + SENDER),
@@ -67,11 +77,11 @@ REMEDIES: Final = {
     "too_large": Remedy("make the pictures smaller: width and height", "width", of_camera=True),
     "unsupported_encoding": Remedy("choose a supported encoding", "encoding", of_camera=True),
     **{
-        reason: Remedy("a publisher violates the format of docs/messages.md: " + SENDER)
+        reason: Remedy("a publisher violates the format of such messages: " + SENDER)
         for reason in ("bad_header", "wrong_size", "empty", "not_an_image", "bad_message")
     },
 }
-"""Remedies by reason (docs/messages.md), except for the reasons that are not losses."""
+"""Remedies by reason, except for the reasons that are not losses."""
 
 OVER_MAX_PIXELS: Final = Remedy(
     "its max_pixels is lower than the camera's pictures: start it with a higher one, and memory "
@@ -95,10 +105,15 @@ def remedy_for(reason: str, node: NodeState, seen: Observation, factor: float | 
     if reason == "too_large" and about is not None:
         remedy = _too_large(about, seen)
     if remedy is None or about is None:
-        return "docs/messages.md explains the reason"
+        return "see the log of the node"
+    if reason in ("out_of_order", "overwritten") and (name := _twins(seen, about)):
+        return f"there are several {name}, see names: stop all but one"
     words = remedy.words
     if words.endswith(SENDER) and about.subscribes:
-        words = f"{words} {shlex.quote(about.subscribes[0])}"
+        key = next(filter(seen.is_published, about.subscribes), about.subscribes[0])
+        if reason == "no_header" and suffix_of(key) == RAW.name:
+            return _raw_without_header(seen, key)
+        words = f"{words} {shlex.quote(key)}{_who_sends(seen, key)}"
     target = node.name
     if remedy.of_camera and about.service != "camera":
         cameras = [name for key in about.subscribes for name in seen.publishers_of(key)]
@@ -106,6 +121,32 @@ def remedy_for(reason: str, node: NodeState, seen: Observation, factor: float | 
     if not remedy.parameter or not target:
         return words
     return f"{words}: {setting(seen, target, remedy.parameter, factor or remedy.factor)}"
+
+
+def _raw_without_header(seen: Observation, key: str) -> str:
+    """Return what to do about raw pixels without a header, and who publishes them if known."""
+    sender = _who_sends(seen, key) if seen.strangers(key)[1] else ""
+    return (
+        f"the raw pixels on {key} have no header, which raw pixels need: send one, or send JPEGs "
+        f"on {other_form(key)}{sender}"
+    )
+
+
+def _who_sends(seen: Observation, key: str) -> str:
+    """Return the programs that may send what a node refuses, as far as Zenoh tells."""
+    found, sure = seen.strangers(key)
+    if not found:
+        return ""
+    more = f" and {len(found) - MAX_SENDERS} more" if len(found) > MAX_SENDERS else ""
+    who = "besides the nodes, it is published by" if sure else "programs here that are no nodes:"
+    return f"; {who} {', '.join(found[:MAX_SENDERS])}{more}"
+
+
+def _twins(seen: Observation, node: NodeDescription) -> str:
+    """Return the name that two publishers of a node's input share; empty if none does."""
+    names = Counter(each.name for each in seen.nodes)
+    publishing = (name for key in node.subscribes for name in seen.publishers_of(key))
+    return next((name for name in publishing if names[name] > 1), "")
 
 
 def _too_large(about: NodeDescription, seen: Observation) -> Remedy:

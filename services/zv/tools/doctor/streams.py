@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import shlex
+from collections import Counter
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 
 from zenoh_vision.health.counter_change import MISSED, CounterChange, counter_change
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Level
 from zv.tools.doctor.finding import Finding, Verdict, or_ok
-from zv.tools.doctor.observation import Observation
+from zv.tools.doctor.observation import Observation, other_form
+from zv.tools.doctor.other_cameras import OtherCamera
 from zv.tools.doctor.remedies import CHEAPER, remedy_for, setting
+from zv.tools.shared.nodes import place
 
 LOSSES = 0.01
 FEW = 2
@@ -17,15 +22,30 @@ FEW = 2
 
 TOO_SLOW = 0.1
 TOO_LOW = 0.9
+SILENT_S = 2.0
+"""A camera that is not a node has ended, or is slow, if nothing arrived for so long."""
+LONG_SILENCE = 3
+"""A camera that misses more than so many frames in a row has stopped, whatever its mean rate."""
 
 
 def camera_findings(seen: Observation) -> Iterator[Finding]:
     """Check whether cameras capture frames at their rate."""
     cameras = seen.cameras()
-    if not cameras:
+    if not cameras and not seen.others:
         yield Finding("WARN", "cameras", "there is no camera", "zv camera --source synthetic")
+    names = Counter(each.name for each in cameras)
     for each in cameras:
-        yield _camera(seen, each)
+        found = _camera(seen, each)
+        about = each.description
+        if names[each.name] > 1 and about is not None:  # their lines may be equal but for this
+            text = found.text.removeprefix(f"{each.name}: ")
+            found = replace(found, text=f"{each.name} ({place(about)}): {text}")
+        yield found
+    for other in seen.others:
+        yield _other_camera(other)
+    if seen.others_left_out:
+        said = f"{seen.others_left_out} more programs that are not nodes declare a camera"
+        yield Finding("WARN", "cameras", f"{said}: not checked", "some may be invented")
 
 
 def _camera(seen: Observation, camera: NodeState) -> Finding:
@@ -41,6 +61,10 @@ def _camera(seen: Observation, camera: NodeState) -> Finding:
     if change is None:
         return _finding("OK", camera, "started too recently to be checked")
     rate_hz = change.arrived / change.span_s
+    silent_s = _silent_s(camera)
+    if change.arrived and expected_hz is not None and expected_hz * silent_s > LONG_SILENCE:
+        mend = "check its source; after stall_after it is opened again by itself"
+        return _finding("FAIL", camera, f"no picture for the last {silent_s:.1f} s", mend)
     if expected_hz is not None and expected_hz * change.span_s < FEW:
         return _finding("OK", camera, f"{expected_hz:g} Hz is too slow to be checked in this time")
     if not change.arrived:
@@ -58,6 +82,27 @@ def _camera(seen: Observation, camera: NodeState) -> Finding:
             f"rate: {setting(seen, camera.name, 'rate', rate_hz / expected_hz)}",
         )
     return _finding("OK", camera, f"{rate_hz:.1f} Hz, {expected_hz:g} Hz expected")
+
+
+def _other_camera(camera: OtherCamera) -> Finding:
+    by = "from a program that is not a node"
+    if camera.arrived == 0 and camera.span_s > SILENT_S:
+        said = f"{camera.key}: nothing in {camera.span_s:.1f} s {by}"
+        return Finding("WARN", "cameras", said, "it has declared a publisher: see its log")
+    rate = "" if camera.rate_hz is None else f"{camera.rate_hz:.1f} Hz "
+    return Finding("OK", "cameras", f"{camera.key}: {rate}{by}")
+
+
+def _silent_s(camera: NodeState) -> float:
+    """Return for how long its newest reports say that nothing arrived, seconds."""
+    newest = camera.reports[-1]
+    silent_s = 0.0
+    for report in reversed(camera.reports[:-1]):
+        change = counter_change(report.counters, newest.counters, newest.uptime_s - report.uptime_s)
+        if change is None or change.arrived:
+            break
+        silent_s = change.span_s
+    return silent_s
 
 
 def loss_findings(seen: Observation) -> list[Finding]:
@@ -148,13 +193,25 @@ def health_findings(seen: Observation, explained: Collection[str]) -> list[Findi
 def _why_stale(seen: Observation, node: NodeState) -> str:
     """Return what to do about a node that gets no frames."""
     assert node.description is not None
-    for key in node.description.subscribes:
-        if not seen.publishers_of(key):
-            there = sorted(
-                {c for n in seen.cameras() if n.description for c in n.description.cameras}
-            )
-            which = f"cameras here: {', '.join(there)}" if there else "there is no camera"
-            return f"nobody publishes {key}, {which}; start one or choose another with --camera"
+    others = {each.key for each in seen.others}
+    subscribed = node.description.subscribes
+
+    def is_published(key: str) -> bool:
+        return key in others or bool(seen.publishers_of(key))
+
+    for key in subscribed:
+        twin = other_form(key)
+        if is_published(key) or (twin in subscribed and is_published(twin)):
+            continue
+        if twin and is_published(twin):
+            has_setting = (node.name, "transport") in seen.parameters
+            switch = f"zv param set {shlex.quote(node.name)} transport=auto"
+            remedy = switch if has_setting else "subscribe to that"
+            return f"nobody publishes {key}, but someone publishes {twin}: {remedy}"
+        cameras = {c for n in seen.cameras() if n.description for c in n.description.cameras}
+        there = sorted(cameras | {each.camera for each in seen.others})
+        which = f"cameras here: {', '.join(there)}" if there else "there is no camera"
+        return f"nobody publishes {key}, {which}; start one or choose another with --camera"
     return "its camera is running: see the lines about it"
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.settings import Argument
 from zv.tools.shared.options import ToolOptions
 
@@ -27,4 +28,5 @@ class InfoOptions(ToolOptions):
         Field(
             pattern=r"^[a-z0-9_*?]+$", description="name; * matches any characters, ? one character"
         ),
+        Form("letters a-z, digits, _, * and ?"),
     ]

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
 import msgpack
 
 from zenoh_vision import keys
-from zenoh_vision.config.constraints import limits, plain, toml_file, toml_line
+from zenoh_vision.config.constraints import Value, limits, plain, toml_file, toml_line
 from zenoh_vision.config.settings import read_toml
 from zenoh_vision.error_text import shortened, suggestion
 from zenoh_vision.errors import (
@@ -27,18 +27,54 @@ from zenoh_vision.messages import Parameter, ParameterList
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import Reply
 from zv.tools.param.options import DumpOptions, ListOptions, LoadOptions, NamedOptions, SetOptions
-from zv.tools.shared.nodes import missing_node
+from zv.tools.param.values import assignments, described, shown, value_of
+from zv.tools.shared.nodes import missing_node, places_by_session
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
 
-TRUE = {"true", "yes", "on", "1"}
-FALSE = {"false", "no", "off", "0"}
+MAX_TOLD = 5
+"""How many of those that answer for one node are named."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What was answered to a query for the parameters of a node, or of all nodes.
+
+    Attributes:
+        replies: All that came, at least one.
+        found: The parameters in them, each with its reply.
+        failed: An error among them, a refusal rather than others; None if there is none.
+    """
+
+    replies: list[Reply]
+    found: list[tuple[Reply, ParameterList]]
+    failed: VisionError | None
+
+    def checked(self) -> list[ParameterList]:
+        """Return the parameters of each node, at least one list.
+
+        Anyone can answer for a node, and which one answers truly is unknown: a refusal counts, and
+        what cannot be read does not while another can.
+
+        Raises:
+            ParameterRefused: A node refuses; the text has the reason and what is allowed.
+            ExpectationNotMet: None replies with parameters.
+        """
+        failed = self.failed
+        if failed is not None and (not self.found or isinstance(failed, ParameterRefused)):
+            raise failed
+        return sorted((one for _, one in self.found), key=lambda one: one.node)[:MAX_NODES]
 
 
 def list_(options: ListOptions, connection: Connection, output: Output) -> None:
     """Print the parameters of a node, or of all nodes."""
     with ToolSession(connection) as session:
-        found = _ask(session, output, options.node)
+        answers = _ask(session, options.node)
+        names = Counter(one.node for _, one in answers.found)
+        for name, count in islice(names.items(), MAX_NODES):
+            if count > 1:
+                output.note(f"{count} nodes are called {name}; see zv node list")
+        found = answers.checked()
     parameters = [parameter for one in found for parameter in one.parameters]
     rows = [
         [
@@ -72,20 +108,19 @@ def set_(options: SetOptions, connection: Connection, output: Output) -> None:
     """Set parameters, all or none."""
     texts = assignments(options.values)
     with ToolSession(connection) as session:
-        (before, *_) = _ask(session, output, options.node)
+        before = _ask(session, options.node)
         # An unknown name is sent unchanged: the node's error text is the most precise.
-        known = {one.name: one for one in before.parameters}
+        known = {one.name: one for one in before.checked()[0].parameters}
         values = {
             name: value_of(known[name], text) if name in known else text
             for name, text in texts.items()
         }
-        _change(session, before, values, output)
+        _change(session, options.node, before, values, output)
 
 
 def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
     """Write the parameters of a node as TOML."""
-    with ToolSession(connection) as session:
-        (found, *_) = _ask(session, output, options.node)
+    found = _one_of(options.node, connection, output)
     if output.as_json or options.output == "-":
         values = {one.name: one.value for one in found.parameters}
         output.result(values, *toml_file(found).removesuffix("\n").split("\n"))
@@ -105,8 +140,7 @@ def load(options: LoadOptions, connection: Connection, output: Output) -> None:
         raise SourceError(f"{options.file}: {error.strerror or error}") from None
     values = read_toml(options.file)
     with ToolSession(connection) as session:
-        (before, *_) = _ask(session, output, options.node)
-        _change(session, before, values, output)
+        _change(session, options.node, _ask(session, options.node), values, output)
 
 
 def _chosen(options: NamedOptions, connection: Connection, output: Output) -> list[Parameter]:
@@ -115,8 +149,7 @@ def _chosen(options: NamedOptions, connection: Connection, output: Output) -> li
     Raises:
         ParameterRefused: There is no such parameter; the text has the most similar name.
     """
-    with ToolSession(connection) as session:
-        (found, *_) = _ask(session, output, options.node)
+    found = _one_of(options.node, connection, output)
     known = {parameter.name: parameter for parameter in found.parameters}
     for name in options.names:
         if name not in known:
@@ -127,46 +160,48 @@ def _chosen(options: NamedOptions, connection: Connection, output: Output) -> li
     return [known[name] for name in options.names or known]
 
 
-def _ask(
-    session: ToolSession, output: Output, node: str | None, payload: bytes | None = None
-) -> list[ParameterList]:
-    """Return the parameters of a node, or of all nodes, as at least one list.
+def _one_of(node: str, connection: Connection, output: Output) -> ParameterList:
+    """Return the parameters of a node; if several have its name, note of which one they are."""
+    with ToolSession(connection) as session:
+        answers = _ask(session, node)
+        if len(answers.replies) > 1:
+            places = places_by_session(session, node)
+            said = f"{len(answers.replies)} nodes are called {node}"
+            for shown, _ in answers.found[:1]:
+                others = [_place(each, places) for each in answers.replies if each is not shown]
+                said += (
+                    f"; this is the answer of {_place(shown, places)}, not of "
+                    f"{', '.join(others[:MAX_TOLD])}"
+                )
+            output.note(f"{said}; see zv node list")
+    (found, *_) = answers.checked()
+    return found
 
-    Anyone can answer for a node. When several do, that is said, and which one answers truly is
-    unknown: a refusal counts, and what cannot be read does not while another can.
+
+def _ask(session: ToolSession, node: str | None, payload: bytes | None = None) -> Answers:
+    """Query the parameters of a node, or of all nodes.
 
     Args:
         session: An open session.
-        output: Where it is said that several answer.
         node: None for all nodes.
-        payload: A change of parameters, which the node makes before it replies.
+        payload: A change of parameters, which each node of the name makes before it replies.
 
     Raises:
-        ParameterRefused: The node refuses; the text has the reason and what is allowed.
-        ExpectationNotMet: It does not run, or does not reply with parameters.
+        ExpectationNotMet: It does not run, or does not reply.
     """
     replies: list[Reply] = []
     if node is None or keys.is_name(node):
         replies = session.ask(keys.parameters_key(session.namespace, node or "*"), payload)
     if not replies:
         raise missing_node(session, node or "*", "parameters")
-    found, failed = _read(replies, node)
-    answers = Counter(one.node for one in found) if node is None else {node: len(replies)}
-    for name, count in islice(answers.items(), MAX_NODES):
-        if count > 1:
-            output.note(
-                f"{count} answer for {name}, and one may speak for another: see zv node list"
-            )
-    if failed is not None and (not found or isinstance(failed, ParameterRefused)):
-        raise failed
-    return sorted(found, key=lambda one: one.node)[:MAX_NODES]
+    return Answers(replies, *_read(replies, node))
 
 
 def _read(
     replies: Iterable[Reply], node: str | None
-) -> tuple[list[ParameterList], VisionError | None]:
+) -> tuple[list[tuple[Reply, ParameterList]], VisionError | None]:
     """Return the parameters in replies, and an error among them: a refusal rather than others."""
-    found: list[ParameterList] = []
+    found: list[tuple[Reply, ParameterList]] = []
     refusal: VisionError | None = None
     failed: VisionError | None = None
     for reply in replies:
@@ -174,7 +209,7 @@ def _read(
             one = reply.message(ParameterList)
             if node not in (None, one.node):
                 raise PayloadError("wrong_node", f"of {shortened(one.node)}")
-            found.append(one)
+            found.append((reply, one))
         except ParameterRefused as refused:
             refusal = ParameterRefused(f"{node}: {refused.error}", refused.allowed)
         except PayloadError as error:
@@ -185,7 +220,11 @@ def _read(
 
 
 def _change(
-    session: ToolSession, before: ParameterList, values: Mapping[str, object], output: Output
+    session: ToolSession,
+    node: str,
+    before: Answers,
+    values: Mapping[str, object],
+    output: Output,
 ) -> None:
     """Set parameters and print the values that have changed; with ``--json`` all given ones.
 
@@ -197,69 +236,59 @@ def _change(
             msgpack.packb(value)
         except (TypeError, ValueError, OverflowError):
             raise ConfigurationError(
-                f"{before.node}: {name} = {value} is not allowed; "
-                "allowed: a number, a text, true or false"
+                f"{node}: {name} = {value} is not allowed; allowed: a number, a text, true or false"
             ) from None
-    (after, *_) = _ask(session, output, before.node, msgpack.packb(dict(values)))
-    was: dict[str, bool | int | float | str | None] = {
-        one.name: one.value for one in before.parameters
-    }
+    before.checked()
+    answers = _ask(session, node, msgpack.packb(dict(values)))
+    if len(answers.replies) > 1:
+        _tell_of_several(session, node, before, answers, values, output)
+    (after, *_) = answers.checked()
+    was = _values(before, answers.found[0][0].session)
     given = [one for one in after.parameters if one.name in values]
     changed = [one for one in given if one.value != was.get(one.name)]
     for one in given if output.as_json else changed:
-        before_it = _shown(was.get(one.name))
-        output.result(one.to_map(), f"{one.name}: {before_it} -> {_shown(one.value)}")
+        before_it = shown(was.get(one.name))
+        output.result(one.to_map(), f"{one.name}: {before_it} -> {shown(one.value)}")
     same = len(given) - len(changed)
     rest = f"; {same} value{'s' if same > 1 else ''} unchanged" if same else ""
     output.note(f"{after.node} is at revision {after.revision}{rest}")
 
 
-# Values and texts
+def _values(answers: Answers, session: str) -> dict[str, Value]:
+    """Return the values that a session answered; those of the first if it did not answer."""
+    mine = [one for reply, one in answers.found if reply.session == session]
+    (chosen, *_) = mine or [one for _, one in answers.found]
+    return {one.name: one.value for one in chosen.parameters}
 
 
-def assignments(texts: Iterable[str]) -> dict[str, str]:
-    """Return the names and values in texts such as ``quality=60``.
-
-    Raises:
-        ConfigurationError: A text has another form, or a name occurs twice.
-    """
-    found: dict[str, str] = {}
-    for text in texts:
-        name, separator, value = text.partition("=")
-        if not separator or not name:
-            raise ConfigurationError(f"{text!r} is not NAME=VALUE; allowed: such as quality=60")
-        if name in found:
-            raise ConfigurationError(f"{name} is given twice; allowed: once")
-        found[name] = value
-    return found
-
-
-def value_of(parameter: Parameter, text: str) -> object:
-    """Return the value of a text by the parameter's type.
-
-    A text that is not such a value is returned unchanged, so that the node reports the error.
-    """
-    if not text and parameter.default is None:
-        return None
-    if parameter.type == "bool" and text.lower() in TRUE | FALSE:
-        return text.lower() in TRUE
-    try:
-        if parameter.type == "int" and re.fullmatch(r"[+-]?[0-9]+", text):
-            return int(text)
-        return float(text) if parameter.type == "float" else text
-    except ValueError:
-        return text
+def _tell_of_several(
+    session: ToolSession,
+    node: str,
+    before: Answers,
+    after: Answers,
+    values: Mapping[str, object],
+    output: Output,
+) -> None:
+    """Note that several nodes of a name were told to change, and what each made of it."""
+    places = places_by_session(session, node)
+    read = {id(reply): one for reply, one in after.found}
+    told = []
+    for reply in after.replies[:MAX_TOLD]:
+        one = read.get(id(reply))
+        if one is None:
+            what = "refused, or cannot be read"
+        else:
+            was = _values(before, reply.session)
+            now = {each.name: each.value for each in one.parameters if each.name in values}
+            changes = [f"{name} {shown(was.get(name))} -> {shown(now[name])}" for name in now]
+            what = ", ".join([*changes, f"revision {one.revision}"])
+        told.append(f"{_place(reply, places)} ({what})")
+    count = len(after.replies)
+    every = "both" if count == 2 else "all"
+    changed = f" and {every} were set" if len(read) == count else ""
+    output.note(f"{count} nodes are called {node}{changed}: {', '.join(told)}; see zv node list")
 
 
-def described(parameter: Parameter) -> list[str]:
-    """Return a parameter's value, meaning, type, range, unit and default as lines of text."""
-    facts = [parameter.type, limits(parameter), parameter.unit or ""]
-    return [
-        toml_line(parameter.name, parameter.value),
-        f"    {parameter.description}",
-        f"    {'; '.join(filter(None, facts))}; default {_shown(parameter.default)}",
-    ]
-
-
-def _shown(value: bool | int | float | str | None) -> str:
-    return "not set" if value is None else plain(value) or '""'
+def _place(reply: Reply, places: Mapping[str, str]) -> str:
+    """Return where the node runs that replied."""
+    return places.get(reply.session) or f"session {reply.session or '?'}"

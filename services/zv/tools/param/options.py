@@ -36,8 +36,8 @@ class SetOptions(ToolOptions):
     node: Node
     values: Annotated[
         tuple[str, ...],
-        Argument("NAME=VALUE"),
-        Field(description="values to set, all or none; NAME= without a value unsets"),
+        Argument("{NAME=VALUE|NAME VALUE}"),
+        Field(description="values to set, all or none; NAME= unsets"),
     ]
 
 

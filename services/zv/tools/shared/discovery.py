@@ -7,8 +7,7 @@ produced on demand, as a subscription would.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,10 +20,22 @@ from zenoh_vision.health.fleet import MAX_NODES
 from zenoh_vision.health.message_limits import check_description
 from zenoh_vision.messages import NodeDescription
 from zenoh_vision.topics import CENTROID, COMPRESSED, EDGES, TOPICS, topic_of
-from zenoh_vision.transport.query import Query, Reply, messages_in
-from zv.tools.shared.session import ROUTERS, ToolSession
+from zenoh_vision.transport.declarations import (
+    ROUTERS,
+    Kind,
+    Sessions,
+    declared_expression,
+    declared_key,
+    sessions_in,
+)
+from zenoh_vision.transport.query import Query, messages_in
+from zv.tools.shared.session import ToolSession
 
 MOST_SHOWN = 12
+
+TOKENS_S = 5.0
+"""Time for a list of tokens, which a router sends at once: thousands take a busy machine long."""
+
 MAX_KEYS = 2000
 MAX_PATTERNS = 100
 """Keys that are listed, and key expressions with wildcards that are compared with each."""
@@ -32,9 +43,6 @@ MAX_PATTERNS = 100
 MAX_NAMES = 2000
 MAX_COMPARED = 200
 """Names that a name is compared with, and their characters: comparing takes its time."""
-
-Sessions = Mapping[str, frozenset[str]]
-"""Ids of the sessions that declared something, by key expression."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +91,13 @@ class Discovery:
         """Return the number of known publishers of a key."""
         return max(len(self.nodes_publishing(key)), len(self._publisher_index.matching(key)))
 
+    def others_publish(self, key: str) -> bool:
+        """Tell whether a program that is not a node has declared a publisher of a key.
+
+        Such a program does not wait for subscribers, so a subscription does not start its stream.
+        """
+        return self.publisher_count(key) > len(self.nodes_publishing(key))
+
     def subscriber_count(self, key: str) -> int | None:
         """Return the number of other sessions that subscribe to a key; None if it is unknown."""
         return len(self._subscriber_index.matching(key)) if self.answered else None
@@ -118,8 +133,9 @@ class Discovery:
 def discover(session: ToolSession) -> Discovery:
     """Query all nodes and routers."""
     asked = [keys.node_key(session.namespace, "*"), ROUTERS]
-    for kind in ("publisher", "subscriber"):  # no wildcard matches a chunk that begins with @
-        asked += [f"{ROUTERS}/{kind}/**", f"{ROUTERS}/{kind}/@{session.namespace}/**"]
+    kinds: tuple[Kind, ...] = ("publisher", "subscriber")
+    for kind in kinds:  # no wildcard matches a chunk that begins with @
+        asked += [declared_key(kind, each) for each in ("**", f"@{session.namespace}/**")]
     described, admin, *declared = session.ask_all(*map(Query, asked))
     own = str(session.link.session.zid())
     nodes, refused = [], 0
@@ -131,8 +147,8 @@ def discover(session: ToolSession) -> Discovery:
             refused += 1
     return Discovery(
         nodes=tuple(nodes[:MAX_NODES]),
-        publishers=_sessions(declared[0] + declared[1], own),
-        subscribers=_sessions(declared[2] + declared[3], own),
+        publishers=sessions_in(declared[0] + declared[1], own),
+        subscribers=sessions_in(declared[2] + declared[3], own),
         answered=any(reply.ok for reply in admin),
         refused=refused + max(0, len(nodes) - MAX_NODES),
     )
@@ -162,8 +178,8 @@ def other_namespaces(session: ToolSession) -> dict[str, list[str]]:
     The keys of nodes begin with ``@`` and the namespace, and no wildcard matches such a chunk. So
     this first finds streams, whose keys begin with the namespace, then the nodes of each namespace.
     """
-    listed = session.ask(f"{ROUTERS}/queryable/**")
-    streams = [reply.key.partition("/router/queryable/")[2] for reply in listed if reply.ok]
+    listed = session.ask(declared_key("queryable", "**"))
+    streams = [declared_expression(reply.key) for reply in listed if reply.ok]
     if not streams:  # no admin space; querying the nodes makes every camera encode a picture
         topics = (COMPRESSED, CENTROID, EDGES)
         asked = session.ask_all(*(Query(topic.key("*", "*")) for topic in topics))
@@ -191,21 +207,7 @@ def no_nodes(session: ToolSession) -> str:
 
 def tokens_query(namespace: str) -> Query:
     """Return the query for the liveliness tokens of a namespace's nodes."""
-    return Query(keys.node_key(namespace, "*"), tokens=True)
-
-
-def _sessions(replies: Iterable[Reply], own: str) -> Sessions:
-    found: dict[str, set[str]] = {}
-    for reply in replies:
-        key = reply.key.split("/", 4)[-1]  # behind @/{router}/router/{kind}/
-        try:
-            sources = json.loads(reply.ok.payload.to_bytes()) if reply.ok else {}
-            ids = {*sources["clients"], *sources["peers"]} - {own}
-        except (ValueError, KeyError, TypeError, RecursionError):
-            continue  # a router of another version
-        if ids:
-            found.setdefault(key, set()).update(ids)
-    return {key: frozenset(ids) for key, ids in found.items()}
+    return Query(keys.node_key(namespace, "*"), timeout_s=TOKENS_S, tokens=True)
 
 
 class _Index:

@@ -86,6 +86,23 @@ def parameters_by_session(session: ToolSession, node: str) -> dict[str, list[Par
     return {who: sorted(those, key=lambda one: one.name) for who, those in found.items()}
 
 
+def places_by_session(session: ToolSession, node: str) -> dict[str, str]:
+    """Return where the nodes of a name run, ``pid 812 on host``, by the session of each."""
+    found = {}
+    for reply, about in messages_in(
+        session.ask(keys.node_key(session.namespace, node)), NodeDescription
+    ):
+        with suppress(PayloadError):
+            check_description(reply.name, about)
+            found[reply.session] = place(about)
+    return found
+
+
+def place(about: NodeDescription) -> str:
+    """Return where a node runs: ``pid 812 on host``."""
+    return f"pid {about.pid} on {about.host}"
+
+
 def missing_node(session: ToolSession, node: str, asked_for: str) -> VisionError:
     """Return the error for a node that did not answer for ``parameters`` or the like."""
     (tokens,) = session.ask_all(tokens_query(session.namespace))

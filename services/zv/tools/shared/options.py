@@ -17,6 +17,7 @@ from typing import ClassVar
 
 from pydantic import BeforeValidator
 
+from zenoh_vision.config.durations import SECONDS as SECONDS
 from zenoh_vision.config.settings import Settings
 
 
@@ -45,8 +46,5 @@ def number_with_unit(units: Mapping[str, float], examples: str) -> BeforeValidat
     return BeforeValidator(number)
 
 
-SECONDS = number_with_unit(
-    {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "": 1.0}, "time such as 500ms, 5s, 2min"
-)
 SHARE = number_with_unit({"%": 0.01, "": 1.0}, "share such as 10%, 0.1")
 """A share between 0 and 1, or in percent."""

@@ -18,9 +18,6 @@ from zenoh_vision.transport.zenoh_config import zenoh_error_text
 
 CONDITION_POLL_S = 0.02
 
-ROUTERS = "@/*/router"
-"""Keys of the routers' admin spaces, where those are enabled."""
-
 
 class ToolSession:
     """A session that is open within the ``with`` block and whose waits end on SIGINT or SIGTERM.

@@ -5,12 +5,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import zenoh
+
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Centroid, Tracks
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.subscriber import sample_of
-from zv.tools.shared.discovery import discover
+from zv.tools.shared.discovery import MOST_SHOWN, discover
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.snapshot.joining import join
@@ -19,6 +21,8 @@ from zv.tools.snapshot.picture import Picture, checked, draw, encoded, form_of
 
 ANSWER_S = 2.0
 PATIENCE_S = 5.0
+UNLISTED_S = 1.0
+"""How long to wait for a sample on a key of which no publisher is listed: some put without one."""
 
 
 def run(options: SnapshotOptions, connection: Connection, output: Output) -> None:
@@ -38,7 +42,7 @@ def run(options: SnapshotOptions, connection: Connection, output: Output) -> Non
         if options.draw:
             picture, result = join(session, key, connection.timeout_s or PATIENCE_S)
         else:
-            picture = _newest(session, key)
+            picture = _newest(session, key, connection.timeout_s or PATIENCE_S)
         if picture is None:
             return
     if result is None:
@@ -57,26 +61,58 @@ def run(options: SnapshotOptions, connection: Connection, output: Output) -> Non
         output.note(f"{picture.text()}{with_it}; {len(file)} bytes to {options.output}")
 
 
-def _newest(session: ToolSession, key: str) -> Picture | None:
-    """Return the newest picture of a key by query; None if told to stop."""
+def _newest(session: ToolSession, key: str, patience_s: float) -> Picture | None:
+    """Return the newest picture of a key by query, else the next that arrives; None if stopped."""
     replies = session.ask(key, timeout_s=ANSWER_S)
-    if session.stopping:
-        return None
     samples = [reply.ok for reply in replies if reply.ok is not None]
     keys = sorted({str(sample.key_expr) for sample in samples})
     if len(keys) > 1:
-        raise ConfigurationError(f"{key} matches {len(keys)} keys, name one: {', '.join(keys)}")
-    if not samples:
-        for reply in replies:
-            if reply.err is not None:
-                reason = reply.err.payload.to_bytes().decode(errors="replace")
-                raise ExpectationNotMet(f"{key}: {reason}")
-        raise ExpectationNotMet(discover(session).nothing_on(key))
+        raise _several(key, keys)
+    for reply in replies if not samples else ():
+        if reply.err is not None:
+            reason = reply.err.payload.to_bytes().decode(errors="replace")
+            raise ExpectationNotMet(f"{key}: {reason}")
+    if not samples and not session.stopping:  # its publisher answers no queries
+        samples = _next(session, key, patience_s)
+    if session.stopping:
+        return None
     try:
         pictures = [checked(sample_of(sample)) for sample in samples]
     except PayloadError as error:
         raise ExpectationNotMet(f"{key}: {error}") from None
     return max(pictures, key=lambda picture: picture.header.stamp_ns if picture.header else 0)
+
+
+def _next(session: ToolSession, pattern: str, patience_s: float) -> list[zenoh.Sample]:
+    """Return the next sample on the key that a key expression matches; none only if stopped.
+
+    Raises:
+        ConfigurationError: It matches several keys.
+        ExpectationNotMet: None arrived in time, or it has wildcards and matches no key.
+    """
+    found = discover(session)
+    keys = sorted(found.keys(pattern))
+    if len(keys) > 1:
+        raise _several(pattern, keys)
+    arrived: list[zenoh.Sample] = []
+
+    def take(sample: zenoh.Sample) -> None:
+        if not arrived and sample.kind == zenoh.SampleKind.PUT:
+            arrived.append(sample)
+
+    if keys or "*" not in pattern:
+        subscription = session.subscribe(keys[0] if keys else pattern, take)
+        session.wait(patience_s if keys else UNLISTED_S, lambda: arrived)
+        subscription.undeclare()
+    if not arrived and not session.stopping:
+        raise ExpectationNotMet(found.nothing_on(pattern))
+    return arrived
+
+
+def _several(pattern: str, keys: list[str]) -> ConfigurationError:
+    shown = ", ".join(keys[:MOST_SHOWN])
+    more = f" and {len(keys) - MOST_SHOWN} more" if len(keys) > MOST_SHOWN else ""
+    return ConfigurationError(f"{pattern} matches {len(keys)} keys, name one: {shown}{more}")
 
 
 def _drawn(picture: Picture, result: Centroid | Tracks, options: SnapshotOptions) -> bytes:

@@ -38,6 +38,6 @@ class SnapshotOptions(ToolOptions):
     ] = 90
     max_age: Annotated[
         float | None,
-        Field(gt=0, description="exit status 1 if the picture is older than this, such as 1s"),
+        Field(gt=0, description="exit status 1 if the picture is older than this"),
         SECONDS,
     ] = None

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError
 from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE, type_of
 from zenoh_vision.messages import Centroid, Header, Tracks
 from zenoh_vision.stream.frame_intake import snapshot_of
 from zenoh_vision.stream.sample import Sample
+from zenoh_vision.topics import RAW, topic_of
 from zv.tools.snapshot.options import STDOUT
 
 PNG_DEPTH = 24
@@ -80,7 +82,7 @@ class Picture:
         Raises:
             ConfigurationError: A JPEG cannot represent it.
         """
-        mime = RAW_IMAGE if self.sample.encoding == RAW_IMAGE else self.frame.mime
+        mime = RAW_IMAGE if is_raw(self.sample) else self.frame.mime
         form = form_of(output, default=PNG if mime == RAW_IMAGE else mime)
         if form == JPEG and self._has_16_bits(mime):
             raise ConfigurationError(
@@ -89,12 +91,15 @@ class Picture:
             )
         if form == mime:
             return bytes(self.sample.payload)
+        depth = self.frame.depth
+        if depth is not None:
+            return codecs.encode_png(depth)
         return encoded(self.frame.pixels, self.frame.header.encoding or "", form, quality)
 
     def _has_16_bits(self, mime: str) -> bool:
         if mime == PNG:  # regardless of a header that was assumed here
             return bytes(self.sample.payload[PNG_DEPTH : PNG_DEPTH + 1]) == b"\x10"
-        return self.frame.header.encoding == "mono16"
+        return self.frame.is_deep
 
 
 def checked(sample: Sample) -> Picture:
@@ -104,7 +109,7 @@ def checked(sample: Sample) -> Picture:
         ConfigurationError: The key carries something else.
         ExpectationNotMet: The picture or its header is damaged.
     """
-    raw = sample.encoding == RAW_IMAGE
+    raw = is_raw(sample)
     if not raw and not sample.deleted and codecs.picture_type(bytes(sample.payload)) is None:
         kind = type_of(sample.encoding)
         raise ConfigurationError(
@@ -112,11 +117,22 @@ def checked(sample: Sample) -> Picture:
             f"zv topic echo {shlex.quote(sample.key)} --once shows it"
         )
     try:
-        frame = snapshot_of(sample, raw=raw)
+        frame = snapshot_of(sample, raw=raw, finder=RangeFinder())  # for --draw
         frame.form("gray")  # refuse a damaged picture, even if it is saved unchanged
     except PayloadError as error:
         raise ExpectationNotMet(f"{sample.key}: {error}") from None
     return Picture(sample, frame)
+
+
+def is_raw(sample: Sample) -> bool:
+    """Tell whether a sample is raw pixels, by its Zenoh encoding, else by the topic of its key.
+
+    Programs that are not nodes may leave the encoding away; the key then says what it is.
+    """
+    if sample.encoding == RAW_IMAGE:
+        return True
+    has_header = sample.attachment is not None
+    return has_header and topic_of(sample.key) is RAW and type_of(sample.encoding) == "-"
 
 
 def form_of(output: str, *, default: str) -> str:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Self
 
 import zenoh
 
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.keys import schema_name_of, type_of
-from zenoh_vision.messages import MESSAGES, Header
+from zenoh_vision.messages import MESSAGES
 from zenoh_vision.stream.buffer import Buffer, queue
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import POLL_S
 from zv.tools.shared.discovery import discover
+from zv.tools.shared.message_types import MessageType, foreign_types, known_type
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.topic.message_fields import (
@@ -34,29 +35,39 @@ from zv.tools.topic.options import EchoOptions
 
 MAX_WAITING = 1000
 MAX_WAITING_BYTES = 16 << 20
+MAX_TYPES = 10
+"""How many types of messages on one key are looked up: each may take a query."""
 QUERY_AFTER_S = 1.0
 """After this long without a message the newest one is queried, as it may be sent only once."""
+
+WAITING = "waiting for it (Ctrl-C ends it, --for 5s limits it)"
 
 
 def run(options: EchoOptions, connection: Connection, output: Output) -> None:
     """Print messages until told to stop, or up to the given number or time.
 
     Raises:
-        ConfigurationError: There is no such field.
-        ExpectationNotMet: Fewer messages than requested arrived in the given time, or none.
+        ConfigurationError: The type of the messages has no such field.
+        ExpectationNotMet: Fewer messages than requested arrived in the given time, or none, or
+            none of them has a wanted field.
     """
     if options.csv and output.as_json:
         raise ConfigurationError("--csv and --json are two formats: give one of them")
     pattern = key_expression(options.key)
     wanted = 1 if options.once else options.count
-    printer, printed = _Printer(options, output), 0
-    with ToolSession(connection) as session:
+    printed = 0
+    with (
+        ToolSession(connection) as session,
+        _Printer(options, output, lambda: foreign_types(session).types) as printer,
+    ):
         for sample in _samples(session, pattern, options.for_, output):
             printed += printer.print(sample)
             if printed == wanted or session.stopping:
                 return
         if session.stopping:
             return
+        if not printed and printer.without_field:
+            raise ExpectationNotMet(f"none of {printer.without_field} messages was printed")
         if not printed:
             raise ExpectationNotMet(discover(session).nothing_on(pattern))
         if wanted is not None:
@@ -97,54 +108,132 @@ def _samples(
             if not waiting.filled:
                 yield from newest
                 if not newest and for_s is None:
-                    output.note(f"{discover(session).nothing_on(pattern)}; waiting")
+                    output.note(f"{discover(session).nothing_on(pattern)}; {WAITING}")
 
 
 class _Printer:
-    """Prints samples in the requested format."""
+    """Prints samples in the requested format; at its end, notes how many it had to skip.
 
-    def __init__(self, options: EchoOptions, output: Output) -> None:
+    Attributes:
+        without_field: How many samples lacked a wanted field.
+        printed: How many had them all.
+    """
+
+    def __init__(
+        self,
+        options: EchoOptions,
+        output: Output,
+        foreign: Callable[[], Mapping[str, MessageType]],
+    ) -> None:
         self._options = options
         self._output = output
+        self._foreign = foreign
         self._columns: list[str] = []
         self._many_keys = "*" in options.key
         self._said_left_out = False
+        self._missed: dict[str, None] = {}
+        self._types: dict[str, MessageType | None] = {}
+        self.without_field = 0
+        self.printed = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Note the number of samples without a wanted field."""
+        if self.without_field:
+            count = self.without_field
+            messages = f"{count} message{'s' if count > 1 else ''}"
+            self._output.note(f"skipped {messages} without {' or '.join(self._missed)}")
 
     def print(self, sample: Received) -> bool:
         """Print a sample, and tell whether it was printed.
 
         Raises:
-            ConfigurationError: It has no field of that name.
+            ConfigurationError: A single key was given, and its type has no field of that name.
         """
         options = self._options
-        wants_header = options.header or (options.field or "").startswith("header")
+        wants_header = options.header or any(each.startswith("header") for each in options.field)
         fields = fields_of(sample, header=wants_header)
         about = {"key": sample.key, "encoding": sample.encoding, "received_ns": sample.received_ns}
-        if options.field is not None:
-            value = _field(sample, fields, options.field)
-            keys = {"key": sample.key} if self._many_keys else {}
-            if options.csv:
-                return self._print_row(
-                    sample, keys | {"received_ns": sample.received_ns, options.field: value}
-                )
-            text = " ".join([*keys.values(), text_of(value)])
-            self._output.result(about | {"field": options.field, "value": value}, text)
-        elif options.csv:
+        if options.field:
+            return self._print_fields(sample, fields, about)
+        if options.csv:
             row = {"key": sample.key, "received_ns": sample.received_ns, **flat(fields)}
-            known = ["key", "received_ns", *_known_columns(sample, header=options.header)]
+            known = [] if self._columns else self._known_columns(sample)
             return self._print_row(sample, row, known)
-        else:
-            header = {"header": fields["header"]} if "header" in fields else {}
-            title = f"--- {sample.key}  {sample.kind}{_age(sample)}"
-            self._output.result(about | {"message": fields}, title, *lines_of(header | fields))
+        header = {"header": fields["header"]} if "header" in fields else {}
+        title = f"--- {sample.key}  {sample.kind}{_age(sample)}"
+        self._output.result(about | {"message": fields}, title, *lines_of(header | fields))
         return True
+
+    def _print_fields(
+        self, sample: Received, fields: dict[str, Any], about: dict[str, Any]
+    ) -> bool:
+        """Print the wanted fields of a sample; count it if it lacks one.
+
+        Raises:
+            ConfigurationError: Messages of its type can never have such a field.
+        """
+        names = self._options.field
+        try:
+            values = {name: _field(sample, fields, name) for name in names}
+        except NoSuchField as error:
+            missing = _missing(sample, fields, names)
+            if not self._many_keys and not self.printed:
+                found = self._type_of(sample)
+                declared = None if found is None else found.fields
+                _check_fields(sample, fields, missing, declared, always=self._options.once)
+            if not self.without_field:
+                self._output.note(
+                    f"skipping messages without {' or '.join(missing)}: {sample.key} "
+                    f"({sample.kind}) has {', '.join(error.args)}"
+                )
+            self._missed |= dict.fromkeys(missing)
+            self.without_field += 1
+            return False
+        self.printed += 1
+        keys = {"key": sample.key} if self._many_keys else {}
+        if self._options.csv:
+            return self._print_row(
+                sample, keys | {"received_ns": sample.received_ns, **flat(values)}
+            )
+        if len(names) == 1:
+            (value,) = values.values()
+            text = " ".join([*keys.values(), text_of(value)])
+            self._output.result(about | {"field": names[0], "value": value}, text)
+            return True
+        shown = (f"{name}={text_of(value)}" for name, value in values.items())
+        self._output.result(about | {"fields": values}, " ".join([*keys.values(), *shown]))
+        return True
+
+    def _type_of(self, sample: Received) -> MessageType | None:
+        """Return the type of a message, by the schema of a node if it is not of this project."""
+        name = schema_name_of(sample.encoding)
+        if name not in self._types and len(self._types) < MAX_TYPES:
+            message = MESSAGES.get(name)
+            if message is not None:
+                self._types[name] = known_type(message)
+            else:
+                self._types[name] = self._foreign().get(name) if name else None
+        return self._types.get(name)
+
+    def _known_columns(self, sample: Received) -> list[str]:
+        """Return the columns of a message's type, so that a field that is nil now has one too."""
+        found = self._type_of(sample)
+        columns = [] if found is None else found.columns(header=self._options.header)
+        return ["key", "received_ns", *columns]
 
     def _print_row(self, sample: Received, row: dict[str, Any], known: Sequence[str] = ()) -> bool:
         """Print a row of CSV if it fits the titles, which come from the first row and ``known``."""
         if not self._columns:
-            self._columns = list(dict.fromkeys([*known, *row]))
+            # A map that is nil now has the columns of its fields instead.
+            maps = {name for name in row if any(each.startswith(f"{name}.") for each in known)}
+            self._columns = list(
+                dict.fromkeys([*known, *(each for each in row if each not in maps)])
+            )
             self._output.line(csv_line(self._columns))
-        if row.keys() <= set(self._columns):
+        if {name for name, value in row.items() if value is not None} <= set(self._columns):
             self._output.line(csv_line([row.get(column) for column in self._columns]))
             return True
         if not self._said_left_out:
@@ -165,27 +254,60 @@ def _age(sample: Received) -> str:
 
 
 def _field(sample: Received, fields: dict[str, Any], name: str) -> Any:
-    """Return a field; its name may begin with that of the message: ``centroid.x``."""
+    """Return a field; its name may begin with that of the message: ``centroid.x``.
+
+    Raises:
+        NoSuchField: The arguments are the fields that there are.
+    """
     path = name.split(".")
-    own_names = (type_of(sample.encoding).lower(), sample.key.rpartition("/")[2])
-    if path[0] not in fields and path[0].lower() in own_names and len(path) > 1:
+    if path[0] not in fields and path[0].lower() in _own_names(sample) and len(path) > 1:
         del path[0]
-    try:
-        return pick(fields, path)
-    except NoSuchField as error:
-        raise ConfigurationError(
-            f"--field {name}: {sample.key} ({sample.kind}) has no such field; "
-            f"available there: {', '.join(error.args)}"
-        ) from None
+    return pick(fields, path)
 
 
-def _known_columns(sample: Received, *, header: bool) -> list[str]:
-    """Return the columns of a known message, so that a field that is nil now has one too."""
-    message = MESSAGES.get(schema_name_of(sample.encoding))
-    columns: list[str] = []
-    for name in message.model_fields if message else ():
-        if name != "header":
-            columns.append(name)
-        elif header:
-            columns += [f"header.{each}" for each in Header.model_fields]
-    return columns
+def _own_names(sample: Received) -> tuple[str, str]:
+    """Return the names under which a message may stand in front of its fields."""
+    return type_of(sample.encoding).lower(), sample.key.rpartition("/")[2]
+
+
+def _missing(sample: Received, fields: dict[str, Any], names: Sequence[str]) -> list[str]:
+    """Return those of the names for which a sample has no field."""
+    missing = []
+    for name in names:
+        try:
+            _field(sample, fields, name)
+        except NoSuchField:
+            missing.append(name)
+    return missing
+
+
+def _check_fields(
+    sample: Received,
+    fields: dict[str, Any],
+    missing: Sequence[str],
+    declared: Sequence[str] | None,
+    *,
+    always: bool,
+) -> None:
+    """Refuse fields that a known type never has: they are misspelled, and would never come.
+
+    Args:
+        sample: The first message.
+        fields: Those that it has.
+        missing: Those that are wanted and that it lacks.
+        declared: The fields of its type; None if the type is unknown.
+        always: No other message is waited for, so it counts for an unknown type too.
+
+    Raises:
+        ConfigurationError: With the fields that there are.
+    """
+    if declared is None and not sample.is_picture and not always:
+        return
+    known = {*(declared or ()), *fields, "header"}
+    for name in missing:
+        path = name.split(".")
+        if always or not known & {*path[:1], *(path[1:2] if path[0] in _own_names(sample) else [])}:
+            raise ConfigurationError(
+                f"--field {name}: {sample.key} ({sample.kind}) has no such field; "
+                f"available there: {', '.join(fields)}"
+            )

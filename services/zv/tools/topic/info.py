@@ -62,7 +62,8 @@ def _describe(entry: Entry, found: Discovery, newest: Received | None) -> dict[s
         "publishers": [{"node": name, **nodes.get(name, {})} for name in entry.publishers],
         "subscribing_nodes": found.nodes_subscribing(entry.key),
     }
-    if topic is not None:
+    # What others publish, only they know.
+    if topic is not None and any(name in nodes for name in entry.publishers):
         about["made"] = "while someone subscribes or asks" if topic.lazy else "always"
         about["delivery"] = DELIVERIES[topic.delivery]
     about["newest"] = None if newest is None else _newest(newest)

@@ -140,8 +140,7 @@ def _harmless(found: Discovery, pattern: str, namespace: str) -> list[str]:
     patterns += list(found.subscribers)[:MAX_KEYS]
     for key in found.listed(pattern)[0]:
         topic = topic_of(key)
-        by_others = found.publisher_count(key) > len(found.nodes_publishing(key))
-        if topic is None or not topic.lazy or by_others:
+        if topic is None or not topic.lazy or found.others_publish(key):
             patterns.append(key)
     return [each for each in patterns if intersect(pattern, each)]
 

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from zenoh_vision.config.settings import Argument
+from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.settings import Argument, Letter
 from zv.tools.shared.options import SECONDS, SHARE, ToolOptions, number_with_unit
 
 DAY_S = 86400.0
@@ -19,7 +20,7 @@ BANDWIDTH = number_with_unit(
 Key = Annotated[str, Argument("KEY"), Field(description="key expression")]
 Window = Annotated[
     float,
-    Field(gt=0, le=DAY_S, description="time over which the values are measured, such as 5s"),
+    Field(gt=0, le=DAY_S, description="time over which the values are measured"),
     SECONDS,
 ]
 
@@ -58,12 +59,16 @@ class EchoOptions(ToolOptions):
 
     key: Key
     field: Annotated[
-        str | None, Field(description="only this field of each message, such as header.seq or x")
-    ] = None
+        tuple[str, ...],
+        Field(
+            description="only this field of each message, such as header.seq or x; may be given "
+            "several times"
+        ),
+    ] = ()
     count: Annotated[int | None, Field(ge=1, description="end after this many messages")] = None
     once: Annotated[bool, Field(description="end after the first message")] = False
     for_: Annotated[
-        float | None, Field(gt=0, le=DAY_S, description="end after this time, such as 5s"), SECONDS
+        float | None, Field(gt=0, le=DAY_S, description="end after this time"), SECONDS
     ] = None
     header: Annotated[bool, Field(description="leave the header out")] = True
     csv: Annotated[bool, Field(description="comma-separated values, titles first")] = False
@@ -111,10 +116,10 @@ class BwOptions(MeasureOptions):
 class DelayOptions(MeasureOptions):
     """Options of ``zv topic delay``."""
 
-    expect: Annotated[float | None, _expect("mean delay, such as 20ms"), SECONDS] = None
+    expect: Annotated[float | None, _expect("mean delay"), SECONDS] = None
     at_most: Annotated[
         float | None,
-        Field(gt=0, description="exit status 1 if a stream's p99 is over this delay, such as 50ms"),
+        Field(gt=0, description="exit status 1 if a stream's p99 is over this delay"),
         SECONDS,
     ] = None
 
@@ -135,8 +140,22 @@ class PubOptions(ToolOptions):
     count: Annotated[
         int | None, Field(ge=1, description="end after this many messages; 1 without --rate")
     ] = None
+    wait_for: Annotated[
+        int | None,
+        Letter("w"),
+        Field(
+            ge=1,
+            le=1000,
+            description="send only when so many programs subscribe, however long that takes; "
+            "not set: one, for up to a second",
+        ),
+    ] = None
     type_: Annotated[
-        str | None, Field(description="message type, for a key that is not in the topic table")
+        str | None,
+        Field(
+            description="message type, of this project or of a running node; "
+            "default: that of the key"
+        ),
     ] = None
     size: Annotated[
         str | None,
@@ -145,6 +164,7 @@ class PubOptions(ToolOptions):
             description="frame size in the header, such as 640x480; "
             "default: that of the camera's newest picture",
         ),
+        Form("WIDTHxHEIGHT"),
     ] = None
 
     @model_validator(mode="after")

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgpack
 import numpy as np
 import simplejpeg
 
@@ -22,11 +23,12 @@ from zenoh_vision.error_text import did_you_mean, similar_names
 from zenoh_vision.errors import ConfigurationError, PayloadError, SourceError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.pixel_formats import Pixels
-from zenoh_vision.keys import JPEG, PNG, camera_of, is_name
-from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import Header, Stamped, message_named
+from zenoh_vision.keys import JPEG, PNG, camera_of, is_name, msgpack_of
+from zenoh_vision.messages import Header
 from zenoh_vision.topics import TOPICS, Topic, topic_of
 from zenoh_vision.transport.publisher import Outgoing
+from zv.tools.shared.json_schema import joined
+from zv.tools.shared.message_types import MessageType, known_type
 
 SENDER = "topic_pub"
 MADE_HERE = ("epoch", "seq", "stamp_ns", "received_ns", "done_ns", "node", "revision", "assumed")
@@ -73,17 +75,21 @@ class Payload:
             raise ConfigurationError(error.detail) from None
 
 
-def payload_for(key: str, data: str, type_name: str | None) -> Payload:
+def payload_for(key: str, data: str, message: MessageType | None) -> Payload:
     """Return the payload for a key, from JSON, a file or standard input (``-``).
+
+    Args:
+        key: Where it is sent.
+        data: JSON, or the name of a file.
+        message: The type to send; None is that of the key's topic.
 
     Raises:
         ConfigurationError: The key has no type, or the data does not match it.
         SourceError: The file cannot be read.
     """
     topic = topic_of(key)
-    message = None if type_name is None else message_named(type_name)
-    if message is None and topic is not None:
-        message = topic.message
+    if message is None and topic is not None and topic.message is not None:
+        message = known_type(topic.message)
     if message is not None:
         return _message_payload(key, message, data)
     if topic is not None:
@@ -92,7 +98,7 @@ def payload_for(key: str, data: str, type_name: str | None) -> Payload:
     near = similar_names(key.split("/", 2)[-1], suffixes)
     hint = did_you_mean([f".../{each}" for each in near], after=" If not, ")
     raise ConfigurationError(
-        f"{key} is not in the topic table, so its type is unknown: {hint}"
+        f"{key} is not in the topic table, and no running node says what it carries: {hint}"
         f"name one with --type, or take one of .../{', .../'.join(suffixes)}"
     )
 
@@ -109,26 +115,30 @@ def _read(data: str) -> bytes:
 # Messages
 
 
-def _message_payload(key: str, message: type[Message], data: str) -> Payload:
+def _message_payload(key: str, message: MessageType, data: str) -> Payload:
     fields = _json(data)
     if not isinstance(fields, dict):
-        raise ConfigurationError(f"a {message.__name__} is a JSON object, not {data[:40]!r}")
-    if unknown := [name for name in fields if name not in message.model_fields]:
+        raise ConfigurationError(f"a {message.short_name} is a JSON object, not {data[:40]!r}")
+    if unknown := [name for name in fields if name not in message.fields]:
         raise ConfigurationError(
-            f"{message.__name__} has no field {unknown[0]!r}; "
-            f"its fields: {', '.join(message.model_fields)}"
+            f"{message.short_name} has no field {unknown[0]!r}; "
+            f"its fields: {joined(message.fields)}"
         )
     camera = size = None
-    if issubclass(message, Stamped):
+    if message.stamped:
         camera, size = _given_header(key, fields.pop("header", {}))
 
     def make(header: Header | None) -> Outgoing:
         try:
-            made = message.from_map(fields | ({"header": header.to_map()} if header else {}))
+            made = message.checked(fields | ({"header": header.to_map()} if header else {}))
+            packed = bytes(msgpack.packb(made))
         except PayloadError as error:
-            names = ", ".join(name for name in message.model_fields if name != "header")
+            names = joined(name for name in message.fields if name != "header")
             raise ConfigurationError(f"{error.detail}; its fields: {names}") from None
-        return Outgoing.message(made)
+        except (ValueError, TypeError, OverflowError) as error:
+            raise ConfigurationError(f"DATA cannot be sent as msgpack: {error}") from None
+        attachment = header.to_bytes() if header else None
+        return Outgoing(packed, msgpack_of(message.schema_name), attachment)
 
     payload = Payload(make, camera, size)
     payload.sample(0, 0)  # report wrong fields without a router

@@ -6,14 +6,23 @@ import time
 
 import zenoh
 
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.keys import camera_of
+from zenoh_vision.messages import known_message
 from zenoh_vision.topics import topic_of
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.declarations import ROUTERS
 from zenoh_vision.transport.publisher import FRAME_DELIVERY, MESSAGE_DELIVERY
 from zv.tools.shared.discovery import discover
+from zv.tools.shared.message_types import (
+    MessageType,
+    foreign_types,
+    known_type,
+    type_named,
+    type_on,
+)
 from zv.tools.shared.output import Output
-from zv.tools.shared.session import ROUTERS, ToolSession, key_expression
+from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.topic.message_fields import header_of, received
 from zv.tools.topic.options import PubOptions
 from zv.tools.topic.payloads import Payload, payload_for
@@ -21,6 +30,7 @@ from zv.tools.topic.payloads import Payload, payload_for
 MATCH_S = 1.0
 """How long to wait for a subscriber before sending without one."""
 
+WAIT_POLL_S = 0.2
 FLUSH_S = 10.0
 """How long the last sample may take to reach the router."""
 
@@ -35,8 +45,14 @@ def run(options: PubOptions, connection: Connection, output: Output) -> None:
     key = key_expression(options.key)
     if "*" in key:
         raise ConfigurationError(f"{key}: a key without * and ** is needed")
-    payload = payload_for(key, options.data, options.type_)
+    known = None if options.type_ is None else known_message(options.type_)
+    payload = None
+    if known is not None or (options.type_ is None and topic_of(key) is not None):
+        # Errors in it need no router.
+        payload = payload_for(key, options.data, None if known is None else known_type(known))
     with ToolSession(connection) as session:
+        if payload is None:
+            payload = payload_for(key, options.data, _type(session, key, options.type_))
         if options.size is not None:
             width, height = options.size.split("x")
             payload.size = (int(width), int(height))
@@ -44,6 +60,13 @@ def run(options: PubOptions, connection: Connection, output: Output) -> None:
             payload.size = _frame_size(session, key)
         sent = _send(session, key, payload, options, output)
         output.note(f"sent {sent} on {key}")
+
+
+def _type(session: ToolSession, key: str, name: str | None) -> MessageType | None:
+    """Return the type of a message that is not of this project."""
+    if name is None:
+        return type_on(session, key)
+    return type_named(name, lambda: foreign_types(session))
 
 
 def _send(
@@ -68,10 +91,12 @@ def _send(
     payload.sample(0, epoch)  # report errors in it first
     if others := discover(session).nodes_publishing(key):
         output.note(f"{', '.join(others)} also publishes on {key}: subscribers get both")
-    if not session.wait(MATCH_S, until=matched):
-        return 0
-    if not matched():
+    if options.wait_for is not None:
+        _wait_for(session, key, options.wait_for, output)
+    elif session.wait(MATCH_S, until=matched) and not matched():
         output.note(f"no subscriber on {key} within {MATCH_S:g} s: sending anyway")
+    if session.stopping:
+        return 0
     count = options.count or (1 if options.rate is None else None)
     period_s = 1 / (options.rate or 1.0)
     begun_s, sent = time.monotonic(), 0
@@ -89,6 +114,27 @@ def _send(
     if sent == count:
         session.ask(ROUTERS, timeout_s=FLUSH_S)
     return sent
+
+
+def _wait_for(session: ToolSession, key: str, wanted: int, output: Output) -> None:
+    """Wait until a number of other sessions subscribe to a key, or until told to stop.
+
+    Raises:
+        ExpectationNotMet: The router does not tell who subscribes.
+    """
+    told: int | None = None
+    while not session.stopping:
+        count = discover(session).subscriber_count(key)
+        if session.stopping or (count is not None and count >= wanted):
+            return
+        if count is None:
+            raise ExpectationNotMet(
+                f"the router does not tell who subscribes to {key}: its admin space is off"
+            )
+        if count != told:
+            output.note(f"waiting for {wanted} subscribers on {key}; there are {count}")
+            told = count
+        session.wait(WAIT_POLL_S)
 
 
 def _frame_size(session: ToolSession, key: str) -> tuple[int, int]:

@@ -16,10 +16,17 @@ from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadErro
 from zenoh_vision.health.fleet import Event
 from zenoh_vision.health.fleet_monitor import Kind, follow
 from zenoh_vision.messages import NodeDescription, Parameter, ParameterList
+from zenoh_vision.transport.declarations import (
+    ROUTERS,
+    declaration_in,
+    declared_key,
+    session_ids,
+)
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.query import Reply, messages_in
 from zv.viewer.discovery.network import Key, Mailbox, Network, in_slices
 from zv.viewer.discovery.system_state import SystemState
+from zv.viewer.topics import is_stream
 
 log = logging.getLogger("viewer")
 
@@ -29,6 +36,16 @@ TELL_EVERY = 4
 
 DESCRIBE_EVERY = 10
 """Ticks between two queries for all descriptions, since a node's subscriptions change."""
+
+LOOK_EVERY = 4
+"""Ticks between two looks at the routers' sessions. Zenoh 1.10 can hang a router that is asked for
+its publishers while one is being declared (zenoh #2619). So it is asked when sessions have come or
+gone, and none has since the last look, and else rarely."""
+
+LIST_AGAIN_S = 60.0
+
+LIST_BYTES = 8 << 20
+"""Limit of the routers' lists: some 7000 keys."""
 
 SETTLE_S = 0.1
 SETTLE_NODE_S = 0.0005
@@ -65,6 +82,9 @@ class SystemMonitor:
         self._namespace = system.namespace
         self._mailbox = Mailbox(network.loop, self._take)
         self._asking: dict[str, asyncio.Task[None]] = {}
+        self._listing: asyncio.Task[None] | None = None
+        self._sessions = self._listed_of = frozenset[str]()
+        self._list_again_s = 0.0
         self._settling = False
 
     def begin(self) -> None:
@@ -77,6 +97,8 @@ class SystemMonitor:
             self.network.do(self._check_router)
             if turn % DESCRIBE_EVERY == 0 and (self.pages or self.system.fleet.left_out):
                 self._ask("*")
+            if turn % LOOK_EVERY == 0:
+                self._list()
             if turn % TELL_EVERY == 0:
                 self.system.tick()
             self.system.expire()
@@ -174,6 +196,37 @@ class SystemMonitor:
                 _reject(error)
         async for found in in_slices(_of_their_nodes(listed, ParameterList)):
             self.system.set_parameters(found)
+        self._settle_soon()
+
+    def _list(self) -> None:
+        """Begin to ask the routers who publishes what, unless that is going on."""
+        if self._listing is None or self._listing.done():
+            self._listing = self.network.loop.create_task(self._learn_publishers())
+
+    async def _learn_publishers(self) -> None:
+        """Query the routers for the keys on which anyone publishes, whether a node or not."""
+        replies = await self.network.ask(ROUTERS)
+        # With the routers' keys, since the sessions are the same after a router's restart.
+        known = session_ids(replies)
+        sessions = known | {reply.key for reply in replies}
+        is_calm, self._sessions = sessions == self._sessions, sessions
+        now_s = time.monotonic()
+        if not known or not is_calm:
+            return  # the list is unknown, not empty
+        if sessions == self._listed_of and now_s < self._list_again_s:
+            return
+        self._listed_of, self._list_again_s = sessions, now_s + LIST_AGAIN_S
+        listed = await self.network.ask(
+            declared_key("publisher", f"{self._namespace}/**"), most_bytes=LIST_BYTES
+        )
+        if listed.left_out:
+            self.system.say_cut("there are more publishers than can be kept; some are left out")
+        found = set()
+        async for key, sessions in in_slices(map(declaration_in, listed)):
+            if sessions and is_stream(key, self._namespace):
+                found.add(key)
+        cut = listed.timed_out or bool(listed.left_out)
+        self.system.set_published(found, complete=not cut)
         self._settle_soon()
 
 

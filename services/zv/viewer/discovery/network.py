@@ -61,9 +61,11 @@ class Network:
         timeout_s: float = REPLY_S,
         most_bytes: int = MOST_BYTES,
     ) -> Replies:
-        """Return the replies to a query, errors included; none without a link."""
+        """Return the replies to a query, errors included; none, timed out, without a link."""
+        none = Replies()
+        none.timed_out = True
         if self.link is None:
-            return Replies()
+            return none
         replies: asyncio.Future[Replies] = self.loop.create_future()
 
         def finish(found: Replies) -> None:
@@ -73,7 +75,7 @@ class Network:
         query = Query(key, payload, timeout_s, most_bytes=most_bytes)
         self.do(lambda link: send(link.session, query, partial(self._to_loop, finish)))
         # A session that is closed meanwhile never completes its queries.
-        self.loop.call_later(timeout_s + MARGIN_S, finish, Replies())
+        self.loop.call_later(timeout_s + MARGIN_S, finish, none)
         return await replies
 
     def close(self) -> None:

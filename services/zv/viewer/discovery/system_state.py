@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Hashable, Iterator
+from functools import lru_cache
 
 from zenoh_vision import keys
+from zenoh_vision.health.counter_change import losses
 from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import (
@@ -61,6 +63,7 @@ class SystemState:
         self._lines_made = 0
         self._items: dict[str, tuple[str, dict[str, str]]] = {}  # a node's, its streams' by keys
         self._told: dict[Hashable, str] = {}
+        self._published: dict[str, int | None] = {}
         self._changed = False
         self._streams: list[str] | None = None
 
@@ -93,10 +96,12 @@ class SystemState:
 
     @property
     def streams(self) -> list[str]:
-        """The keys of the streams of the living nodes, sorted."""
+        """The keys of the streams of the living nodes and of other publishers, sorted."""
         if self._streams is None:
             alive = (node.name for node in self.fleet.nodes() if node.alive)
-            self._streams = sorted({key for name in alive for key in self._items[name][1]})
+            found = {key for name in alive for key in self._items[name][1]}
+            found.update(key for key, gone_ns in self._published.items() if gone_ns is None)
+            self._streams = sorted(found)
         return self._streams
 
     # What happens
@@ -119,6 +124,8 @@ class SystemState:
         if isinstance(event, bool):
             if self.fleet.token(name, event, time.time_ns()):
                 self.log("INFO" if event else "WARN", name, f"is {'there' if event else 'gone'}")
+                for key in () if event or name not in self._items else self._items[name][1]:
+                    self._published.pop(key, None)  # until it is listed again
                 self._node_changed(name)
         elif before is None:
             return  # it has no token
@@ -155,9 +162,31 @@ class SystemState:
             assert node is not None
             self._say(_parameters_text(node), ("parameters", found.node))
 
+    def set_published(self, found: Collection[str], *, complete: bool = True) -> None:
+        """Note which streams anyone publishes, whether a node or not, as the routers list them.
+
+        One that was listed and is not any more is kept as one that is gone; as it was, if the list
+        is not complete.
+        """
+        if len(found) > MAX_STREAMS:
+            self.say_cut(f"there are more than {MAX_STREAMS} streams; the list is cut")
+        now_ns = time.time_ns()
+        published: dict[str, int | None] = dict.fromkeys(sorted(found)[:MAX_STREAMS])
+        for key, gone_ns in self._published.items():
+            if key not in published and len(published) < MAX_STREAMS:
+                published[key] = gone_ns or (now_ns if complete else None)
+        if published != self._published:
+            self._published = published
+            self._changed, self._streams = True, None
+
     def expire(self) -> None:
-        """Forget the nodes that have been gone for long."""
-        if self.fleet.expire(time.time_ns()):
+        """Forget the nodes and other publishers that have been gone for long."""
+        now_ns = time.time_ns()
+        before_ns = now_ns - int(FORGET_S * 1e9)
+        old = [key for key, ns in self._published.items() if ns is not None and ns <= before_ns]
+        for key in old:
+            del self._published[key]
+        if self.fleet.expire(now_ns) or old:
             self._changed = True
             self._streams = None
 
@@ -215,7 +244,7 @@ class SystemState:
         item = events.to_json({**about, "alive": node.alive, "since_ns": _gone_ns(node)})
         published = () if description is None else description.publishes
         streams = (key for key in published if is_stream(key, self.namespace))
-        self._items[name] = item, {key: _stream_item(key, node) for key in streams}
+        self._items[name] = item, {key: _stream_item(key, _gone_ns(node), name) for key in streams}
         if len(self._items) > 2 * MAX_NODES:  # some are of nodes that the fleet has forgotten
             self._items = {each.name: self._items[each.name] for each in self.fleet.nodes()}
 
@@ -236,6 +265,10 @@ class SystemState:
         # If two nodes publish a key, the later one in the list counts, which is alive.
         for node in sorted(nodes, key=lambda each: each.alive):
             streams |= self._items[node.name][1]
+        living = {key for n in nodes if n.alive for key in self._items[n.name][1]}
+        for key, gone_ns in self._published.items():
+            if key not in streams or (gone_ns is None and key not in living):
+                streams[key] = _stream_item(key, gone_ns)
         if len(nodes) >= MAX_NODES:
             self.say_cut(f"there are {MAX_NODES} nodes, the maximum; more are left out")
         if len(streams) > MAX_STREAMS:
@@ -260,7 +293,9 @@ def panel_of(name: Hashable | None) -> str | None:
     return kind if isinstance(kind, str) and kind in PANELS else None
 
 
-def _stream_item(key: str, node: NodeState) -> str:
+@lru_cache(maxsize=2 * MAX_STREAMS)
+def _stream_item(key: str, gone_ns: int | None, node: str = "") -> str:
+    """Return a stream as JSON; ``node`` is empty for a publisher that is not a node."""
     kind = kind_of(key)
     item = {
         "key": key,
@@ -268,16 +303,18 @@ def _stream_item(key: str, node: NodeState) -> str:
         "camera": keys.camera_of(key),
         "topic": keys.suffix_of(key),
         "type": kind.type,
-        "node": node.name,
-        "live": node.alive,
-        "since_ns": _gone_ns(node),
+        "node": node,
+        "live": gone_ns is None,
+        "since_ns": gone_ns,
     }
     return events.to_json(item)
 
 
 def _health_text(node: NodeState, report: Diagnostics) -> str:
     fields = report.to_map()
-    return events.text("health", node=node.name, diagnostics=fields, at_ns=node.reported_ns)
+    lost = sum(losses(report.counters).values())
+    at_ns = node.reported_ns
+    return events.text("health", node=node.name, diagnostics=fields, lost=lost, at_ns=at_ns)
 
 
 def _parameters_text(node: NodeState) -> str:

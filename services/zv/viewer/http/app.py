@@ -120,8 +120,8 @@ class Application:
 
     # Handlers
 
-    async def _index(self, _: web.Request) -> web.Response:
-        return _file_response(self._files[INDEX])
+    async def _index(self, request: web.Request) -> web.Response:
+        return _file_response(request, self._files[INDEX])
 
     async def _file(self, request: web.Request) -> web.Response:
         file = self._files.get(request.match_info["name"])
@@ -129,7 +129,7 @@ class Application:
             raise web.HTTPNotFound(text="there is no such file\n")
         if request.headers.get("If-None-Match") == file.tag:
             return web.Response(status=304, headers={"ETag": file.tag})
-        return _file_response(file)
+        return _file_response(request, file)
 
     async def _no_icon(self, _: web.Request) -> web.Response:
         return web.Response(status=204)
@@ -179,6 +179,14 @@ def _connection(request: web.Request) -> Connection:
     return connection
 
 
-def _file_response(file: PageFile) -> web.Response:
-    headers = {"Content-Type": file.type, "ETag": file.tag, "Cache-Control": "no-cache"}
-    return web.Response(body=file.body, headers=headers)
+def _file_response(request: web.Request, file: PageFile) -> web.Response:
+    headers = {
+        "Content-Type": file.type,
+        "ETag": file.tag,
+        "Cache-Control": "no-cache",
+        "Vary": "Accept-Encoding",
+    }
+    accepted = request.headers.get("Accept-Encoding", "").replace(" ", "").split(",")
+    if not {"gzip", "*"}.intersection(accepted):  # also with a weight: plain files are never wrong
+        return web.Response(body=file.body, headers=headers)
+    return web.Response(body=file.compressed, headers=headers | {"Content-Encoding": "gzip"})

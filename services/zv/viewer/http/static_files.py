@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,9 +20,10 @@ TYPES = {
 
 @dataclass(frozen=True, slots=True)
 class PageFile:
-    """One file, with its headers ``Content-Type`` and ``ETag``."""
+    """One file, with its headers ``Content-Type`` and ``ETag``; also as ``gzip``."""
 
     body: bytes
+    compressed: bytes
     type: str
     tag: str
 
@@ -38,5 +40,6 @@ def _read(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, PageFile
             yield from _read(entry, f"{prefix}{entry.name}/")
         elif ending in TYPES:
             body = entry.read_bytes()
-            tag = f'"{hashlib.sha256(body).hexdigest()[:16]}"'
-            yield prefix + entry.name, PageFile(body, TYPES[ending], tag)
+            tag = f'W/"{hashlib.sha256(body).hexdigest()[:16]}"'  # weak: the same for both forms
+            compressed = gzip.compress(body, mtime=0)
+            yield prefix + entry.name, PageFile(body, compressed, TYPES[ending], tag)

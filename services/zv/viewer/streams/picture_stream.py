@@ -113,7 +113,9 @@ class PictureStream(SharedStream[FrameIntake]):
 
     def _receive(self, intake: FrameIntake) -> None:
         while not self._verifying and (arrival := intake.arrival(0)) is not None:
-            max_age_s = self._context.settings().max_age
+            settings = self._context.settings()
+            max_age_s = settings.max_age
+            intake.depth_limits = settings.depth_min, settings.depth_max
             if arrival.unverified:
                 self._verify(intake, arrival, max_age_s)
             else:

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from zenoh_vision.errors import VisionError
+from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.stream.frame_intake import picture_limit, snapshot_of
 from zenoh_vision.transport.subscriber import sample_of
@@ -121,8 +122,11 @@ class StreamRegistry:
             stream.open()
 
     def _frame(self, key: str, sample: zenoh.Sample) -> Frame:
-        most, raw = self.context.settings().max_pixels, kind_of(key).raw
-        return snapshot_of(sample_of(sample, picture_limit(most, raw=raw)), most, raw=raw)
+        settings, raw = self.context.settings(), kind_of(key).raw
+        most = settings.max_pixels
+        finder = RangeFinder((settings.depth_min, settings.depth_max))
+        found = sample_of(sample, picture_limit(most, raw=raw))
+        return snapshot_of(found, most, raw=raw, finder=finder)
 
     async def _render(self, frame: Frame, options: RenderOptions) -> EncodedPicture:
         found = original(frame, options)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Literal, cast
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from zenoh_vision.image import codecs
+from zenoh_vision.image.depth import RangeFinder, ValueRange, eight_bits
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import JPEG, PNG
@@ -23,6 +25,12 @@ MAX_PIXELS = 4096 * 2304
 
 USUAL_PIXELS = 1920 * 1080
 DIM = 0.35
+
+
+Depth = Literal["original", "gray", "values"]
+"""How a picture of 16 bits becomes a PNG. ``original``: of 16 bits. ``gray``: of 8 bits, which
+browsers can show. ``values``: of 3 channels of 8 bits, from which a page, whose canvas has only 8
+bits, reads the values: red is the high byte, green the low byte, blue the grey value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +47,7 @@ class RenderOptions:
     quality: int | None = None  # of a JPEG; None for the viewer's setting
     invert: bool = False  # rotate by 180 degrees
     format: Literal["jpeg", "png"] | None = None  # None to keep the format
+    depth: Depth = "original"
 
     def size(self, width: int, height: int) -> tuple[int, int]:
         """Return the size to which a picture of this width and height is rendered, pixels."""
@@ -83,6 +92,8 @@ class EncodedPicture:
     number: int = 0  # number of frames that had arrived on the key, including this one
     missed: int = 0  # number of frames that never arrived, by sequence numbers
     ended_ns: int | None = None  # when the last picture arrived, if it shows that; ns since 1970
+    values: ValueRange | None = None  # of 16 bits: those that became 1 and 255
+    packed: bool = False  # whether it is of the depth ``values``
     _messages: dict[str, bytes] = field(default_factory=dict, repr=False)
 
     def age_ms(self, now_ns: int) -> float:
@@ -101,12 +112,14 @@ def original(frame: Frame, options: RenderOptions) -> EncodedPicture | None:
     header = frame.header
     if kind_of(frame.key).raw or not options.unchanged(frame.mime, header.width, header.height):
         return None
+    if frame.is_deep and options.depth != "original":
+        return None
     payload = frame.compressed
     return EncodedPicture(frame.key, header, payload, frame.mime, header.width, header.height)
 
 
 def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture:
-    """Return a frame's rendered picture; 16 bits are scaled to 8 for a JPEG.
+    """Return a frame's rendered picture; 16 bits become 8 by the range of the frame's stream.
 
     ``quality`` is that of a JPEG, unless the options have one.
 
@@ -114,23 +127,48 @@ def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture
         PayloadError: ``corrupt``: it cannot be decoded.
     """
     header = frame.header
-    width, height = options.size(header.width, header.height)
+    size = options.size(header.width, header.height)
     as_png = options.format == "png" or (options.format is None and frame.mime == PNG)
+    depth = frame.depth
+    packed = depth is not None and options.depth == "values"
+    if depth is not None and options.depth == "gray" and options.quality is not None:
+        as_png = False  # a JPEG was asked for, which is smaller
     encoding = header.encoding or "bgr8"
-    shown = "mono8" if encoding.startswith("mono") else "bgr8"
-    sixteen = encoding == "mono16" and as_png
-    pixels: Pixels = frame.pixels if sixteen else frame.reduced(shown, width, height)
-    if (width, height) != pixels.shape[1::-1]:
-        smaller = width * height < pixels.shape[0] * pixels.shape[1]
-        interpolation = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-        pixels = cast("Pixels", cv2.resize(pixels, (width, height), interpolation=interpolation))
+    shown = "mono8" if encoding.startswith("mono") or depth is not None else "bgr8"
+    pixels: Pixels
+    if depth is not None and packed:
+        found = np.asarray(_resized(depth, size, cv2.INTER_NEAREST), np.uint16)  # none is mixed
+        pixels = _packed(found, frame.value_range)
+        as_png = True
+    elif depth is not None and as_png and options.depth == "original":
+        pixels = _resized(depth, size)
+    else:
+        pixels = _resized(frame.reduced(shown, *size), size)
     if options.invert:
         pixels = cast("Pixels", np.ascontiguousarray(pixels[::-1, ::-1]))
     if as_png:
         payload = codecs.encode_png(pixels)
     else:
         payload = codecs.encode_jpeg(pixels, shown, options.quality or quality)
-    return EncodedPicture(frame.key, header, payload, PNG if as_png else JPEG, width, height)
+    picture = EncodedPicture(frame.key, header, payload, PNG if as_png else JPEG, *size)
+    picture.values, picture.packed = frame.value_range, packed
+    return picture
+
+
+def _resized(pixels: Pixels, size: tuple[int, int], interpolation: int | None = None) -> Pixels:
+    """Return pixels of a width and height; by default averaged if they become fewer."""
+    if size == pixels.shape[1::-1]:
+        return pixels
+    if interpolation is None:
+        smaller = size[0] * size[1] < pixels.shape[0] * pixels.shape[1]
+        interpolation = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+    return cast("Pixels", cv2.resize(pixels, size, interpolation=interpolation))
+
+
+def _packed(depth: NDArray[np.uint16], values: ValueRange | None) -> NDArray[np.uint8]:
+    """Return 16-bit values as (height, width, 3): grey, low byte, high byte, as BGR."""
+    parts = (eight_bits(depth, values), depth & 0xFF, depth >> 8)
+    return np.dstack([np.asarray(part, np.uint8) for part in parts])
 
 
 def render_ended(picture: EncodedPicture, since_ns: int) -> EncodedPicture:
@@ -141,7 +179,8 @@ def render_ended(picture: EncodedPicture, since_ns: int) -> EncodedPicture:
     Raises:
         PayloadError: ``corrupt``: it cannot be decoded.
     """
-    gray = Frame(picture.header, compressed=picture.payload).gray
+    finder = None if picture.values is None else RangeFinder(astuple(picture.values))
+    gray = Frame(picture.header, compressed=picture.payload, finder=finder).gray
     dim = np.asarray(gray * np.float32(DIM), np.uint8)
     clock = datetime.fromtimestamp(since_ns / 1e9, UTC).strftime("%H:%M:%S UTC")
     words = f"no picture since {clock}"

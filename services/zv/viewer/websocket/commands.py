@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from zv.viewer.streams.rendering import MAX_SIDE, RenderOptions
+from zv.viewer.streams.rendering import MAX_SIDE, Depth, RenderOptions
 
 MAX_BYTES = 16 << 10
 MAX_RATE_HZ = 50
@@ -44,11 +44,14 @@ class Watch(Command):
     width: Side | None = None
     height: Side | None = None
     quality: Annotated[int, Field(ge=1, le=100)] | None = None
+    values: bool = False
+    """Whether a picture of 16 bits has its values in it; else it is grey."""
 
     @property
     def options(self) -> RenderOptions:
         """How its pictures are rendered."""
-        return RenderOptions(self.width, self.height, fit=True, quality=self.quality)
+        depth: Depth = "values" if self.values else "gray"
+        return RenderOptions(self.width, self.height, fit=True, quality=self.quality, depth=depth)
 
 
 class Unwatch(Command):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tests.support.diagnosing import SMALL, WATCH_S, Diagnosis, levels
-from tests.support.listening import newest, open_client
+from tests.support.listening import newest, open_client, wait_until_listed
+from tests.support.pictures.encoded import STILL
+from tests.support.publishing import Paced
 from tests.support.waiting import wait_until
 from zenoh_vision.errors import ExpectationNotMet
 
@@ -83,3 +85,57 @@ def test_a_tracker_of_a_camera_that_is_not_there_is_told_which_are(shared, start
     assert level == "WARN"
     assert text.startswith("tracker_font: no frame on wrong_camera/font/image/compressed")
     assert "cameras here: front" in remedy
+
+
+def test_a_camera_that_is_not_a_node_is_one_even_where_there_is_no_node(shared):
+    key = "plain/front/image/compressed"
+    with open_client(shared.endpoint) as session, session.declare_publisher(key) as publisher:
+        wait_until_listed(session, key)
+        with Paced(20, lambda: publisher.put(STILL)):
+            seen = Diagnosis(shared.endpoint, "plain", for_s=0.5)
+    ((level, text, _),) = seen.of("cameras")
+    assert level == "OK"
+    rate, _, by = text.removeprefix(f"{key}: ").partition(" Hz from ")
+    assert 0 < float(rate) < 30
+    assert by == "a program that is not a node"
+
+
+def test_a_camera_that_only_puts_is_found_where_someone_subscribes_to_it(shared):
+    key = "putting/front/image"
+    with open_client(shared.endpoint) as taker, open_client(shared.endpoint) as session:
+        taker.declare_subscriber(key, lambda _: None)
+        wait_until_listed(session, key, kind="subscriber")
+        with Paced(20, lambda: session.put(key, b"x")):
+            seen = Diagnosis(shared.endpoint, "putting", for_s=0.5)
+        ((level, text, _),) = seen.of("cameras")
+        assert (level, text.partition(":")[0]) == ("OK", key)
+        assert Diagnosis(shared.endpoint, "putting", for_s=0.1).of("cameras") == []
+
+
+def test_who_finds_no_compressed_frames_is_told_of_the_raw_ones(shared, stand):
+    raw = "crude/r1/image"
+    stand(
+        "tracker_r1",
+        namespace="crude",
+        subscribes=(f"{raw}/compressed",),
+        health={"level": 3, "message": "no frame"},
+        parameters={"transport": {"type": "str", "value": "jpeg"}},
+    )
+    with open_client(shared.endpoint) as session, session.declare_publisher(raw):
+        wait_until_listed(session, raw)
+        seen = Diagnosis(shared.endpoint, "crude")
+    assert seen.of("cameras") == [("OK", f"{raw}: from a program that is not a node", "")]
+    ((_, _, remedy),) = seen.of("health")
+    assert remedy == (
+        "nobody publishes crude/r1/image/compressed, but someone publishes crude/r1/image: "
+        "zv param set tracker_r1 transport=auto"
+    )
+
+
+def test_who_waits_for_both_where_nobody_publishes_either_is_told_of_the_cameras(shared, stand):
+    keys = ("empty/r1/image/compressed", "empty/r1/image")
+    stand("camera_front", namespace="empty")
+    silence = {"level": 3, "message": "no frame"}
+    stand("tracker_r1", namespace="empty", subscribes=keys, health=silence)
+    ((_, _, remedy),) = Diagnosis(shared.endpoint, "empty").of("health")
+    assert remedy.startswith(f"nobody publishes {keys[0]}, cameras here: front")

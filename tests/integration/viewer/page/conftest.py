@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import Open, Running, Tab, running, start_chromium, tab
+from tests.support.viewer.browser import Open, Running, Tab, running, start_chromium, tab
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.browser import CAMERA, EDGES, Open, Running, Tab
 from tests.support.listening import Listener, open_client
+from tests.support.processes import HEIGHT, WIDTH
 from tests.support.typist import zv
+from tests.support.viewer.browser import CAMERA, EDGES, Open, Running, Tab
 from tests.support.waiting import wait_until
 from zenoh_vision.image.codecs import picture_size
 
@@ -33,6 +34,25 @@ def test_a_slider_changes_the_edges_that_are_shown(open_tab: Open) -> None:
     tab.wait(f"{BRIGHT} < {many} / 2")
     tab.page.click(f"{SIGMA} .reset")
     tab.wait(f"document.querySelector('{SIGMA}').dataset.value === '1.4'")
+
+
+def test_one_click_shows_all_steps_of_the_same_frame_and_the_detectors_parameters(
+    open_tab: Open,
+) -> None:
+    tab = open_tab(EDGES)
+    tab.wait_until_live(EDGES)
+    tab.page.click("#steps")
+    frames = tab.wait(
+        """(() => {
+            const seen = [...document.querySelectorAll("canvas.picture")];
+            const steps = [...document.querySelectorAll(".pane")].map((p) => p.dataset.step);
+            if (seen.length !== 7 || steps.some((step) => step !== "true")) return null;
+            return seen.map((canvas) => `${canvas.dataset.epoch} ${canvas.dataset.seq}`);
+        })()"""
+    )
+    assert len(set(frames)) == 1, frames
+    tab.page.wait_for_selector(".node-parameters[data-node=edge_front]")
+    tab.page.wait_for_selector("#panel-parameters >> text=detector")
 
 
 def test_a_change_by_another_appears(open_tab: Open, system: Running) -> None:
@@ -82,7 +102,7 @@ def test_a_saved_picture_is_the_sent_one_with_its_header_in_it(
                 break
     assert saved[:at] + saved[at + 2 + length :] == found[0].payload
     assert facts["epoch"] == str(found[0].header["epoch"])
-    assert picture_size(saved) == (640, 480)
+    assert picture_size(saved) == (WIDTH, HEIGHT)
 
 
 def test_a_picture_is_saved_with_its_overlay_as_png(open_tab: Open, tmp_path: Path) -> None:
@@ -93,7 +113,19 @@ def test_a_picture_is_saved_with_its_overlay_as_png(open_tab: Open, tmp_path: Pa
     download.value.save_as(tmp_path / "frame.png")
     saved = (tmp_path / "frame.png").read_bytes()
     assert b"tEXtvision.Header\0" in saved
-    assert picture_size(saved) == (640, 480)
+    assert picture_size(saved) == (WIDTH, HEIGHT)
+
+
+def test_a_frame_that_is_not_painted_yet_is_saved_too(open_tab: Open, tmp_path: Path) -> None:
+    tab = open_tab(CAMERA)
+    tab.wait_until_live(CAMERA)
+    tab.page.evaluate("window.requestAnimationFrame = () => 1")  # the page paints no more
+    numbers: set[int] = set()
+    while len(numbers) < 3:
+        with tab.page.expect_download() as download:
+            tab.page.keyboard.press("Shift+S")
+        name = download.value.suggested_filename
+        numbers.add(int(name.split("_")[-1].partition(".")[0]))
 
 
 def test_a_pause_holds_the_frame_and_steps_go_to_its_neighbours(open_tab: Open) -> None:
@@ -125,8 +157,8 @@ def test_zoom_and_pixel_value_under_the_pointer(open_tab: Open) -> None:
     )
     assert value in {"0", "255"}
     x, y = place.split(", ")
-    assert abs(int(x) - 320) <= 1
-    assert abs(int(y) - 240) <= 1
+    assert abs(int(x) - WIDTH / 2) <= 1
+    assert abs(int(y) - HEIGHT / 2) <= 1
     tab.page.mouse.wheel(0, -300)
     tab.wait("parseFloat(document.querySelector('#zoom').textContent) > 1.2")
     tab.page.keyboard.press("0")
@@ -167,7 +199,13 @@ def test_on_a_phone_nothing_is_wider_than_the_screen(open_tab: Open, place: str)
     tab = open_tab(place, viewport=phone, has_touch=True, is_mobile=True, device_scale_factor=3)
     tab.wait_until_live(CAMERA)
     _check_fits(tab)
-    for panel in ("parameters", "plots", "graph", "health", "log"):
+    for menu in ("adjust", "transfer") if place else ("layout",):
+        tab.page.tap(f"[popovertarget={menu}-menu] >> visible=true")
+        assert tab.page.is_visible(f"#{menu}-menu")
+        _check_fits(tab)
+        tab.page.keyboard.press("Escape")
+        assert tab.page.is_hidden(f"#{menu}-menu")
+    for panel in ("parameters", "plots", "graph", "events", "health", "log"):
         tab.page.tap(f"#panels [data-panel={panel}]")
         assert tab.page.is_visible(f"#panel-{panel}")
         _check_fits(tab)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
+
 import pytest
 
-from tests.support.viewer_client import Viewer
+from tests.support.viewer.client import Viewer
 from zv.viewer.http.access import SECURITY_HEADERS
 from zv.viewer.http.static_files import page_files
 
@@ -24,8 +26,23 @@ def test_every_file_is_served_with_its_type_its_tag_and_the_policy(standing_view
         assert answer.headers["content-type"] == file.type
         for header, value in SECURITY_HEADERS.items():
             assert answer.headers[header.lower()] == value
+        small = standing_viewer.get(f"/page/{name}", Accept_Encoding="br, gzip")
+        assert (small.body, small.headers["content-encoding"]) == (file.compressed, "gzip")
+        assert small.headers["vary"] == answer.headers["vary"] == "Accept-Encoding"
         known = standing_viewer.get(f"/page/{name}", If_None_Match=answer.headers["etag"])
         assert (known.status, known.body) == (304, b"")
+
+
+def test_a_browser_gets_the_files_compressed_with_the_same_content(
+    standing_viewer: Viewer,
+) -> None:
+    for name, file in page_files().items():
+        answer = standing_viewer.get(f"/page/{name}", Accept_Encoding="gzip, deflate, br")
+        assert answer.headers["content-encoding"] == "gzip"
+        assert answer.headers["vary"] == "Accept-Encoding"
+        assert gzip.decompress(answer.body) == file.body
+    answer = standing_viewer.get("/page/js/main.js", Accept_Encoding="br, gzip;q=0")
+    assert "content-encoding" not in answer.headers
 
 
 @pytest.mark.parametrize("path", ABSENT)

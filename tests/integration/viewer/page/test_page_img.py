@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.browser import Running, Tab, tab
 from tests.support.listening import open_client
 from tests.support.publishing import PlainCamera
+from tests.support.viewer.browser import Running, Tab, tab
 from tests.support.waiting import wait_until
 
 STREAM = "stream_viewer?topic=/side/image/compressed"

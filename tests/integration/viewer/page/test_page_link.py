@@ -10,10 +10,10 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.support.browser import CAMERA, Running, running, tab
-from tests.support.pictures import full_hd_jpeg
+from tests.support.pictures.encoded import full_hd_jpeg
 from tests.support.publishing import Paced
-from tests.support.slow_link import ONE_MBIT, SlowLink
+from tests.support.viewer.browser import CAMERA, Running, running, tab
+from tests.support.viewer.slow_link import ONE_MBIT, SlowLink
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
 from zenoh_vision.node.node import Node

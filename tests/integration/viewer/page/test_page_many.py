@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import Running, running, tab
 from tests.support.publishing import publish_cameras
+from tests.support.viewer.browser import Running, running, tab
 
 TOKEN = "a-token-for-this-test-1"
 

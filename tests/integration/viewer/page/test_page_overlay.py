@@ -7,15 +7,15 @@ from typing import Any
 import msgpack
 import pytest
 
-from tests.support.browser import CAMERA, TRUTH, Open, Running, Tab
 from tests.support.listening import Listener, open_client
 from tests.support.publishing import publish_cameras
+from tests.support.viewer.browser import CAMERA, TRUTH, Open, Running, Tab
 from tests.support.waiting import wait_until
 
 CENTROID = "vision/front/centroid"
 WITHIN_PIXELS = 3
 CHOICES = """
-    localStorage.setItem("zv.overlays", '{"centroid": false, "truth": true}');
+    localStorage.setItem("zv.overlays", '{"centroid": false, "tracks": false, "truth": true}');
     localStorage.setItem("zv.trails", "false");
 """
 

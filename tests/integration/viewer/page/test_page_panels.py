@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import json
-import re
-import time
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from tests.support.browser import Running, Tab, running, tab
+from tests.support.page_server import NOW_NS, PageServer, served_page, stream
+from tests.support.viewer.browser import Running, Tab, running
 from tests.support.waiting import wait_until
 
 CENTROID = "vision/front/centroid"
 LINES = 1000
 MINUS = "\u2212"
-NOW_NS = time.time_ns()
 MINUTE_NS = 60 * 10**9
 SLACK_S = 25
 """How long a busy machine may take for a test; what is compared is two minutes apart."""
@@ -51,31 +49,6 @@ AGES = """(title => {
 })"""
 
 
-class Server:
-    """The other end of ``/live``, which says what the test wants, and nothing else."""
-
-    def __init__(self, page: Any) -> None:
-        self.asked: list[dict[str, Any]] = []
-        self._socket: Any = None
-        page.route_web_socket(re.compile("/live"), self._serve)
-
-    def _serve(self, socket: Any) -> None:
-        socket.on_message(lambda text: self.asked.append(json.loads(text)))
-        self._socket = socket
-        self.greet(NOW_NS)
-        stream = {"key": CENTROID, "kind": "message", "camera": "front", "topic": "centroid"}
-        about = {"type": "vision.Centroid.v1", "node": "tracker_front", "live": True}
-        self.tell("streams", streams=[stream | about | {"since_ns": None}])
-
-    def greet(self, now_ns: int) -> None:
-        """Say what time it is here."""
-        facts = {"version": "0", "namespace": "vision", "server": "viewer"}
-        self.tell("hello", **facts, now_ns=str(now_ns))
-
-    def tell(self, op: str, **fields: object) -> None:
-        self._socket.send(json.dumps({"op": op, **fields}))
-
-
 @pytest.fixture(scope="module")
 def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """A viewer alone: of it the pages come, and from the test what they are told."""
@@ -84,19 +57,18 @@ def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[R
 
 
 @pytest.fixture
-def opened(browser: Any, system: Running) -> Iterator[tuple[Tab, Server]]:
+def opened(browser: Any, system: Running) -> Iterator[tuple[Tab, PageServer]]:
     """The page, and who talks to it."""
-    with tab(browser, system.address) as found:
+    centroid = stream(CENTROID, "vision.Centroid.v1")
+    with served_page(browser, system.address, centroid) as (found, server):
         found.page.add_init_script(KEEP_TEXTS)
-        server = Server(found.page)
         found.open()
         found.wait("document.querySelector('#link').dataset.state === 'up'")
         yield found, server
-        assert found.complaints == []
 
 
 def test_the_log_keeps_the_last_1000_lines_whether_it_was_open_or_not(
-    opened: tuple[Tab, Server],
+    opened: tuple[Tab, PageServer],
 ) -> None:
     tab, server = opened
     tab.page.keyboard.press("l")
@@ -118,11 +90,11 @@ def test_the_log_keeps_the_last_1000_lines_whether_it_was_open_or_not(
 
 
 def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
-    opened: tuple[Tab, Server],
+    opened: tuple[Tab, PageServer],
 ) -> None:
     tab, server = opened
     tab.page.keyboard.press("p")
-    wait_until(lambda: tab.page.evaluate("true") and _is_watched(server))
+    wait_until(lambda: tab.page.evaluate("true") and server.watches(CENTROID))
     _tell_centroids(server)
     ages = f"{AGES}('Centroid x')"
     assert (
@@ -143,7 +115,7 @@ def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
 
 
 def test_closed_panels_and_a_hidden_page_ask_for_nothing_and_draw_nothing(
-    opened: tuple[Tab, Server],
+    opened: tuple[Tab, PageServer],
 ) -> None:
     tab, server = opened
     number = {"node": "edge_front", "name": "low", "type": "float", "value": 1.0, "default": 1.0}
@@ -164,7 +136,7 @@ def test_closed_panels_and_a_hidden_page_ask_for_nothing_and_draw_nothing(
         wait_until(lambda kind=kind: shown() == ["health", kind])
     tab.wait(f"{controls} === 1")
     tab.page.keyboard.press("p")
-    wait_until(lambda: shown() == ["health"] and _is_watched(server))
+    wait_until(lambda: shown() == ["health"] and server.watches(CENTROID))
     _hide(tab, True)
     wait_until(lambda: shown() == [])
     wait_until(lambda: tab.page.evaluate("true") and server.asked[-1]["op"] == "unwatch")
@@ -187,6 +159,47 @@ def test_closed_panels_and_a_hidden_page_ask_for_nothing_and_draw_nothing(
     tab.wait(drawn)
 
 
+def test_a_number_of_an_unknown_message_is_plotted_and_an_event_is_listed(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    keys = {"brightness": "my.Brightness.v1", "events": "vision.TrackEvent.v1"}
+    streams = [stream(f"vision/front/{topic}", schema) for topic, schema in keys.items()]
+    server.tell("streams", streams=streams)
+    header = {"camera": "front", "epoch": "1", "seq": 7, "stamp_ns": str(NOW_NS)}
+    tab.page.keyboard.press("p")
+    tab.page.select_option("#plot-topic", "brightness")
+    wait_until(lambda: tab.page.evaluate("true") and server.watches("vision/front/brightness"))
+    brightness = {"regions": [{"mean": 12.5, "name": "left"}], "mean": -3.5}
+    server.tell("message", key="vision/front/brightness", header=header, body=brightness)
+    offered = "[...document.querySelector('#plot-field').options].map((one) => one.value).join()"
+    tab.wait(f"{offered} === ',regions.0.mean,mean,header.seq'")
+    tab.page.select_option("#plot-field", "regions.0.mean")
+    tab.page.click("#plot-add")
+    server.tell("message", key="vision/front/brightness", header=header, body=brightness)
+    plot = (
+        "document.querySelector('canvas[aria-label^=\"Brightness regions.0.mean\"]').parentElement"
+    )
+    tab.wait(f"{plot}.querySelector('.legend').textContent === 'regions.0.mean 12.5'")
+    assert json.loads(tab.page.evaluate("localStorage.getItem('zv.plots')"))[-1] == [
+        "brightness", "regions.0.mean",
+    ]  # fmt: skip
+    tab.page.click("button[aria-label='Remove the plot of Brightness regions.0.mean']")
+    assert "Brightness" not in tab.page.inner_text("#field-plots")
+
+    tab.page.keyboard.press("v")
+    wait_until(lambda: tab.page.evaluate("true") and server.watches("vision/front/events"))
+    event = {"event": "line_crossed", "id": 7, "zone": "<b>gate</b>", "direction": "in"}
+    server.tell(
+        "message", key="vision/front/events", header=header, body=event | {"x": 3, "y": 4.4}
+    )
+    server.tell("message", key="vision/front/events", header=None, body={"event": ["?"] * 99})
+    lines = "[...document.querySelectorAll('#event-lines li')].map((one) => one.lastChild.data)"
+    found = tab.wait(f"{lines}.length === 2 && {lines}")
+    assert found[0] == "line crossed 7, <b>gate</b>, in, at 3, 4"
+    assert len(found[1]) <= 60
+
+
 def _hide(tab: Tab, hidden: bool) -> None:
     """Make a page believe that its tab is hidden, or shown again."""
     value = json.dumps(hidden)
@@ -197,11 +210,7 @@ def _hide(tab: Tab, hidden: bool) -> None:
     )
 
 
-def _is_watched(server: Server) -> bool:
-    return any(one["op"] == "watch" and one["key"] == CENTROID for one in server.asked)
-
-
-def _tell_centroids(server: Server) -> None:
+def _tell_centroids(server: PageServer) -> None:
     """Tell of a centroid that jumps, by a camera whose clock is an hour behind."""
     for seq in range(10):
         header = {"camera": "front", "epoch": "1", "seq": seq, "width": 640, "height": 480}

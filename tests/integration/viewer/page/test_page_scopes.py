@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import Running, running, tab
+from tests.support.viewer.browser import Running, running, tab
 
 TOKEN = "a-token-for-this-test-1"
 LOW = ".node-parameters[data-node=edge_front] .parameter[data-name=low] input[type=number]"

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import signal
 
-from tests.support.browser import CAMERA, EDGES, MASK, Open, Running, Tab
-from tests.support.processes import Program
+from tests.support.listening import open_client
+from tests.support.processes import WIDTH, Program
+from tests.support.publishing import Paced, raw_frames
 from tests.support.routing import free_port
+from tests.support.viewer.browser import CAMERA, EDGES, MASK, Open, Running, Tab
 from tests.support.waiting import wait_until
 
 
@@ -19,12 +21,23 @@ def test_every_stream_has_a_tile_that_moves(open_tab: Open) -> None:
     _wait_for_other_pixels(tab, CAMERA, before)
 
 
+def test_a_camera_of_another_program_that_sends_only_raw_pixels_has_a_tile(
+    open_tab: Open, system: Running
+) -> None:
+    tab = open_tab()
+    tab.wait_until_live(CAMERA)
+    with open_client(system.router.endpoint) as session:
+        raw = session.declare_publisher("vision/r1/image")
+        with Paced(10, raw_frames(raw)):
+            tab.wait_until_live("vision/r1/image")
+
+
 def test_one_stream_large_moves_and_is_as_it_came(open_tab: Open) -> None:
     tab = open_tab(CAMERA)
     tab.wait_until_live(CAMERA)
     before = tab.pixels(CAMERA)
     _wait_for_other_pixels(tab, CAMERA, before)
-    assert tab.page.inner_text("#figure-size").startswith("640")
+    assert tab.page.inner_text("#figure-size").startswith(f"{WIDTH}")
     assert tab.page.inner_text("#large-state") == "live"
 
 
@@ -99,7 +112,7 @@ def test_the_page_complains_of_nothing_and_asks_no_other_host(
 ) -> None:
     tab = open_tab()
     tab.wait_until_live(CAMERA)
-    for panel in ("parameters", "plots", "graph", "health", "log"):
+    for panel in ("parameters", "plots", "graph", "events", "health", "log"):
         tab.page.click(f"#panels [data-panel={panel}]")
         assert tab.page.is_visible(f"#panel-{panel}")
     tab.page.click(f".tile[data-key='{CAMERA}'] a")

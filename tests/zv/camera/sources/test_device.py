@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.http_camera import without_huffman_tables
-from tests.support.videos import decoded, jpeg_of, noise
+from tests.support.pictures.http_camera import without_huffman_tables
+from tests.support.pictures.videos import decoded, jpeg_of, noise
 from zenoh_vision.errors import SourceError, SourceLost
 from zenoh_vision.host import video_devices
 from zv.camera.settings import CameraSettings

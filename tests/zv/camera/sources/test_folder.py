@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support.pictures.videos import colour_bars, decoded, jpeg_of, noise, with_orientation
 from tests.support.processes import environment
-from tests.support.videos import colour_bars, decoded, jpeg_of, noise, with_orientation
 from zenoh_vision.errors import SourceError
 from zv.camera.sources.base import Picture
 from zv.camera.sources.folder import FolderSource

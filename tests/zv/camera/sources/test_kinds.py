@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.videos import jpeg_of, make_video, noise
+from tests.support.pictures.videos import jpeg_of, make_video, noise
 from zenoh_vision.errors import SourceError
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import expected_rate, open_source

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.http_camera import without_huffman_tables
-from tests.support.videos import decoded, jpeg_of, noise
+from tests.support.pictures.http_camera import without_huffman_tables
+from tests.support.pictures.videos import decoded, jpeg_of, noise
 from zv.camera.sources.mjpeg import STANDARD_HUFFMAN_TABLES, DamagedJpeg, whole_jpeg
 
 COLOUR = jpeg_of(noise(48, 64, 3))

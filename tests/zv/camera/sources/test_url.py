@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import http_camera
-from tests.support.http_camera import PICTURES_BEFORE_TROUBLE, HttpCamera, level
+from tests.support.pictures import http_camera
+from tests.support.pictures.http_camera import PICTURES_BEFORE_TROUBLE, HttpCamera, level
+from tests.support.pictures.videos import decoded, make_video
 from tests.support.processes import environment, missing, need
 from tests.support.programs import rtsp_camera
-from tests.support.videos import decoded, make_video
 from zenoh_vision.errors import SourceError, SourceLost
 from zv.camera.sources.base import Picture
 from zv.camera.sources.url import UrlSource

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.videos import (
+from tests.support.pictures.videos import (
     HEIGHT,
     WIDTH,
     colour_bars,

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.frame_numbers import read_number
+from tests.support.pictures.frame_numbers import read_number
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.stream.counters import FrameCounters
 from zv.camera.capture import Capture

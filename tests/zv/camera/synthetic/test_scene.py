@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.frame_numbers import read_number
+from tests.support.pictures.frame_numbers import read_number
 from zenoh_vision.messages import Track
 from zv.camera.synthetic.frame_code import extent
 from zv.camera.synthetic.scene import Scene

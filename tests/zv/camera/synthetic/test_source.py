@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.frame_numbers import read_number
+from tests.support.pictures.frame_numbers import read_number
 from zv.camera.sources.base import KnowsNextDue, Picture, Source
 from zv.camera.synthetic.faults import parse_faults
 from zv.camera.synthetic.scene import Scene

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from zv.edge.detectors.canny import detect_edges
+from zv.edge.detectors.canny import Canny
 
 SCENE = np.asarray(
     cv2.resize(
@@ -32,7 +32,7 @@ def diagonal() -> np.ndarray:
 
 def edges(picture: np.ndarray, **changed) -> np.ndarray:
     options = {"sigma": 0.0, "low": 40.0, "high": 100.0, "aperture": 3, "l2": True} | changed
-    return detect_edges(picture, **options)
+    return Canny(**options).detect(picture).edges
 
 
 @pytest.mark.parametrize("l2", [True, False], ids=["L2", "L1"])

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures import STILL, damaged, scene
+from tests.support.pictures.encoded import STILL, damaged, scene
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE
 from zenoh_vision.messages import Header
@@ -71,6 +71,8 @@ def test_a_png_saved_as_jpeg_looks_the_same():
         ("rgb8", COLOUR[:, :, ::-1], COLOUR),
         ("mono8", COLOUR[:, :, 1], COLOUR[:, :, 1]),
         ("mono16", DEEP, DEEP),
+        ("16UC1", DEEP, DEEP),
+        ("32FC1", DEEP.astype(np.float32) / 1000, DEEP),
         (
             "rgba8",
             np.dstack([COLOUR[:, :, ::-1], COLOUR[:, :, 0]]),
@@ -96,8 +98,9 @@ def test_raw_pixels_become_a_jpeg():
         (PNG, png(DEEP), "mono16"),
         (RAW_IMAGE, DEEP.tobytes(), "mono16"),
         (PNG, png(DEEP), "bgr8"),
+        (RAW_IMAGE, DEEP.astype(np.float32).tobytes(), "32FC1"),
     ],
-    ids=["PNG", "raw", "PNG with a wrong word in the header"],
+    ids=["PNG", "raw", "PNG with a wrong word in the header", "metres"],
 )
 def test_16_bits_do_not_go_into_a_jpeg_and_the_way_out_is_named(mime, payload, encoding):
     with pytest.raises(ConfigurationError) as caught:

@@ -8,7 +8,7 @@ import io
 import msgpack
 import pytest
 
-from tests.support.pictures import HEIGHT, STILL, WIDTH
+from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH
 from zv.tools.topic.message_fields import (
     NoSuchField,
     Received,

@@ -10,19 +10,23 @@ import msgpack
 import numpy as np
 import pytest
 
-from tests.support.pictures import STILL, damaged, jpeg, scene
+from tests.support.pictures.encoded import STILL, damaged, jpeg, scene
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.messages import Centroid, Header
 from zenoh_vision.topics import TOPICS
+from zv.tools.shared.message_types import Answers, type_named
 from zv.tools.topic.payloads import payload_for
 
 KEY = "vision/front/centroid"
 CENTROID = {"x": 5, "y": 6, "box": [1, 2, 8, 8], "area": 60.5}
 
 
+NOTHING = Answers({}, {}, {})
+
+
 def prepared(key: str, data: object, type_name: str | None = None):
     text = data if isinstance(data, str) else json.dumps(data)
-    return payload_for(key, text, type_name)
+    return payload_for(key, text, type_name and type_named(type_name, lambda: NOTHING))
 
 
 def test_a_message_gets_the_encoding_of_its_key_and_a_header_of_the_moment():

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from zv.tracker.camera_tracking import largest_parameters as parameters_of
 from zv.tracker.pipelines.largest import LargestObject, LargestObjectParameters, MovingObject, draw
-from zv.tracker.service import parameters_of
 from zv.tracker.settings import TrackerSettings
 
 TUTORIAL = parameters_of(TrackerSettings())

@@ -1,9 +1,11 @@
 """Which replies of nodes count, and how nodes are found again."""
 
 import asyncio
+import json
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 import zenoh
 
 from tests.support.node_states import description
@@ -13,6 +15,7 @@ from zenoh_vision.messages import NodeDescription
 from zenoh_vision.transport.query import Replies, Reply
 from zv.viewer.discovery import monitor
 from zv.viewer.discovery.monitor import MAX_DESCRIPTION_BYTES, SystemMonitor, _of_their_nodes
+from zv.viewer.discovery.network import Network
 from zv.viewer.discovery.system_state import SystemState
 
 
@@ -89,3 +92,70 @@ def test_descriptions_that_are_refused_do_not_stop_the_others():
         assert [text for text in said if "some replies are left out" in text]
 
     asyncio.run(learn())
+
+
+@pytest.mark.parametrize(
+    "cut",
+    [{"left_out": 1}, {"timed_out": True}, {}],
+    ids=["some left out", "timed out", "complete"],
+)
+def test_a_stream_is_gone_only_if_a_complete_list_lacks_it(cut: dict[str, Any]):
+    sources = b'{"clients": ["ab"], "peers": []}'
+    router = Replies([reply("@/f0/router", b'{"sessions": [{"peer": "ab"}]}')])
+    keys = ["vision/a/image", "vision/b/image"]
+    lists = [
+        Replies(reply(f"@/f0/router/publisher/{key}", sources) for key in listed)
+        for listed in (keys, keys[:1])
+    ]
+    vars(lists[1]).update(cut)
+
+    async def ask(key: str, **_options: object) -> Replies:
+        return router if key.endswith("/router") else lists.pop(0)
+
+    async def learn() -> None:
+        network: Any = SimpleNamespace(loop=asyncio.get_running_loop(), ask=ask)
+        system = SystemState("vision", lambda text, replaces: None)
+        watching = SystemMonitor(system, network)
+        for _ in range(2):  # a list is asked for when the sessions are the same at two looks
+            await watching._learn_publishers()
+            watching._list_again_s = 0.0
+            await watching._learn_publishers()
+        assert lists == []
+        assert system.streams == (keys if cut else keys[:1])
+
+    asyncio.run(learn())
+
+
+def test_publishers_are_asked_for_only_when_sessions_have_changed_and_none_does_now():
+    asked: list[str] = []
+    now = {"ab"}
+
+    async def ask(key: str, **_options: object) -> Replies:
+        if key.endswith("/router"):
+            said = json.dumps({"sessions": [{"peer": each} for each in now]}).encode()
+            return Replies([reply("@/f0/router", said)])
+        asked.append(key)
+        return Replies()
+
+    async def learn() -> None:
+        network: Any = SimpleNamespace(loop=asyncio.get_running_loop(), ask=ask)
+        watching = SystemMonitor(SystemState("vision", lambda text, replaces: None), network)
+        for come, count in (("ab", 0), ("ab", 1), ("ab", 1), ("cd", 1), ("ef", 1), ("ef", 2)):
+            now.add(come)
+            await watching._learn_publishers()
+            assert len(asked) == count
+
+    asyncio.run(learn())
+    assert set(asked) == {"@/*/router/publisher/vision/**"}
+
+
+def test_a_query_without_a_session_is_known_to_be_incomplete():
+    async def ask() -> Replies:
+        network = Network(asyncio.get_running_loop())
+        try:
+            return await network.ask("@/*/router")
+        finally:
+            network.close()
+
+    found = asyncio.run(ask())
+    assert (list(found), found.timed_out) == ([], True)

@@ -14,8 +14,9 @@ from zenoh_vision.health.fleet import MAX_NODES
 from zenoh_vision.health.message_limits import MAX_PARAMETERS
 from zenoh_vision.messages import Diagnostics, Latency, NodeDescription, Parameter, ParameterList
 from zv.viewer import events
+from zv.viewer.discovery import system_state
 from zv.viewer.discovery.system_state import LINES, MAX_PUBLISHED, SystemState
-from zv.viewer.websocket.session import Outbox
+from zv.viewer.websocket.sender import Outbox
 
 
 class Told:
@@ -77,6 +78,58 @@ def test_streams_come_with_their_nodes_and_stay_as_gone_when_those_go(told):
     assert told.system.streams == []
 
 
+IMAGE = "vision/front/image/compressed"
+
+
+def test_streams_of_programs_that_are_no_nodes_are_listed_until_long_after_their_end(
+    told, monkeypatch
+):
+    told.system.set_published({IMAGE, "vision/front/my_thing"})
+    image, thing = told.last("streams")["streams"]
+    assert (image["node"], image["kind"], image["live"]) == ("", "picture", True)
+    assert (thing["node"], thing["kind"], thing["type"]) == ("", "message", "")
+    assert told.system.streams == [IMAGE, "vision/front/my_thing"]
+    told.system.set_published({IMAGE})
+    assert [each["live"] for each in told.last("streams")["streams"]] == [True, False]
+    assert told.system.streams == [IMAGE]
+    told.system.expire()
+    assert len(told.last("streams")["streams"]) == 2, "not yet"
+    monkeypatch.setattr(system_state, "FORGET_S", 0.0)
+    told.system.expire()
+    assert [each["key"] for each in told.last("streams")["streams"]] == [IMAGE]
+
+
+def test_a_list_of_publishers_that_stays_the_same_is_told_once(told):
+    for _ in range(3):
+        told.system.set_published({IMAGE})
+    assert told.count("streams") == 1
+
+
+def test_a_stream_is_that_of_its_node_while_that_lives_and_then_of_who_still_publishes_it(told):
+    told.system.take("camera_front", True)
+    told.system.set_published({IMAGE})
+    told.system.describe(description("camera_front", IMAGE))
+    told.system.set_published({IMAGE})
+    assert [each["node"] for each in told.last("streams")["streams"]] == ["camera_front"]
+    told.system.take("camera_front", False)
+    (stream,) = told.last("streams")["streams"]
+    assert (stream["node"], stream["live"]) == ("camera_front", False)
+    told.system.set_published({IMAGE})
+    (stream,) = told.last("streams")["streams"]
+    assert (stream["node"], stream["live"]) == ("", True)
+
+
+def test_streams_without_end_are_cut_those_that_are_gone_first(told, monkeypatch):
+    monkeypatch.setattr(system_state, "MAX_STREAMS", 3)
+    told.system.set_published({"vision/a/x", "vision/b/x"})
+    told.system.set_published({"vision/c/x", "vision/d/x"})
+    assert len(told.last("streams")["streams"]) == 3
+    assert told.system.streams == ["vision/c/x", "vision/d/x"]
+    told.system.set_published({f"vision/e{number}/x" for number in range(9)})
+    assert told.system.streams == ["vision/e0/x", "vision/e1/x", "vision/e2/x"]
+    assert "more than 3 streams" in told.last("log")["text"]
+
+
 def test_of_two_nodes_with_one_key_the_one_that_lives_counts(told):
     for node in ("old", "new"):
         told.system.take(node, True)
@@ -112,6 +165,18 @@ def test_a_report_is_as_old_as_its_arrival_whatever_its_nodes_clock_says(told):
     before_ns = time.time_ns()
     told.health(report(0, "ok"))  # its stamp is of 1970
     assert before_ns <= int(told.last("health")["at_ns"]) <= time.time_ns()
+
+
+def test_frames_that_nobody_wanted_are_not_told_as_lost(told):
+    told.system.take("camera_front", True)
+    counters = {"captured": 100, "published": 3, "dropped.no_subscriber": 90, "dropped.stale": 5}
+    unwanted = {"dropped.unwatched": 1, "dropped.unread": 1}
+    told.health(
+        report(0, "ok").model_copy(update={"counters": counters | unwanted | {"missed": 2}})
+    )
+    health = told.last("health")
+    assert health["lost"] == 5 + 2  # stale and missed
+    assert health["diagnostics"]["counters"]["dropped.no_subscriber"] == 90
 
 
 def test_a_change_of_a_parameter_is_told_and_an_older_one_is_not(told):

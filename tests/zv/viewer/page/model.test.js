@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { overlayStreams, pictureStreams, StreamStatistics, topicName } from "./model/streams.js";
+import { overlayStreams, pictureStreams, stepKeys, StreamStatistics, topicName } from "./model/streams.js";
 import { System } from "./model/system.js";
 import { Events } from "./transport/connection.js";
 
@@ -70,6 +70,15 @@ test("the wall begins with all cameras, then what is made of them", () => {
     "front raw", "rear raw"]);
 });
 
+test("the steps of the edge detector stand between the camera's picture and the edges", () => {
+  const streams = [...STREAMS, { ...STREAMS[0], topic: "edges/compressed", camera: "front",
+    key: "v/front/edges/compressed" }];
+  assert.deepEqual(stepKeys(streams, "front"), ["v/front/image/compressed",
+    "v/front/edges/smoothed/compressed", "v/front/edges/compressed"]);
+  assert.deepEqual(stepKeys(streams.filter((one) => !one.topic.includes("smoothed")), "front"), []);
+  assert.deepEqual(stepKeys(streams, "side"), []);
+});
+
 test("overlays are the centroid and all tracks of the same camera", () => {
   const message = (camera, topic, type) => ({ kind: "message", camera, topic, type });
   const streams = [...STREAMS, message("front", "truth", "vision.Tracks.v1"),
@@ -91,12 +100,12 @@ test("of the log the last 1000 lines are kept, and none from before a new greeti
   assert.deepEqual(system.lines, []);
 });
 
-test("drops are those since the report a second before, and unknown after a gap", () => {
+test("lost frames are those since the report a second before, and unknown after a gap", () => {
   const connection = new Events();
   const system = new System(connection);
-  for (const [seconds, dropped] of [[0, 5], [1, 7], [4, 8], [64, 600], [65, 601], [66, 0]]) {
-    const diagnostics = { counters: { "dropped.late": dropped, processed: 9 } };
-    connection.emit("health", { node: "a", diagnostics, at_ns: String(seconds * 1e9) });
+  for (const [seconds, lost] of [[0, 5], [1, 7], [4, 8], [64, 600], [65, "601"], [66, 0]]) {
+    const diagnostics = { counters: { "dropped.late": 7, "dropped.no_subscriber": 90 * seconds } };
+    connection.emit("health", { node: "a", diagnostics, lost, at_ns: String(seconds * 1e9) });
   }
   assert.deepEqual(system.histories.get("a").map(({ drops }) => drops), [0, 2, 1, null, 1, 0]);
 });

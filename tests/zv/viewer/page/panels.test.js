@@ -2,8 +2,10 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { bend, parse, positionOf, STEPS, valueAt } from "./panels/controls.js";
+import { numericFields } from "./model/fields.js";
+import { axis } from "./panels/chart.js";
+import { FieldRecorder } from "./panels/field_recorder.js";
 import { layOut } from "./panels/graph.js";
-import { axis } from "./panels/plots.js";
 
 const LOW = { type: "float", minimum: 0, maximum: 100_000, default: 40 };
 const QUALITY = { type: "int", minimum: 1, maximum: 100, default: 80 };
@@ -67,10 +69,59 @@ test("an expression that the server did not match stands for itself, however dee
 });
 
 test("a scale begins at 0 and ends at a round number above all values", () => {
-  assert.deepEqual(axis([3, null, 29.9]), { high: 30, ticks: [0, 10, 20, 30] });
+  assert.deepEqual(axis([3, null, 29.9]), { low: 0, high: 30, ticks: [0, 10, 20, 30] });
   assert.deepEqual(axis([]).ticks[0], 0);
   for (const top of [0.02, 1, 7.3, 480, 12_345]) {
     const { high, ticks } = axis([top]);
     assert.ok(high >= top && ticks.length >= 2 && ticks.length <= 6, `${top}: ${ticks}`);
   }
+});
+
+test("a scale reaches below 0, and leaves the 0 out only where values are far from it", () => {
+  assert.deepEqual(axis([-40, 20]), { low: -40, high: 20, ticks: [-40, -20, 0, 20] });
+  assert.deepEqual(axis([-3]), { low: -3, high: 0, ticks: [-3, -2, -1, 0] });
+  assert.deepEqual(axis([1000, 1003]), { low: 1000, high: 1003, ticks: [1000, 1001, 1002, 1003] });
+  assert.equal(axis([700, 1000]).low, 0);
+  assert.equal(axis([1000, 1000]).low, 0);
+});
+
+test("the numbers of any message have names joined by dots, and are bounded", () => {
+  const header = { camera: "front", epoch: "1790", seq: 7, width: 640 };
+  const body = { mean: 3.5, moving: true, name: "x", none: null, box: [1, 2],
+    tracks: [{ id: 4, vx: -0.5, world: null }] };
+  assert.deepEqual([...numericFields({ header, body })], [["mean", 3.5], ["moving", 1],
+    ["box.0", 1], ["box.1", 2], ["tracks.0.id", 4], ["tracks.0.vx", -0.5],
+    ["header.seq", 7], ["header.width", 640]]);
+  const wide = Object.fromEntries(Array.from({ length: 500 }, (_, index) => [`f${index}`, index]));
+  assert.equal(numericFields({ body: wide }).size, 64);
+  assert.equal(numericFields({ body: { list: Array(500).fill(1) } }).size, 16);
+  let deep = 1;
+  for (let level = 0; level < 100; level += 1) deep = { a: deep };
+  assert.equal(numericFields({ body: deep }).size, 0);
+  for (const strange of [null, undefined, 5, "x"]) {
+    assert.equal(numericFields({ header: strange, body: strange }).size, 0);
+  }
+});
+
+test("only chosen numbers of the chosen camera are kept, and nothing is watched for no topic", () => {
+  const watched = new Map();
+  const watches = { watchMessages: (key, receive) => {
+    watched.set(key, receive);
+    return () => watched.delete(key);
+  } };
+  const message = (camera, topic) => ({ kind: "message", camera, topic, key: `v/${camera}/${topic}` });
+  const streams = [message("front", "brightness"), message("front", "centroid"),
+    message("rear", "brightness")];
+  const recorder = new FieldRecorder({ streams, now: 5 }, watches);
+  recorder.follow("front", ["brightness"], [["brightness", "mean"]]);
+  assert.deepEqual([...watched.keys()], ["v/front/brightness"]);
+  watched.get("v/front/brightness")({ header: {}, body: { mean: 9, min: 2 } });
+  watched.get("v/front/brightness")({ header: {}, body: { mean: "none", min: 2 } });
+  assert.deepEqual(recorder.points("brightness", "mean"), [{ at: 5, value: 9 }]);
+  assert.deepEqual(recorder.names("brightness"), ["min"]);
+  recorder.follow("front", [], [["brightness", "mean"]]); // the panel is closed
+  assert.deepEqual([watched.size, recorder.points("brightness", "mean").length], [0, 1]);
+  recorder.follow("rear", ["brightness"], [["brightness", "mean"]]);
+  assert.deepEqual([...watched.keys()], ["v/rear/brightness"]);
+  assert.deepEqual(recorder.points("brightness", "mean"), []);
 });

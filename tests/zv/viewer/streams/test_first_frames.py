@@ -4,7 +4,7 @@ import asyncio
 import threading
 from types import SimpleNamespace
 
-from tests.support.picture_streams import Registry, Source, balance, run
+from tests.support.viewer.picture_streams import Registry, Source, balance, run
 from tests.support.waiting import DEADLINE_S
 from zv.viewer.streams.rendering import RenderOptions
 

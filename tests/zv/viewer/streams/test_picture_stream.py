@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.support.picture_streams import JPEG, KEY, SMALL, Registry, Source, balance, run
+from tests.support.viewer.picture_streams import JPEG, KEY, SMALL, Registry, Source, balance, run
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.stream.intake import Consumer

@@ -6,9 +6,16 @@ import pytest
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.depth import RangeFinder, ValueRange
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
-from zv.viewer.streams.rendering import EncodedPicture, RenderOptions, render, render_ended
+from zv.viewer.streams.rendering import (
+    EncodedPicture,
+    RenderOptions,
+    original,
+    render,
+    render_ended,
+)
 
 
 def frame(pixels: np.ndarray, encoding: str, mime: str | None = "image/jpeg") -> Frame:
@@ -90,6 +97,80 @@ def test_sixteen_bits_become_eight_in_a_jpeg_and_stay_sixteen_in_a_png():
     assert picture.mime == "image/png"
     small = cv2.imdecode(np.frombuffer(picture.payload, np.uint8), cv2.IMREAD_UNCHANGED)
     assert (small.dtype, small.shape, small[5, 5]) == (np.uint16, (24, 32), 0x8080)
+
+
+ROOM = np.repeat(np.array([[0, 2000, 2500, 3000]], np.uint16), 16, axis=1).repeat(48, axis=0)
+"""64x48: a hole, then 2 m to 3 m, in millimetres."""
+
+KINDS = pytest.mark.parametrize(
+    ("encoding", "mime"),
+    [("16UC1", "image/png"), ("16UC1", None), ("32FC1", None), ("bgr8", "image/png")],
+    ids=["compressed", "raw", "raw metres", "bare"],
+)
+
+
+def room(encoding: str, mime: str | None) -> Frame:
+    """Return the depth as a frame that arrived, compressed or raw, with an automatic range."""
+    head = frame(ROOM, "mono16", "image/png").header.model_copy(update={"encoding": encoding})
+    key = "vision/front/image/compressed" if mime else "vision/front/image"
+    if mime:
+        png = codecs.encode_png(ROOM)
+        return Frame(head, compressed=png, key=key, finder=RangeFinder())
+    pixels = pixel_formats.convert(ROOM, "16UC1", encoding)
+    return Frame(head, pixels=pixels, key=key, finder=RangeFinder())
+
+
+def decoded(picture: EncodedPicture) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(picture.payload, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+@KINDS
+def test_depth_is_grey_for_a_page_with_the_range_in_use(encoding, mime):
+    options = RenderOptions(fit=True, depth="gray")
+    assert original(room(encoding, mime), options) is None, "a browser would show it as black"
+    picture = render(room(encoding, mime), options, 80)
+    assert (picture.mime, picture.values, picture.packed) == (
+        "image/png",
+        ValueRange(2000, 3000),
+        False,
+    )
+    found = decoded(picture)
+    assert found.dtype == np.uint8
+    assert found[20, [8, 24, 40, 56]].tolist() == [0, 1, 128, 255]
+    small = render(room(encoding, mime), RenderOptions(32, fit=True, quality=90, depth="gray"), 80)
+    assert (small.mime, small.width) == ("image/jpeg", 32)
+
+
+@KINDS
+def test_depth_with_values_is_exact_and_never_mixed(encoding, mime):
+    for width, step in ((None, 16), (32, 8), (7, 7 / 4)):
+        options = RenderOptions(width, fit=True, depth="values")
+        picture = render(room(encoding, mime), options, 80)
+        assert (picture.mime, picture.packed) == ("image/png", True)
+        blue, green, red = (plane.astype(int) for plane in cv2.split(decoded(picture)))
+        values = red * 256 + green
+        assert set(values.ravel().tolist()) == {0, 2000, 2500, 3000}
+        places = [int((part + 0.5) * step) for part in range(4)]
+        assert values[0, places].tolist() == [0, 2000, 2500, 3000]
+        assert blue[0, places].tolist() == [0, 1, 128, 255]
+
+
+def test_programs_get_depth_as_it_is():
+    source = room("16UC1", "image/png")
+    for options in (RenderOptions(), RenderOptions(format="png")):
+        found = original(source, options)
+        assert found is not None
+        assert found.payload == source.compressed
+    jpeg = render(source, RenderOptions(format="jpeg"), 100)
+    gray = codecs.decode_jpeg(jpeg.payload, "mono8").astype(int)
+    assert np.abs(gray[20, [8, 24, 40, 56]] - [0, 1, 128, 255]).max() <= 3
+
+
+def test_the_picture_of_ended_depth_is_grey_by_the_range_that_it_had():
+    deep = render(room("16UC1", "image/png"), RenderOptions(32, format="png"), 80)
+    assert decoded(deep).dtype == np.uint16
+    ended = decoded(render_ended(deep, 1_790_000_000_000_000_000))
+    assert ended[2, [4, 28]].tolist() == [0, 89]  # 255 * 0.35
 
 
 @pytest.mark.parametrize("encoding", ["bgr8", "rgb8", "mono8", "bgra8"])

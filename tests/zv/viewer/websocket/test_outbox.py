@@ -6,7 +6,7 @@ import struct
 
 from zenoh_vision.messages import Header
 from zv.viewer.streams.rendering import EncodedPicture
-from zv.viewer.websocket.session import MAX_TEXTS, Outbox, picture_message
+from zv.viewer.websocket.sender import MAX_TEXTS, Outbox, picture_message
 
 HEADER = Header(
     camera="front", epoch=1790000000123456789, seq=7, stamp_ns=1790000000200000000,

@@ -17,9 +17,10 @@ from zv.viewer.credentials import Principal, Scope
 from zv.viewer.discovery.system_state import SystemState
 from zv.viewer.streams.message_stream import QUEUE, MessageFeed
 from zv.viewer.streams.rendering import EncodedPicture
-from zv.viewer.websocket import session as session_module
+from zv.viewer.websocket import sender
 from zv.viewer.websocket.link_gauge import WINDOW_S
-from zv.viewer.websocket.session import PART_BYTES, WebSocketSession
+from zv.viewer.websocket.sender import PART_BYTES
+from zv.viewer.websocket.session import WebSocketSession
 
 
 class Socket:
@@ -157,7 +158,7 @@ def test_between_two_parts_of_a_picture_other_things_are_as_much_as_a_part(messa
 
 def test_a_link_that_only_texts_wait_for_is_measured_too(monkeypatch):
     clock = SimpleNamespace(now_s=0.0, monotonic=lambda: clock.now_s, time_ns=lambda: 0)
-    monkeypatch.setattr(session_module, "time", clock)
+    monkeypatch.setattr(sender, "time", clock)
 
     async def test() -> None:
         socket = Socket()

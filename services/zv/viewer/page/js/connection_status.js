@@ -6,6 +6,7 @@ import { bitRate, number } from "./ui/format.js";
 const ERROR_MS = 8000;
 const SLOW_MS = 8000; // the server reports a slow link every 2 s
 
+/** Returns a function that shows a sentence about something that was refused, for some seconds. */
 export function showConnection(system, connection, watches) {
 	let failures = 0;
 	let refusal = "";
@@ -57,7 +58,8 @@ export function showConnection(system, connection, watches) {
 			banner("The session has ended. Open the address that the viewer printed.", "refused");
 		}
 	});
-	connection.on("error", ({ text }) => {
+
+	function refuse(text) {
 		refusal = text;
 		draw();
 		clearTimeout(refusalTimer);
@@ -65,7 +67,9 @@ export function showConnection(system, connection, watches) {
 			refusal = "";
 			draw();
 		}, ERROR_MS);
-	});
+	}
+	connection.on("error", ({ text }) => refuse(text));
+	return refuse;
 }
 
 function banner(text, kind = "") {

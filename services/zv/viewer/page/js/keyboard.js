@@ -16,10 +16,11 @@ const TABLE = {
 		["e", "parameters", "panel", "parameters"],
 		["p", "plots", "panel", "plots"],
 		["g", "graph of nodes and keys", "panel", "graph"],
+		["v", "events", "panel", "events"],
 		["h", "health", "panel", "health"],
 		["l", "log", "panel", "log"],
 		["d", "dark or light", "theme"],
-		["Esc", "close the menu, the panel, the large view"],
+		["Esc", "close the menu, the panel, the large view; show hidden parts"],
 	],
 	"On the wall": [
 		["← ↑ → ↓", "select a stream", "move"],
@@ -37,6 +38,11 @@ const TABLE = {
 		["n", "next stream", "neighbour", 1],
 		["b", "previous stream", "neighbour", -1],
 		["o", "overlay on or off", "toggleOverlay"],
+		["z", "draw zones and lines, or end it", "editShapes"],
+		["r", "rotate clockwise", "change", "rotate"],
+		["m", "mirror", "change", "mirror"],
+		["c", "stretch the contrast, or not", "change", "toggleStretch"],
+		["u", "copy the stream's URL", "copyAddress"],
 		["f", "full screen", "fullScreen"],
 		["s", "save the picture as received", "save"],
 		["Shift S", "save with the overlay, PNG", "saveDrawn"],
@@ -60,7 +66,7 @@ function run({ wall, inspector, dock, go }, command, argument, key) {
 	return true;
 }
 
-/** Listen to the keyboard; `parts` is {wall, inspector, dock, go}. */
+/** Listen to the keyboard; `parts` is {wall, inspector, dock, go, unhide}. */
 export function listenToKeyboard(parts) {
 	const help = byId("help");
 	byId("help-keys").replaceChildren(...Object.entries(TABLE).map(helpSection));
@@ -80,9 +86,10 @@ export function listenToKeyboard(parts) {
 	});
 }
 
-/** Close the panel if one is open, else the large view. Menus close by themselves. */
-function escape({ inspector, dock, go }) {
+/** Show what is hidden; else close the panel, else the large view. Menus close by themselves. */
+function escape({ inspector, dock, go, unhide }) {
 	if (document.querySelector(":popover-open") || document.fullscreenElement) return;
+	if (inspector.editor.escape() || unhide()) return;
 	if (dock.open && byId("dock").contains(document.activeElement)) dock.show("");
 	else if (inspector.isOpen) go([]);
 	else if (dock.open) dock.show("");
@@ -91,7 +98,7 @@ function escape({ inspector, dock, go }) {
 /** Tell whether a key belongs to the control that has the focus. */
 function isTyping({ target, key }) {
 	if (target.closest("select, input:not([type=checkbox], [type=range])")) return true;
-	const usesArrows = target.closest("input[type=range], #log-lines");
+	const usesArrows = target.closest("input[type=range], .lines");
 	if (usesArrows && (key.startsWith("Arrow") || key === " ")) return true;
 	return key === " " && Boolean(target.closest("button, summary, input, a"));
 }

@@ -1,23 +1,27 @@
-// Puts the page together. The fragment of the URL says what is shown: nothing for the wall, or the
-// keys of streams, joined by "+", the first of which leads.
+// Puts the page together. The fragment of the URL says what is shown, see model/layout.js.
 //
 // Each folder imports only from folders listed below it, which a test checks:
 //
-//   main.js, keyboard.js, connection_status.js: the page as a whole
+//   main.js, keyboard.js, connection_status.js, layout_menu.js: the page as a whole
 //   wall/        all streams at once, as tiles
-//   inspector/   one stream large, with others beside it, overlay, zoom, pause
-//   panels/      the dock's panels: parameters, plots, graph, health, log
-//   export/      frames and texts as files
-//   video/       which streams are watched; pictures and messages to frames, pause, overlay
-//   model/       the state of the running system and of each stream
+//   inspector/   one stream large, with others beside it, overlay, zoom, pause, range and colours
+//   panels/      the dock's panels: parameters, plots, graph, events, health, log
+//   export/      frames and texts as files, addresses
+//   video/       which streams are watched; pictures and messages to frames, pause, overlay, colours
+//   model/       the state of the running system and of each stream, the layout of the page
 //   transport/   the WebSocket: its messages, reconnecting
 //   ui/          elements, numbers as text, preferences
 
 import { showConnection } from "./connection_status.js";
 import { Inspector } from "./inspector/inspector.js";
 import { listenToKeyboard } from "./keyboard.js";
+import { LayoutMenu } from "./layout_menu.js";
+import { PLAIN, readLayout, writeLayout } from "./model/layout.js";
+import { Orientations } from "./model/orientation.js";
 import { System } from "./model/system.js";
+import { Transfer } from "./model/transfer.js";
 import { Dock } from "./panels/dock.js";
+import { EventsPanel } from "./panels/events.js";
 import { GraphPanel } from "./panels/graph.js";
 import { HealthPanel, LogPanel } from "./panels/health.js";
 import { ParametersPanel } from "./panels/parameters.js";
@@ -34,40 +38,78 @@ address.protocol = address.protocol.replace("http", "ws");
 const connection = new Connection(address);
 const system = new System(connection);
 const watches = new Watches(connection);
-const wall = new Wall(system, watches);
-const inspector = new Inspector(system, watches, connection, go);
+let layout = PLAIN;
+const shared = { orientations: new Orientations(), transfer: new Transfer(), setTransfer };
+const wall = new Wall(system, watches, shared, (key) => writeLayout({ ...layout, keys: [key] }));
+const inspector = new Inspector(system, watches, connection, go, shared);
+const menu = new LayoutMenu(system, shared.transfer, change);
 const camera = () => inspector.camera;
 const panels = {
 	parameters: new ParametersPanel(system, connection, camera),
 	plots: new PlotsPanel(system, watches, camera),
 	graph: new GraphPanel(system, camera),
+	events: new EventsPanel(system, watches),
 	health: new HealthPanel(system),
 	log: new LogPanel(system),
 };
 const dock = new Dock(panels, (kinds) => system.show(kinds));
-showConnection(system, connection, watches);
+const refuse = showConnection(system, connection, watches);
 
-/** Show the streams of these keys; the wall if there are none. */
-function go(keys) {
-	const hash = keys.join("+");
-	if (hash === location.hash.slice(1)) return;
-	history.pushState(null, "", hash ? `#${hash}` : location.pathname + location.search);
+/** Show the streams of these keys, the wall if there are none, in the same layout but for a part. */
+function go(keys, part = {}) {
+	visit(writeLayout({ ...layout, ...part, keys }), "pushState");
+}
+
+/** Change some fields of the layout, in the same place of the browser's history. */
+function change(part) {
+	if ("width" in part || "quality" in part) setTransfer({ ...shared.transfer.common, ...part });
+	else visit(writeLayout({ ...layout, ...part }), "replaceState");
+}
+
+/** Set the size and quality of all streams, in the URL if it has one, else in the browser. */
+function setTransfer(choice) {
+	if (shared.transfer.fixed) {
+		visit(writeLayout({ ...layout, ...choice }), "replaceState");
+	} else {
+		shared.transfer.setCommon(choice);
+		show();
+	}
+}
+
+function visit(fragment, how) {
+	if (fragment === location.hash.slice(1)) return;
+	history[how](null, "", fragment ? `#${fragment}` : location.pathname + location.search);
 	route();
 }
 
-/** Show the streams in the URL; all streams if it cannot be decoded. */
+/** Read the layout in the URL; if it cannot be decoded, the wall with all streams is shown. */
 function route() {
-	let hash = "";
+	let fragment = "";
 	try {
-		hash = decodeURIComponent(location.hash.slice(1));
+		fragment = decodeURIComponent(location.hash.slice(1));
 	} catch {
 		history.replaceState(null, "", location.pathname + location.search);
 	}
-	const keys = [...new Set(hash.split("+"))].filter(Boolean);
+	const { panel } = layout;
+	const read = readLayout(fragment);
+	({ layout } = read);
+	if (read.refused.length) refuse(`In the address, ${read.refused.join("; ")}`);
+	shared.transfer.fix(layout);
+	if (layout.panel && layout.panel !== panel) {
+		dock.show(layout.panel === "none" ? "" : layout.panel, { isKept: false });
+	}
+	show();
+}
+
+/** Show the streams of the layout. */
+function show() {
+	const { keys } = layout;
 	const isLarge = keys.length > 0;
 	const before = inspector.key;
 	const hadFocus = byId("wall").contains(document.activeElement);
-	setData(document.body, { view: isLarge ? "large" : "wall" });
+	setData(document.body, { view: isLarge ? "large" : "wall", hide: layout.hide.join(" ") });
+	wall.arrange(layout);
+	menu.follow(layout);
 	byId("wall").hidden = isLarge;
 	byId("large").hidden = !isLarge;
 	wall.show(!isLarge);
@@ -79,9 +121,17 @@ function route() {
 	for (const panel of [panels.parameters, panels.plots, panels.graph]) panel.draw();
 }
 
+/** Show the hidden parts of the page again; returns whether there were any. */
+function unhide() {
+	const isHidden = layout.hide.length > 0;
+	if (isHidden) change({ hide: [] });
+	return isHidden;
+}
+
 for (const button of document.querySelectorAll("[data-act]")) {
 	const { act, by } = button.dataset;
-	button.addEventListener("click", () => inspector[act](by === undefined ? by : Number(by)));
+	const argument = by === undefined || Number.isNaN(Number(by)) ? by : Number(by);
+	button.addEventListener("click", () => inspector[act](argument));
 }
 for (const link of document.querySelectorAll('a[href="#"]')) {
 	link.addEventListener("click", (event) => {
@@ -89,6 +139,6 @@ for (const link of document.querySelectorAll('a[href="#"]')) {
 		go([]);
 	});
 }
-listenToKeyboard({ wall, inspector, dock, go });
+listenToKeyboard({ wall, inspector, dock, go, unhide });
 addEventListener("hashchange", route);
 route();

@@ -1,9 +1,10 @@
 // Saves frames as files that contain the frame's header: the picture as received, byte for byte, or
 // a PNG of the whole frame with the overlay, which also contains the messages. The header is a tEXt
-// chunk in a PNG, a comment in a JPEG.
+// chunk in a PNG, a comment in a JPEG. A depth picture is saved as a PNG of its 16 bits.
 
 import { element } from "../ui/elements.js";
 import { drawOverlay } from "../video/overlay.js";
+import { chunk, depthPng } from "./png.js";
 
 export const KEYWORD = "vision.Header";
 const REVOKE_MS = 30_000;
@@ -12,18 +13,23 @@ const JPEG_COMMENT = Uint8Array.of(0xff, 0xfe);
 const JPEG_LONGEST = 65_533;
 
 /** Save the picture of one stream of a frame, unchanged except for the added header. */
-export function saveOriginal(frame, { key }) {
-	const { picture: { header, data, mime } } = frame.items.get(key);
+export async function saveOriginal(frame, { key }) {
+	const { picture, bitmap } = frame.items.get(key);
+	const { header, mime } = picture;
 	const ending = mime === "image/png" ? "png" : "jpg";
+	const data = picture.depth?.values ? await depthPng(pixelsOf(bitmap)) : picture.data;
 	offer(withHeader(data, mime, { key, ...header }), mime, fileName(key, header, ending));
 }
 
-/** Save a frame as a PNG of its full size, with the overlay {keys, trails} drawn on it. */
-export async function saveDrawn(frame, { key }, overlay) {
-	const { picture: { header }, bitmap } = frame.items.get(key);
+/**
+ * Save a frame as a PNG of its full size: `image`, the picture of the stream as it is shown, with
+ * the overlay {keys, trails} drawn on it.
+ */
+export async function saveDrawn(frame, { key }, overlay, image) {
+	const { picture: { header } } = frame.items.get(key);
 	const canvas = new OffscreenCanvas(header.width, header.height);
 	const context = canvas.getContext("2d");
-	context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+	context.drawImage(image, 0, 0, canvas.width, canvas.height);
 	drawOverlay(context, frame, overlay, (point) => point, 1);
 	const blob = await canvas.convertToBlob({ type: "image/png" });
 	const messages = Object.fromEntries(
@@ -32,6 +38,13 @@ export async function saveDrawn(frame, { key }, overlay) {
 	const bytes = new Uint8Array(await blob.arrayBuffer());
 	offer(withHeader(bytes, "image/png", { key, ...header, messages }), "image/png",
 		fileName(key, header, "drawn.png"));
+}
+
+function pixelsOf(bitmap) {
+	const { width, height } = bitmap;
+	const context = new OffscreenCanvas(width, height).getContext("2d");
+	context.drawImage(bitmap, 0, 0);
+	return context.getImageData(0, 0, width, height);
 }
 
 function fileName(key, header, ending) {
@@ -53,9 +66,9 @@ export function withHeader(bytes, mime, fields) {
 	const json = JSON.stringify(fields).replace(/[\u007f-\uffff]/g, (letter) =>
 		`\\u${letter.charCodeAt(0).toString(16).padStart(4, "0")}`);
 	if (mime === "image/png") {
-		const chunk = new TextEncoder().encode(`tEXt${KEYWORD}\0${json}`);
-		return [bytes.subarray(0, PNG_SIGNATURE_AND_IHDR), bigEndian(chunk.length - 4, 4), chunk,
-			bigEndian(crc32(chunk), 4), bytes.subarray(PNG_SIGNATURE_AND_IHDR)];
+		const text = chunk("tEXt", new TextEncoder().encode(`${KEYWORD}\0${json}`));
+		return [bytes.subarray(0, PNG_SIGNATURE_AND_IHDR), text,
+			bytes.subarray(PNG_SIGNATURE_AND_IHDR)];
 	}
 	const comment = new TextEncoder().encode(`${KEYWORD} ${json}`).subarray(0, JPEG_LONGEST);
 	// Before the first segment other than APPn: some readers require those first.
@@ -63,20 +76,7 @@ export function withHeader(bytes, mime, fields) {
 	while (bytes[at] === 0xff && bytes[at + 1] >= 0xe0 && bytes[at + 1] <= 0xef) {
 		at += 2 + bytes[at + 2] * 256 + bytes[at + 3];
 	}
-	return [bytes.subarray(0, at), JPEG_COMMENT, bigEndian(comment.length + 2, 2), comment,
+	const length = comment.length + 2;
+	return [bytes.subarray(0, at), JPEG_COMMENT, Uint8Array.of(length >> 8, length & 255), comment,
 		bytes.subarray(at)];
-}
-
-function bigEndian(value, size) {
-	return Uint8Array.from({ length: size }, (_, index) => value >>> (8 * (size - 1 - index)));
-}
-
-/** The CRC-32 of PNG (ISO 3309). */
-export function crc32(bytes) {
-	let crc = 0xffffffff;
-	for (const byte of bytes) {
-		crc ^= byte;
-		for (let bit = 0; bit < 8; bit += 1) crc = crc & 1 ? 0xedb88320 ^ (crc >>> 1) : crc >>> 1;
-	}
-	return (crc ^ 0xffffffff) >>> 0;
 }

@@ -2,26 +2,37 @@
 // and below it age, rate, losses, size and frame number.
 
 import { saveDrawn, saveOriginal } from "../export/saving.js";
-import { pictureStreams, topicName } from "../model/streams.js";
-import { milliseconds } from "../transport/connection.js";
+import { pictureStreams, stepKeys, topicName } from "../model/streams.js";
+import { watchOptions } from "../model/transfer.js";
 import { byId, setData, setText } from "../ui/elements.js";
-import { clock, count, duration, number, rate, size } from "../ui/format.js";
+import { number } from "../ui/format.js";
 import { FrameFeed } from "../video/frame_joiner.js";
 import { Playback } from "../video/playback.js";
+import { Adjust } from "./adjust.js";
+import { writeFigures } from "./figures.js";
 import { Menus } from "./menus.js";
 import { PaneGrid } from "./pane_grid.js";
+import { ShapeEditor } from "./shape_editor.js";
+import { TransferMenu } from "./transfer_menu.js";
 
 const TICK_MS = 200;
 const WINDOW_MS = 1000;
 
 export class Inspector extends PaneGrid {
-	/** `go(keys)` shows these streams instead. */
-	constructor(system, watches, connection, go) {
+	/**
+	 * `go(keys, part)` shows these streams instead, in a layout with this part changed;
+	 * `orientations` and `transfer` are what the page knows of them, `setTransfer(choice)` changes the
+	 * latter for all streams.
+	 */
+	constructor(system, watches, connection, go, { orientations, transfer, setTransfer }) {
 		super();
-		Object.assign(this, { system, connection, go });
+		Object.assign(this, { system, connection, go, transfer });
 		this.playback = new Playback((frame, isNew) => this.display(frame, isNew));
 		this.feed = new FrameFeed(watches, connection, (frame) => this.playback.add(frame));
 		this.menus = new Menus(system, () => this.follow(), go);
+		this.adjust = new Adjust(orientations, () => this.follow());
+		this.transferMenu = new TransferMenu(transfer, setTransfer, () => this.follow());
+		this.editor = new ShapeEditor(system, connection, () => this.requestPaint());
 		this.keys = [];
 		this.reset();
 		system.on("streams", () => this.isOpen && this.follow());
@@ -50,6 +61,7 @@ export class Inspector extends PaneGrid {
 
 	close() {
 		this.keys = [];
+		this.editor.follow(null);
 		this.feed.close();
 		this.reset();
 		this.setPanes([]);
@@ -67,6 +79,11 @@ export class Inspector extends PaneGrid {
 		this.playback.step(by);
 	}
 
+	/** Show all steps of the edge detector of this camera, and its parameters. */
+	showSteps() {
+		this.go(stepKeys(this.system.streams, this.camera), { panel: "parameters" });
+	}
+
 	fullScreen() {
 		if (document.fullscreenElement) document.exitFullscreen();
 		else byId("large").requestFullscreen?.();
@@ -76,12 +93,29 @@ export class Inspector extends PaneGrid {
 		this.menus.set("overlayOn", !this.menus.overlayOn);
 	}
 
+	editShapes() {
+		this.editor.toggle();
+	}
+
 	save() {
 		if (this.picture) saveOriginal(this.frame, this.lead);
 	}
 
 	saveDrawn() {
-		if (this.picture) saveDrawn(this.frame, this.lead, this.overlayOf(this.panes[0]));
+		if (!this.picture) return;
+		this.paint(); // since a new frame, whose predecessor's picture is closed, may not be painted yet
+		saveDrawn(this.frame, this.lead, this.overlayOf(this.panes[0]), this.panes[0].toned.image);
+	}
+
+	/** Change how the picture is shown: "rotate", "mirror" or "toggleStretch". */
+	change(how) {
+		this.adjust[how]();
+	}
+
+	/** Open the menu with the stream's addresses and copy the first. */
+	copyAddress() {
+		if (!byId("transfer-menu").matches(":popover-open")) byId("transfer-button").click();
+		this.transferMenu.copy("stream");
 	}
 
 	/** Show the next stream of the wall's order (1), or the one before (-1). */
@@ -106,18 +140,24 @@ export class Inspector extends PaneGrid {
 		this.lead = this.system.stream(this.key) ?? null;
 		setText(byId("large-camera"), this.lead?.camera ?? "");
 		setText(byId("large-topic"), this.lead ? topicName(this.lead) : this.key);
+		byId("steps").hidden = !stepKeys(this.system.streams, this.camera).length;
 		if (!this.lead) return;
 		const pictures = streams.map((stream) => stream.key);
 		const messages = this.menus.overlayKeys(this.lead.camera);
 		this.menus.write(this.keys, this.lead.camera);
 		byId("overlay-toggle").setAttribute("aria-pressed", String(this.menus.overlayOn));
 		this.feed.joiner.onlyComplete = this.menus.onlyComplete;
-		const followed = JSON.stringify([pictures, messages]);
+		this.adjust.follow(this.lead);
+		this.transferMenu.follow(this.lead, this.frame?.header);
+		this.turn(this.adjust.orientation);
+		this.editor.follow(this.camera);
+		const optionsOf = (key) => ({ ...watchOptions(this.transfer.of(key)), values: true });
+		const followed = JSON.stringify([pictures, pictures.map(optionsOf), messages]);
 		if (followed !== this.followed) {
 			this.followed = followed;
 			this.setPanes(streams);
 			this.shown = [];
-			this.feed.follow(pictures, messages);
+			this.feed.follow(pictures, messages, optionsOf);
 		}
 		this.requestPaint();
 	}
@@ -149,6 +189,7 @@ export class Inspector extends PaneGrid {
 	paint() {
 		if (!this.lead) return;
 		super.paint();
+		if (this.panes[0].item) this.adjust.draw(this.panes[0].toned);
 		setText(this.panes[0].badge, this.overlayState());
 		setData(this.panes[0].element, { without: this.missing.length > 0 });
 	}
@@ -156,7 +197,16 @@ export class Inspector extends PaneGrid {
 	/** The overlay of a pane: nothing if the tracker has already drawn on the picture. */
 	overlayOf({ stream }) {
 		const keys = topicName(stream) === "tracked" ? [] : this.feed.messages;
-		return { keys, trails: this.menus.trails ? this.feed.trails : null };
+		const { trails, shapes, overlayOn } = this.menus;
+		const counts = this.frame.items.get(this.feed.messages.find((key) => key.endsWith("/tracks")));
+		return { keys, trails: trails ? this.feed.trails : null,
+			shapes: (overlayOn && shapes) || this.editor.isActive ? this.editor.marks(counts) : null };
+	}
+
+	/** How the values of a pane's picture are shown; the first pane's are measured if that is seen. */
+	toneOf(pane) {
+		const isMeasured = this.adjust.isOpen && pane === this.panes[0];
+		return { choice: this.adjust.of(pane.stream.key), isMeasured };
 	}
 
 	/** Return how many of the last frames had their messages, and why others had not, if any. */
@@ -183,7 +233,8 @@ export class Inspector extends PaneGrid {
 		setText(byId("large-state"), paused ? "paused" : live ? "live" : "not live");
 		byId("unknown").hidden = Boolean(lead);
 		for (const pane of this.panes) pane.showState(live, text);
-		this.writeFigures(paused || live);
+		const { frame, picture, feed: { statistics } } = this;
+		writeFigures({ frame, picture, statistics, isAging: paused || live });
 	}
 
 	/** Return why the leading stream is not live. */
@@ -193,23 +244,5 @@ export class Inspector extends PaneGrid {
 		if (!this.connection.isOpen) return "not connected to the viewer's server";
 		if (statistics.isLive(now) && lead.live) return "waiting for a frame with its overlay";
 		return statistics.explainSilence(lead, now, this.system.now);
-	}
-
-	writeFigures(isAging) {
-		const { frame, picture, feed: { statistics } } = this;
-		const now = performance.now();
-		const { header, data } = picture ?? {};
-		const stamp = frame && milliseconds(frame.header.stamp_ns); // by the camera's clock
-		const texts = {
-			age: duration(picture && isAging ? picture.ageMs + now - picture.at : null),
-			rate: rate(statistics.rate(now)),
-			lost: picture ? count(statistics.lost) : "–",
-			skipped: picture ? count(statistics.skipped) : "–",
-			size: picture ? `${header.width}×${header.height} · ${size(data.byteLength)}` : "–",
-			frame: frame ? String(frame.seq) : "–",
-			time: frame ? `${clock(stamp)}.${String(Math.floor(stamp % 1000)).padStart(3, "0")}` : "–",
-		};
-		for (const [name, text] of Object.entries(texts)) setText(byId(`figure-${name}`), text);
-		byId("figure-frame").title = frame ? `epoch ${frame.epoch}` : "";
 	}
 }

@@ -11,6 +11,7 @@ export class Menus {
 		this.overlays = loadPreference("overlays", {}); // topic -> whether it is drawn
 		this.overlayOn = loadPreference("overlayOn", true);
 		this.trails = loadPreference("trails", true);
+		this.shapes = loadPreference("shapes", true);
 		this.onlyComplete = loadPreference("onlyComplete", false);
 	}
 
@@ -30,6 +31,7 @@ export class Menus {
 			overlays.length ? null : element("p", {}, "This camera has no centroid and no tracks."),
 			element("hr"),
 			check("trails of 2 s", this.trails, (on) => this.set("trails", on)),
+			check("zones and lines", this.shapes, (on) => this.set("shapes", on)),
 			check("only frames with their overlay", this.onlyComplete,
 				(on) => this.set("onlyComplete", on),
 				"The picture then waits longer for its messages, and is dropped if they do not come"),

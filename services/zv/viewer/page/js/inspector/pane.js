@@ -4,7 +4,9 @@
 import { topicName } from "../model/streams.js";
 import { element, setData, setText } from "../ui/elements.js";
 import { drawOverlay } from "../video/overlay.js";
+import { gradientOf, valuesOf, valueText } from "../video/tone.js";
 import { release } from "../video/watches.js";
+import { TonedPicture } from "./toned_picture.js";
 
 const PIXELS_FROM_SCALE = 2; // from here on, pixels are seen as squares
 const WHEEL_STEP = 0.0015;
@@ -16,6 +18,7 @@ export class Pane {
 		this.seq = null;
 		this.item = null;
 		this.pixel = ""; // the value under the pointer
+		this.toned = new TonedPicture();
 		this.probe = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
 		this.picture = element("canvas", { class: "picture", "data-key": stream.key,
 			"data-live": "false", role: "img", "aria-label": `${stream.camera} ${topicName(stream)}` });
@@ -24,8 +27,14 @@ export class Pane {
 		this.badge = element("span");
 		this.value = element("output", { class: "pane-value" });
 		this.behind = element("span", { class: "pane-behind" });
+		this.scaleLow = element("span");
+		this.scaleBar = element("i");
+		this.scaleHigh = element("span");
+		this.scale = element("p", { class: "pane-scale", hidden: true }, this.scaleLow, this.scaleBar,
+			this.scaleHigh);
 		this.surface = element("div", { class: "pane-surface" }, this.picture, this.overlay,
-			element("p", { class: "pane-badge" }, element("i", { class: "lamp" }), this.badge), this.state);
+			element("p", { class: "pane-badge" }, element("i", { class: "lamp" }), this.badge),
+		this.scale, this.state);
 		this.element = element("figure", { class: "pane", "data-key": stream.key }, this.surface,
 			element("figcaption", {}, element("b", {}, topicName(stream)), this.behind, this.value));
 		listenToPointer(this, grid);
@@ -53,10 +62,11 @@ export class Pane {
 	}
 
 	/**
-	 * Draw the picture, and the overlay if it is of the same frame. `overlay` is {keys, trails};
-	 * `pointer` is a point of the frame, or null.
+	 * Draw the picture, and the overlay if it is of the same frame. `overlay` is that of drawOverlay;
+	 * `pointer` is a point of the frame, or null; `tone` is {choice, isMeasured}, as TonedPicture
+	 * takes them.
 	 */
-	paint(frame, view, overlay, pointer) {
+	paint(frame, { view, orientation, overlay, pointer, tone }) {
 		const { width, height } = this.size;
 		const picture = this.picture.getContext("2d", { alpha: false });
 		const marks = this.overlay.getContext("2d");
@@ -65,15 +75,19 @@ export class Pane {
 		marks.clearRect(0, 0, width, height);
 		if (!this.item) return;
 		const { header } = frame;
-		const toCanvas = (point) => view.toPane(this.size, point);
-		const corner = toCanvas({ x: 0, y: 0 });
+		const toCanvas = (point) => view.toPane(this.size, orientation.toTurned(header, point));
+		const corner = view.toPane(this.size, { x: 0, y: 0 });
+		this.toned.prepare(this.item, tone.choice, tone.isMeasured);
 		picture.imageSmoothingEnabled = view.scale < PIXELS_FROM_SCALE;
-		picture.drawImage(this.item.bitmap, corner.x, corner.y, header.width * view.scale,
-			header.height * view.scale);
+		picture.setTransform(view.scale, 0, 0, view.scale, corner.x, corner.y);
+		picture.transform(...orientation.transform(header));
+		picture.drawImage(this.toned.image, 0, 0, header.width, header.height);
+		picture.resetTransform();
 		const drawn = this.seq === frame.seq
-			? drawOverlay(marks, frame, overlay, toCanvas, devicePixelRatio) : [];
+			? drawOverlay(marks, frame, overlay, toCanvas, devicePixelRatio) : { marks: [], shapes: [] };
 		if (pointer) drawSpot(marks, toCanvas(pointer), 5 * devicePixelRatio);
 		this.describe(frame, view, overlay, drawn);
+		this.writeScale(tone.choice.map);
 		this.pixel = pointer ? this.valueAt(pointer, header) : "";
 		setText(this.value, this.pixel);
 	}
@@ -81,6 +95,7 @@ export class Pane {
 	close() {
 		release(this.item);
 		this.item = null;
+		this.toned.reset();
 	}
 
 	showState(live, text) {
@@ -97,7 +112,20 @@ export class Pane {
 		setText(this.behind, isBehind ? `frame ${this.seq}, not ${frame.seq}` : "");
 		const { epoch } = frame;
 		setData(this.picture, { epoch, seq: this.seq, overlay: isJoined ? "joined" : "without" });
-		setData(this.overlay, { boxes: JSON.stringify(drawn), view: `${view.scale} ${view.x} ${view.y}` });
+		setData(this.overlay, { boxes: JSON.stringify(drawn.marks),
+			shapes: JSON.stringify(drawn.shapes), view: `${view.scale} ${view.x} ${view.y}` });
+	}
+
+	/** Show which colours mean which values, unless those of the picture are shown as they are. */
+	writeScale(map) {
+		const { isPlain, values, range } = this.toned;
+		this.scale.hidden = isPlain && !values.isDepth;
+		if (this.scale.hidden) return;
+		const gradient = gradientOf(values.isGrey ? map : "grey");
+		if (this.gradient !== gradient) this.scaleBar.style.background = gradient;
+		this.gradient = gradient;
+		setText(this.scaleLow, valueText(range.low, values.unit));
+		setText(this.scaleHigh, valueText(range.high, values.unit));
 	}
 
 	valueAt({ x, y }, header) {
@@ -107,6 +135,11 @@ export class Pane {
 		this.probe.clearRect(0, 0, 1, 1);
 		this.probe.drawImage(bitmap, -column, -row);
 		const [red, green, blue] = this.probe.getImageData(0, 0, 1, 1).data;
+		const values = valuesOf(this.item.picture);
+		if (values.isDepth) {
+			const text = valueText(values.of(red, green, blue), values.unit);
+			return values.isExact || text === "no reading" ? text : `about ${text}`;
+		}
 		return red === green && green === blue ? `${red}` : `R ${red}  G ${green}  B ${blue}`;
 	}
 }
@@ -124,6 +157,7 @@ function drawSpot(context, { x, y }, half) {
 function listenToPointer(pane, grid) {
 	const { surface } = pane;
 	const down = new Map(); // id of a pointer -> its last point
+	let editing = null; // id of the pointer that draws or moves a shape
 	const pointOf = (event) => {
 		const box = surface.getBoundingClientRect();
 		return { x: (event.clientX - box.left) * devicePixelRatio,
@@ -132,12 +166,14 @@ function listenToPointer(pane, grid) {
 
 	surface.addEventListener("pointerdown", (event) => {
 		if (event.button > 0) return;
-		down.set(event.pointerId, pointOf(event));
 		surface.setPointerCapture(event.pointerId);
+		if (!down.size && grid.press(pane, pointOf(event))) editing = event.pointerId;
+		else down.set(event.pointerId, pointOf(event));
 	});
 	surface.addEventListener("pointermove", (event) => {
 		const at = pointOf(event);
 		grid.setPointer(pane, at);
+		if (event.pointerId === editing) grid.drag(pane, at);
 		const before = down.get(event.pointerId);
 		if (!before) return;
 		if (down.size === 2) pinch(event.pointerId, before, at);
@@ -145,7 +181,12 @@ function listenToPointer(pane, grid) {
 		down.set(event.pointerId, at);
 	});
 	for (const name of ["pointerup", "pointercancel"]) {
-		surface.addEventListener(name, (event) => down.delete(event.pointerId));
+		surface.addEventListener(name, (event) => {
+			down.delete(event.pointerId);
+			if (event.pointerId !== editing) return;
+			editing = null;
+			grid.release();
+		});
 	}
 	surface.addEventListener("pointerleave", (event) => {
 		if (event.pointerType === "mouse") grid.setPointer(pane, null);

@@ -1,14 +1,16 @@
 // The panes of the large view side by side: one zoom and one pointer for all, painted together.
 
+import { Orientation } from "../model/orientation.js";
 import { byId, setData, setText, syncViews } from "../ui/elements.js";
 import { Pane } from "./pane.js";
 
 const CAPTION_PX = 24;
 const LARGEST_SCALE = 64;
+const REACH_PX = 9; // a shape as far as this from the pointer is meant
 
 /**
  * Zoom and pan as arithmetic: device pixels per frame pixel, and the frame's point at the middle of
- * the pane. All sizes are {width, height}, all points {x, y}.
+ * the pane. All sizes are {width, height}, all points {x, y}; the frame is the turned one.
  */
 export class View {
 	constructor(scale, x, y) {
@@ -63,7 +65,13 @@ export class PaneGrid {
 		this.frame = null;
 		this.mode = "fit"; // or "actual", or "free" as the user left it
 		this.view = new View(1, 0, 0);
+		this.orientation = new Orientation();
 		new ResizeObserver(() => this.resized()).observe(byId("panes"));
+	}
+
+	/** The size of the frame as it is shown. */
+	get turnedSize() {
+		return this.orientation.size(this.frame.header);
 	}
 
 	/** Zoom at a point of a pane, or at its middle. */
@@ -71,14 +79,22 @@ export class PaneGrid {
 		if (!this.frame) return;
 		const { size } = this.panes[0];
 		const held = at ?? { x: size.width / 2, y: size.height / 2 };
-		this.setView("free", this.view.zoomed(this.frame.header, size, factor, held));
+		this.setView("free", this.view.zoomed(this.turnedSize, size, factor, held));
 	}
 
 	/** Move the picture by device pixels; a whole frame stays where it is. */
 	pan(dx, dy) {
 		if (this.frame && this.mode !== "fit") {
-			this.setView("free", this.view.panned(this.frame.header, dx, dy));
+			this.setView("free", this.view.panned(this.turnedSize, dx, dy));
 		}
+	}
+
+	/** Show the frame in another orientation, whole. */
+	turn(orientation) {
+		if (orientation.text === this.orientation.text) return;
+		this.orientation = orientation;
+		this.fit();
+		this.resized();
 	}
 
 	fit() {
@@ -92,8 +108,12 @@ export class PaneGrid {
 
 	/** Show the pixel at a point of a pane one to one, or the whole frame again. */
 	toggleFit(pane, at) {
+		if (this.editor.isActive) return;
 		if (this.mode !== "fit" || !this.frame) this.fit();
-		else this.actual(this.pixelAt(pane, at) ?? this.view);
+		else {
+			const pixel = this.pixelAt(pane, at);
+			this.actual(pixel ? this.orientation.toTurned(this.frame.header, pixel) : this.view);
+		}
 	}
 
 	setView(mode, view) {
@@ -120,10 +140,11 @@ export class PaneGrid {
 	}
 
 	paint() {
-		const { header } = this.frame;
-		if (this.mode === "fit") this.view = View.fit(header, this.panes[0].size);
+		if (this.mode === "fit") this.view = View.fit(this.turnedSize, this.panes[0].size);
+		const { view, orientation, pointer } = this;
 		for (const pane of this.panes) {
-			pane.paint(this.frame, this.view, this.overlayOf(pane), this.pointer);
+			const overlay = this.overlayOf(pane);
+			pane.paint(this.frame, { view, orientation, overlay, pointer, tone: this.toneOf(pane) });
 		}
 		const { pointer: point, view: { scale } } = this;
 		const place = point ? `${Math.floor(point.x)}, ${Math.floor(point.y)}` : "–";
@@ -135,10 +156,10 @@ export class PaneGrid {
 	/** The number of columns with which the pictures are largest. */
 	resized() {
 		const { clientWidth: width, clientHeight: height } = byId("panes");
-		const { header } = this.frame ?? { header: { width: 4, height: 3 } };
+		const frame = this.frame ? this.turnedSize : { width: 4, height: 3 };
 		const count = this.panes.length;
-		const scale = (columns) => Math.min(width / columns / header.width,
-			(height / Math.ceil(count / columns) - CAPTION_PX) / header.height);
+		const scale = (columns) => Math.min(width / columns / frame.width,
+			(height / Math.ceil(count / columns) - CAPTION_PX) / frame.height);
 		const columns = [1, 2, 3, 4].reduce((best, each) => (scale(each) > scale(best) ? each : best));
 		byId("panes").style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
 		for (const pane of this.panes) pane.fitToSurface();
@@ -151,10 +172,30 @@ export class PaneGrid {
 		this.requestPaint();
 	}
 
+	/** The pointer went down on a pane, moved, or went up. Returns whether a shape was meant. */
+	press(pane, at) {
+		const reach = REACH_PX * devicePixelRatio / this.view.scale;
+		return Boolean(this.frame) && this.editor.press(this.pointAt(pane, at), reach);
+	}
+
+	drag(pane, at) {
+		this.editor.drag(this.pointAt(pane, at));
+	}
+
+	release() {
+		this.editor.release();
+	}
+
+	/** The point [x, y] of the frame at a point of a pane. */
+	pointAt(pane, at) {
+		const { x, y } = this.orientation.toFrame(this.frame.header, this.view.toFrame(pane.size, at));
+		return [x, y];
+	}
+
 	/** The middle of the frame's pixel at a point of a pane, or null outside of the frame. */
 	pixelAt(pane, at) {
 		const { width, height } = this.frame.header;
-		const { x, y } = this.view.toFrame(pane.size, at);
+		const { x, y } = this.orientation.toFrame({ width, height }, this.view.toFrame(pane.size, at));
 		const isInside = x >= 0 && y >= 0 && x < width && y < height;
 		return isInside ? { x: Math.floor(x) + 0.5, y: Math.floor(y) + 0.5 } : null;
 	}

@@ -4,8 +4,10 @@ import { clock, duration } from "../ui/format.js";
 
 export const RAW = "raw";
 
-const ORDER = ["image", "tracked", "mask", "edges", "smoothed", "magnitude", "direction",
-	"suppressed", "thresholded", "background", RAW];
+/** The edge detector's steps, which it makes only for those who look. */
+export const STAGES = ["smoothed", "magnitude", "direction", "suppressed", "thresholded"];
+
+const ORDER = ["image", "tracked", "mask", "edges", ...STAGES, "background", RAW];
 const OVERLAY_ORDER = ["centroid", "tracks", "truth"];
 const WINDOW_MS = 3000;
 const SILENCE_MS = 1000;
@@ -22,6 +24,13 @@ export function streamName(stream) {
 	return `${stream.camera} / ${topicName(stream)}`;
 }
 
+/** What is known of a stream that no node has announced, by its key alone. */
+export function streamOf(key) {
+	const [, camera, ...topic] = key.split("/");
+	return { key, kind: "picture", camera, topic: topic.join("/"), type: "", node: "", live: false,
+		since: null };
+}
+
 /** Picture streams in the wall's order: live ones first, the cameras' own before derived ones. */
 export function pictureStreams(streams) {
 	const place = (stream) => {
@@ -34,12 +43,25 @@ export function pictureStreams(streams) {
 			|| topicName(a).localeCompare(topicName(b)) || a.camera.localeCompare(b.camera));
 }
 
+/** The keys of a camera's picture, of each step of its edge detector, and of the edges; or none. */
+export function stepKeys(streams, camera) {
+	const found = pictureStreams(streams).filter((one) => one.camera === camera);
+	const keyOf = (topic) => found.find((one) => topicName(one) === topic)?.key;
+	if (!STAGES.some(keyOf)) return [];
+	return ["image", ...STAGES, "edges"].map(keyOf).filter(Boolean);
+}
+
 /** The streams with boxes or a centroid of one camera, those of the tracker first. */
 export function overlayStreams(streams, camera) {
 	return streams
 		.filter((stream) => stream.camera === camera && stream.kind === "message"
 			&& /vision\.(Centroid|Tracks)\.v1/.test(stream.type))
 		.sort((a, b) => OVERLAY_ORDER.indexOf(a.topic) - OVERLAY_ORDER.indexOf(b.topic));
+}
+
+/** Whether a tracker with zones and lines publishes of a camera. */
+export function hasShapes(streams, camera) {
+	return streams.some((stream) => stream.camera === camera && stream.type === "vision.TrackEvent.v1");
 }
 
 export function median(values) {

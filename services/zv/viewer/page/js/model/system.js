@@ -12,17 +12,17 @@ export class System extends Events {
 	constructor(connection) {
 		super();
 		this.connection = connection;
-		this.shown = [];
+		this.shown = new Map(); // part of the page -> the kinds that it shows
 		this.hello = null;
 		this.streams = [];
 		this.nodes = [];
 		this.matches = {}; // key expression with wildcards -> the keys of streams that it matches
-		this.histories = new Map(); // node -> [{at, diagnostics, rate, p50, p99, drops|null}]
+		this.histories = new Map(); // node -> [{at, diagnostics, lost, rate, p50, p99, drops|null}]
 		this.parameters = new Map(); // node -> (name -> parameter)
 		this.lines = [];
 		this.routerConnected = null;
 		this.clockOffset = performance.timeOrigin;
-		connection.on("open", () => this.show(this.shown));
+		connection.on("open", () => this.sendShown());
 		connection.on("hello", (hello) => this.onHello(hello));
 		connection.on("streams", ({ streams }) => {
 			this.streams = streams.map((stream) => ({ ...stream, since: milliseconds(stream.since_ns) }));
@@ -48,10 +48,16 @@ export class System extends Events {
 		connection.on("close", () => this.setRouter(null));
 	}
 
-	/** Tell the server which of "health", "parameters", "log" and "matches" the page shows now. */
-	show(kinds) {
-		this.shown = kinds;
-		this.connection.send({ op: "show", kinds });
+	/** Note which of "health", "parameters", "log" and "matches" a part of the page shows now. */
+	show(kinds, part = "dock") {
+		if (this.shown.get(part)?.join() === kinds.join()) return;
+		this.shown.set(part, kinds);
+		this.sendShown();
+	}
+
+	/** Tell the server what the page shows now. */
+	sendShown() {
+		this.connection.send({ op: "show", kinds: [...new Set([...this.shown.values()].flat())] });
 	}
 
 	/** Milliseconds since 1970 by the server's clock, which all times of streams refer to. */
@@ -88,15 +94,16 @@ export class System extends Events {
 		this.emit("nodes");
 	}
 
-	onHealth({ node, diagnostics, at_ns: at }) {
+	onHealth({ node, diagnostics, lost: total, at_ns: at }) {
 		const now = milliseconds(at);
 		const history = this.histories.get(node) ?? [];
-		const before = history.at(-1) ?? { at: now, diagnostics };
+		const lost = Number(total); // a text if it is very large
+		const before = history.at(-1) ?? { at: now, lost };
 		const { rate_hz: rate, latency_ms: latency } = diagnostics;
 		// The counters of a restarted node begin at 0.
-		const more = Math.max(0, droppedFrames(diagnostics) - droppedFrames(before.diagnostics));
+		const more = Math.max(0, lost - before.lost);
 		const drops = now - before.at > GAP_MS ? null : more; // of a gap they are not per second
-		history.push({ at: now, diagnostics, rate, p50: latency?.p50, p99: latency?.p99, drops });
+		history.push({ at: now, diagnostics, lost, rate, p50: latency?.p50, p99: latency?.p99, drops });
 		while (now - history[0].at > HISTORY_MS) history.shift();
 		this.histories.set(node, history);
 		this.emit("health");
@@ -120,10 +127,4 @@ export class System extends Events {
 		this.routerConnected = connected;
 		this.emit("router");
 	}
-}
-
-export function droppedFrames(diagnostics) {
-	return Object.entries(diagnostics.counters ?? {})
-		.filter(([name]) => name.startsWith("dropped."))
-		.reduce((sum, [, number]) => sum + number, 0);
 }

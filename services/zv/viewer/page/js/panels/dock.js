@@ -26,8 +26,11 @@ export class Dock {
 		this.show(name === this.open ? "" : name);
 	}
 
-	/** Open a panel; "" closes it. If the closed panel had the focus, its button gets it. */
-	show(name) {
+	/**
+	 * Open a panel; "" closes it. If the closed panel had the focus, its button gets it. The choice is
+	 * kept in the browser unless it is that of a URL.
+	 */
+	show(name, { isKept = true } = {}) {
 		const closed = this.open;
 		this.open = name in this.panels ? name : "";
 		const hadFocus = byId("dock").contains(document.activeElement);
@@ -45,7 +48,7 @@ export class Dock {
 		if (!this.open && hadFocus) {
 			this.buttons.find((button) => button.dataset.panel === closed)?.focus();
 		}
-		savePreference("panel", this.open);
+		if (isKept) savePreference("panel", this.open);
 	}
 
 	/** Draw the open panel, and end what the others cost; all of them while the page is hidden. */

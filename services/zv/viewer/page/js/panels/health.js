@@ -1,12 +1,11 @@
 // The panels of health, one row for each node with its counters below, and of the log.
 
-import { droppedFrames } from "../model/system.js";
 import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
 import { clock, count, duration, number, rate } from "../ui/format.js";
 
 const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
 const STALE_MS = 3500;
-const CELLS = ["level", "rate", "p50", "p99", "drops"];
+const CELLS = ["level", "rate", "p50", "p99", "lost"];
 const AT_END_PX = 24;
 const SETTLE_MS = 100; // one drawing for the reports of many nodes
 
@@ -47,14 +46,14 @@ export class HealthPanel {
 
 	fill(row, node) {
 		const { level, message } = this.stateOf(node);
-		const { diagnostics, rate: hz, p50, p99 } = this.system.report(node.node) ?? {};
+		const { diagnostics, rate: hz, p50, p99, lost } = this.system.report(node.node) ?? {};
 		const uptime = diagnostics ? `, up ${duration(1000 * diagnostics.uptime_s)}` : "";
 		const texts = {
 			level,
 			rate: rate(hz),
 			p50: number(p50, 1),
 			p99: number(p99, 1),
-			drops: diagnostics ? count(droppedFrames(diagnostics)) : "–",
+			lost: diagnostics ? count(lost) : "–",
 			message: message || "well",
 			about: `${node.service} ${node.version} on ${node.host}, process ${node.pid}${uptime}`,
 		};

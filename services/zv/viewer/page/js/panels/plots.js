@@ -1,151 +1,120 @@
-// The panel of plots over the last minutes: rate, latency, drops of each node, and the centroid.
+// The panel of plots over the last minutes: rate, latency and losses of each node, and any number
+// in any message of the chosen camera, also of a schema that this page does not know.
 
-import { byId, element } from "../ui/elements.js";
-import { number } from "../ui/format.js";
+import { byId, element, syncViews } from "../ui/elements.js";
+import { loadPreference, savePreference } from "../ui/preferences.js";
+import { Chart } from "./chart.js";
 import { CameraList } from "./dock.js";
+import { FieldRecorder } from "./field_recorder.js";
 
-const MINUTE_MS = 60_000;
-const SPAN_MS = 5 * MINUTE_MS;
 const DRAW_MS = 500;
-const POINTS_KEPT = 9000; // five minutes at 30 Hz
-const POINTS_DRAWN = 1200;
 const COLOURS = 4;
-const FONT = '11px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace';
-const GAP_MS = 3500;
-const LEFT = 46;
-const RIGHT = 8;
-const TOP = 6;
-const BOTTOM = 18;
+const MOST_FIELDS = 8;
+const LONGEST_NAME = 100;
+const FIELDS_AT_FIRST = [["centroid", "x"], ["centroid", "y"]];
 
-// Each chart with the fields of its lines; those of the centroid do not belong to nodes.
+// Each chart of the nodes with the fields of its lines.
 const CHARTS = [
 	{ title: "Rate", unit: "Hz", fields: ["rate"] },
 	{ title: "Latency from capture", unit: "ms – p50, dashed p99", fields: ["p50", "p99"] },
-	{ title: "Drops", unit: "per second", fields: ["drops"] },
-	{ title: "Centroid x", unit: "pixels", fields: ["x"], isCentroid: true },
-	{ title: "Centroid y", unit: "pixels", fields: ["y"], isCentroid: true },
+	{ title: "Lost frames", unit: "per second", fields: ["drops"] },
 ];
 
 export class PlotsPanel {
 	/** `current()` returns the camera in the large view, or null. */
 	constructor(system, watches, current) {
-		Object.assign(this, { system, watches, centroids: [] });
+		Object.assign(this, { system, views: new Map() });
 		this.cameras = new CameraList(byId("plots-camera"), system, current, () => this.draw());
+		this.recorder = new FieldRecorder(system, watches);
+		this.fields = loadFields();
 		this.charts = CHARTS.map((chart) => {
-			const canvas = element("canvas", { role: "img", "aria-label": `${chart.title}, 5 minutes` });
-			const legend = element("p", { class: "legend" });
-			byId("plots").append(element("section", { class: "plot" },
-				element("h3", {}, chart.title, element("small", {}, chart.unit)), canvas, legend));
-			return { ...chart, canvas, legend };
+			const view = new Chart(chart.title, chart.unit);
+			byId("plots").append(view.element);
+			return { ...chart, view };
 		});
+		byId("plot-topic").addEventListener("change", () => this.draw());
+		byId("plot-add").addEventListener("click", () => this.add());
 		system.on("streams", () => this.draw());
 		setInterval(() => this.draw(), DRAW_MS);
 	}
 
 	draw() {
 		if (this.visible) this.cameras.update();
-		this.follow();
+		const { camera } = this.cameras;
+		const topics = this.visible
+			? [byId("plot-topic").value, ...this.fields.map(([topic]) => topic)].filter(Boolean) : [];
+		this.recorder.follow(camera, topics, this.fields);
 		if (!this.visible) return;
+		this.drawMenu(camera);
 		const style = getComputedStyle(document.documentElement);
 		const colour = (name) => style.getPropertyValue(`--${name}`);
-		for (const chart of this.charts) {
-			const lines = this.linesOf(chart, colour);
-			drawChart(chart.canvas, lines, this.system.now, colour);
-			drawLegend(chart.legend, lines);
+		const { now } = this.system;
+		for (const { fields, view } of this.charts) view.draw(this.linesOf(fields, colour), now, colour);
+		syncViews(byId("field-plots"), this.views, this.fields.map((field) => field.join(" ")),
+			(key) => this.makeChart(this.fields.find((field) => field.join(" ") === key)));
+		for (const [topic, name] of this.fields) {
+			const points = this.recorder.points(topic, name);
+			const line = { name, colour: colour("series-1"), dash: [], points };
+			this.views.get(`${topic} ${name}`).draw([line], now, colour);
 		}
 	}
 
-	/** Watch the centroid of the chosen camera while the panel is visible. */
-	follow() {
-		const stream = this.system.streams.find((one) => one.camera === this.cameras.camera
-			&& one.type === "vision.Centroid.v1");
-		const key = this.visible ? stream?.key : undefined;
-		if (key === this.followed) return;
-		this.stop?.();
-		this.stop = null;
-		this.followed = key;
-		if (!key) return;
-		if (this.centroids.key !== key) this.centroids = Object.assign([], { key });
-		this.stop = this.watches.watchMessages(key, ({ body: { x, y } }) => {
-			this.centroids.push({ at: this.system.now, x, y }); // the camera's clock may differ
-			if (this.centroids.length > POINTS_KEPT) this.centroids.shift();
-		});
-	}
-
-	/** The lines of a chart: [{name, colour, dash, points: [{at, value}]}]. */
-	linesOf({ fields, isCentroid }, colour) {
-		const step = Math.ceil(this.centroids.length / POINTS_DRAWN);
-		const sources = isCentroid
-			? [[fields[0], this.centroids.filter((_, index) => index % step === 0)]]
-			: this.system.nodes.filter((node) => node.cameras?.includes(this.cameras.camera))
-				.map((node) => [node.service, this.system.histories.get(node.node) ?? []]);
-		return sources.flatMap(([name, samples], index) => fields.map((field, second) => ({
-			name,
+	/** The lines of a chart of the nodes: [{name, colour, dash, points: [{at, value}]}]. */
+	linesOf(fields, colour) {
+		const nodes = this.system.nodes.filter((node) => node.cameras?.includes(this.cameras.camera));
+		return nodes.flatMap(({ node, service }, index) => fields.map((field, second) => ({
+			name: service,
 			colour: colour(`series-${(index % COLOURS) + 1}`),
 			dash: second ? [3, 3] : [],
-			points: samples.map((sample) => ({ at: sample.at, value: sample[field] ?? null })),
+			points: (this.system.histories.get(node) ?? []).map((sample) =>
+				({ at: sample.at, value: sample[field] ?? null })),
 		})));
 	}
-}
 
-/** Write each name with the newest values of its lines. */
-function drawLegend(legend, lines) {
-	legend.replaceChildren(...[...Map.groupBy(lines, (line) => line.name)].map(([name, own]) => {
-		const swatch = element("i", { class: "swatch" });
-		swatch.style.color = own[0].colour;
-		const values = own.map(({ points }) => number(points.at(-1)?.value, 1));
-		return element("span", {}, swatch, `${name} ${values.join(" / ")}`);
-	}));
-}
+	makeChart(field) {
+		const [topic, name] = field;
+		const title = `${topic[0].toUpperCase()}${topic.slice(1)} ${name}`;
+		return new Chart(title, "", () => this.setFields(this.fields.filter((one) => one !== field)));
+	}
 
-/** Draw lines over time up to `now`, ms, with gaps; `colour(name)` returns the theme's colour. */
-function drawChart(canvas, lines, now, colour) {
-	const { clientWidth: width, clientHeight: height } = canvas;
-	canvas.width = Math.round(width * devicePixelRatio); // also clears it
-	canvas.height = Math.round(height * devicePixelRatio);
-	const context = canvas.getContext("2d");
-	context.scale(devicePixelRatio, devicePixelRatio);
-	const { high, ticks } = axis(lines.flatMap((line) => line.points.map(({ value }) => value)));
-	const x = (at) => LEFT + (1 - (now - at) / SPAN_MS) * (width - LEFT - RIGHT);
-	const y = (value) => TOP + (1 - value / high) * (height - TOP - BOTTOM);
-	context.font = FONT;
-	context.fillStyle = colour("dim");
-	context.textAlign = "right";
-	for (const tick of ticks) {
-		context.fillText(String(tick), LEFT - 6, y(tick) + 4);
-		stroke(context, colour("line"), 1, [[LEFT, y(tick)], [width - RIGHT, y(tick)]]);
+	/** Offer the message streams of the camera, and the numbers in the newest of the chosen one. */
+	drawMenu(camera) {
+		const topics = this.system.streams.filter((one) => one.camera === camera
+			&& one.kind === "message").map((one) => one.topic);
+		offer(byId("plot-topic"), topics, "stream …");
+		const topic = byId("plot-topic").value;
+		const names = this.recorder.names(topic).filter((name) =>
+			!this.fields.some((field) => field.join(" ") === `${topic} ${name}`));
+		offer(byId("plot-field"), names, !topic ? "number …" : names.length ? "number …" : "none yet");
+		byId("plot-add").disabled = !byId("plot-field").value || this.fields.length >= MOST_FIELDS;
 	}
-	for (let back = 0; back <= SPAN_MS / MINUTE_MS; back += 1) {
-		const text = back === 0 ? "now" : `−${back}`;
-		context.fillText(text, x(now - back * MINUTE_MS) + (back ? 8 : 0), height - 4);
+
+	add() {
+		const [topic, name] = [byId("plot-topic").value, byId("plot-field").value];
+		if (topic && name) this.setFields([...this.fields, [topic, name]]);
 	}
-	for (const { dash, points, ...line } of lines) {
-		context.setLineDash(dash);
-		const seen = points.filter(({ at, value }) => at >= now - SPAN_MS && value !== null);
-		stroke(context, line.colour, 1.5, seen.map(({ at, value }) => [x(at), y(value), at]));
+
+	setFields(fields) {
+		this.fields = fields;
+		savePreference("plots", fields);
+		this.draw();
 	}
 }
 
-/** A scale from 0 to a round number, with a few ticks; null values are left out. */
-export function axis(values) {
-	const top = values.reduce((most, value) => Math.max(most, value), 0) || 1;
-	const power = 10 ** Math.floor(Math.log10(top / 3));
-	const step = [1, 2, 2.5, 5, 10].map((by) => by * power).find((by) => by >= top / 3);
-	const count = Math.ceil(top / step - 1e-9);
-	const ticks = Array.from({ length: count + 1 }, (_, index) =>
-		Number((index * step).toPrecision(6)));
-	return { high: ticks.at(-1), ticks };
+function loadFields() {
+	const isName = (text) => typeof text === "string" && text.length > 0
+		&& text.length <= LONGEST_NAME;
+	const kept = loadPreference("plots", FIELDS_AT_FIRST);
+	return (Array.isArray(kept) ? kept : FIELDS_AT_FIRST).slice(0, MOST_FIELDS)
+		.filter((field) => Array.isArray(field) && field.length === 2 && field.every(isName));
 }
 
-/** Draw a line through points [x, y, at], broken where `at` jumps. */
-function stroke(context, colour, width, points) {
-	context.strokeStyle = colour;
-	context.lineWidth = width;
-	context.beginPath();
-	points.forEach(([x, y, at], index) => {
-		const isJoined = index && !(at - points[index - 1][2] > GAP_MS);
-		if (isJoined) context.lineTo(x, y);
-		else context.moveTo(x, y);
-	});
-	context.stroke();
+/** Offer the names in a list, after one that says what it is for; touch it only if they differ. */
+function offer(list, names, title) {
+	const [first, ...others] = [...list.options].map((option) => option.text);
+	if (first === title && others.join("\n") === names.join("\n")) return;
+	const { value } = list;
+	list.replaceChildren(element("option", { value: "" }, title),
+		...names.map((name) => element("option", { value: name }, name)));
+	list.value = names.includes(value) ? value : "";
 }

@@ -48,3 +48,9 @@ export function clock(ms) {
 export function number(value, digits = 3) {
 	return value === null || value === undefined ? UNKNOWN : String(Number(value.toFixed(digits)));
 }
+
+/** "640×480", or "640×480 as 320×240" of a picture that was made smaller than its frame. */
+export function pictureSize({ header, width, height }) {
+	const full = `${header.width}×${header.height}`;
+	return width < header.width ? `${full} as ${width}×${height}` : full;
+}

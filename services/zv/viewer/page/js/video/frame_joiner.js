@@ -29,12 +29,15 @@ export class FrameFeed {
 		});
 	}
 
-	/** Follow these streams instead; the first of `pictures` leads. */
-	follow(pictures, messages) {
+	/**
+	 * Follow these streams instead; the first of `pictures` leads. `optionsOf(key)` says how one is
+	 * to be rendered.
+	 */
+	follow(pictures, messages, optionsOf) {
 		this.close();
 		this.messages = messages;
 		this.joiner.follow(pictures, messages, performance.now());
-		this.stops = [...pictures.map((key, index) => this.watches.watchPictures(key, null,
+		this.stops = [...pictures.map((key, index) => this.watches.watchPictures(key, optionsOf(key),
 			index ? new StreamStatistics() : this.statistics,
 			(picture, bitmap) => this.offer(key, picture.header, { picture, bitmap })),
 		), ...messages.map((key) => this.watches.watchMessages(key, ({ header, body }) => {

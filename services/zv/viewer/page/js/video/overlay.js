@@ -1,6 +1,7 @@
 // Draws boxes, centres, ids and trails of messages on a canvas.
 
 import { between } from "../transport/connection.js";
+import { drawShapes } from "./shape_marks.js";
 
 const TRAIL_MS = 2000;
 const POINTS_KEPT = 400;
@@ -52,13 +53,15 @@ export function marksOf({ tracks, x, y, box }) {
 }
 
 /**
- * Draw the messages `keys` of a frame; `trails` is a Trails or null, `toCanvas(point)` maps a point
- * of the frame to the canvas, `ratio` is device pixels per CSS pixel. Returns what was drawn, in the
- * frame's pixels: [{key, id, box, x, y}].
+ * Draw the messages `keys` of a frame; `trails` is a Trails or null, `shapes` those of drawShapes or
+ * null, `toCanvas(point)` maps a point of the frame to the canvas, `ratio` is device pixels per CSS
+ * pixel. Returns what was drawn: `marks`, in the frame's pixels, [{key, id, box, x, y}], and the words
+ * at the `shapes`.
  */
-export function drawOverlay(context, frame, { keys, trails }, toCanvas, ratio) {
+export function drawOverlay(context, frame, { keys, trails, shapes }, toCanvas, ratio) {
 	const drawn = [];
-	const labels = []; // last, so that no line crosses them
+	const labels = shapes ? drawShapes(context, shapes, toCanvas, ratio) : []; // drawn last
+	const words = labels.map(([text]) => text);
 	for (const key of keys.filter((one) => frame.items.has(one))) {
 		const marks = marksOf(frame.items.get(key));
 		const paths = trails?.upTo(key, frame.header);
@@ -72,7 +75,7 @@ export function drawOverlay(context, frame, { keys, trails }, toCanvas, ratio) {
 		}
 	}
 	for (const [text, corner, colour] of labels) drawLabel(context, text, corner, colour, ratio);
-	return drawn;
+	return { marks: drawn, shapes: words };
 }
 
 function colourOf(id) {
@@ -82,8 +85,9 @@ function colourOf(id) {
 /** Draw box and centre; returns the label that belongs to them: [text, corner, colour]. */
 function drawMark(context, mark, toCanvas, ratio) {
 	const [left, top, width, height] = mark.box;
-	const from = toCanvas({ x: left, y: top });
-	const to = toCanvas({ x: left + width, y: top + height });
+	const corners = [toCanvas({ x: left, y: top }), toCanvas({ x: left + width, y: top + height })];
+	const [from, to] = [Math.min, Math.max].map((end) => ({ // of a turned frame, others come first
+		x: end(...corners.map((one) => one.x)), y: end(...corners.map((one) => one.y)) }));
 	const centre = toCanvas(mark);
 	const colour = colourOf(mark.id);
 	for (const [style, line] of [[OUTLINE, 4], [colour, 2]]) {

@@ -45,10 +45,10 @@ export class Watches {
 	}
 
 	/**
-	 * Watch a picture stream at `size` ({width, quality}), or unchanged if that is null; returns a
-	 * function that ends it. `statistics` counts the pictures. One picture is decoded at a time, then
-	 * the newest. `decoded(picture, bitmap)` owns the bitmap; `delay(taken)` may delay the request
-	 * for the next picture.
+	 * Watch a picture stream, rendered as `size` says: any of {width, quality}, neither for unchanged,
+	 * and `values` for those of 16 bits. Returns a function that ends it. `statistics` counts the
+	 * pictures. One picture is decoded at a time, then the newest. `decoded(picture, bitmap)` owns the
+	 * bitmap; `delay(taken)` may delay the request for the next picture.
 	 */
 	watchPictures(key, size, statistics, decoded, delay = (taken) => taken()) {
 		let next = null; // the newest picture that is not decoded

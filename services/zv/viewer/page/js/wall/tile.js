@@ -8,9 +8,9 @@ const WIDTHS = [160, 240, 320, 480, 640];
 const QUALITY = 70;
 
 export class Tile {
-	/** `pace()`: minimum ms between two pictures; `serverNow()`: server time, ms since 1970. */
-	constructor(stream, watches, pace, serverNow) {
-		Object.assign(this, { key: stream.key, stream, watches, pace, serverNow });
+	/** `wall` has what all tiles share. */
+	constructor(stream, wall) {
+		Object.assign(this, { key: stream.key, stream, wall, watches: wall.watches });
 		this.statistics = new StreamStatistics();
 		this.stop = null; // ends the watch
 		this.reset();
@@ -20,7 +20,7 @@ export class Tile {
 		this.state = element("span", { class: "tile-state" });
 		this.rate = element("span", { class: "tile-rate" });
 		this.age = element("span", { class: "tile-age" });
-		this.link = element("a", { href: `#${this.key}`, "aria-label": `Show ${streamName(stream)} large` },
+		this.link = element("a", { "aria-label": `Show ${streamName(stream)} large` },
 			element("span", { class: "tile-picture" }, this.canvas, this.state),
 			element("span", { class: "tile-caption" },
 				element("i", { class: "lamp", "aria-hidden": "true" }),
@@ -31,6 +31,7 @@ export class Tile {
 
 	update(stream) {
 		this.stream = stream;
+		this.link.href = `#${this.wall.linkTo(this.key)}`;
 		if (stream.live) this.statistics.endedSince = null;
 		this.tick(performance.now());
 	}
@@ -39,9 +40,8 @@ export class Tile {
 	show(visible) {
 		if (visible === Boolean(this.stop)) return;
 		if (visible) {
-			this.width = this.wantedWidth();
-			const size = { width: this.width, quality: QUALITY };
-			this.stop = this.watches.watchPictures(this.key, size, this.statistics,
+			this.options = this.wantedOptions();
+			this.stop = this.watches.watchPictures(this.key, this.options, this.statistics,
 				(picture, bitmap) => this.paint(picture, bitmap), (taken) => this.delay(taken));
 		} else {
 			this.stop();
@@ -50,9 +50,11 @@ export class Tile {
 		}
 	}
 
-	/** Watch the stream in another size if the tile's size has changed. */
+	/** Watch the stream in another size if the tile's size or the choice for its stream has changed. */
 	resize() {
-		if (!this.stop || this.wantedWidth() === this.width) return;
+		if (!this.stop) return;
+		const { width, quality } = this.wantedOptions();
+		if (width === this.options.width && quality === this.options.quality) return;
 		this.show(false);
 		this.show(true);
 	}
@@ -65,14 +67,17 @@ export class Tile {
 		setData(this.element, { state: live ? "live" : isWaiting ? "waiting" : "stopped" });
 		setText(this.state, live ? ""
 			: this.watches.isLeftOut(this.key) ? "too many are in view at once"
-				: statistics.explainSilence(stream, now, this.serverNow()));
+				: statistics.explainSilence(stream, now, this.wall.system.now));
 		setText(this.rate, live ? rate(statistics.rate(now)) : "");
 		setText(this.age, live && picture ? duration(picture.ageMs + now - picture.at) : "");
 	}
 
-	wantedWidth() {
+	/** The displayed size, unless a smaller one is chosen, and the quality. */
+	wantedOptions() {
 		const pixels = (this.element.clientWidth || 320) * Math.min(devicePixelRatio || 1, 2);
-		return WIDTHS.find((width) => width >= pixels * 0.9) ?? WIDTHS.at(-1);
+		const displayed = WIDTHS.find((width) => width >= pixels * 0.9) ?? WIDTHS.at(-1);
+		const { width, quality } = this.wall.transfer.of(this.key);
+		return { width: Math.min(displayed, width ?? displayed), quality: quality ?? QUALITY };
 	}
 
 	/** Reset, since the picture that was shown before is not live. */
@@ -86,17 +91,19 @@ export class Tile {
 	delay(taken) {
 		const now = performance.now();
 		const wait = this.nextAt - now;
-		this.nextAt = Math.max(now, this.nextAt) + this.pace();
+		this.nextAt = Math.max(now, this.nextAt) + this.wall.pace();
 		if (wait > 1) setTimeout(taken, wait);
 		else taken();
 	}
 
 	paint(picture, bitmap) {
 		this.picture = picture;
-		const { width, height } = bitmap;
+		const orientation = this.wall.orientations.of(this.stream.camera);
+		const { width, height } = orientation.size(bitmap);
 		if (this.canvas.width !== width || this.canvas.height !== height) {
 			Object.assign(this.canvas, { width, height });
 		}
+		this.context.setTransform(...orientation.transform(bitmap));
 		this.context.drawImage(bitmap, 0, 0);
 		bitmap.close();
 		setData(this.canvas, { epoch: picture.header.epoch, seq: picture.header.seq });

@@ -1,8 +1,8 @@
 // All picture streams at once. Only visible tiles are watched, at their displayed size, and their
 // total rate is limited to what a small machine can encode and a page can decode.
 
-import { pictureStreams, RAW, streamName, topicName } from "../model/streams.js";
-import { byId, element, setText, syncViews } from "../ui/elements.js";
+import { pictureStreams, RAW, STAGES, streamName, streamOf, topicName } from "../model/streams.js";
+import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Tile } from "./tile.js";
 
@@ -14,14 +14,20 @@ const LARGEST_TILE = 640;
 const SMALLEST_TILE = 260;
 
 export class Wall {
-	constructor(system, watches) {
-		Object.assign(this, { system, watches, open: false });
+	/**
+	 * `orientations` and `transfer` are what the page knows of the streams; `linkTo(key)` is the
+	 * fragment of the URL that shows one large.
+	 */
+	constructor(system, watches, { orientations, transfer }, linkTo) {
+		Object.assign(this, { system, watches, orientations, transfer, linkTo, open: false });
+		this.chosen = []; // keys; none for all streams
+		this.columns = null; // tiles in a row; null for as wide as possible
 		this.tiles = new Map(); // key -> Tile
 		this.topics = new Map(); // topic -> its button
 		this.inView = new Set(); // keys
 		this.list = byId("tiles");
 		this.filter = byId("filter");
-		this.hidden = new Set(loadPreference("hiddenTopics", [RAW]));
+		this.hidden = new Set(loadPreference("hiddenTopics", [RAW, ...STAGES]));
 		this.observer = new IntersectionObserver((entries) => this.intersected(entries),
 			{ rootMargin: "64px" });
 		new ResizeObserver(() => this.setSize()).observe(this.list);
@@ -33,6 +39,25 @@ export class Wall {
 	show(visible) {
 		this.open = visible;
 		for (const key of this.inView) this.tiles.get(key).show(visible);
+	}
+
+	/** Show these streams in this order, or all if there are none, in so many columns. */
+	arrange({ only, columns }) {
+		Object.assign(this, { chosen: only, columns });
+		this.draw();
+	}
+
+	/** The streams that may be shown: those of a layout, also those that do not exist, or all. */
+	get candidates() {
+		const all = pictureStreams(this.system.streams);
+		if (!this.chosen.length) return all.filter((one) => !this.isHidden(one, all));
+		return this.chosen.map((key) => all.find((one) => one.key === key) ?? streamOf(key));
+	}
+
+	/** Whether the user hides a topic's streams; raw ones only beside their compressed version. */
+	isHidden(stream, all) {
+		return this.hidden.has(topicName(stream)) && (topicName(stream) !== RAW
+			|| all.some((other) => other.key === `${stream.key}/compressed`));
 	}
 
 	/** Move the focus among tiles: "ArrowLeft" and so on. Returns whether it did. */
@@ -53,22 +78,22 @@ export class Wall {
 	draw() {
 		const all = pictureStreams(this.system.streams);
 		const words = this.filter.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
-		const shown = all.filter((stream) => !this.hidden.has(topicName(stream))
-			&& words.every((word) => `${streamName(stream)} ${stream.key}`.includes(word)));
+		const shown = this.candidates.filter((stream) =>
+			words.every((word) => `${streamName(stream)} ${stream.key}`.includes(word)));
 		syncViews(this.list, this.tiles, shown, (stream) => this.makeTile(stream),
 			(tile) => this.closeTile(tile));
 		for (const stream of shown) this.tiles.get(stream.key).update(stream);
-		this.drawTopics(all);
+		this.drawTopics(this.chosen.length ? [] : all);
 		const cameras = new Set(shown.map((stream) => stream.camera)).size;
 		setText(byId("wall-count"), all.length
 			? `${shown.length} of ${all.length} streams, ${cameras} camera${cameras === 1 ? "" : "s"}` : "");
-		byId("wall-empty").hidden = all.length > 0;
-		byId("wall-none").hidden = all.length === 0 || shown.length > 0;
+		byId("wall-empty").hidden = all.length > 0 || this.chosen.length > 0;
+		byId("wall-none").hidden = shown.length > 0 || !byId("wall-empty").hidden;
 		this.setSize();
 	}
 
 	makeTile(stream) {
-		const tile = new Tile(stream, this.watches, () => this.pace(), () => this.system.now);
+		const tile = new Tile(stream, this);
 		this.observer.observe(tile.element);
 		return tile;
 	}
@@ -118,6 +143,8 @@ export class Wall {
 	/** Make tiles as wide as possible with all of them visible, but not tiny. */
 	setSize() {
 		const { clientWidth: width, clientHeight: height } = this.list;
+		this.list.style.setProperty("--columns", this.columns);
+		setData(this.list, { arranged: this.columns !== null });
 		let size = SMALLEST_TILE;
 		for (let columns = 1; columns <= this.tiles.size; columns += 1) {
 			const each = Math.floor((width - 14 - 10 * columns) / columns);

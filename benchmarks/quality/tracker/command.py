@@ -1,0 +1,217 @@
+"""``python -m benchmarks.quality tracker``: prints tables in Markdown, writes pictures."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import platform
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.quality.data import found
+from benchmarks.quality.tracker import belt, drawing, scenarios, wire
+from benchmarks.quality.tracker.comparison import METHODS, Comparison, compare
+from benchmarks.quality.tracker.scoring import Score, check_the_scores
+from benchmarks.quality.tracker.sequence import (
+    Shots,
+    as_jpeg,
+    begun_at,
+    dropped,
+    every,
+    read_mot,
+    video,
+)
+from tests.support.pictures.belt import Belt
+
+VIDEO, TRUTH = "vtest.avi", "pets_s2l1_gt_first265.txt"
+HELD_BACK = 179
+"""Pictures 179 to 264 (rows 180 to 265) are for validation: nothing is tuned on them."""
+
+LATE_STARTS = (40, 80, 120)
+DROPPED = 0.3
+PARTS = ("vtest", "variants", "scenes", "belt", "wire")
+
+
+def main(words: Sequence[str]) -> None:
+    """Measure what was asked for, and print a table for each part."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.quality tracker", description=__doc__
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("build/quality"), help="folder of the pictures"
+    )
+    parser.add_argument(
+        "--only", nargs="+", choices=PARTS, default=PARTS, help="parts to measure; default all"
+    )
+    parser.add_argument(
+        "--scene",
+        choices=[make.__name__ for make in scenarios.SCENARIOS],
+        help="measure this scene alone",
+    )
+    parser.add_argument("--draw-every", type=int, default=20, help="pictures between drawn ones")
+    options = parser.parse_args(words)
+    cv2.setNumThreads(1)
+    check_the_scores()
+    today = datetime.datetime.now(datetime.UTC).date()
+    print(f"# {today}, {platform.machine()}, OpenCV {cv2.__version__}, NumPy {np.__version__}")
+    for part in PARTS:
+        if part in options.only:
+            begun_s = time.monotonic()
+            MEASUREMENTS[part](options)
+            print(f"# {part}: {time.monotonic() - begun_s:.0f} s", flush=True)
+
+
+def measure_vtest(options: argparse.Namespace) -> None:
+    """Measure the real video with all methods, and draw frames."""
+    files = found(VIDEO, TRUTH)
+    if files is None:
+        return
+    shots = video(files[0], read_mot(files[1]))
+    comparison = compare(shots)
+    title("vtest.avi", "part", *HEADINGS)
+    for name in METHODS:
+        scorer = comparison.scorers[name]
+        row(name, "all", *cells(scorer.score(), tracks=name != "tutorial"))
+        row("", "tuning", *cells(scorer.score(end=HELD_BACK), tracks=name != "tutorial"))
+        row("", "held back", *cells(scorer.score(first=HELD_BACK), tracks=name != "tutorial"))
+    draw(options, "vtest", shots, comparison)
+
+
+def measure_variants(_: argparse.Namespace) -> None:
+    """Measure the real video at other rates, with losses, as JPEG, and begun later."""
+    files = found(VIDEO, TRUTH)
+    if files is None:
+        return
+    shots = video(files[0], read_mot(files[1]))
+    variants: dict[str, Shots] = {
+        "5 Hz": every(shots, 2),
+        f"{DROPPED:.0%} dropped": dropped(shots, DROPPED),
+        "JPEG quality 80": as_jpeg(shots, 80),
+        **{f"from picture {first}": begun_at(shots, first) for first in LATE_STARTS},
+    }
+    title("vtest.avi, robust", "part", *HEADINGS)
+    for name, variant in variants.items():
+        scorer = compare(variant, tutorial=False).scorers["robust"]
+        row(name, "all", *cells(scorer.score()))
+        row("", "tuning", *cells(scorer.score(end=HELD_BACK)))
+        row("", "held back", *cells(scorer.score(first=HELD_BACK)))
+
+
+def measure_scenes(options: argparse.Namespace) -> None:
+    """Measure the synthetic scenes at several rates and with losses; the tutorial at 10 Hz only."""
+    title("scene", "frames", *(f"{name}: MOTA / IDF1 / switches / fit" for name in METHODS))
+    for make in scenarios.SCENARIOS:
+        if options.scene not in (None, make.__name__):
+            continue
+        scene = make()
+        for name, shots in rates(scene.shots).items():
+            comparison = compare(shots, tutorial=name == "10 Hz")
+            scores = {method: comparison.scorers[method].score() for method in METHODS}
+            texts = [short(scores[method], method != "tutorial") for method in METHODS]
+            texts[0] = texts[0] if name == "10 Hz" else "-"
+            row(scene.name, name, *texts)
+            draw(options, f"{make.__name__}_{name.replace(' ', '_')}", shots, comparison)
+
+
+def rates(at: Callable[[float], Shots]) -> dict[str, Shots]:
+    """Return a sequence at 30, 10 and 5 Hz, and at 30 Hz without a random part."""
+    return {
+        "30 Hz": at(30.0),
+        "10 Hz": at(10.0),
+        "5 Hz": at(5.0),
+        f"30 Hz, {DROPPED:.0%} dropped": dropped(at(30.0), DROPPED),
+    }
+
+
+def measure_belt(options: argparse.Namespace) -> None:
+    """Measure how often each object on the belt is counted, and the scores of its tracks."""
+    title("belt", "method", "counted once", "touching", "missed", "extra", "time error", *HEADINGS)
+    for name, rate_hz, share in (("30 Hz", 30.0, 0.0), ("10 Hz", 10.0, 0.0), ("30 %", 30.0, 0.3)):
+        made = Belt(rate_hz=rate_hz)
+        shots = dropped(belt.shots_of(made), share) if share else belt.shots_of(made)
+        comparison = compare(shots, tutorial=False)
+        for method in METHODS[1:]:
+            counted = belt.counts(made, belt.crossings_of(made, centres(comparison, method, made)))
+            row(
+                name if share == 0 else f"30 Hz, {name} dropped",
+                method,
+                f"{counted.once} of {counted.objects}",
+                f"{counted.pairs_once} of {counted.in_pairs}",
+                f"{counted.missed}",
+                f"{counted.extra}",
+                f"{counted.error_ms:.0f} ms",
+                *cells(comparison.scorers[method].score()),
+            )
+        if rate_hz == 30 and not share:
+            draw(options, "belt", shots, comparison)
+
+
+def centres(
+    comparison: Comparison, method: str, made: Belt
+) -> dict[int, list[tuple[float, float, float]]]:
+    """Return time, x and y in pixels of each track's centre, frame by frame."""
+    paths: dict[int, list[tuple[float, float, float]]] = {}
+    for index, result in comparison.results.items():
+        for identity, (x, y, width, height) in result.found[method].boxes.items():
+            place = (made.time_s(index), x + (width - 1) / 2, y + (height - 1) / 2)
+            paths.setdefault(identity, []).append(place)
+    return paths
+
+
+def measure_wire(_: argparse.Namespace) -> None:
+    """Measure what arrives from the services."""
+    files = found(VIDEO, TRUTH)
+    if files is None:
+        return
+    truth = read_mot(files[1])
+    scorer, processed = wire.over_the_wire(files[0], truth)
+    title("zv camera | zv tracker, 10 Hz", "part", *HEADINGS)
+    row(f"{processed} of {max(truth) + 1} frames processed", "all", *cells(scorer.score()))
+    row("", "tuning", *cells(scorer.score(end=HELD_BACK)))
+    row("", "held back", *cells(scorer.score(first=HELD_BACK)))
+
+
+MEASUREMENTS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "vtest": measure_vtest,
+    "variants": measure_variants,
+    "scenes": measure_scenes,
+    "belt": measure_belt,
+    "wire": measure_wire,
+}
+
+HEADINGS = ("MOTA", "IDF1", "switches", "missed", "false", "fit")
+
+
+def cells(score: Score, *, tracks: bool = True) -> list[str]:
+    """Return the cells under ``HEADINGS``."""
+    counts = [score.switches, score.misses, score.false_boxes]
+    ids = [f"{score.mota:.1f}", f"{score.idf1:.1f}", *(f"{count}" for count in counts)]
+    return [*(ids if tracks else ["-"] * len(ids)), f"{score.fit:.1f} %"]
+
+
+def short(score: Score, tracks: bool) -> str:
+    """Return a score in one cell."""
+    ids = f"{score.mota:.1f} / {score.idf1:.1f} / {score.switches} / " if tracks else ""
+    return f"{ids}{score.fit:.1f} %"
+
+
+def title(*names: str) -> None:
+    """Begin a table."""
+    print()
+    row(*names)
+    print("|---" * len(names) + "|", flush=True)
+
+
+def row(*texts: str) -> None:
+    """Print a row of a table."""
+    print(f"| {' | '.join(texts)} |", flush=True)
+
+
+def draw(options: argparse.Namespace, name: str, shots: Shots, comparison: Comparison) -> None:
+    """Write pictures of a sequence, and its errors, into a folder of its own."""
+    indices = drawing.indices_to_draw(comparison, options.draw_every)
+    drawing.write_pictures(options.out / name, shots, comparison, indices)

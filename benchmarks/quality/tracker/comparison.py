@@ -1,0 +1,91 @@
+"""Runs the robust pipeline and the baselines through one sequence, and scores all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from benchmarks.quality.tracker.baselines import ByteTrack, Detection, Sort, Tutorial
+from benchmarks.quality.tracker.scoring import Scorer
+from benchmarks.quality.tracker.sequence import Box, Shot, Shots
+from zv.tracker.tracking.track import Track
+
+METHODS = ("tutorial", "SORT", "ByteTrack", "robust")
+
+
+@dataclass
+class Found:
+    """What one method says of one frame: boxes by id to be drawn, and the centroid's box."""
+
+    boxes: dict[int, Box]
+    centroid: Box | None
+
+
+@dataclass
+class Result:
+    """What all methods found in one frame, and what the robust one knows beyond that."""
+
+    found: dict[str, Found]
+    tracks: list[Track]
+    detections: list[Detection]
+
+
+@dataclass
+class Comparison:
+    """Scores of each method in one sequence.
+
+    SORT and ByteTrack get the boxes that the robust pipeline finds before it tracks, in the same
+    run, so that only the tracking differs. The tutorial's chain has no ids: it has only a fit.
+    """
+
+    scorers: dict[str, Scorer] = field(default_factory=lambda: {name: Scorer() for name in METHODS})
+    results: dict[int, Result] = field(default_factory=dict)
+
+
+def compare(
+    shots: Shots, each: Callable[[Shot, Result], None] | None = None, tutorial: bool = True
+) -> Comparison:
+    """Return the scores of all methods in a sequence.
+
+    Args:
+        shots: The sequence; gone through once.
+        each: Called with each frame and what was found in it.
+        tutorial: Whether to run the tutorial's chain, the slowest.
+    """
+    from zv.tracker.pipelines.robust import RobustTracker
+
+    comparison = Comparison()
+    robust, chain, sort, bytetrack = RobustTracker(), Tutorial(), Sort(), ByteTrack()
+    for shot in shots():
+        tracks = robust.update(shot.bgr, shot.stamp_ns)
+        detections = [
+            Detection(box, min(1.0, area / max(box[2] * box[3], 1)))
+            for box, area in robust.detections
+            if area >= robust.parameters.min_area
+        ]
+        confirmed = {track.id: _box(track) for track in tracks if track.state == "confirmed"}
+        chosen = robust.centroid
+        found = {
+            "tutorial": Found({}, chain.update(shot.bgr) if tutorial else None),
+            "SORT": _largest(sort.update(detections)),
+            "ByteTrack": _largest(bytetrack.update(detections)),
+            "robust": Found(confirmed, None if chosen is None else _box(chosen)),
+        }
+        result = Result(found, tracks, detections)
+        comparison.results[shot.index] = result
+        for name, one in found.items():
+            comparison.scorers[name].add(
+                shot.index, shot.truth, shot.ignored, one.boxes, one.centroid
+            )
+        if each is not None:
+            each(shot, result)
+    return comparison
+
+
+def _box(track: Track) -> Box:
+    x, y, width, height = track.box
+    return (x, y, width, height)
+
+
+def _largest(boxes: dict[int, Box]) -> Found:
+    return Found(boxes, max(boxes.values(), key=lambda box: box[2] * box[3], default=None))

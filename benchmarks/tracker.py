@@ -1,0 +1,116 @@
+"""Measures the tracker's pipelines: CPU of robust beside the tutorial, and four large cameras."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from benchmarks.fleet import dropped
+from benchmarks.material import video
+from benchmarks.quality.tracker.baselines import Tutorial
+from benchmarks.stream import percentiles
+from benchmarks.system import System
+from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
+from zenoh_vision.messages import Diagnostics
+from zenoh_vision.transport.session import direct
+
+SIZE = (768, 576)
+RATE_HZ = 10.0
+QUALITY = 80
+WARM_UP = 20
+CAMERAS = 4
+WIDTH, HEIGHT, CAMERA_RATE_HZ = 1920, 1080, 30.0
+
+
+def cpu_beside_tutorial(seconds: float) -> dict[str, Any]:
+    """CPU of both pipelines on the same JPEGs of 768x576, frame by frame in turns, decode included.
+
+    OpenCV has one thread (``benchmarks.__main__``), so that the thread's time is all.
+    """
+    from zv.tracker.pipelines.robust import RobustTracker, working_scale
+
+    jpegs = [encode_jpeg(bgr, "bgr8", QUALITY) for bgr in video(*SIZE)]
+    tutorial, robust = Tutorial(), RobustTracker()
+
+    def with_tutorial(jpeg: bytes, _: int) -> None:
+        tutorial.update(decode_jpeg(jpeg, "bgr8"))
+
+    def with_robust(jpeg: bytes, stamp_ns: int) -> None:
+        scale = working_scale(*SIZE)
+        least = -(-SIZE[0] // scale), -(-SIZE[1] // scale)
+        robust.update(decode_jpeg(jpeg, "bgr8", least), stamp_ns, SIZE)
+
+    runs: dict[str, Callable[[bytes, int], None]] = {
+        "tutorial": with_tutorial,
+        "robust": with_robust,
+    }
+    spent: dict[str, list[float]] = {name: [] for name in runs}
+    end_s = time.monotonic() + seconds
+    for index, jpeg in enumerate(jpegs):
+        for name, run in runs.items():
+            begun_s = time.thread_time()
+            run(jpeg, round(index * 1e9 / RATE_HZ))
+            spent[name].append((time.thread_time() - begun_s) * 1e3)
+        if time.monotonic() > end_s and index > 2 * WARM_UP:
+            break
+    mean = {name: float(np.mean(times[WARM_UP:])) for name, times in spent.items()}
+    return {
+        "frames": len(spent["robust"]) - WARM_UP,
+        "cpu_ms": {name: round(value, 3) for name, value in mean.items()},
+        "cpu_ms_p50_p99": {name: percentiles(times[WARM_UP:]) for name, times in spent.items()},
+        "ratio": round(mean["robust"] / mean["tutorial"], 3),
+    }
+
+
+def large_cameras(seconds: float, pipeline: str = "robust") -> dict[str, Any]:
+    """Four cameras of 1920x1080 at 30 Hz with a tracker each: the rate that each tracker keeps."""
+    names = [f"c{index}" for index in range(CAMERAS)]
+    counts = dict.fromkeys(names, 0)
+    latest: dict[str, Diagnostics] = {}
+    with System() as system:
+        for name in names:
+            camera = ("-m", "benchmarks.camera", f"{WIDTH}", f"{HEIGHT}", f"{CAMERA_RATE_HZ}")
+            system.start(f"camera_{name}", *camera, system.endpoint, name)
+            system.service(f"tracker_{name}", "tracker", "--camera", name, "--pipeline", pipeline)
+        session = system.session()
+
+        def on_centroid(sample: Any) -> None:
+            counts[f"{sample.key_expr}".split("/")[1]] += 1
+
+        def on_health(sample: Any) -> None:
+            health = Diagnostics.from_bytes(sample.payload.to_bytes())
+            latest[health.node] = health
+
+        subscribers = [
+            session.declare_subscriber("vision/*/centroid", direct(on_centroid)),
+            session.declare_subscriber("@vision/diagnostics/*", direct(on_health)),
+        ]
+        while not all(counts.values()):
+            time.sleep(0.2)
+        time.sleep(5)
+        before, begun = dict(latest), dict(counts)
+        system.begin()
+        begun_s = time.monotonic()
+        time.sleep(seconds)
+        elapsed_s = time.monotonic() - begun_s
+        rates = [(counts[name] - begun[name]) / elapsed_s for name in names]
+        cpu = system.cpu_s()
+        for subscriber in subscribers:
+            subscriber.undeclare()
+        session.close()
+    return {
+        "pipeline": pipeline,
+        "hz": [round(rate, 1) for rate in rates],
+        "slowest_hz": round(min(rates), 1),
+        "cores_used": round(sum(cpu.values()) / elapsed_s, 2),
+        "cores_of": {
+            kind: round(
+                sum(used for name, used in cpu.items() if name.startswith(kind)) / elapsed_s, 2
+            )
+            for kind in ("router", "camera", "tracker")
+        },
+        "dropped": dropped(before, latest),
+    }

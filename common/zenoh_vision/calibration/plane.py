@@ -1,0 +1,189 @@
+"""The homography from undistorted pixels to a plane in the world, and how it is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_vision.calibration.camera_model import CalibrationFault, Points, checked_numbers
+
+LEAST_PAIRS: Final = 4
+
+LEAST_RATIO: Final = 1e-3
+"""Of the smallest singular value that must not be 0 to the largest, with points of size 1."""
+
+
+class DegeneratePairs(ValueError):
+    """Pairs of points that do not determine a homography; says why, and what is needed."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A homography from undistorted pixels to X, Y on a plane, in the units of the world.
+
+    Args:
+        h: Its nine numbers by rows. Their sign matters: the plane is where the third row gives a
+            number above 0; at 0 is the plane's horizon, and beyond it is no point of the plane.
+
+    Raises:
+        CalibrationFault: Not nine finite numbers, or not invertible.
+    """
+
+    h: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        checked_numbers("plane", self.h, 9)
+        size = float(np.abs(self.h).max())
+        if size == 0 or abs(np.linalg.det(self.matrix / size)) < 1e-15:
+            raise CalibrationFault("plane", str(list(self.h)), "an invertible 3x3 matrix")
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """The homography, (3, 3)."""
+        return np.array(self.h, np.float64).reshape(3, 3)
+
+    def world(self, points: Points) -> Points:
+        """Return X, Y of undistorted pixels, (n, 2); NaN at and beyond the horizon."""
+        return _mapped(self.matrix, points, one_side=True)
+
+    def pixels(self, world: Points) -> Points:
+        """Return the undistorted pixels of points X, Y on the plane, (n, 2)."""
+        return _mapped(np.linalg.inv(self.matrix).astype(np.float64), world, one_side=False)
+
+    def scaled(self, across: float, down: float) -> Plane:
+        """Return the homography of the same picture when it is so many times larger."""
+        shrink = np.array(
+            [
+                [1 / across, 0, 0.5 / across - 0.5],
+                [0, 1 / down, 0.5 / down - 0.5],
+                [0, 0, 1],
+            ]
+        )
+        return Plane(tuple((self.matrix @ shrink).ravel().tolist()))
+
+    def mirrored(self, width: int, height: int, *, sideways: bool, upside_down: bool) -> Plane:
+        """Return the homography of the mirrored picture of this size."""
+        mirror = np.diag([-1.0 if sideways else 1.0, -1.0 if upside_down else 1.0, 1.0])
+        mirror[0, 2] = width - 1 if sideways else 0
+        mirror[1, 2] = height - 1 if upside_down else 0
+        return Plane(tuple((self.matrix @ mirror).ravel().tolist()))
+
+
+@dataclass(frozen=True)
+class PlaneFit:
+    """A homography found from pairs of points, and how well it fits them.
+
+    Attributes:
+        plane: The homography.
+        residuals: Distance in the world of each pair from where the homography puts it, (n,).
+        per_pixel: Distance in the world by which the places of the pairs move, in the worst case
+            of all pairs, if each coordinate of their pixels is wrong by a standard deviation of
+            one pixel. Four pairs are always met exactly, so this alone says what they are worth.
+    """
+
+    plane: Plane
+    residuals: NDArray[np.float64]
+    per_pixel: float
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals, in the units of the world."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+
+def fit_plane(pixels: Points, world: Points) -> PlaneFit:
+    """Find the homography that maps undistorted pixels to the world with the least squared error.
+
+    Source: R. Hartley and A. Zisserman, "Multiple View Geometry in Computer Vision", 2004, 4.1 and
+    4.4.4 (the direct linear transformation of normalised points), refined in world units.
+
+    Args:
+        pixels: (n, 2), n at least 4.
+        world: (n, 2), the same points on the plane, in any unit.
+
+    Raises:
+        DegeneratePairs: There are too few, three of four are on one line, or they contradict each
+            other.
+    """
+    if len(pixels) < LEAST_PAIRS:
+        raise DegeneratePairs(
+            f"{len(pixels)} pairs do not determine a plane; at least {LEAST_PAIRS} are needed, "
+            "no three of them on a line"
+        )
+    for name, points in (("pixels", pixels), ("world", world)):
+        if not np.isfinite(points).all():
+            raise DegeneratePairs(f"a number of the {name} is not finite")
+    matrix = _homography(pixels, world)
+    if matrix is None or _independence(pixels, world, matrix) < LEAST_RATIO:
+        raise DegeneratePairs(
+            "the points are on a line, or all but one are, so they do not determine a plane; "
+            "needed are four of which no three are on a line, far from each other"
+        )
+    side = np.concatenate([pixels, np.ones((len(pixels), 1))], axis=1) @ matrix[2]
+    if side.min() * side.max() <= 0:
+        raise DegeneratePairs(
+            "the pairs contradict each other: some of the points would be beyond the horizon of "
+            "the others; are two of them swapped?"
+        )
+    matrix = matrix * np.sign(side[0]) / np.linalg.norm(matrix)
+    plane = Plane(tuple(matrix.ravel().tolist()))
+    residuals = np.linalg.norm(plane.world(pixels) - world, axis=1)
+    return PlaneFit(plane, residuals, _per_pixel(pixels, world))
+
+
+def _per_pixel(pixels: Points, world: Points) -> float:
+    """Return the worst standard deviation in the world at the pairs, for one pixel at each."""
+    base = _mapped(_homography(pixels, world), pixels, one_side=False)
+    variance = np.zeros(len(pixels))
+    for index in np.ndindex(pixels.shape):
+        moved = pixels.copy()
+        moved[index] += 1.0
+        shifted = _mapped(_homography(moved, world), pixels, one_side=False)
+        variance += ((shifted - base) ** 2).sum(axis=1)
+    return float(np.sqrt(variance.max()))
+
+
+def _homography(pixels: Points, world: Points) -> NDArray[np.float64] | None:
+    found, _ = cv2.findHomography(pixels, world, 0)
+    return None if found is None else np.asarray(found, np.float64)
+
+
+def _independence(pixels: Points, world: Points, matrix: NDArray[np.float64]) -> float:
+    """Return how far pairs are from leaving their homography open, and it from being singular.
+
+    Both are ratios of singular values, and 0 for points on a line: the first if they are so in
+    both, the second if only in one.
+    """
+    to_pixels, to_world = _normalisation(pixels), _normalisation(world)
+    rows = []
+    for (x, y), (u, v) in zip(
+        _mapped(to_pixels, pixels, one_side=False),
+        _mapped(to_world, world, one_side=False),
+        strict=True,
+    ):
+        rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y, -u])
+        rows.append([0, 0, 0, x, y, 1, -v * x, -v * y, -v])
+    equations = np.linalg.svd(np.array(rows), compute_uv=False)
+    homography = np.linalg.svd(to_world @ matrix @ np.linalg.inv(to_pixels), compute_uv=False)
+    return float(min(equations[7] / equations[0], homography[2] / homography[0]))
+
+
+def _normalisation(points: Points) -> NDArray[np.float64]:
+    """Return the matrix that moves points around the origin and scales them to a size of 1."""
+    center = points.mean(axis=0)
+    size = float(np.sqrt(((points - center) ** 2).sum(axis=1).mean() / 2)) or 1.0
+    return np.array([[1 / size, 0, -center[0] / size], [0, 1 / size, -center[1] / size], [0, 0, 1]])
+
+
+def _mapped(matrix: NDArray[np.float64] | None, points: Points, *, one_side: bool) -> Points:
+    if matrix is None:
+        return np.full_like(points, np.nan)
+    lifted = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ matrix.T
+    depth = np.where(lifted[:, 2] > 0, lifted[:, 2], np.nan) if one_side else lifted[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(lifted[:, :2] / depth[:, None], np.float64)

@@ -1,0 +1,193 @@
+"""Prints errors and log entries to standard error, one line each, and sets the exit status.
+
+Only bugs have tracebacks, and only with ``--debug``. If the reader of the output stops reading, as
+in ``zv ... | head``, that is not an error.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import select
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from copy import copy
+from functools import partial
+from pathlib import Path
+from typing import NoReturn
+
+import click
+
+from zenoh_vision.error_text import did_you_mean, printable, similar_names
+from zenoh_vision.errors import VisionError
+from zenoh_vision.host import abandoned_threads
+from zenoh_vision.host.signals import SIGNALS
+
+FAULT_STATUS = 70
+"""The exit status of an unexpected error: EX_SOFTWARE of sysexits.h."""
+
+USAGE_STATUS = 2
+
+
+def reader_is_gone(error: BaseException) -> bool:
+    """Tell whether an error only means that nobody reads our output any more.
+
+    If so, further output is discarded, so that the last flush does not fail again.
+    """
+    if isinstance(error, SystemExit):  # raised by rich, which redirected the output itself
+        return isinstance(error.__context__, BrokenPipeError)
+    output = select.poll()
+    output.register(1, 0)
+    closed = any(event & select.POLLERR for _, event in output.poll(0))
+    if not isinstance(error, BrokenPipeError) or not closed:
+        return False
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    return True
+
+
+def exit_with_status(
+    run: Callable[[], int | None], program: str = "zv", file: str | None = None
+) -> NoReturn:
+    """Run a program to its end and exit; an error is printed in one line and becomes the status.
+
+    Args:
+        run: The program; returns its exit status, None for 0.
+        program: Its name, which begins each error.
+        file: Its source file; of an unexpected error, the line in it is named.
+    """
+    debug = "--debug" in sys.argv[1:]
+    if not debug:
+        threading.excepthook = partial(tell_end_of_thread, program=program, file=file)
+    try:
+        status = run() or 0
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        status = 0
+    except (Exception, SystemExit) as error:
+        if reader_is_gone(error):
+            status = 0
+        elif isinstance(error, SystemExit):
+            raise
+        else:
+            status = tell(error, debug=debug, program=program, file=file)
+    if abandoned_threads.any_is_alive():
+        logging.shutdown()
+        with suppress(OSError, AttributeError):  # closed, or there is none
+            sys.stdout.flush()
+        os._exit(status)
+    sys.exit(status)
+
+
+def tell(error: Exception, *, debug: bool, program: str = "zv", file: str | None = None) -> int:
+    """Print an error in one line; return its exit status.
+
+    With ``debug`` a bug has its traceback too; an error of the user's never has one.
+    """
+    if isinstance(error, click.UsageError):
+        _say(_wrong_use(error), program)
+        return USAGE_STATUS
+    if isinstance(error, VisionError):
+        if error.exit_status:
+            _say(str(error), program)
+        return error.exit_status
+    if debug:
+        print(_lines("".join(traceback.format_exception(error))), file=sys.stderr)
+    _say(fault(error, program, file), program)
+    return FAULT_STATUS
+
+
+def fault(error: BaseException, program: str = "zv", file: str | None = None) -> str:
+    """Return the line for an error that is a bug in a program, with the line in its file if any."""
+    at = [
+        each.lineno for each in traceback.extract_tb(error.__traceback__) if each.filename == file
+    ]
+    place = f" ({Path(file).name}, line {at[-1]})" if file and at else ""
+    return (
+        f"unexpected {type(error).__name__}: {_one_line(str(error))}; "
+        f"this is a bug in {program}{place}, --debug shows the traceback"
+    )
+
+
+def tell_end_of_thread(
+    ended: threading.ExceptHookArgs, program: str = "zv", file: str | None = None
+) -> None:
+    """Print, in one line, an error that ended a thread; a ``threading.excepthook``."""
+    error = ended.exc_value
+    if error is not None:
+        name = ended.thread.name if ended.thread else "?"
+        _say(f"in thread {name}: {fault(error, program, file)}", program)
+
+
+def _wrong_use(error: click.UsageError) -> str:
+    """Return Click's message in our form; reword those that differ between Click's versions."""
+    if isinstance(error, click.NoSuchOption):
+        message = f"no such option: {error.option_name}"
+        found = error.possibilities or ()  # the dashes, which all share, make many similar
+        near = similar_names(error.option_name, found, limit=2, similarity=0.75)
+        message += did_you_mean(near, before="; ")
+    elif isinstance(error, click.exceptions.NoSuchCommand):
+        message = f"no such command {error.command_name!r}"
+        message += did_you_mean(error.possibilities or (), before="; ")
+    else:
+        message = _one_line(error.format_message()).rstrip(".")
+        message = message[:1].lower() + message[1:]
+    if error.ctx is None:
+        return message
+    separator = "" if message.endswith("?") else ";"
+    return f"{message}{separator} see {error.ctx.command_path} --help"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _lines(text: str) -> str:
+    """Return lines, such as a traceback, each printable."""
+    return "\n".join(map(printable, text.rstrip("\n").split("\n")))
+
+
+def _say(text: str, program: str) -> None:
+    print(f"{program}: {printable(text)}", file=sys.stderr)
+
+
+class LogLine(logging.Formatter):
+    """Formats a log entry as one line; a bug with its traceback, if that is wanted."""
+
+    def __init__(self, *, debug: bool) -> None:
+        super().__init__("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S")
+        self._debug = debug
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the entry as text."""
+        plain = copy(record)
+        plain.msg, plain.args = printable(record.getMessage()), None
+        error = record.exc_info[1] if record.exc_info else None
+        expected = isinstance(error, VisionError)
+        if error is None or (self._debug and not expected):
+            return _lines(super().format(plain))
+        plain.exc_info = plain.exc_text = None
+        if expected:
+            return f"{super().format(plain)}: {printable(_one_line(str(error)))}"
+        words = printable(_one_line(f"{type(error).__name__}: {error}"))
+        return f"{super().format(plain)}: {words} (--debug shows the traceback)"
+
+
+def log_to_stderr(debug: bool, level: int = logging.INFO) -> None:
+    """Send the log to standard error, one line per entry."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(LogLine(debug=debug))
+    logging.basicConfig(level=logging.DEBUG if debug else level, handlers=[handler])
+
+
+def leave_on_signals() -> None:
+    """Exit at once on a signal until a node handles signals: nothing needs to be closed yet.
+
+    An exception would be raised in arbitrary code, which may swallow or wrap it.
+    """
+    for number in SIGNALS:
+        signal.signal(number, lambda _number, _at: os._exit(0))

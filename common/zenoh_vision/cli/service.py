@@ -1,0 +1,132 @@
+"""Makes the command of a service from its loop and its settings: of ours and of your own."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from zenoh_vision.cli.command import Command, run_command
+from zenoh_vision.cli.errors import exit_with_status, leave_on_signals, log_to_stderr
+from zenoh_vision.cli.flags import (
+    CONFIG,
+    ConnectionSettings,
+    connection_from,
+    parameters_of,
+    sections,
+)
+from zenoh_vision.config.settings import Settings, load_settings
+from zenoh_vision.host.lifeline import end_with_parent
+from zenoh_vision.transport.connection import Connection
+
+S = TypeVar("S", bound=Settings)
+
+TAKEN = ("config", "debug", "help", *ConnectionSettings.model_fields)
+"""Names of flags that every service has."""
+
+DOCSTRING_SECTION = re.compile(r"\n\s*\n(Args|Attributes|Raises|Returns):\n.*", re.DOTALL)
+
+
+def service_command(
+    name: str,
+    model: type[S],
+    run: Callable[[S, Connection], object],
+    text: str,
+    examples: Sequence[str],
+    *,
+    files: tuple[type[Settings], Callable[[S, Settings], object]] | None = None,
+) -> Command:
+    """Return the command that reads a service's settings and runs its loop.
+
+    Args:
+        name: The last word that calls it.
+        model: The settings: each is a flag, an environment variable and a key of ``--config``.
+        run: The loop, called with the settings and the connection.
+        text: What it does, in paragraphs; its first line is the summary.
+        examples: Command lines.
+        files: Further flags, and what is called instead of ``run`` with the settings and them if
+            one of them is given: work on files, without a router.
+
+    Raises:
+        ValueError: A setting has the name of a flag that every service has.
+    """
+    for taken in model.model_fields.keys() & set(TAKEN):
+        raise ValueError(
+            f"{model.__name__}.{taken}: every service has --{taken}; give the setting another name"
+        )
+
+    file_model, run_on_files = files or (None, None)
+
+    def call(*, debug: bool, config: str | None, **flags: Any) -> None:
+        leave_on_signals()
+        end_with_parent()
+        log_to_stderr(debug)
+        connection = connection_from(flags)
+        given = {each: flags.pop(each) for each in file_model.model_fields} if file_model else {}
+        settings = load_settings(model, flags=flags, config=config)
+        if (
+            file_model is not None
+            and run_on_files is not None
+            and any(value is not None for value in given.values())
+        ):
+            run_on_files(settings, load_settings(file_model, flags=given))
+        else:
+            run(settings, connection)
+
+    headings = dict(sections([*parameters_of(model), CONFIG]))
+    if file_model is not None:
+        connection = headings.popitem()
+        headings |= {"Files, without a router": parameters_of(file_model), **dict([connection])}
+    return Command(name, call, headings, text, examples)
+
+
+def run_service(
+    run: Callable[[S, Connection], object],
+    settings: type[S],
+    *,
+    examples: Sequence[str] = (),
+) -> NoReturn:
+    """Run a service of your own as a program, with all that the services of ``zv`` have.
+
+    Reads the settings from flags, environment, ``--config FILE.toml`` and defaults, in this order
+    of precedence, and the connection from its flags and ``ZV_CONNECT``, ``ZV_NAMESPACE``,
+    ``ZV_ZENOH_CONFIG``, ``ZV_TIMEOUT``. The log goes to standard error. An error is one line there
+    and an exit status: 0 told to stop, 2 wrong use or configuration, 3 a source that cannot be
+    opened, 4 no router within ``--timeout``, 70 an unexpected error, with its traceback if
+    ``--debug`` is given.
+
+    ```python
+    def run(settings: BlurSettings, connection: Connection) -> None:
+        \"\"\"Publish each frame blurred.\"\"\"
+        with Node("blur", connection=connection, parameters=settings) as node:
+            ...
+
+    if __name__ == "__main__":
+        run_service(run, BlurSettings)
+    ```
+
+    Args:
+        run: The loop, called with the settings and the connection; its docstring is the help.
+        settings: Their class: ``ServiceSettings``, which has only the camera, or a subclass of it
+            or of ``Settings``. Fields marked ``Live`` are parameters of the node that gets them.
+        examples: Command lines that ``--help`` shows.
+
+    Raises:
+        SystemExit: Always, with the exit status.
+        ValueError: A setting has the name of a flag that every service has.
+    """
+    name = program_name()
+    text = DOCSTRING_SECTION.sub("", inspect.getdoc(run) or "")
+    command = service_command(name, settings, run, text, examples)
+    code = getattr(inspect.unwrap(run), "__code__", None)
+    file = None if code is None else code.co_filename
+    exit_with_status(lambda: run_command(command, name, sys.argv[1:]), name, file)
+
+
+def program_name() -> str:
+    """Return the name of the running program: ``blur`` of ``python blur.py``."""
+    file = Path(sys.argv[0])
+    return file.parent.name if file.stem == "__main__" else file.stem

@@ -1,0 +1,51 @@
+"""Logs which inputs a node waits for: those that fell silent, and those that are back."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection, Iterable
+
+from zenoh_vision.stream.intake import InputState
+
+SILENT_S = 2.0
+
+AGAIN_S = 60.0
+"""A stream is logged at most once in so long: a camera may send a frame every few seconds only."""
+
+MAX_NAMED = 5
+
+
+class SilenceLog:
+    """Compares the inputs about once a second; uses no clock.
+
+    Args:
+        log: Gets a line when inputs fall silent, and another when they are back.
+    """
+
+    def __init__(self, log: logging.Logger) -> None:
+        self._log = log
+        self._told: set[str] = set()  # streams that are silent, and logged so
+        self._logged_s: dict[str, float] = {}  # in the last minute
+
+    def note(self, inputs: Iterable[InputState], now_s: float) -> None:
+        """Log what has changed, given the state of each input at a monotonic time."""
+        states = {each.stream or each.key: each for each in inputs}
+        keys = {name: each.key for name, each in states.items()}
+        silent = {name for name, each in states.items() if now_s - each.since_ns / 1e9 > SILENT_S}
+        self._logged_s = {name: s for name, s in self._logged_s.items() if now_s - s < AGAIN_S}
+        if new := silent - self._told - self._logged_s.keys():
+            self._log.warning(
+                "waiting: no frame on %s for %g s", _named([keys[name] for name in new]), SILENT_S
+            )
+            self._logged_s |= dict.fromkeys(new, now_s)
+        alive = states.keys() - silent
+        # An input with wildcards has its own key only until the first frame arrives; any other key
+        # that is not there any more was forgotten.
+        if back := {name for name in self._told if name in alive or (alive and "*" in name)}:
+            self._log.info("frames arrive on %s", _named([keys.get(name, name) for name in back]))
+        self._told = (self._told | new) & silent
+
+
+def _named(keys: Collection[str]) -> str:
+    more = len(keys) - MAX_NAMED
+    return ", ".join(sorted(keys)[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,22 @@
+"""Remembers the threads that nobody waits for, since the end of a process must not meet them.
+
+A thread that is in OpenCV when Python's interpreter ends is ended inside C++, which aborts the
+whole process with status 134.
+"""
+
+from __future__ import annotations
+
+from threading import Thread
+from weakref import WeakSet
+
+_ABANDONED: WeakSet[Thread] = WeakSet()
+
+
+def abandon(thread: Thread) -> None:
+    """Remember a daemon thread that may go on for any time and is not waited for."""
+    _ABANDONED.add(thread)
+
+
+def any_is_alive() -> bool:
+    """Tell whether such a thread is still running: then the process must end at once."""
+    return any(thread.is_alive() for thread in list(_ABANDONED))

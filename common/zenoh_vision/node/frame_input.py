@@ -1,0 +1,84 @@
+"""An input of frames: its intake, what it subscribes to, and the settings that it follows."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, TypeVar, cast
+
+from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.image.frame import Frame, Want
+from zenoh_vision.keys import Transport
+from zenoh_vision.node.inputs import Input
+from zenoh_vision.node.inputs import Owner as InputOwner
+from zenoh_vision.node.transport_switch import TransportSwitch
+from zenoh_vision.stream.buffer import Buffering
+from zenoh_vision.stream.frame_intake import FrameIntake
+from zenoh_vision.topics import COMPRESSED, RAW, Topic
+from zenoh_vision.transport.connection import Connection
+
+MAX_AGE_S = 0.4
+
+T = TypeVar("T")
+
+
+class Owner(InputOwner, Protocol):
+    """The part of a node that an input of frames uses."""
+
+    connection: Connection
+
+
+def frame_input(
+    node: Owner,
+    topic: Topic,
+    camera: str,
+    *,
+    want: Want,
+    max_age_s: float | None,
+    buffering: Buffering,
+    borrow: bool,
+    max_pixels: int,
+    transport: Transport | None,
+) -> Input[Frame]:
+    """Return an iterable of a camera's frames, or of all cameras' with ``*``; see ``Node.frames``.
+
+    Raises:
+        ValueError: The transport does not fit the topic.
+    """
+    namespace = node.connection.namespace
+    if transport is not None and (topic is not COMPRESSED or camera == "*"):
+        raise ValueError(f"transport {transport!r} needs {COMPRESSED.name} of one camera")
+    raw_key = None if transport is None else RAW.key(namespace, camera)
+    intake = FrameIntake(
+        topic.key(namespace, camera),
+        node.consumer,
+        buffering,
+        raw=topic.raw,
+        raw_key=raw_key,
+        borrow=borrow,
+        max_pixels=max_pixels,
+    )
+    switch = None
+    if transport is not None and raw_key is not None:
+        switch = TransportSwitch(node.link, intake, raw_key)
+        switch.follow(_setting(node.parameters, "transport", transport))
+
+    def take(timeout_s: float) -> Frame | None:
+        revision = None if node.parameters is None else node.parameters.active
+        if switch is not None and transport is not None:
+            switch.follow(_setting(node.parameters, "transport", transport))
+        allowed_s = None if max_age_s is None else _setting(node.parameters, "max_age", max_age_s)
+        if revision is not None and hasattr(revision.settings, "depth_min"):
+            settings = revision.settings
+            intake.depth_limits = settings.depth_min, settings.depth_max
+        frame = intake.take(timeout_s, want, allowed_s)
+        if frame is not None:
+            frame.revision = revision
+        return frame
+
+    return Input(node, intake, take, switch)
+
+
+def _setting(parameters: ParameterStore[Any] | None, name: str, default: T) -> T:
+    """Return the active value of one of a node's settings, if it has that."""
+    if parameters is None:
+        return default
+    return cast("T", getattr(parameters.active.settings, name, default))

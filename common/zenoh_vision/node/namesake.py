@@ -1,0 +1,136 @@
+"""Notices another node of this node's name, which sends diagnostics on the same key.
+
+Two tokens on one key look like one, so a name that is taken twice shows only where both report.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.health.health import Health
+from zenoh_vision.health.message_limits import check_description
+from zenoh_vision.messages import Diagnostics, NodeDescription
+from zenoh_vision.topics import COMPRESSED
+from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.query import Query, Reply, messages_in, send
+from zenoh_vision.transport.session import direct
+
+SILENT_S = 3.0
+"""After this long without a report the other node is gone."""
+
+MAX_BYTES = 32 << 10
+ASK_AGAIN_S = 5.0
+MAX_HOST = 64
+MOST_BYTES = 1 << 20
+MAX_OTHERS = 10
+"""Limits of the descriptions that are read and kept: anyone may reply, any number of times."""
+
+FRAMES = "consumers take the frames of the one that opened its source last"
+RESULTS = "both publish on the same keys"
+
+
+class NamesakeMonitor:
+    """Watches the diagnostics on a node's own key for those of another node.
+
+    Args:
+        node: The name.
+        health: Told of the other node.
+        describe: Returns this node's description.
+    """
+
+    def __init__(self, node: str, health: Health, describe: Callable[[], NodeDescription]) -> None:
+        self._node = node
+        self._health = health
+        self._describe = describe
+        self._log = logging.getLogger(node)
+        self._sent_ns: deque[int] = deque(maxlen=16)
+        self._newest: bytes | None = None
+        self._seen_s: float | None = None
+        self._asked_s: float | None = None
+        self._others: Sequence[NodeDescription] = ()
+
+    def declare(self, link: Link, namespace: str) -> None:
+        """Subscribe to what other sessions send on the key."""
+        self._link = link
+        self._key = keys.node_key(namespace, self._node)
+        key = keys.diagnostics_key(namespace, self._node)
+        remote = zenoh.Locality.REMOTE
+        link.declare(
+            lambda session: session.declare_subscriber(
+                key, direct(self._receive), allowed_origin=remote
+            )
+        )
+
+    def note_own(self, report: Diagnostics) -> None:
+        """Take note of this node's report: its former session may bring it back."""
+        self._sent_ns.append(report.stamp_ns)
+
+    def check(self) -> None:
+        """Judge what has arrived since the last call; about once a second."""
+        newest, self._newest = self._newest, None
+        now_s = time.monotonic()
+        if newest is not None and self._is_of_another(newest):
+            self._seen_s = now_s
+        if self._seen_s is None:
+            return
+        if now_s - self._seen_s > SILENT_S:
+            self._seen_s = self._asked_s = None
+            self._others = ()
+            if self._health.namesake:
+                self._health.namesake = ""
+                self._log.warning("no other node is called %s any more", self._node)
+        elif self._asked_s is None or now_s - self._asked_s > ASK_AGAIN_S:
+            self._asked_s = now_s
+            query = Query(self._key, most_bytes=MOST_BYTES)
+            send(self._link.session, query, self._note_descriptions)
+        elif now_s - self._asked_s > 1.0 or self._others:
+            self._tell()
+
+    def _receive(self, sample: zenoh.Sample) -> None:
+        if len(sample.payload) <= MAX_BYTES:
+            self._newest = sample.payload.to_bytes()
+
+    def _is_of_another(self, payload: bytes) -> bool:
+        try:
+            return Diagnostics.from_bytes(payload).stamp_ns not in self._sent_ns
+        except PayloadError:
+            return False
+
+    def _note_descriptions(self, replies: Sequence[Reply]) -> None:
+        own = self._describe()
+        found = []
+        for reply, about in messages_in(replies, NodeDescription):
+            try:
+                check_description(reply.name, about)
+            except PayloadError:
+                continue
+            if (about.host, about.pid, about.started_ns) != (own.host, own.pid, own.started_ns):
+                found.append(about)
+                if len(found) == MAX_OTHERS:
+                    break
+        self._others = found
+
+    def _tell(self) -> None:
+        """Put the other node into the health, and log it when it is another one than before."""
+        own = self._describe()
+        others = sorted(self._others, key=lambda about: about.started_ns)
+        named = f"{len(others)} others are" if len(others) > 1 else "another node is"
+        who = "one that does not describe itself"
+        if others:
+            about = others[-1]
+            order = "later" if about.started_ns > own.started_ns else "earlier"
+            who = f"pid {about.pid} on {about.host[:MAX_HOST]}, started {order}"
+            who += f" than this one (pid {own.pid})"
+        is_camera = any(keys.suffix_of(key) == COMPRESSED.name for key in own.publishes)
+        effect = FRAMES if is_camera else RESULTS
+        text = f"{named} called {self._node}: {who}; {effect}"
+        if text != self._health.namesake:
+            self._health.namesake = text
+            self._log.warning("%s; stop one, or give it another name (--camera)", text)

@@ -1,0 +1,169 @@
+"""For tests of a service of your own: a router, the service, frames for it, what it publishes.
+
+```python
+def test_a_grey_frame_has_its_brightness():
+    with (
+        running_router() as endpoint,
+        running_service(["brightness.py"], endpoint),
+        publishing(endpoint, np.full((48, 64), 100, np.uint8)),
+    ):
+        assert first_message(endpoint, BRIGHTNESS).mean == 100
+```
+
+Everything has a free port and a deadline, so tests can run beside each other and none hangs.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+import zenoh
+
+from zenoh_vision.image.pixel_formats import Pixels
+from zenoh_vision.keys import DEFAULT_CAMERA
+from zenoh_vision.node.node import Node
+from zenoh_vision.topics import COMPRESSED, RAW, Topic, topic_named
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.router import listening_endpoints
+from zenoh_vision.transport.session import close_session
+from zenoh_vision.transport.zenoh_config import listen_endpoints, router_config
+
+DEADLINE_S = 30.0
+"""How long a start or a message may take on a busy machine."""
+
+STOP_S = 10.0
+POLL_S = 0.05
+
+
+@contextmanager
+def running_router() -> Iterator[str]:
+    """Run a router in this process, on a free port of this machine; yield its endpoint."""
+    config = router_config("tcp/127.0.0.1:0")
+    session = zenoh.open(config)
+    try:
+        yield listening_endpoints(session, listen_endpoints(config))[0]
+    finally:
+        close_session(session)
+
+
+@contextmanager
+def running_service(
+    command: Sequence[str | Path], endpoint: str, **variables: str
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a service as a process of its own, and end it as Ctrl-C does.
+
+    Args:
+        command: A Python file and its flags. Other ``ZV_`` variables than the endpoint do not
+            reach it.
+        endpoint: Of the router, as its ``ZV_CONNECT``.
+        variables: Of its environment.
+
+    Raises:
+        AssertionError: It ended by itself, with a status other than 0, or not in time; the text
+            has its log.
+    """
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
+    with TemporaryFile("w+") as log:
+        process = subprocess.Popen(  # noqa: S603 - the interpreter that runs the test
+            [sys.executable, *map(str, command)],
+            env={**kept, "ZV_CONNECT": endpoint, **variables},
+            stderr=log,
+        )
+
+        def fault(what: str) -> AssertionError:
+            log.seek(0)
+            return AssertionError(f"{command[0]} {what}: {log.read()}")
+
+        try:
+            try:
+                yield process
+            except Exception as error:
+                if process.poll() is None:
+                    raise
+                raise fault("ended by itself") from error
+            if process.poll() is not None:
+                raise fault("ended by itself")
+            process.send_signal(signal.SIGINT)
+            if process.wait(STOP_S) != 0:
+                raise fault(f"ended with status {process.returncode}")
+        except subprocess.TimeoutExpired:
+            raise fault(f"does not end within {STOP_S:g} s") from None
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait(STOP_S)
+
+
+@contextmanager
+def publishing(
+    endpoint: str, *pictures: Pixels, camera: str = DEFAULT_CAMERA, rate_hz: float = 20.0
+) -> Iterator[None]:
+    """Publish pictures as the frames of a camera, one after the other, again and again.
+
+    Args:
+        endpoint: Of the router.
+        pictures: Pixels, (height, width) uint8 or uint16, or (height, width, 3) uint8 in the
+            order B, G, R; sent as JPEG of quality 100, 16 bits as PNG, and raw.
+        camera: Name of the camera.
+        rate_hz: Frames per second.
+    """
+    stop = threading.Event()
+    topics = [COMPRESSED, RAW]
+    with Node("camera", camera=camera, connection=at(endpoint), publishes=topics) as node:
+
+        def run() -> None:
+            for picture in itertools.cycle(pictures):
+                node.publish_captured(picture, quality=100)
+                if stop.wait(1 / rate_hz):
+                    return
+
+        thread = threading.Thread(target=run, name="publishing", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join(STOP_S)
+
+
+def first_message(
+    endpoint: str, topic: Topic | str, camera: str = DEFAULT_CAMERA, timeout_s: float = DEADLINE_S
+) -> Any:
+    """Return the first message that is published on a topic from now on, with a header or without.
+
+    Args:
+        endpoint: Of the router.
+        topic: A topic that carries messages, or its name in the table.
+        camera: Its camera.
+        timeout_s: How long to wait.
+
+    Raises:
+        AssertionError: None came in time; the text has the key.
+    """
+    row = topic_named(topic)
+    with Node("tester", camera=camera, connection=at(endpoint)) as node:
+        messages = node.messages(row)
+        deadline_s = time.monotonic() + timeout_s
+        while time.monotonic() < deadline_s:
+            found = messages.take(POLL_S)
+            if found is not None:
+                return found
+    raise AssertionError(
+        f"no message on {row.key(node.connection.namespace, camera)} within {timeout_s:g} s"
+    )
+
+
+def at(endpoint: str) -> Connection:
+    """Return the connection to a router that answers soon, or is not there."""
+    return Connection(endpoint, timeout_s=DEADLINE_S)

@@ -1,0 +1,38 @@
+"""Tells where a session in router mode listens."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import zenoh
+
+QUERY_TIMEOUT_S = 2.0
+PORT_0 = re.compile(r":0(?=$|[?#])")
+
+
+def listening_endpoints(session: zenoh.Session, endpoints: list[str]) -> list[str]:
+    """Return the endpoints at which a router listens; port 0 is replaced by the port it got.
+
+    With several endpoints, or addresses with several ports, return the addresses themselves.
+
+    Args:
+        session: Of the router, with its admin space.
+        endpoints: Those of its configuration.
+    """
+    if not any(PORT_0.search(endpoint) for endpoint in endpoints):
+        return endpoints
+    addresses = _locators(session)
+    ports = {address.rpartition(":")[2] for address in addresses}
+    if len(endpoints) == len(ports) == 1:
+        return [PORT_0.sub(f":{ports.pop()}", endpoints[0])]
+    return addresses
+
+
+def _locators(session: zenoh.Session) -> list[str]:
+    """Return the addresses that a router announces, which are all addresses of this machine."""
+    for reply in session.get(f"@/{session.zid()}/router", timeout=QUERY_TIMEOUT_S):
+        if reply.ok:
+            found: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
+            return found
+    return []

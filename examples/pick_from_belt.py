@@ -1,0 +1,57 @@
+"""Print when and where a gripper must be to pick what crossed a line, with zenoh and msgpack only.
+
+python examples/pick_from_belt.py LINE PICK_X [tcp/127.0.0.1:7447]      Ctrl-C ends it
+
+LINE is the name of a line in the tracker's setting `lines`; the belt runs along X of the plane that
+the camera is calibrated for, and the gripper waits at X = PICK_X, beyond the line.
+"""
+
+import json
+import sys
+from contextlib import suppress
+
+import msgpack
+import zenoh
+
+line, pick_x = sys.argv[1], float(sys.argv[2])
+endpoint = sys.argv[3] if len(sys.argv) > 3 else "tcp/127.0.0.1:7447"
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+
+
+def ask(session: zenoh.Session, track: int, at_ns: int) -> dict | None:
+    """Return where a track will be at a time by the camera's clock; None, and why, if unknown."""
+    for reply in session.get(f"vision/front/prediction?id={track};at_ns={at_ns}"):
+        if reply.ok is not None:
+            return msgpack.unpackb(reply.ok.payload.to_bytes())
+        why = reply.err.payload.to_bytes()
+        if str(reply.err.encoding).startswith("application/msgpack"):
+            why = "{error}; allowed: {allowed}".format(**msgpack.unpackb(why))
+        print(f"id {track}: {why}", file=sys.stderr)
+    return None
+
+
+with suppress(KeyboardInterrupt), zenoh.open(config) as session:
+    subscriber = session.declare_subscriber("vision/front/events")
+    for sample in subscriber:
+        event = msgpack.unpackb(sample.payload.to_bytes())
+        if event["event"] != "line_crossed" or event["zone"] != line:
+            continue
+        header, track = event["header"], event["id"]
+        # The event tells the past; the newest frame may be later, so leave it a second.
+        soon = ask(session, track, header["stamp_ns"] + 1_000_000_000)
+        if soon is None or soon["world"] is None or soon["world_velocity"][0] == 0:
+            print(f"id {track}: no position on the belt", file=sys.stderr)
+            continue
+        left_s = (pick_x - soon["world"][0]) / soon["world_velocity"][0]
+        at_ns = soon["stamp_ns"] + round(left_s * 1e9)
+        there = ask(session, track, at_ns)
+        if there is not None and there["world"] is not None:
+            (x, y), (along, across) = there["world"], there["world_sigma"]
+            after_s = (at_ns - event["stamp_ns"]) / 1e9
+            print(
+                f"id {track}: {after_s:.3f} s after the line, at {at_ns} ns: X {x:.1f} "
+                f"+- {along:.1f}, Y {y:.1f} +- {across:.1f}",
+                flush=True,
+            )

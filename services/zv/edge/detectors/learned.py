@@ -1,0 +1,126 @@
+"""The detector ``learned``: boundaries as a small network finds them, run by OpenCV.
+
+``learned.onnx`` beside this module holds the network; ``benchmarks/quality/edges/train.py`` trains
+and writes it. ``learned.md`` states where its training pictures come from and their terms.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from importlib.resources import files
+from threading import Lock
+from typing import ClassVar, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.edge.detectors.detection import Detector, Picture, Strength
+from zv.edge.detectors.ridges import STAGES, RidgeDetection, half_size, threshold_for
+
+MULTIPLE: Final = 16
+"""The network halves the size four times."""
+
+SIZES: Final = 2
+"""Numbers of picture sizes whose buffers are kept, megabytes each."""
+
+THRESHOLDS: Final = (1.0, 0.623, 0.438, 0.291, 0.19, 0.12, 0.074, 0.043, 0.027, 0.018, 0.012)
+"""By the density of edges that they give, 0, 1, 2, ... percent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Learned(Detector):
+    """Boundaries that people would draw, by a convolutional network of 163,000 weights.
+
+    The strength is the network's estimate of the share of people that would draw a boundary here,
+    with boundaries weighted up by its training; lines are thinned along their ridges.
+
+    Attributes:
+        density: Wanted share of edge pixels, percent of an average picture. A fixed threshold
+            belongs to it: a plain wall has fewer edges and a tree has more.
+    """
+
+    density: float = 3.5
+
+    wants: ClassVar = "bgr"
+    stages: ClassVar[tuple[str, ...]] = STAGES
+
+    @property
+    def full_scale(self) -> float:
+        """The largest strength that is possible."""
+        return 1.0
+
+    def detect(self, picture: Picture) -> LearnedDetection:
+        """Return the edges of a picture in BGR, (height, width, 3) uint8."""
+        return LearnedDetection(picture, threshold_for(self.density, THRESHOLDS))
+
+
+class LearnedDetection(RidgeDetection):
+    """The edges of one picture by the network."""
+
+    def strengths(self, picture: Picture) -> Strength:
+        """Return the probabilities of a picture at half its size: float32, 0 to 1."""
+        half = half_size(picture)
+        height, width = half.shape[:2]
+        down, right = -height % MULTIPLE, -width % MULTIPLE
+        padded = cv2.copyMakeBorder(half, 0, down, 0, right, cv2.BORDER_REPLICATE)
+        return NETWORK.probabilities(network_planes(np.asarray(padded, np.uint8)))[:height, :width]
+
+
+def network_planes(picture: Picture) -> NDArray[np.float32]:
+    """Return what the network takes of a picture: its channels and those of CIE L*a*b*.
+
+    Args:
+        picture: (height, width, 3) uint8, BGR.
+
+    Returns:
+        (1, 6, height, width) float32, about -2 to 2.
+    """
+    lab = cv2.cvtColor(picture, cv2.COLOR_BGR2LAB)
+    planes = np.empty((1, 6, *picture.shape[:2]), np.float32)
+    for channel, values in enumerate((*cv2.split(picture), *cv2.split(lab))):
+        np.subtract(values, np.float32(128), out=planes[0, channel])
+    planes *= np.float32(1 / 64)
+    return planes
+
+
+class EdgeNetwork:
+    """The network, read when it is first used; one thread at a time runs it.
+
+    OpenCV's networks are bound to one input size, and keep their buffers: one is kept for each of
+    the ``SIZES`` sizes that were used last.
+    """
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._networks: OrderedDict[tuple[int, ...], cv2.dnn.Net] = OrderedDict()
+
+    def probabilities(self, planes: NDArray[np.float32]) -> Strength:
+        """Return the probability of a boundary at each pixel, (height, width) float32.
+
+        Args:
+            planes: (1, 6, height, width) float32; height and width are multiples of 16.
+        """
+        with self._lock:
+            network = self._network_for(planes.shape)
+            network.setInput(planes)
+            squares = np.asarray(network.forward())
+        height, width = planes.shape[2:]
+        # Channel 2 y + x is the pixel (y, x) of a square of 2 x 2.
+        pixels = squares.reshape(2, 2, height // 2, width // 2).transpose(2, 0, 3, 1)
+        return np.asarray(pixels.reshape(height, width), np.float32)
+
+    def _network_for(self, shape: tuple[int, ...]) -> cv2.dnn.Net:
+        network = self._networks.pop(shape, None)
+        if network is None:
+            onnx = (files("zv.edge.detectors") / "learned.onnx").read_bytes()
+            network = cv2.dnn.readNetFromONNX(np.frombuffer(onnx, np.uint8), cv2.dnn.ENGINE_CLASSIC)
+            if len(self._networks) == SIZES:
+                self._networks.popitem(last=False)
+        self._networks[shape] = network
+        return network
+
+
+NETWORK: Final = EdgeNetwork()
+"""The process's one network."""

@@ -1,0 +1,53 @@
+"""Shows the steps of a detector as pictures: strengths as grey, directions as hue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.edge.detectors.detection import Gray, Picture, Strength
+
+WEAK, STRONG = 128, 255
+"""Grey of pixels above the low threshold only, and of those above the high one."""
+
+
+def as_gray(strength: Strength, full_scale: float) -> Gray:
+    """Return strengths as grey, (height, width) uint8: 255 times the root of their share.
+
+    The scale is fixed, so that a video does not flicker, and the root shows weak edges: a tenth of
+    the largest strength that is possible becomes 81.
+    """
+    shown = np.sqrt(strength * np.float32(1 / full_scale)) * np.float32(255)
+    return np.asarray(cv2.convertScaleAbs(shown), np.uint8)
+
+
+def as_sixteen_bits(strength: Strength, full_scale: float) -> NDArray[np.uint16]:
+    """Return strengths as (height, width) uint16, linear: ``full_scale`` becomes 65535."""
+    scaled = np.rint(strength * np.float32(65535 / full_scale))
+    return np.asarray(np.clip(scaled, 0, 65535), np.uint16)
+
+
+def as_hue(gx: NDArray[Any], gy: NDArray[Any], brightness: Gray) -> Picture:
+    """Return directions as hue, (height, width, 3) uint8 in BGR order.
+
+    Args:
+        gx: Derivative to the right.
+        gy: Derivative downwards.
+        brightness: (height, width) uint8; black where there is no gradient.
+
+    The hue is the angle of the gradient, which points to the brighter side: red to the right,
+    yellow-green down, cyan to the left, violet up.
+    """
+    degrees = cv2.phase(gx.astype(np.float32), gy.astype(np.float32), angleInDegrees=True)
+    hue = np.asarray(np.rint(degrees / 2) % 180, np.uint8)
+    full = np.full_like(hue, 255)
+    return np.asarray(cv2.cvtColor(cv2.merge([hue, full, brightness]), cv2.COLOR_HSV2BGR), np.uint8)
+
+
+def in_two_grays(suppressed: Strength, low: float, high: float) -> Gray:
+    """Return strengths above ``low`` as 128 and those above ``high`` as 255, else 0."""
+    shown = np.where(suppressed > low, np.uint8(WEAK), np.uint8(0))
+    return np.where(suppressed > high, np.uint8(STRONG), shown)

@@ -1,0 +1,137 @@
+"""Thin lines along the ridges of a map of boundary strengths at half the picture's size.
+
+``colour`` and ``learned`` estimate for each pixel of the half-size picture how probable a boundary
+is. Lines are the ridges of that map: non-maximum suppression goes across the ridge, whose direction
+follows from the map's second derivatives, and not along the picture's gradient, which is noisy
+where strengths come from several scales.
+
+One threshold is all: hysteresis adds hardly any boundary that people would draw, and makes whole
+lines come and go in a video.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.edge.detectors.detection import Detection, Gray, Picture, Strength
+from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
+from zv.edge.detectors.thinning import maxima
+
+INTEGERS: Final = 30000
+"""The integer that stands for strength 1 in 16 bits."""
+
+RIDGE_SIGMA: Final = 2.0
+"""Smoothing before the ridges' directions are taken, pixels of the half-size picture."""
+
+STAGES: Final = ("magnitude", "direction", "suppressed", "thresholded")
+"""The steps of these detectors; smoothing takes place at several scales and is not shown."""
+
+
+def half_size(picture: Picture) -> Picture:
+    """Return a picture at half its size, rounded up, each pixel the mean of those it covers."""
+    height, width = picture.shape[:2]
+    size = ((width + 1) // 2, (height + 1) // 2)
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def across(strength: Strength) -> tuple[Strength, Strength]:
+    """Return the unit direction across the ridge at each pixel of a map of strengths.
+
+    It is the eigenvector of the smoothed map's second derivatives with the smaller eigenvalue,
+    along which the map falls off fastest. It points to the right, or straight down.
+
+    Args:
+        strength: (height, width) float32.
+
+    Returns:
+        The components to the right and downwards, (height, width) float32.
+    """
+    smooth = cv2.GaussianBlur(strength, (0, 0), RIDGE_SIGMA)
+    xx, yy, xy = (
+        cv2.Sobel(smooth, cv2.CV_32F, *orders, ksize=3) for orders in ((2, 0), (0, 2), (1, 1))
+    )
+    twice = cv2.phase(yy - xx, -2 * xy)  # of the doubled angle, 0 to 2 pi
+    right, down = cv2.polarToCart(np.ones_like(twice), twice * np.float32(0.5))
+    return np.asarray(right, np.float32), np.asarray(down, np.float32)
+
+
+def threshold_for(density: float, thresholds: Sequence[float]) -> float:
+    """Return the threshold that gives a wanted density of edges on an average picture.
+
+    Args:
+        density: Wanted share of edge pixels, percent.
+        thresholds: Those that gave 0, 1, 2, ... percent on average over BSDS500's training images,
+            falling.
+    """
+    return float(np.interp(density, np.arange(len(thresholds)), thresholds))
+
+
+class RidgeDetection(Detection):
+    """The edges of one picture as the ridges of a map of strengths from 0 to 1.
+
+    Args:
+        picture: (height, width, 3) uint8, BGR.
+        threshold: Strength from which on a ridge is an edge.
+    """
+
+    def __init__(self, picture: Picture, threshold: float) -> None:
+        self._picture = picture
+        self._threshold = threshold
+
+    @abstractmethod
+    def strengths(self, picture: Picture) -> Strength:
+        """Return the strengths of a picture at half its size, rounded up: float32, 0 to 1."""
+
+    @cached_property
+    def _ridges(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+        """Strength times the direction across the ridge, as ``cv2.Canny`` takes gradients."""
+        strength = self.strengths(self._picture)
+        size = self._picture.shape[1::-1]
+        full = cv2.resize(strength, size, interpolation=cv2.INTER_LINEAR)
+        # Bilinear maps have their tops at every other pixel, which makes jagged, broken lines.
+        full = cv2.GaussianBlur(full, (5, 5), 1)
+        gx, gy = (
+            cv2.multiply(
+                full,
+                # Directions that are turned by half a turn mean the same, so that no mean is taken.
+                cv2.resize(component, size, interpolation=cv2.INTER_NEAREST),
+                scale=INTEGERS,
+                dtype=cv2.CV_16S,
+            )
+            for component in across(strength)
+        )
+        return np.asarray(gx, np.int16), np.asarray(gy, np.int16)
+
+    @cached_property
+    def edges(self) -> Gray:
+        """The edge map, (height, width) uint8: 0 or 255."""
+        least = self._threshold * INTEGERS
+        return np.asarray(cv2.Canny(*self._ridges, least, least, L2gradient=True), np.uint8)
+
+    @cached_property
+    def magnitude(self) -> Strength:
+        """The strength of each pixel before thinning, (height, width) float32, 0 to 1."""
+        gx, gy = (component.astype(np.float32) for component in self._ridges)
+        return np.asarray(cv2.magnitude(gx, gy) * np.float32(1 / INTEGERS), np.float32)
+
+    @cached_property
+    def strength(self) -> Strength:
+        """The strength on the ridges, else 0, (height, width) float32."""
+        return np.where(maxima(*self._ridges, l2=True) > 0, self.magnitude, np.float32(0))
+
+    @property
+    def stages(self) -> Mapping[str, Callable[[], Picture]]:
+        """The steps, each computed when it is called."""
+        return {
+            "magnitude": lambda: as_gray(self.magnitude, 1.0),
+            "direction": lambda: as_hue(*self._ridges, as_gray(self.magnitude, 1.0)),
+            "suppressed": lambda: as_gray(self.strength, 1.0),
+            "thresholded": lambda: in_two_grays(self.strength, self._threshold, self._threshold),
+        }

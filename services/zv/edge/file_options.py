@@ -1,0 +1,41 @@
+"""The flags of ``zv edge`` that make it work on files."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from zenoh_vision.config.settings import Settings
+
+FileName = Annotated[str, Field(min_length=1)]
+
+
+class FileOptions(Settings):
+    """Where pictures come from and where results go; all settings of ``zv edge`` hold too."""
+
+    image: Annotated[
+        FileName | None,
+        Field(description="find the edges of this image, or of each image of this folder"),
+    ] = None
+    out: Annotated[
+        FileName | None,
+        Field(
+            description="edge map: FILE.png, FILE.jpg or FILE.bits; a folder if --image is one, "
+            "with files by --format"
+        ),
+    ] = None
+    stages: Annotated[
+        FileName | None,
+        Field(
+            description="folder for the detector's steps, STEP.png; NAME/STEP.png if --image is a "
+            "folder"
+        ),
+    ] = None
+    strength: Annotated[
+        FileName | None,
+        Field(
+            description="strength of each edge pixel after thinning and before any threshold, 16 "
+            "bits: FILE.png; a folder if --image is one"
+        ),
+    ] = None

@@ -1,0 +1,131 @@
+"""The part of a frame in which edges are looked for: a region, a smaller scale, a mask."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_vision.errors import PayloadError
+from zv.edge.contours import Lines
+from zv.edge.detectors.detection import Gray, Picture
+
+Box = tuple[int, int, int, int]
+"""x, y, width, height, pixels."""
+
+Map = TypeVar("Map", NDArray[np.uint8], NDArray[np.float32])
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What of a frame is looked at, and how its results become those of the whole frame.
+
+    Attributes:
+        box: Region of the frame; None for all of it. What is outside of the frame is ignored.
+        scale: Factor of its width and height before edges are found, over 0 and at most 1.
+        mask: (height, width) uint8 of any size, stretched to the frame: no edges where it is 0.
+            None for none.
+    """
+
+    box: Box | None = None
+    scale: float = 1.0
+    mask: Gray | None = field(default=None, compare=False)
+
+    def of(self, picture: Picture) -> SelectedPart:
+        """Return the selected part of a frame, (height, width[, 3]) uint8.
+
+        Raises:
+            PayloadError: ``region_outside``: the frame has no pixel of the region.
+        """
+        height, width = picture.shape[:2]
+        x, y, right, bottom = 0, 0, width, height
+        if self.box is not None:
+            x, y = self.box[:2]
+            right, bottom = min(x + self.box[2], width), min(y + self.box[3], height)
+            if x >= right or y >= bottom:
+                raise PayloadError(
+                    "region_outside",
+                    f"region {self.box} is outside of a frame of {width}x{height} pixels",
+                )
+        part = picture[y:bottom, x:right]
+        if self.scale != 1:
+            size = (
+                max(1, round((right - x) * self.scale)),
+                max(1, round((bottom - y) * self.scale)),
+            )
+            part = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
+        return SelectedPart(part, (x, y, right - x, bottom - y), (height, width), self.mask)
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedPart:
+    """The selected part of one frame.
+
+    Attributes:
+        picture: Its pixels, at the reduced scale.
+        box: Where it is in the frame.
+        frame_shape: Height and width of the frame.
+        mask: As in ``Selection``.
+    """
+
+    picture: Picture
+    box: Box
+    frame_shape: tuple[int, int]
+    mask: Gray | None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is the frame itself."""
+        return self.picture.shape[:2] == self.frame_shape
+
+    def whole(self, found: Map) -> Map:
+        """Return a picture of the part as one of the frame, 0 outside of the part.
+
+        Each pixel at a reduced scale becomes several equal ones.
+        """
+        if self.is_whole:
+            return found
+        x, y, width, height = self.box
+        larger = cv2.resize(found, (width, height), interpolation=cv2.INTER_NEAREST)
+        whole = np.zeros((*self.frame_shape, *found.shape[2:]), found.dtype)
+        whole[y : y + height, x : x + width] = larger
+        return whole
+
+    def masked(self, found: Map) -> Map:
+        """Return edges or strengths of the part as 0 where the mask is."""
+        if self.mask is None:
+            return found
+        height, width = self.frame_shape
+        x, y, box_width, box_height = self.box
+        mask = cv2.resize(self.mask, (width, height), interpolation=cv2.INTER_NEAREST)
+        mask = mask[y : y + box_height, x : x + box_width]
+        smaller = cv2.resize(mask, found.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+        return np.where(smaller > 0, found, found.dtype.type(0))
+
+    def in_frame(self, lines: Lines) -> Lines:
+        """Return lines of the part in pixels of the frame."""
+        if self.is_whole:
+            return lines
+        x, y, width, height = self.box
+        factor = np.array([width / self.picture.shape[1], height / self.picture.shape[0]])
+        # The middle of pixel 0 is half a pixel from the border, at either scale.
+        shift = np.array([x, y]) + (factor - 1) / 2
+        polylines = tuple(
+            replace(
+                line,
+                points=np.rint(line.points * factor + shift).astype(np.int32),
+                length=line.length * float(factor.mean()),
+            )
+            for line in lines.polylines
+        )
+        return replace(
+            lines,
+            polylines=polylines,
+            segments=lines.segments * np.tile(factor, 2) + np.tile(shift, 2),
+            circles=None
+            if lines.circles is None
+            else lines.circles * [*factor, factor.mean()] + [*shift, 0],
+        )

@@ -1,0 +1,116 @@
+"""Ends the process groups of a launch file's programs when ``zv up`` is gone, even by SIGKILL.
+
+Services watch their parent themselves, see ``zenoh_vision.host.lifeline``. Other programs do not,
+so one more process does it for all of them: this file, run as a script. ``zv up`` tells it the
+groups through a pipe, whose end the kernel closes when ``zv up`` ends for any reason.
+
+The script imports nothing but the standard library, so that it starts fast and stays small.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+
+GRACE_S = 1.5
+POLL_S = 0.02
+
+
+class GroupGuard:
+    """The process that ends the groups; it starts with the first group."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._groups: set[int] = set()
+
+    def add(self, group: int) -> None:
+        """End a process group when this process is gone.
+
+        Raises:
+            OSError: The process that does so cannot be started; the next group tries again.
+        """
+        self._groups.add(group)
+        if self._process is None or self._process.poll() is not None:
+            self.close()
+            self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and file
+                [sys.executable, "-I", "-S", __file__],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,  # a signal for the group of zv up must not end it
+            )
+            for each in self._groups:
+                self._tell(f"+{each}\n")
+        else:
+            self._tell(f"+{group}\n")
+
+    def remove(self, group: int) -> None:
+        """Forget a group that has ended, since its number may be used again."""
+        self._groups.discard(group)
+        self._tell(f"-{group}\n")
+
+    def close(self) -> None:
+        """End the process, but no group: whoever closes it has ended them."""
+        if self._process is not None:
+            assert self._process.stdin is not None
+            self._process.kill()
+            self._process.wait()
+            with suppress(OSError):
+                self._process.stdin.close()
+            self._process = None
+
+    def _tell(self, line: str) -> None:
+        if self._process is not None:
+            assert self._process.stdin is not None
+            with suppress(OSError):  # it was killed: the next group starts another
+                self._process.stdin.write(line.encode())
+                self._process.stdin.flush()
+
+
+def signal_group(group: int, number: int) -> bool:
+    """Send a signal to a process group; return whether any process of it exists."""
+    try:
+        os.killpg(group, number)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def end_group(group: int, deadline_s: float) -> bool:
+    """Wait for a process group to end until a monotonic time, then kill it.
+
+    Returns:
+        Whether all its processes had ended in time.
+    """
+    while signal_group(group, 0):
+        with suppress(ChildProcessError):  # its orphans are ours if we are process 1
+            os.waitpid(-group, os.WNOHANG)
+        if time.monotonic() >= deadline_s:
+            signal_group(group, signal.SIGKILL)
+            return False
+        time.sleep(POLL_S)
+    return True
+
+
+def main() -> None:
+    """Read ``+GROUP`` and ``-GROUP`` lines until the pipe is closed, then end what is left."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    groups: set[int] = set()
+    for line in sys.stdin:
+        (groups.add if line[0] == "+" else groups.discard)(int(line[1:]))
+    for group in groups:
+        signal_group(group, signal.SIGTERM)
+    deadline_s = time.monotonic() + GRACE_S
+    for group in groups:
+        end_group(group, deadline_s)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""The format of the launch file: its tables and keys, and what is said of a wrong one."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from zenoh_vision.config.constraints import allowed_and_default, unknown_key, wrong_value
+from zenoh_vision.config.settings import CameraName, Text, read_toml
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
+from zenoh_vision.transport.connection import DEFAULT_ENDPOINT
+from zv.registry import SERVICES
+
+NODE_SERVICES = tuple(name for name in SERVICES if name != "router")
+
+
+def _words(value: object) -> object:
+    """Split a text as a shell does; nothing in it is expanded."""
+    if isinstance(value, list):
+        return tuple(value)
+    if not isinstance(value, str):
+        return value
+    try:
+        return tuple(shlex.split(value))
+    except ValueError as error:
+        raise ValueError(f"cannot be split into words: {str(error).lower()}") from None
+
+
+def _without_nul(value: str) -> str:
+    if "\0" in value:
+        raise ValueError("a NUL character cannot be passed to a program")
+    return value
+
+
+Word = Annotated[str, AfterValidator(_without_nul)]
+Variable = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+
+
+class Table(BaseModel):
+    """Base of the tables of a launch file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class RouterTable(Table):
+    """``[router]``: the router that the nodes connect to."""
+
+    listen: Annotated[
+        str | None,
+        Field(
+            description="Zenoh endpoint that the embedded router listens on; "
+            f"not set: {DEFAULT_ENDPOINT}"
+        ),
+    ] = None
+    connect: Annotated[
+        str | None, Field(description="endpoint of a running router to use instead of starting one")
+    ] = None
+    zenoh_config: Annotated[
+        str | None,
+        Field(description="Zenoh's JSON5 file for the router, relative to the launch file"),
+    ] = None
+
+
+class NodeTable(Table):
+    """``[[node]]``: one process."""
+
+    service: Annotated[
+        str,
+        Field(
+            description=f"one of {', '.join(NODE_SERVICES)}; with command, a name of your own, "
+            "in a-z, 0-9 and _"
+        ),
+    ]
+    command: Annotated[
+        tuple[Word, ...] | None,
+        BeforeValidator(_words),
+        Field(
+            description="program to start instead of a service of zv: a list of its arguments, or "
+            "a text that is split as a shell does; nothing is expanded"
+        ),
+    ] = None
+    camera: Annotated[
+        CameraName,
+        Field(
+            description="camera of the node, whose name is {service}_{camera}; not for a viewer. "
+            "A command has none unless it is given"
+        ),
+    ] = DEFAULT_CAMERA
+    config: Annotated[
+        str | None, Field(description="TOML file with options, relative to the launch file")
+    ] = None
+    settings: Annotated[
+        dict[str, Any], Field(description="options that override those in config")
+    ] = {}
+    env: Annotated[
+        dict[Variable, Annotated[Text, AfterValidator(_without_nul)]],
+        Field(description="environment variables of a command"),
+    ] = {}
+    cwd: Annotated[
+        str | None,
+        Field(
+            description="working directory of a command, relative to the launch file; not set: "
+            "the folder of the launch file"
+        ),
+    ] = None
+    restart: Annotated[bool, Field(description="restart the process when it dies")] = True
+
+
+class LaunchTables(Table):
+    """The whole file."""
+
+    namespace: Annotated[
+        str | None,
+        Field(description=f"first chunk of every key expression; not set: {DEFAULT_NAMESPACE}"),
+    ] = None
+    remap: Annotated[
+        dict[CameraName, CameraName],
+        Field(
+            description='table [remap] of cameras, OLD = "NEW": nodes of camera OLD become those '
+            "of NEW; overridden by zv up --remap OLD=NEW"
+        ),
+    ] = {}
+    router: Annotated[RouterTable, Field(description="table [router]")] = RouterTable()
+    node: Annotated[list[NodeTable], Field(min_length=1, description="one or more [[node]]")]
+
+
+def read_tables(path: Path) -> LaunchTables:
+    """Read a launch file and check the form of its tables.
+
+    Raises:
+        ConfigurationError: The file is wrong; the text has the key, its value and what is allowed.
+    """
+    values = read_toml(path)
+    try:
+        return LaunchTables.model_validate(values)
+    except ValidationError as error:
+        _refuse(path, error)
+
+
+def _refuse(path: Path, error: ValidationError) -> NoReturn:
+    first = error.errors(include_url=False)[0]
+    loc = tuple(part for part in first["loc"] if part != "[key]")
+    dotted = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
+    place = f"{path}: {dotted.lstrip('.')}"
+    tables: dict[str, type[BaseModel]] = {"router": RouterTable, "node": NodeTable}
+    model = tables.get(str(loc[0]), LaunchTables) if len(loc) > 1 else LaunchTables
+    # The key of the table in which the wrong value is, however deep inside its value.
+    name = str(loc[min({"node": 2, "router": 1}.get(str(loc[0]), 0), len(loc) - 1)])
+    if first["type"] == "extra_forbidden":
+        raise ConfigurationError(f"{place}: {unknown_key(name, name, model)}")
+    missing = first["type"] == "missing"
+    message = f"{place} is missing" if missing else wrong_value(place, first["input"], first)
+    if name in model.model_fields:
+        # A table or a list has no range.
+        only_described = missing or model is LaunchTables or name in ("command", "env")
+        words = model.model_fields[name].description
+        message += f"; allowed: {words if only_described else allowed_and_default(model, name)}"
+    raise ConfigurationError(message)

@@ -1,0 +1,111 @@
+"""Says which views of a board a calibration still needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+
+from zv.tools.calibrate.board import BoardView
+
+LEAST_VIEWS: Final = 8
+LEAST_TILT_DEG: Final = 15.0
+TILTED_VIEWS: Final = 2
+"""So many pictures are needed that are tilted in each of two directions: they separate the focal
+length from the distance."""
+
+LEAST_SHARE: Final = 0.15
+"""Of the picture's area, which the board must fill once: a small one says nothing of the lens."""
+
+PARTS: Final = (
+    ("top left", "top", "top right"),
+    ("left", "middle", "right"),
+    ("bottom left", "bottom", "bottom right"),
+)
+
+NEW_PLACE: Final = 0.06
+NEW_SIZE: Final = 0.06
+NEW_TILT_DEG: Final = 8.0
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a board is in a picture, and how it lies, roughly.
+
+    Attributes:
+        x: Centre, as a share of the width; so is ``y`` of the height.
+        y: As x.
+        share: Of the picture's area that the corners span.
+        turned_deg: Angle to the picture's plane, around the vertical axis.
+        leaned_deg: As turned_deg, around the horizontal axis.
+        parts: The parts of the picture, rows and columns of three, in which there are corners.
+    """
+
+    x: float
+    y: float
+    share: float
+    turned_deg: float
+    leaned_deg: float
+    parts: frozenset[tuple[int, int]]
+
+    def is_like(self, other: Pose) -> bool:
+        """Tell whether two views are so similar that the second says little new."""
+        return (
+            abs(self.x - other.x) < NEW_PLACE
+            and abs(self.y - other.y) < NEW_PLACE
+            and abs(self.share**0.5 - other.share**0.5) < NEW_SIZE
+            and abs(self.turned_deg - other.turned_deg) < NEW_TILT_DEG
+            and abs(self.leaned_deg - other.leaned_deg) < NEW_TILT_DEG
+        )
+
+
+def pose_of(view: BoardView) -> Pose:
+    """Return where the board is; its tilt is that of a lens with a usual focal length."""
+    size = np.array([view.width, view.height], np.float64)
+    x, y = view.pixels.mean(axis=0) / size
+    hull = cv2.convexHull(view.pixels.astype(np.float32))
+    cells = np.clip(np.floor(view.pixels / size * 3), 0, 2).astype(int)
+    focal = float(size.max())
+    matrix = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1]])
+    flat = np.concatenate([view.points, np.zeros((len(view.points), 1))], axis=1)
+    _, turn, _ = cv2.solvePnP(flat, view.pixels, matrix, None, flags=cv2.SOLVEPNP_IPPE)
+    normal = cv2.Rodrigues(turn)[0][:, 2]
+    normal = normal * (1 if normal[2] >= 0 else -1)
+    turned, leaned = np.degrees(np.arctan2(normal[:2], normal[2]))
+    return Pose(
+        float(x),
+        float(y),
+        float(cv2.contourArea(hull) / size.prod()),
+        float(turned),
+        float(leaned),
+        frozenset((int(row), int(column)) for column, row in cells),
+    )
+
+
+def missing(poses: Sequence[Pose]) -> list[str]:
+    """Return what a set of views lacks, in words; empty if it is good enough."""
+    found = []
+    if len(poses) < LEAST_VIEWS:
+        found.append(f"{LEAST_VIEWS - len(poses)} more pictures that differ")
+    covered = frozenset[tuple[int, int]]().union(*(pose.parts for pose in poses))
+    parts = [
+        name
+        for row, names in enumerate(PARTS)
+        for column, name in enumerate(names)
+        if (row, column) not in covered
+    ]
+    if parts:
+        found.append(f"the board in these parts of the picture: {', '.join(parts)}")
+    for words, tilts in (
+        ("turned to the left or right", [abs(pose.turned_deg) for pose in poses]),
+        ("leaned forwards or backwards", [abs(pose.leaned_deg) for pose in poses]),
+    ):
+        lacking = TILTED_VIEWS - sum(tilt >= LEAST_TILT_DEG for tilt in tilts)
+        if lacking > 0:
+            found.append(f"{lacking} with the board {words} by {LEAST_TILT_DEG:g} degrees or more")
+    if max((pose.share for pose in poses), default=0.0) < LEAST_SHARE:
+        found.append(f"one with the board over {LEAST_SHARE:.0%} of the picture: hold it nearer")
+    return found

@@ -1,0 +1,1 @@
+"""``zv schema``: the JSON Schemas of messages."""

@@ -1,0 +1,77 @@
+"""Draws tracks with their ids and trails into a frame."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.tracker.tracking.track import Track
+
+TRAIL_S = 3.0
+MAX_POINTS = 200
+LOST_COLOR = (160, 160, 160)
+HUE_STEP = 67
+"""Between the hues of successive ids, of 180: neighbours in time differ well."""
+
+Point = tuple[int, int]
+
+
+class Trails:
+    """Where each track was in the last seconds."""
+
+    def __init__(self) -> None:
+        self._points: dict[int, deque[tuple[int, Point]]] = {}
+
+    def update(self, tracks: Sequence[Track], stamp_ns: int) -> None:
+        """Take the tracks of a frame; forget those that have ended, and what is too long ago."""
+        points: dict[int, deque[tuple[int, Point]]] = {}
+        for track in tracks:
+            trail = self._points.get(track.id, deque(maxlen=MAX_POINTS))
+            while trail and not 0 <= stamp_ns - trail[0][0] <= TRAIL_S * 1e9:
+                trail.popleft()
+            if track.missing_s == 0:
+                trail.append((stamp_ns, (round(track.x), round(track.y))))
+            points[track.id] = trail
+        self._points = points
+
+    def lines(self) -> dict[int, list[Point]]:
+        """Return the points of each track, the oldest first."""
+        return {number: [point for _, point in trail] for number, trail in self._points.items()}
+
+
+def draw_tracks(
+    bgr: NDArray[np.uint8], tracks: Sequence[Track], trails: Mapping[int, Sequence[Point]]
+) -> NDArray[np.uint8]:
+    """Return the frame with the confirmed and the lost tracks marked; itself without any.
+
+    Args:
+        bgr: (height, width, 3) uint8; not modified.
+        tracks: In full-resolution pixels; tentative ones are not drawn.
+        trails: Earlier positions by id.
+    """
+    shown = [track for track in tracks if track.state != "tentative"]
+    if not shown:
+        return bgr
+    picture = bgr.copy()
+    for track in shown:
+        color = color_of(track.id) if track.state == "confirmed" else LOST_COLOR
+        trail = np.array(trails.get(track.id, ()), np.int32).reshape(-1, 1, 2)
+        cv2.polylines(picture, [trail], False, color, 2, cv2.LINE_AA)
+        x, y, width, height = track.box
+        thickness = 2 if track.state == "confirmed" else 1
+        cv2.rectangle(picture, (x, y), (x + width - 1, y + height - 1), color, thickness)
+        cv2.circle(picture, (round(track.x), round(track.y)), 3, color, -1)
+        place = (x, y - 5 if y > 20 else y + height + 15)
+        cv2.putText(picture, str(track.id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, color, 2)
+    return picture
+
+
+def color_of(number: int) -> tuple[int, int, int]:
+    """Return the colour of a track by its id, BGR."""
+    pixel = np.array([[[number * HUE_STEP % 180, 220, 255]]], np.uint8)
+    blue, green, red = cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0].tolist()
+    return blue, green, red

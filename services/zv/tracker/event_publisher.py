@@ -1,0 +1,120 @@
+"""Publishes the events of one camera's tracks."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Sequence
+
+from zenoh_vision import Frame, Node
+from zenoh_vision.messages import Header, LineCount, TrackEvent, ZoneCount
+from zenoh_vision.topics import EVENTS
+from zv.tracker.events.event import Event
+from zv.tracker.events.sighting import WorldPlane
+from zv.tracker.events.track_events import EventRules, TrackEvents
+from zv.tracker.settings import TrackerSettings
+from zv.tracker.shapes import Line, Polygon, lines, polygons
+from zv.tracker.tracking.track import Track
+
+log = logging.getLogger(__name__)
+
+Counted = tuple[dict[str, ZoneCount] | None, dict[str, LineCount] | None]
+
+
+class EventPublisher:
+    """Finds the events in the tracks of one camera and publishes them on its ``events`` key.
+
+    Args:
+        node: Publishes ``events`` of the camera.
+        settings: Those with which it begins.
+    """
+
+    def __init__(self, node: Node, settings: TrackerSettings) -> None:
+        self._node = node
+        self._settings = settings
+        self._events = TrackEvents(rules_of(settings))
+        self._header: Header | None = None
+        self._told = False
+
+    def update(
+        self,
+        frame: Frame,
+        tracks: Sequence[Track],
+        settings: TrackerSettings,
+        plane: WorldPlane | None = None,
+    ) -> Counted:
+        """Publish what happened from the last frame to this one.
+
+        Args:
+            frame: The frame; a new epoch ends all tracks of the one before.
+            tracks: All of the frame, in full-resolution pixels.
+            settings: Zones, lines, dwell and anchor for this frame.
+            plane: The way from pixels to the world; None without a calibration.
+
+        Returns:
+            The counts of zones and of lines for the ``Tracks`` message of the frame; None each if
+            there are no such shapes.
+        """
+        if settings is not self._settings:
+            self._settings = settings
+            self._events.adjust(rules_of(settings))
+            self._told = False
+        if self._header is not None and self._header.epoch != frame.header.epoch:
+            self._publish(self._header, self._events.end())  # ids belong to their epoch
+        self._header = self._node.header(frame)
+        self._tell_without_plane(plane)
+        self._publish(self._header, self._events.update(tracks, frame.header.stamp_ns, plane))
+        return self._counts()
+
+    def _publish(self, header: Header, events: Iterable[Event]) -> None:
+        for event in events:
+            self._node.publish(EVENTS, message_of(event, header))
+
+    def _counts(self) -> Counted:
+        counts = self._events.counts
+        zones = {
+            name: ZoneCount(
+                entered=count.entered, left=count.left, dwelled=count.dwelled, inside=count.inside
+            )
+            for name, count in counts.zones.items()
+        }
+        passed = {
+            name: LineCount(left=count.left, right=count.right)
+            for name, count in counts.lines.items()
+        }
+        return zones or None, passed or None
+
+    def _tell_without_plane(self, plane: WorldPlane | None) -> None:
+        """Log once that shapes in world units have no events without a calibration."""
+        rules = self._events.rules
+        shapes: tuple[Polygon | Line, ...] = (*rules.zones, *rules.lines)
+        in_world = [each.name for each in shapes if each.unit == "world"]
+        if plane is None and in_world and not self._told:
+            self._told = True
+            names = ", ".join(in_world)
+            log.warning("no events of %s: in world units, but the camera has no plane", names)
+
+
+def rules_of(settings: TrackerSettings) -> EventRules:
+    """Return what to look for from the settings."""
+    return EventRules(
+        polygons(settings.zones), lines(settings.lines), settings.dwell, settings.anchor
+    )
+
+
+def message_of(event: Event, header: Header) -> TrackEvent:
+    """Return the message of an event that was found in the frame of a header."""
+    x, y = event.at.pixel
+    return TrackEvent(
+        header=header,
+        event=event.kind,
+        id=event.id,
+        zone=event.shape,
+        direction=event.direction,
+        x=x,
+        y=y,
+        stamp_ns=event.at.stamp_ns,
+        count=event.count,
+        inside=event.inside,
+        dwell_s=event.dwell_s,
+        world=event.at.world,
+    )

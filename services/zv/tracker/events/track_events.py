@@ -1,0 +1,185 @@
+"""Turns the tracks of each frame into events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from zv.tracker.events.event import Counts, Event, Moment
+from zv.tracker.events.line_watch import LineWatch
+from zv.tracker.events.sighting import Anchor, Sighting, WorldPlane, sightings_of
+from zv.tracker.events.zone_watch import ZoneWatch
+from zv.tracker.shapes import Line, Polygon
+from zv.tracker.tracking.track import Track
+
+
+@dataclass(frozen=True, slots=True)
+class EventRules:
+    """What to look for.
+
+    Attributes:
+        zones: Polygons; names are unique.
+        lines: Lines; names are unique.
+        dwell_s: Stay in a zone after which ``zone_dwell`` is reported, once per stay.
+        anchor: The point of an object that counts.
+    """
+
+    zones: tuple[Polygon, ...] = ()
+    lines: tuple[Line, ...] = ()
+    dwell_s: float = 10.0
+    anchor: Anchor = "centre"
+
+
+@dataclass(slots=True)
+class _Object:
+    """A track that has not ended.
+
+    Attributes:
+        first: Where it was seen first.
+        last: Where it was seen last.
+        confirmed: Whether it has ever been confirmed; events are only about those.
+        lost: Whether ``lost`` was reported, and no ``confirmed`` since.
+    """
+
+    first: Moment
+    last: Moment
+    confirmed: bool = False
+    lost: bool = False
+
+
+class TrackEvents:
+    """Finds the events in the tracks of one camera, frame after frame.
+
+    A track has events from when it is first confirmed; those of its time before, such as a line
+    that it had crossed, are then reported with their own stamps. Positions count only while a
+    track is seen, not while they are predicted: one that reappears has moved in a straight line
+    meanwhile. A stamp that goes back counts as the one before.
+
+    Args:
+        rules: What to look for.
+    """
+
+    def __init__(self, rules: EventRules) -> None:
+        self._rules = rules
+        self._lines = {line: LineWatch(line) for line in rules.lines}
+        self._zones = {zone: ZoneWatch(zone) for zone in rules.zones}
+        self._objects: dict[int, _Object] = {}
+        self._waiting: list[Event] = []
+        self._stamp_ns = 0
+        self._plane: WorldPlane | None = None
+
+    @property
+    def rules(self) -> EventRules:
+        """What it looks for now."""
+        return self._rules
+
+    @property
+    def counts(self) -> Counts:
+        """The counts of all shapes, which live on and change."""
+        return Counts(
+            {line.name: watch.count for line, watch in self._lines.items()},
+            {zone.name: watch.count for zone, watch in self._zones.items()},
+        )
+
+    def adjust(self, rules: EventRules) -> None:
+        """Take other rules from the next frame on.
+
+        Shapes that are the same as before keep counts and state. The stays in a zone that is gone
+        or has changed end; a changed shape begins to count at 0.
+        """
+        if rules == self._rules:
+            return
+        for zone, watch in self._zones.items():
+            if zone not in rules.zones:
+                self._waiting += watch.close(self._stamp_ns)
+        self._lines = {line: self._lines.get(line) or LineWatch(line) for line in rules.lines}
+        self._zones = {zone: self._zones.get(zone) or ZoneWatch(zone) for zone in rules.zones}
+        if rules.anchor != self._rules.anchor:
+            self._restart(self._watches())
+        self._rules = rules
+
+    def update(
+        self, tracks: Sequence[Track], stamp_ns: int, plane: WorldPlane | None = None
+    ) -> list[Event]:
+        """Take all tracks of the next frame and return what happened, each track in its order.
+
+        Args:
+            tracks: All of the frame; one that is missing has ended.
+            stamp_ns: Capture time of the frame.
+            plane: The way from pixels to the world; None without a calibration. If it is another
+                one than before, paths in world units begin anew.
+        """
+        self._stamp_ns = stamp_ns = max(stamp_ns, self._stamp_ns)
+        if plane != self._plane:
+            self._plane = plane
+            self._restart(each for each in self._watches() if _unit(each) == "world")
+        found, self._waiting = self._waiting, []
+        present = {track.id for track in tracks}
+        for id_ in [id_ for id_ in self._objects if id_ not in present]:
+            found += _in_order(self._end(id_))
+        seen = [track for track in tracks if track.state != "lost" and track.missing_s <= 0]
+        sightings = sightings_of(seen, stamp_ns, self._rules.anchor, plane)
+        by_id = {track.id: each for track, each in zip(seen, sightings, strict=True)}
+        for track in tracks:
+            found += _in_order(self._take(track, by_id.get(track.id)))
+        return found
+
+    def end(self) -> list[Event]:
+        """Return the ends of all tracks: the epoch is over, and ids begin anew. Counts stay."""
+        found, self._waiting = self._waiting, []
+        for id_ in list(self._objects):
+            found += _in_order(self._end(id_))
+        self._stamp_ns = 0  # another source may have another clock
+        return found
+
+    def _take(self, track: Track, sighting: Sighting | None) -> Iterator[Event]:
+        known = self._objects.get(track.id)
+        if sighting is None:
+            if known is not None and track.state == "lost" and known.confirmed and not known.lost:
+                known.lost = True
+                yield Event("lost", track.id, known.last)
+            return
+        if known is None:
+            known = self._objects[track.id] = _Object(sighting.at, sighting.at)
+        known.last = sighting.at
+        if track.state == "confirmed" and not known.confirmed:
+            known.confirmed = True
+            yield Event("started", track.id, known.first)
+            yield Event("confirmed", track.id, sighting.at)
+        elif track.state == "confirmed" and known.lost:
+            known.lost = False
+            yield Event("confirmed", track.id, sighting.at)
+        yield from self._see(track.id, sighting, confirmed=known.confirmed)
+
+    def _see(self, id_: int, sighting: Sighting, *, confirmed: bool) -> Iterator[Event]:
+        for line in self._lines.values():
+            yield from line.see(id_, sighting, confirmed=confirmed)
+        for zone in self._zones.values():
+            yield from zone.see(id_, sighting, confirmed=confirmed, dwell_s=self._rules.dwell_s)
+
+    def _end(self, id_: int) -> Iterator[Event]:
+        known = self._objects.pop(id_)
+        for line in self._lines.values():
+            yield from line.end(id_, confirmed=known.confirmed)
+        for zone in self._zones.values():
+            yield from zone.end(id_)
+        if known.confirmed:
+            yield Event("ended", id_, known.last)
+
+    def _watches(self) -> Iterator[LineWatch | ZoneWatch]:
+        yield from self._lines.values()
+        yield from self._zones.values()
+
+    @staticmethod
+    def _restart(watches: Iterable[LineWatch | ZoneWatch]) -> None:
+        for watch in watches:
+            watch.restart()
+
+
+def _in_order(events: Iterable[Event]) -> list[Event]:
+    """Return the events of one track in order of time; those of several stay in that of counts."""
+    return sorted(events, key=lambda event: event.at.stamp_ns)
+
+
+def _unit(watch: LineWatch | ZoneWatch) -> str:
+    return watch.line.unit if isinstance(watch, LineWatch) else watch.zone.unit

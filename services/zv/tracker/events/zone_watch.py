@@ -1,0 +1,146 @@
+"""Finds the stays of objects in one zone: entered, left, and stayed for a while.
+
+An object has entered when it is inside, and has left when it is farther outside than a margin, so
+that one that jitters on the edge enters once. Each stay ends with exactly one ``zone_left``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from zv.tracker.events.event import Event, Kind, Moment, ZoneCount, between
+from zv.tracker.events.sighting import Sighting
+from zv.tracker.shapes import Point, Polygon, contains, distance, passage
+
+
+@dataclass(slots=True)
+class _Stay:
+    """The stay of one object.
+
+    Attributes:
+        entered: When and where it entered.
+        last: The last sighting, inside or within the margin.
+        out: When and where it went through the edge, while it is outside within the margin.
+        reported: Whether ``zone_entered`` was.
+        dwelled: Whether ``zone_dwell`` was.
+    """
+
+    entered: Moment
+    last: Sighting
+    out: Moment | None = None
+    reported: bool = False
+    dwelled: bool = False
+
+
+class ZoneWatch:
+    """The stays of all objects in one zone."""
+
+    def __init__(self, zone: Polygon) -> None:
+        self.zone = zone
+        self.count = ZoneCount()
+        self._before: dict[int, Sighting] = {}
+        self._stays: dict[int, _Stay] = {}
+
+    def see(
+        self, id_: int, sighting: Sighting, *, confirmed: bool, dwell_s: float
+    ) -> Iterator[Event]:
+        """Take the next sighting of an object; yield what it did.
+
+        Of an object that is not confirmed, nothing is reported; its stay is kept.
+        """
+        point = sighting.position(self.zone.unit)
+        if point is None:  # beyond the world plane's horizon
+            return
+        stay = self._follow(id_, sighting, point)
+        if stay is None:
+            return
+        if confirmed:
+            yield from self._report(id_, stay, dwell_s)
+        if stay.out is not None and self._outside_by(point) > sighting.margin(self.zone.unit):
+            yield from self._leave(id_, stay.out)
+
+    def end(self, id_: int) -> Iterator[Event]:
+        """Forget an object that ended; its stay ended when it was seen last."""
+        self._before.pop(id_, None)
+        stay = self._stays.get(id_)
+        if stay is not None:
+            yield from self._leave(id_, stay.out or stay.last.at)
+
+    def close(self, stamp_ns: int) -> Iterator[Event]:
+        """End all stays at a stamp: the zone is removed or changed."""
+        for id_, stay in list(self._stays.items()):
+            last = stay.last.at
+            stamp_ns = max(stamp_ns, last.stamp_ns)
+            yield from self._leave(id_, stay.out or Moment(stamp_ns, last.pixel, last.world))
+
+    def restart(self) -> None:
+        """Forget the paths, but not the stays: positions before now have another meaning."""
+        self._before.clear()
+
+    def _follow(self, id_: int, sighting: Sighting, point: Point) -> _Stay | None:
+        """Return the stay of an object after its next sighting, begun if it is inside now."""
+        before = self._before.get(id_)
+        self._before[id_] = sighting
+        stay = self._stays.get(id_)
+        inside = contains(self.zone.points, point)
+        if stay is None:
+            if not inside:
+                return None
+            stay = self._stays[id_] = _Stay(self._edge(before, sighting), sighting)
+        elif inside:
+            stay.out = None
+        elif stay.out is None:
+            stay.out = self._edge(before, sighting)
+        stay.last = sighting
+        return stay
+
+    def _edge(self, before: Sighting | None, now: Sighting) -> Moment:
+        """Return when and where the step between two sightings went through the edge."""
+        start = None if before is None else before.position(self.zone.unit)
+        end = now.position(self.zone.unit)
+        assert end is not None
+        if before is None or start is None:
+            return now.at
+        shares = [passage(start, end, *edge) for edge in self.zone.edges]
+        found = [share for share in shares if share is not None]
+        return between(before.at, now.at, max(found)) if found else now.at
+
+    def _outside_by(self, point: Point) -> float:
+        return min(distance(point, *edge) for edge in self.zone.edges)
+
+    def _report(self, id_: int, stay: _Stay, dwell_s: float) -> Iterator[Event]:
+        """Yield what is to be said of a stay that goes on, each once."""
+        if not stay.reported:
+            stay.reported = True
+            self.count.entered += 1
+            self.count.inside += 1
+            yield self._event("zone_entered", id_, stay.entered, self.count.entered)
+        until = stay.last.at if stay.out is None else stay.out
+        dwell_ns = round(dwell_s * 1e9)
+        if not stay.dwelled and until.stamp_ns - stay.entered.stamp_ns >= dwell_ns:
+            stay.dwelled = True
+            self.count.dwelled += 1
+            at = Moment(stay.entered.stamp_ns + dwell_ns, until.pixel, until.world)
+            yield self._event("zone_dwell", id_, at, self.count.dwelled, dwell_s)
+
+    def _leave(self, id_: int, at: Moment) -> Iterator[Event]:
+        stay = self._stays.pop(id_)
+        if stay.reported:
+            self.count.left += 1
+            self.count.inside -= 1
+            stayed_s = (at.stamp_ns - stay.entered.stamp_ns) / 1e9
+            yield self._event("zone_left", id_, at, self.count.left, stayed_s)
+
+    def _event(
+        self, kind: Kind, id_: int, at: Moment, count: int, dwell_s: float | None = None
+    ) -> Event:
+        return Event(
+            kind,
+            id_,
+            at,
+            shape=self.zone.name,
+            count=count,
+            inside=self.count.inside,
+            dwell_s=dwell_s,
+        )

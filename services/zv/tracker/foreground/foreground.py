@@ -1,0 +1,192 @@
+"""The foreground of each frame of a fixed camera, robust against light, shadows and start-up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.tracker.foreground.background import BackgroundModel, Subtractor
+from zv.tracker.foreground.lighting import relit, same_texture
+from zv.tracker.foreground.regions import Polygon, region_mask
+from zv.tracker.tracking.fragment import Fragment
+
+Image = NDArray[np.uint8]
+
+CHANGED_SHARE = 0.25
+"""Share of the picture that differs when a change of the light is looked for."""
+
+SAME_TEXTURE = 0.5
+RELIT_SHARE = 0.5
+MOVED_S = 0.5
+"""After so long with most of the picture different, the background is learned anew."""
+
+START_S = (1.0, 2.0, 3.0, 4.5)
+"""Ages at which the background becomes the median of the pictures so far."""
+
+KEEP_EVERY_S = 0.25
+
+SILENT_S = 1.0
+"""Before, too little is known to tell what is background: nothing is foreground."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForegroundParameters:
+    """The parameters of ``ForegroundDetector``."""
+
+    subtractor: Subtractor = "mog2"
+    var_threshold: float = 25.0  # squared distance above which a pixel is foreground
+    detect_shadows: bool = True
+    learning_s: float = 10.0  # time after which a change has become background by 63 %
+    frozen: bool = False  # learn nothing
+    regions: tuple[Polygon, ...] = ()  # objects are looked for inside of these; none: everywhere
+    ignored: tuple[Polygon, ...] = ()  # and not inside of these
+
+
+class ForegroundDetector:
+    """Finds what does not belong to the background in each picture of a fixed camera.
+
+    Args:
+        parameters: See there.
+        scale: Full-resolution pixels per pixel of the pictures, for the polygons.
+
+    Attributes:
+        background: The learned background.
+    """
+
+    def __init__(self, parameters: ForegroundParameters, scale: float = 1.0) -> None:
+        self.background = BackgroundModel(parameters.subtractor)
+        self._scale = scale
+        self._searched: Image | None = None
+        self._size: tuple[int, int] | None = None
+        self._parameters = parameters
+        self.adjust(parameters)
+        self.reset()
+
+    def adjust(self, parameters: ForegroundParameters) -> None:
+        """Continue with other parameters; only another subtractor learns anew."""
+        if parameters.subtractor != self.background.subtractor:
+            self.background = BackgroundModel(parameters.subtractor)
+            self.reset()
+        self.background.adjust(parameters.var_threshold, detect_shadows=parameters.detect_shadows)
+        polygons = parameters.regions, parameters.ignored
+        if polygons != (self._parameters.regions, self._parameters.ignored):
+            self._size = None
+        self._parameters = parameters
+
+    def reset(self) -> None:
+        """Learn the background anew from the next picture on."""
+        self._started_ns: int | None = None
+        self._early: list[Image] = []
+        self._early_ns = 0
+        self._medians = 0
+        self._differs_ns: int | None = None
+
+    def update(
+        self, picture: Image, stamp_ns: int, known: Sequence[Fragment]
+    ) -> tuple[Image, bool]:
+        """Return the foreground of a picture, and learn from it.
+
+        Args:
+            picture: (height, width, 3) uint8 BGR, of the same size each time.
+            stamp_ns: When it was taken.
+            known: Boxes of objects, which are not learned.
+
+        Returns:
+            (height, width) uint8 of 0 and 255; and whether the light of the whole scene has
+            changed, or the view, so that the background was adapted or learned anew.
+        """
+        height, width = picture.shape[:2]
+        if self._size != (width, height):
+            self._size = width, height
+            self._searched = region_mask(
+                self._size, self._scale, self._parameters.regions, self._parameters.ignored
+            )
+        if self._started_ns is None or stamp_ns < self._started_ns:
+            self._start(picture, stamp_ns)
+            return np.zeros((height, width), np.uint8), False
+        known_mask = _boxes_mask(known, (height, width))
+        if not self._parameters.frozen:
+            self._learn_start(picture, stamp_ns)
+        if (stamp_ns - self._started_ns) / 1e9 < SILENT_S:
+            self.background.learn(picture, stamp_ns, None, self._parameters.learning_s)
+            return np.zeros((height, width), np.uint8), False
+        mask = self._cleaned(self.background.foreground(picture))
+        changed = False
+        if not self._parameters.frozen and cv2.countNonZero(mask) > CHANGED_SHARE * mask.size:
+            mask, changed = self._adapt(picture, stamp_ns, mask, known_mask)
+        else:
+            self._differs_ns = None
+        if not self._parameters.frozen:
+            self.background.learn(picture, stamp_ns, known_mask, self._parameters.learning_s)
+        if self._searched is not None:
+            mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
+        return mask, changed
+
+    def learn_box(self, picture: Image, box: Fragment) -> None:
+        """Make what a picture shows inside a box the background at once."""
+        where = _boxes_mask([box], (picture.shape[0], picture.shape[1]))
+        assert where is not None
+        self.background.learn_at_once(picture, where)
+
+    def _start(self, picture: Image, stamp_ns: int) -> None:
+        self.reset()
+        self._started_ns = self._early_ns = stamp_ns
+        self._early = [picture.copy()]
+        self.background.start(picture, stamp_ns)
+
+    def _learn_start(self, picture: Image, stamp_ns: int) -> None:
+        """Replace the first background by the median of the first seconds, without who walked."""
+        assert self._started_ns is not None
+        if self._medians == len(START_S):
+            return
+        if stamp_ns - self._early_ns >= KEEP_EVERY_S * 1e9:
+            self._early.append(picture.copy())
+            self._early_ns = stamp_ns
+        if (stamp_ns - self._started_ns) / 1e9 >= START_S[self._medians]:
+            if len(self._early) >= 3:
+                self.background.replace(np.median(self._early, axis=0).astype(np.uint8))
+            self._medians += 1
+            if self._medians == len(START_S):
+                self._early = []
+
+    def _adapt(
+        self, picture: Image, stamp_ns: int, mask: Image, known: Image | None
+    ) -> tuple[Image, bool]:
+        """Fit the background to a picture that differs from it nearly everywhere."""
+        if self._differs_ns is None:
+            self._differs_ns = stamp_ns
+        before = self.background.picture()
+        if same_texture(before, picture, mask) > SAME_TEXTURE:
+            self.background.replace(relit(before, picture, known))
+            adapted = self._cleaned(self.background.foreground(picture))
+            if cv2.countNonZero(adapted) < RELIT_SHARE * cv2.countNonZero(mask):
+                self._differs_ns = None
+                self._early, self._medians = [], len(START_S)
+                return adapted, True
+            self.background.replace(before)
+        if (stamp_ns - self._differs_ns) / 1e9 >= MOVED_S and (
+            cv2.countNonZero(mask) > 2 * CHANGED_SHARE * mask.size
+        ):
+            self._start(picture, stamp_ns)
+            return np.zeros_like(mask), True
+        return mask, False
+
+    @staticmethod
+    def _cleaned(marked: Image) -> Image:
+        """Return the foreground without shadows and single pixels."""
+        _, mask = cv2.threshold(marked, 200, 255, cv2.THRESH_BINARY)
+        return np.asarray(cv2.medianBlur(mask, 3), np.uint8)
+
+
+def _boxes_mask(boxes: Sequence[Fragment], size: tuple[int, int]) -> Image | None:
+    if not boxes:
+        return None
+    mask = np.zeros(size, np.uint8)
+    for box in boxes:
+        rows = slice(max(0, round(box.top) - 1), max(0, round(box.bottom) + 1))
+        mask[rows, max(0, round(box.left) - 1) : max(0, round(box.right) + 1)] = 255
+    return mask

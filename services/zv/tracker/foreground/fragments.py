@@ -1,0 +1,90 @@
+"""The connected regions of a foreground mask."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.tracker.tracking.fragment import Fragment
+
+NARROW = 0.2
+"""Least width of an object beside another one, as a share of its height."""
+
+TALL = 0.5
+VALLEY = 0.6
+"""Two objects are cut where this share of the lower one's fullest column remains."""
+
+SMOOTHING = np.array([0.25, 0.5, 0.25])
+
+THIN = 0.03
+"""Rows and columns at the ends of a region with less than this share of the fullest are cut."""
+
+
+def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> list[Fragment]:
+    """Return the connected regions of a mask without their thin ends.
+
+    Args:
+        mask: (height, width) uint8, 255 on the foreground, else 0.
+        min_area: Smaller regions are left out, square pixels.
+        max_area: Larger ones are left out.
+    """
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    found = []
+    for contour in contours:
+        x, y, width, height = cv2.boundingRect(contour)
+        if width * height < min_area:
+            continue
+        region = mask[y : y + height, x : x + width]
+        area = float(cv2.countNonZero(region))
+        if not min_area <= area <= max_area:
+            continue
+        columns = _profile(region, 0)
+        for first, end in _cuts(columns, height):
+            left, right = _full(columns[first:end])
+            part = region[:, first:end]
+            top, bottom = _full(_profile(part, 1) if end - first < width else _profile(region, 1))
+            own = float(columns[first:end].sum())
+            found.append(Fragment(x + first + left, y + top, x + first + right, y + bottom, own))
+    return found
+
+
+def _cuts(columns: NDArray[np.int32], height: int) -> list[tuple[int, int]]:
+    """Return the ranges of columns of the objects that seem to stand side by side in a region.
+
+    They are cut where a column is much less filled than the fullest ones on both sides of it, as
+    between two heads.
+
+    Args:
+        columns: Number of foreground pixels in each column.
+        height: Of the region.
+    """
+    width = len(columns)
+    narrow = max(3, round(NARROW * height))
+    if width < 2 * narrow:
+        return [(0, width)]
+    smooth = np.convolve(columns, SMOOTHING, mode="same")
+    before = np.maximum.accumulate(smooth)
+    after = np.maximum.accumulate(smooth[::-1])[::-1]
+    peaks = np.minimum(before, after)
+    inside = slice(narrow, width - narrow)
+    depth = np.where(peaks > TALL * height, smooth / np.maximum(peaks, 1), 1.0)[inside]
+    if not depth.size or depth.min() > VALLEY:
+        return [(0, width)]
+    cut = narrow + int(np.argmin(depth))
+    return [
+        *_cuts(columns[:cut], height),
+        *((cut + first, cut + end) for first, end in _cuts(columns[cut:], height)),
+    ]
+
+
+def _profile(region: NDArray[np.uint8], axis: int) -> NDArray[np.int32]:
+    """Return the number of pixels in each column (axis 0) or row (1)."""
+    sums = cv2.reduce(region, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S)
+    return np.asarray(sums.ravel() // 255, np.int32)
+
+
+def _full(profile: NDArray[np.int32]) -> tuple[int, int]:
+    """Return the first and the end of the columns or rows that are not thin."""
+    enough = np.flatnonzero(profile >= THIN * profile.max())
+    return int(enough[0]), int(enough[-1]) + 1

@@ -1,0 +1,239 @@
+"""All moving objects of each frame of a fixed camera, with ids: foreground, then tracking."""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.fragments import fragments_of
+from zv.tracker.foreground.ghosts import is_ghost
+from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.track import Box, Track
+from zv.tracker.tracking.tracker import Tracker, TrackingParameters
+
+Image = NDArray[np.uint8]
+
+WORKING_PIXELS = 384 * 288
+LEAST_PART = 0.25
+"""Parts of an object with this share of the smallest area are still used to measure it."""
+
+LARGER = 1.25
+"""The main track changes only to one whose box is larger by this factor."""
+
+GHOST_FRAMES = 2
+GHOST_EVERY = 3
+GHOST_SPEED = 0.5
+"""Sides per second; what moves faster is no ghost."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobustParameters:
+    """The parameters of ``RobustTracker``."""
+
+    foreground: ForegroundParameters = field(default_factory=ForegroundParameters)
+    tracking: TrackingParameters = field(default_factory=TrackingParameters)
+    scale: int = 0  # work at 1/n of the size; 0: by the size
+    min_area: float = 160.0  # of the foreground of an object, square full-resolution pixels
+    max_area: float = math.inf  # larger regions are left out
+
+
+def working_scale(width: int, height: int) -> int:
+    """Return n, if frames of this size are processed at 1/n of it: 2 at 768x576."""
+    return max(1, round(math.sqrt(width * height / WORKING_PIXELS)))
+
+
+class RobustTracker:
+    """The tracks of one camera.
+
+    Args:
+        parameters: See there.
+        first_id: Of the first track.
+
+    Attributes:
+        tracks: Those of the last frame, oldest first.
+        detections: What was found in the last frame before tracking: box and area of each region,
+            full-resolution pixels.
+        mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the size
+            at which it works; ``enlarged`` makes it as large as the frame.
+        scene_changed: Whether the light of the whole scene, or the view, changed with this frame.
+    """
+
+    def __init__(self, parameters: RobustParameters | None = None, first_id: int = 1) -> None:
+        self.parameters = parameters or RobustParameters()
+        self.tracks: list[Track] = []
+        self.detections: list[tuple[Box, float]] = []
+        self.scene_changed = False
+        self._first_id = first_id
+        self._size: tuple[int, int] | None = None
+        self._scale = 1
+        self._detector: ForegroundDetector | None = None
+        self._tracker: Tracker | None = None
+        self.mask: Image = np.zeros((1, 1), np.uint8)
+        self._lock = threading.Lock()
+        self._main: int | None = None
+
+    @property
+    def next_id(self) -> int:
+        """The id that the next new track gets."""
+        return self._first_id if self._tracker is None else self._tracker.next_id
+
+    def adjust(self, parameters: RobustParameters) -> None:
+        """Continue with other parameters; keep the background and the tracks if possible."""
+        if parameters == self.parameters:
+            return
+        if parameters.scale != self.parameters.scale:
+            self._size = None
+        self.parameters = parameters
+        if self._detector is not None:
+            self._detector.adjust(parameters.foreground)
+        if self._tracker is not None:
+            self._tracker.parameters = self._tracking()
+
+    def reset(self) -> None:
+        """Learn the background anew from the next frame on; the tracks go on."""
+        if self._detector is not None:
+            self._detector.reset()
+
+    def update(
+        self, picture: Image, stamp_ns: int, size: tuple[int, int] | None = None
+    ) -> list[Track]:
+        """Take a frame and return the tracks at its stamp.
+
+        Args:
+            picture: (height, width, 3) uint8 BGR, the frame, or the frame at a reduced size that
+                is not smaller than the one that is worked at; not modified.
+            stamp_ns: Its capture time. If that does not advance, no time passes.
+            size: Width and height of the full frame; None if ``picture`` has them. Another size
+                than before begins new tracks and learns the background anew.
+        """
+        height, width = picture.shape[:2]
+        size = size or (width, height)
+        if size != self._size:
+            self._begin(size)
+        assert self._detector is not None
+        assert self._tracker is not None
+        small_size = -(-size[0] // self._scale), -(-size[1] // self._scale)
+        if (width, height) != small_size:
+            picture = np.asarray(
+                cv2.resize(picture, small_size, interpolation=cv2.INTER_AREA), np.uint8
+            )
+        with self._lock:
+            mask, self.scene_changed = self._detector.update(
+                picture, stamp_ns, self._tracker.protected()
+            )
+        scale_area = self._scale * self._scale
+        least = LEAST_PART * self.parameters.min_area / scale_area
+        fragments = fragments_of(mask, least, self.parameters.max_area / scale_area)
+        self.mask = mask
+        self.detections = [self._detection(each) for each in fragments]
+        self.tracks = self._tracker.update(fragments, stamp_ns, Scene(picture, mask))
+        if not self.parameters.foreground.frozen:
+            with self._lock:
+                self._forget_ghosts(picture, mask)
+        self._choose_main()
+        return self.tracks
+
+    @property
+    def centroid(self) -> Track | None:
+        """The main object of the last frame: the largest confirmed track, with hysteresis.
+
+        It stays the same track as long as that is confirmed and no other one's box is larger than
+        its box by a factor of 1.25; then it changes to the confirmed track with the largest box.
+        """
+        return next((track for track in self.tracks if track.id == self._main), None)
+
+    def background(self) -> Image:
+        """Return the learned background, (height, width, 3) uint8 BGR; safe on any thread.
+
+        Raises:
+            ValueError: There was no frame yet.
+        """
+        with self._lock:
+            if self._detector is None or self._size is None:
+                raise ValueError("there was no frame yet")
+            return np.asarray(cv2.resize(self._detector.background.picture(), self._size), np.uint8)
+
+    def predict(
+        self, number: int, stamp_ns: int
+    ) -> tuple[float, float, float, float, float, float]:
+        """Return where a track will be; see ``Tracker.predict``.
+
+        Raises:
+            KeyError: There is no track with this id now.
+        """
+        if self._tracker is None:
+            raise KeyError(number)
+        return self._tracker.predict(number, stamp_ns)
+
+    def _begin(self, size: tuple[int, int]) -> None:
+        first_id = self.next_id
+        self._size = size
+        self._scale = self.parameters.scale or working_scale(*size)
+        self._detector = ForegroundDetector(self.parameters.foreground, self._scale)
+        small_size = -(-size[0] // self._scale), -(-size[1] // self._scale)
+        self._tracker = Tracker(self._tracking(), small_size, self._scale, first_id)
+        self._main = None
+
+    def _tracking(self) -> TrackingParameters:
+        area = self.parameters.min_area / (self._scale * self._scale)
+        return replace(self.parameters.tracking, min_area=area)
+
+    def _detection(self, fragment: Fragment) -> tuple[Box, float]:
+        scale = self._scale
+        box = (
+            round(fragment.left * scale),
+            round(fragment.top * scale),
+            round(fragment.width * scale),
+            round(fragment.height * scale),
+        )
+        return box, fragment.area * scale * scale
+
+    def _forget_ghosts(self, picture: Image, mask: Image) -> None:
+        """Learn at once what is the place of something that has left, and end its track."""
+        assert self._detector is not None
+        assert self._tracker is not None
+        for target in list(self._tracker.targets):
+            if (
+                target.hits < 2
+                or target.seen_ns != self._tracker.now_ns
+                or (target.grouped_ns == self._tracker.now_ns)
+            ):
+                continue
+            if target.hits % GHOST_EVERY:
+                continue
+            if target.speed > GHOST_SPEED:
+                target.ghost = 0
+                continue
+            box = target.box
+            whole = int(box.left), int(box.top), int(box.width) + 1, int(box.height) + 1
+            if is_ghost(picture, self._detector.background.picture(), mask, whole):
+                target.ghost += 1
+            else:
+                target.ghost = 0
+            if target.ghost >= GHOST_FRAMES:
+                self._detector.learn_box(picture, box)
+                self._tracker.drop(target.id)
+
+    def _choose_main(self) -> None:
+        areas = {
+            track.id: track.box[2] * track.box[3]
+            for track in self.tracks
+            if track.state == "confirmed"
+        }
+        largest = max(areas, key=lambda number: (areas[number], -number), default=None)
+        if largest is None:
+            self._main = None
+        elif self._main not in areas or areas[largest] > LARGER * areas[self._main]:
+            self._main = largest
+
+
+def enlarged(mask: Image, size: tuple[int, int]) -> Image:
+    """Return a mask at another size, width and height: still of 0 and 255."""
+    return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)

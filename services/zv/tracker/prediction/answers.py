@@ -1,0 +1,127 @@
+"""Answers the queries for predictions of one camera's objects."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping, Sequence
+
+from zenoh_vision import Header, Node, ParameterRefused, Prediction
+from zenoh_vision.calibration.plane_view import PlaneView
+from zenoh_vision.error_text import shortened
+from zenoh_vision.topics import PREDICTION
+from zv.tracker.events.sighting import Anchor, anchor_of
+from zv.tracker.prediction.forecast import LEAST_POSITIONS, TooShort
+from zv.tracker.prediction.paths import Paths
+from zv.tracker.tracking.track import Track
+
+AHEAD_NS = 10 * 10**9
+MAX_IDS = 20
+PARAMETERS = "id, and ahead_ms or at_ns"
+
+
+class PredictionAnswers:
+    """Keeps the paths of one camera's objects and answers queries with predictions.
+
+    Args:
+        node: The tracker, open; it publishes ``prediction``.
+        camera: The camera's name.
+    """
+
+    def __init__(self, node: Node, camera: str) -> None:
+        self._node = node
+        self._anchor: Anchor = "centre"
+        self._paths = Paths(self._anchor_of)
+        self._header: Header | None = None
+        self._view: PlaneView | None = None
+        self._lock = threading.Lock()  # queries have a thread of their own
+        node.answer(PREDICTION, self.answer, camera=camera)
+
+    def update(
+        self, header: Header, tracks: Sequence[Track], anchor: Anchor, view: PlaneView | None
+    ) -> None:
+        """Take all tracks of the next frame.
+
+        Args:
+            header: Of the result for the frame; a new epoch forgets all paths.
+            tracks: All of the frame.
+            anchor: The point of an object that has a place in the world.
+            view: The way to the plane; None without one.
+        """
+        with self._lock:
+            former = self._header
+            if former is None or former.epoch != header.epoch or self._anchor != anchor:
+                self._anchor = anchor
+                self._paths = Paths(self._anchor_of)
+            self._header, self._view = header, view
+            self._paths.update(tracks, header.stamp_ns)
+
+    def answer(self, parameters: Mapping[str, str]) -> Prediction:
+        """Return the prediction that a query asks for.
+
+        Raises:
+            ParameterRefused: A parameter is wrong, or there is no such object; says what is
+                allowed.
+        """
+        for name in parameters:
+            if name not in ("id", "ahead_ms", "at_ns"):
+                raise ParameterRefused(f"unknown parameter {shortened(name)}", PARAMETERS)
+        id_ = _number(parameters, "id", "the id of a track, a whole number")
+        with self._lock:
+            header = self._header
+            track = self._paths.track(id_)
+            if header is None or track is None:
+                ids = self._paths.ids
+                listed = ", ".join(map(str, ids[:MAX_IDS])) or "none is followed now"
+                raise ParameterRefused(
+                    f"no track {id_} now", listed + (", ..." if len(ids) > MAX_IDS else "")
+                )
+            at_ns = _time(parameters, header.stamp_ns)
+            try:
+                found = self._paths.predict(id_, at_ns, self._view)
+            except TooShort as error:
+                words = f"tracks that were seen in {LEAST_POSITIONS} frames"
+                raise ParameterRefused(f"track {id_} was {error} only", words) from None
+        return Prediction(
+            header=header,
+            id=id_,
+            state=track.state,
+            stamp_ns=at_ns,
+            x=found.x,
+            y=found.y,
+            vx=found.vx,
+            vy=found.vy,
+            sigma=found.sigma,
+            world=found.world,
+            world_velocity=found.world_velocity,
+            world_sigma=found.world_sigma,
+        )
+
+    def _anchor_of(self, track: Track) -> tuple[float, float]:
+        return anchor_of(track, self._anchor)
+
+
+def _time(parameters: Mapping[str, str], newest_ns: int) -> int:
+    """Return the time that a query asks for, by the clock of the stamps."""
+    if ("ahead_ms" in parameters) == ("at_ns" in parameters):
+        raise ParameterRefused("either ahead_ms or at_ns must be given", PARAMETERS)
+    if "at_ns" in parameters:
+        at_ns = _number(parameters, "at_ns", "nanoseconds since 1970, a whole number")
+    else:
+        ahead_ms = _number(parameters, "ahead_ms", "milliseconds, a whole number from 0 to 10000")
+        at_ns = max(newest_ns, time.time_ns() + ahead_ms * 1_000_000)
+    if not newest_ns <= at_ns <= newest_ns + AHEAD_NS:
+        raise ParameterRefused(
+            f"{at_ns} is {(at_ns - newest_ns) / 1e9:+.3f} s from the newest frame",
+            f"at_ns from {newest_ns} to {newest_ns + AHEAD_NS}: up to 10 s after it",
+        )
+    return at_ns
+
+
+def _number(parameters: Mapping[str, str], name: str, allowed: str) -> int:
+    text = parameters.get(name)
+    if text is None:
+        raise ParameterRefused(f"{name} is missing", PARAMETERS)
+    if not (text.isascii() and text.isdecimal() and len(text) <= 19):
+        raise ParameterRefused(f"{name} = {shortened(text)}", allowed)
+    return int(text)

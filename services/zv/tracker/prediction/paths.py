@@ -1,0 +1,151 @@
+"""Where each object of a camera has been in the last seconds."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_vision.calibration.plane_view import PlaneView, pair
+from zv.tracker.prediction.forecast import KEPT_S, TooShort, forecast
+from zv.tracker.tracking.track import Track
+
+Point = tuple[float, float]
+Floats = NDArray[np.float64]
+
+NOISE_PX = 0.5
+"""Least standard deviation of a position, pixels."""
+
+KEPT = 128
+"""Positions of an object: 4 s at 30 Hz."""
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Where an object is expected; as in the message ``Prediction``."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    sigma: Point
+    world: Point | None = None
+    world_velocity: Point | None = None
+    world_sigma: Point | None = None
+
+
+@dataclass(slots=True)
+class Path:
+    """Where one object has been.
+
+    Attributes:
+        track: As of the newest frame.
+        seen: Stamp, centre and anchor, for each frame in which it was seen.
+    """
+
+    track: Track
+    seen: deque[tuple[int, Point, Point]] = field(default_factory=lambda: deque(maxlen=KEPT))
+
+
+class Paths:
+    """The paths of all objects of one camera in one epoch.
+
+    Args:
+        anchor_of: Returns the point of a track that has a place in the world.
+    """
+
+    def __init__(self, anchor_of: Callable[[Track], Point]) -> None:
+        self.anchor_of = anchor_of
+        self._paths: dict[int, Path] = {}
+
+    @property
+    def ids(self) -> list[int]:
+        """The objects that are followed now."""
+        return sorted(self._paths)
+
+    def update(self, tracks: Sequence[Track], stamp_ns: int) -> None:
+        """Take all tracks of the next frame; one that is not among them has ended."""
+        former = self._paths
+        self._paths = {}
+        for track in tracks:
+            path = former.get(track.id) or Path(track)
+            path.track = track
+            if path.seen and stamp_ns < path.seen[-1][0]:  # the camera's clock was set back
+                path.seen.clear()
+            if track.missing_s == 0 and (not path.seen or stamp_ns > path.seen[-1][0]):
+                path.seen.append((stamp_ns, (track.x, track.y), self.anchor_of(track)))
+            self._paths[track.id] = path
+
+    def track(self, id_: int) -> Track | None:
+        """Return a track as of the newest frame; None if it is not followed."""
+        path = self._paths.get(id_)
+        return None if path is None else path.track
+
+    def predict(self, id_: int, at_ns: int, view: PlaneView | None) -> Predicted:
+        """Predict where an object will be.
+
+        With a plane it goes on in a straight line there, as on a belt; without one in the picture.
+
+        Args:
+            id_: Of an object that is followed.
+            at_ns: When, by the capture stamps.
+            view: The way to the plane; None without one.
+
+        Raises:
+            TooShort: It was seen in too few frames.
+        """
+        path = self._paths[id_]
+        recent = [each for each in path.seen if each[0] >= path.seen[-1][0] - KEPT_S * 1e9]
+        if not recent:
+            raise TooShort("seen in 0 frames")
+        origin_ns = recent[0][0]
+        times_s = np.array([(stamp_ns - origin_ns) / 1e9 for stamp_ns, _, _ in recent])
+        centers = np.array([center for _, center, _ in recent])
+        at_s = (at_ns - origin_ns) / 1e9
+        if view is not None:
+            anchors = np.array([anchor for _, _, anchor in recent])
+            places = view.positions(anchors)
+            if np.isfinite(places).all():
+                offset = centers[-1] - anchors[-1]
+                found = _on_plane(times_s, places, at_s, view, anchors[-1], offset)
+                if found is not None:
+                    return found
+        flat = forecast(times_s, centers, at_s, np.full(2, NOISE_PX))
+        (x, y), (vx, vy) = flat.position.tolist(), flat.velocity.tolist()
+        return Predicted(x, y, vx, vy, _two(flat.sigma))
+
+
+def _on_plane(
+    times_s: Floats, places: Floats, at_s: float, view: PlaneView, last: Floats, offset: Floats
+) -> Predicted | None:
+    """Predict on the plane; None if the way there leaves the plane's visible side."""
+    here = view.jacobian(*last.tolist())
+    if here is None:
+        return None
+    there = forecast(times_s, places, at_s, NOISE_PX * np.linalg.norm(here, axis=1))
+    anchor = view.pixels(there.position[None])[0]
+    if not np.isfinite(anchor).all():
+        return None
+    jacobian = view.jacobian(*anchor.tolist())
+    if jacobian is None or abs(np.linalg.det(jacobian)) == 0:
+        return None
+    inverse = np.linalg.inv(jacobian)
+    covariance = inverse @ np.diag(there.sigma**2) @ inverse.T
+    (x, y), (vx, vy) = (anchor + offset).tolist(), (inverse @ there.velocity).tolist()
+    return Predicted(
+        x,
+        y,
+        vx,
+        vy,
+        _two(np.sqrt(np.diag(covariance))),
+        pair(there.position),
+        pair(there.velocity),
+        pair(there.sigma),
+    )
+
+
+def _two(numbers: Floats) -> Point:
+    return float(numbers[0]), float(numbers[1])

@@ -1,0 +1,1 @@
+"""Tracks from detections: pure arithmetic on boxes, pixels and stamps, without network or clock."""

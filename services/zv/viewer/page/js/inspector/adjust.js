@@ -1,0 +1,122 @@
+// The large view's menu of how a picture is shown: turned, mirrored, its range stretched, in colours,
+// with the histogram of the leading stream. Nothing of it changes what is sent or saved as received.
+
+import { byId, element, setText } from "../ui/elements.js";
+import { loadPreference, savePreference } from "../ui/preferences.js";
+import { MAP_NAMES, valueText } from "../video/tone.js";
+
+const RANGES = ["sent", "auto", "fixed"];
+const AS_SENT = { range: "sent", low: 0, high: 255, map: "grey" };
+const MOST_STREAMS = 64;
+
+export class Adjust {
+	/** `changed()` is called after each choice. */
+	constructor(orientations, changed) {
+		Object.assign(this, { orientations, changed, key: null, camera: null, toned: null });
+		this.choices = new Map(Object.entries(loadPreference("tones", {})));
+		this.menu = byId("adjust-menu");
+		this.menu.addEventListener("toggle", changed);
+		byId("colour-map").replaceChildren(...MAP_NAMES.map((name) => element("option", {}, name)));
+		byId("range").addEventListener("change", ({ target }) => this.setRange(target.value));
+		byId("colour-map").addEventListener("change", ({ target }) => this.set({ map: target.value }));
+		for (const id of ["range-low", "range-high"]) {
+			byId(id).addEventListener("change", () => this.setLimits());
+		}
+	}
+
+	/** Whether the histogram is visible. */
+	get isOpen() {
+		return this.menu.matches(":popover-open");
+	}
+
+	/** The choice for a stream: {range, low, high, map}. */
+	of(key) {
+		const choice = { ...AS_SENT, ...this.choices.get(key) };
+		const isValid = RANGES.includes(choice.range) && MAP_NAMES.includes(choice.map)
+			&& Number.isFinite(choice.low) && choice.high > choice.low;
+		return isValid ? choice : AS_SENT;
+	}
+
+	get orientation() {
+		return this.orientations.of(this.camera);
+	}
+
+	/** The menu is now about this stream. */
+	follow({ key, camera }) {
+		Object.assign(this, { key, camera });
+		const choice = this.of(key);
+		byId("range").value = choice.range;
+		byId("colour-map").value = choice.map;
+		byId("range-limits").hidden = choice.range !== "fixed";
+		byId("range-low").value = choice.low;
+		byId("range-high").value = choice.high;
+		byId("adjust-button").setAttribute("aria-pressed",
+			String(choice.range !== "sent" || choice.map !== "grey" || this.orientation.text !== "0"));
+	}
+
+	rotate() {
+		this.turn(this.orientation.rotated());
+	}
+
+	mirror() {
+		this.turn(this.orientation.flipped());
+	}
+
+	turn(orientation) {
+		this.orientations.set(this.camera, orientation);
+		this.changed();
+	}
+
+	/** Stretch the range automatically, or show it as sent again. */
+	toggleStretch() {
+		this.setRange(this.of(this.key).range === "sent" ? "auto" : "sent");
+	}
+
+	/** Set the kind of range; a fixed one begins with what is shown. */
+	setRange(range) {
+		const shown = range === "fixed" && this.toned?.range;
+		this.set(shown ? { range, low: Math.round(shown.low), high: Math.round(shown.high) } : { range });
+	}
+
+	setLimits() {
+		const [low, high] = ["range-low", "range-high"].map((id) => byId(id).valueAsNumber);
+		const isValid = Number.isFinite(low) && high > low;
+		byId("range-high").setAttribute("aria-invalid", String(!isValid));
+		if (isValid) this.set({ low, high });
+	}
+
+	set(change) {
+		const choice = { ...this.of(this.key), ...change };
+		this.choices.delete(this.key); // the newest are last, and the oldest are forgotten
+		this.choices.set(this.key, choice);
+		savePreference("tones", Object.fromEntries([...this.choices].slice(-MOST_STREAMS)));
+		this.changed();
+	}
+
+	/** Draw the histogram of the leading picture, with the range that is shown. */
+	draw(toned) {
+		this.toned = toned;
+		const { histogram, range, values } = toned;
+		if (!this.isOpen || !histogram) return;
+		const canvas = byId("histogram");
+		const { width, height } = canvas;
+		const context = canvas.getContext("2d");
+		const colour = (name) =>
+			getComputedStyle(document.documentElement).getPropertyValue(`--${name}`);
+		const top = Math.sqrt(histogram.counts.reduce((most, number) => Math.max(most, number), 1));
+		context.clearRect(0, 0, width, height);
+		context.fillStyle = colour("accent");
+		for (const limit of [range.low, range.high]) {
+			const share = (limit - histogram.low) / Math.max(1, histogram.high - histogram.low);
+			context.fillRect(Math.min(width - 2, Math.max(0, share * width - 1)), 0, 2, height);
+		}
+		context.fillStyle = colour("dim");
+		histogram.counts.forEach((number, bin) => {
+			const high = Math.sqrt(number) / top * height; // else one large peak hides all others
+			context.fillRect(bin * width / 256, height - high, width / 256, high);
+		});
+		const text = (value) => valueText(value, values.unit);
+		setText(byId("histogram-text"), `${text(histogram.low)} to ${text(histogram.high)}; shown from `
+			+ `${text(range.low)} to ${text(range.high)}`);
+	}
+}

@@ -1,0 +1,83 @@
+// How the pictures of a camera are turned and mirrored on this page. Boxes, points and values keep
+// the coordinates of the frame, which are those of the messages.
+
+import { loadPreference, savePreference } from "../ui/preferences.js";
+
+const TEXT = /^(0|90|180|270)(m?)$/;
+const MOST_CAMERAS = 64;
+
+/** Mirrored first, left to right, then turned clockwise by a number of quarters. */
+export class Orientation {
+	constructor(quarters = 0, mirrored = false) {
+		Object.assign(this, { quarters, mirrored });
+	}
+
+	/** Return the orientation of a text such as "90" or "180m"; of any other, that of the frame. */
+	static of(text) {
+		const [, degrees, letter] = TEXT.exec(text) ?? [null, "0", ""];
+		return new Orientation(Number(degrees) / 90, letter === "m");
+	}
+
+	get text() {
+		return `${90 * this.quarters}${this.mirrored ? "m" : ""}`;
+	}
+
+	/** The orientation after a further quarter clockwise. */
+	rotated() {
+		return new Orientation((this.quarters + 1) % 4, this.mirrored);
+	}
+
+	/** The orientation after left and right of what is seen were exchanged. */
+	flipped() {
+		return new Orientation((4 - this.quarters) % 4, !this.mirrored);
+	}
+
+	/** The size of a turned frame. */
+	size({ width, height }) {
+		return this.quarters % 2 ? { width: height, height: width } : { width, height };
+	}
+
+	/** Where a point of a frame is in the turned frame. */
+	toTurned({ width, height }, { x, y }) {
+		const across = this.mirrored ? width - x : x;
+		return [
+			{ x: across, y },
+			{ x: height - y, y: across },
+			{ x: width - across, y: height - y },
+			{ x: y, y: width - across },
+		][this.quarters];
+	}
+
+	/** The numbers of a canvas transform from a frame to the turned frame. */
+	transform(frame) {
+		const origin = this.toTurned(frame, { x: 0, y: 0 });
+		const right = this.toTurned(frame, { x: 1, y: 0 });
+		const down = this.toTurned(frame, { x: 0, y: 1 });
+		return [right.x - origin.x, right.y - origin.y, down.x - origin.x, down.y - origin.y,
+			origin.x, origin.y];
+	}
+
+	/** Where a point of the turned frame is in the frame. */
+	toFrame({ width, height }, { x, y }) {
+		const [across, down] = [[x, y], [y, height - x], [width - x, height - y], [width - y, x]][
+			this.quarters];
+		return { x: this.mirrored ? width - across : across, y: down };
+	}
+}
+
+/** The orientation of each camera's pictures, kept in the browser. */
+export class Orientations {
+	constructor() {
+		this.texts = new Map(Object.entries(loadPreference("orientations", {})));
+	}
+
+	of(camera) {
+		return Orientation.of(this.texts.get(camera) ?? "0");
+	}
+
+	set(camera, { text }) {
+		this.texts.delete(camera); // the newest are last, and the oldest are forgotten
+		if (text !== "0") this.texts.set(camera, text);
+		savePreference("orientations", Object.fromEntries([...this.texts].slice(-MOST_CAMERAS)));
+	}
+}

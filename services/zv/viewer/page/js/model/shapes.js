@@ -1,0 +1,58 @@
+// Zones and lines: the tracker's texts of them, and points near to them. A shape is {name, world,
+// points}; points are [x, y], pixels of the frame unless `world`.
+
+/** Read the shapes of a text that the tracker has accepted; what cannot be drawn is left out. */
+export function readShapes(text) {
+	return text.replace(/#.*/g, "").replace(/\s*,\s*/g, ",").split(/[;\n]/)
+		.map((shape) => shape.split(/\s+/).filter(Boolean)).filter((words) => words.length)
+		.map(([name, ...words]) => ({ name, world: words[0] === "world",
+			points: words.filter((word) => word.includes(",")).map((word) => word.split(",").map(Number)) }))
+		.filter(({ points }) => points.length > 1 && points.flat().every(Number.isFinite));
+}
+
+export function writeShapes(shapes) {
+	return shapes.map(({ name, world, points }) =>
+		[name, ...(world ? ["world"] : []), ...points.map((point) => point.join())].join(" ")).join("; ");
+}
+
+/** The first of "zone1", "zone2", ... that no shape has. */
+export function freeName(kind, shapes) {
+	let number = 1;
+	while (shapes.some(({ name }) => name === `${kind}${number}`)) number += 1;
+	return `${kind}${number}`;
+}
+
+export function distance([ax, ay], [bx, by]) {
+	return Math.hypot(ax - bx, ay - by);
+}
+
+/** How far a point is from the edge between two others. */
+export function distanceToEdge([x, y], [ax, ay], [bx, by]) {
+	const [dx, dy] = [bx - ax, by - ay];
+	const along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1);
+	const share = Math.min(1, Math.max(0, along));
+	return distance([x, y], [ax + share * dx, ay + share * dy]);
+}
+
+/**
+ * Find what is within `reach` of a point: {kind, index, corner}, `corner` null if it is an edge; a
+ * corner before an edge. Null if there is nothing. `shapes` is {zones, lines}.
+ */
+export function shapeAt(shapes, point, reach) {
+	let best = null;
+	const offer = (away, found) => {
+		if (away <= reach && !(best && best.away <= away)) best = { away, found };
+	};
+	for (const isCorner of [true, false]) {
+		for (const kind of ["zones", "lines"]) {
+			shapes[kind].forEach(({ world, points }, index) => points.forEach((at, corner) => {
+				if (world) return;
+				const next = points[(corner + 1) % points.length];
+				offer(isCorner ? distance(point, at) : distanceToEdge(point, at, next),
+					{ kind, index, corner: isCorner ? corner : null });
+			}));
+		}
+		if (best) break;
+	}
+	return best?.found ?? null;
+}

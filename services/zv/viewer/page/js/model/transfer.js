@@ -1,0 +1,59 @@
+// In which size and quality pictures are sent to this page: a choice for all streams, and others
+// for single ones. The server renders them; without a choice the pictures come as they were sent.
+
+import { loadPreference, savePreference } from "../ui/preferences.js";
+
+export const WIDTHS = [1280, 640, 320, 160];
+export const QUALITIES = [80, 60, 40, 20];
+export const AS_SENT = { width: null, quality: null };
+const MOST_STREAMS = 64;
+
+export class Transfer {
+	constructor() {
+		this.page = valid(loadPreference("transfer", AS_SENT));
+		this.streams = new Map(Object.entries(loadPreference("transfers", {})));
+		this.fixed = null; // of the URL, for all streams
+	}
+
+	/** Use the size and quality of a layout instead, if it has any. */
+	fix({ width, quality }) {
+		this.fixed = width || quality ? { width, quality } : null;
+	}
+
+	/** The choice for all streams that have none of their own. */
+	get common() {
+		return this.fixed ?? this.page;
+	}
+
+	hasOwn(key) {
+		return !this.fixed && this.streams.has(key);
+	}
+
+	/** The choice for a stream: {width, quality}, each null for "as sent". */
+	of(key) {
+		return this.hasOwn(key) ? valid(this.streams.get(key)) : this.common;
+	}
+
+	setCommon(choice) {
+		this.page = choice;
+		savePreference("transfer", choice);
+	}
+
+	/** Set the choice for one stream; with null, it has that of all streams again. */
+	setOwn(key, choice) {
+		this.streams.delete(key); // the newest are last, and the oldest are forgotten
+		if (choice) this.streams.set(key, choice);
+		savePreference("transfers", Object.fromEntries([...this.streams].slice(-MOST_STREAMS)));
+	}
+}
+
+/** What to ask of the server: only the fields that are chosen. */
+export function watchOptions({ width, quality }) {
+	return { ...(width && { width }), ...(quality && { quality }) };
+}
+
+function valid(choice) {
+	const { width, quality } = choice ?? {};
+	return { width: WIDTHS.includes(width) ? width : null,
+		quality: QUALITIES.includes(quality) ? quality : null };
+}

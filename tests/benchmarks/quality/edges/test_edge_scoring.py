@@ -1,0 +1,65 @@
+"""The scores of edges, on maps whose precision and recall follow by counting."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pyEdgeEval", reason="make quality installs it")
+
+from benchmarks.quality.edges import scoring
+
+
+def assert_counted(counts: np.ndarray, expected: list[list[int]]) -> None:
+    """Berkeley's matching is randomised, and now and then misses a pair."""
+    assert np.abs(counts - expected).max() <= 3
+
+
+def line(row: int, columns: slice = slice(10, 90), strength: float = 1.0):
+    """A horizontal line in a map of 100 x 100: the reach is 1.06 pixels."""
+    drawn = np.zeros((100, 100), np.float32)
+    drawn[row, columns] = strength
+    return drawn
+
+
+def test_a_map_equal_to_what_everybody_drew_scores_one():
+    strength = line(50)
+    thresholds = np.array([0.5, 1.0], np.float32)
+    counts = scoring.count(strength, [strength > 0, strength > 0], thresholds)
+    assert_counted(counts, [[160, 160, 80, 80]] * 2)
+    scores = scoring.scores_of([counts], thresholds)
+    assert (scores.ods, scores.ois) == pytest.approx((1, 1), abs=0.02)
+
+
+def test_a_line_that_one_of_two_people_drew_is_right_and_half_recalled():
+    counts = scoring.count(line(20), [line(20) > 0, line(70) > 0], np.array([0.5], np.float32))
+    assert_counted(counts, [[80, 160, 80, 80]])
+
+
+def test_a_second_line_beside_a_drawn_one_is_wrong():
+    both = line(20) + line(22, strength=0.6)
+    counts = scoring.count(both, [line(21) > 0], np.array([0.5, 0.9], np.float32))
+    assert_counted(counts, [[80, 80, 80, 160], [80, 80, 80, 80]])
+
+
+def test_a_line_two_pixels_off_is_wrong():
+    counts = scoring.count(line(22), [line(20) > 0], np.array([0.5], np.float32))
+    assert_counted(counts, [[0, 80, 0, 80]])
+
+
+def test_one_threshold_for_all_images_scores_less_than_the_best_of_each():
+    """Image 1 is perfect at the low threshold, image 2 at the high one: per image F is 1. With one
+    threshold: low, precision 20 / 30 and recall 1, F = 0.8; high, precision 1 and recall 15 / 20,
+    F = 0.857."""
+    first = np.array([[10, 10, 10, 10], [5, 10, 5, 5]], float)
+    second = np.array([[10, 10, 10, 20], [10, 10, 10, 10]], float)
+    scores = scoring.scores_of([first, second], np.array([0.2, 0.8], np.float32))
+    assert scores.ois == 1
+    assert scores.ods == pytest.approx(6 / 7, abs=0.01)
+
+
+def test_thresholds_give_the_densities():
+    strength = np.arange(10_000, dtype=np.float32).reshape(100, 100)
+    thresholds = scoring.thresholds_of([strength])
+    shares = [(strength > each).mean() for each in thresholds[::-1]]
+    assert shares == pytest.approx(scoring.DENSITIES)

@@ -1,0 +1,262 @@
+"""docs/services.md is true: the template is shown as it is written, and each program runs."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+
+import zenoh_vision
+from tests.support.fork_server import ZV
+from tests.support.listening import ask, newest, open_client, wait_for_nodes
+from tests.support.processes import ROOT, START_S, Program, run_program
+from tests.support.routing import free_endpoint
+from tests.support.typist import type_zv
+from tests.support.viewer.pages import PROGRAMS, Page, run_as_written
+from tests.support.waiting import wait_until
+from zenoh_vision import Connection, Node, ServiceSettings
+from zenoh_vision.messages import Centroid
+from zenoh_vision.testing import running_router
+from zv.tools.new.service import write
+
+PAGE = Page("docs/services.md")
+TEMPLATE, *SNIPPETS = PAGE.blocks("python")
+PIXELS = np.full((48, 64, 3), 90, np.uint8)
+
+
+def name_of(code: str) -> str:
+    """Return the name of the node that a program opens."""
+    found = re.search(r'Node\(\s*"(\w+)"', code)
+    assert found is not None
+    return found[1]
+
+
+BY_NAME = {name_of(code): code for code in SNIPPETS}
+
+
+# The template
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the page's first command writes."""
+    place = tmp_path_factory.mktemp("mine")
+    assert PAGE.commands()[:2] == ["zv new service brightness", "cd brightness"]
+    assert type_zv(["new", "service", "brightness"], folder=place).returncode == 0
+    return place / "brightness"
+
+
+def test_the_page_shows_what_the_template_writes(tmp_path: Path):
+    service, launch, _ = write("brightness", tmp_path / "brightness")
+    assert service.read_text() == TEMPLATE
+    assert [launch.read_text()] == PAGE.blocks("toml")
+
+
+def test_the_commands_run_as_written_one_after_the_other(folder: Path):
+    commands = PAGE.commands()[2:]
+    alone = "python brightness.py --config brightness.toml"
+    launched = "zv up launch.toml"
+    assert {alone, launched} < set(commands)
+    endpoint = free_endpoint()
+    variables = {"ZV_CONNECT": endpoint}
+    up = [*launched.split()[1:-1], folder / "launch.toml", "--listen", endpoint, "--plain"]
+    with Program(up, folder, "up", forked=ZV), open_client(endpoint) as session:
+        wait_for_nodes(session, "brightness_front", deadline_s=START_S)
+        newest(session, "vision/front/brightness", START_S)
+        for command in commands:
+            if command not in (alone, launched):
+                done = run_as_written(command, folder, **variables)
+                assert done.returncode == 0, (command, done.stdout, done.stderr)
+    with running_router() as endpoint, open_client(endpoint) as session:
+        words = [folder / "brightness.py", "--config", folder / "brightness.toml"]
+        with Program([*words, "--connect", endpoint], folder, "alone") as program:
+            (gain,) = wait_until(lambda: ask(session, "@vision/param/brightness_front/gain"))
+            assert gain.body["value"] == 2.0
+            assert program.interrupt() == 0
+
+
+def test_the_flags_and_statuses_that_the_page_names_are_those_of_the_service(folder: Path):
+    said = PAGE.text.partition("## What `run_service` gives")[2].partition("\n## ")[0]
+    text = run_program([*PROGRAMS["python"], folder / "brightness.py", "--help"]).stdout
+    for word in re.findall(r"--[a-z][a-z-]+|ZV_[A-Z]+(?:_[A-Z]+)?", said):
+        assert word in text, word
+
+
+# The other programs
+
+
+class Running:
+    """A program of the page, on a thread; what it prints is kept."""
+
+    def __init__(self, code: str, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.lines: list[str] = []
+        self.nodes: list[Node] = []
+        nodes = self.nodes
+
+        class Noted(Node):
+            def __init__(self, *arguments: Any, **named: Any) -> None:
+                super().__init__(*arguments, **named)
+                nodes.append(self)
+
+        monkeypatch.setattr(zenoh_vision, "Node", Noted, raising=False)
+        space: dict[str, Any] = {"print": self._print}
+        exec(compile(code, PAGE.name, "exec", dont_inherit=True), space)
+        models = [each for name, each in space.items() if name.endswith("Settings")]
+        settings = models[-1]() if models else ServiceSettings()
+        connection = Connection(endpoint, timeout_s=START_S)
+        self.errors: list[Exception] = []
+
+        def run() -> None:
+            try:
+                space["run"](settings, connection)
+            except Exception as error:
+                self.errors.append(error)
+
+        self._thread = threading.Thread(target=run, daemon=True)
+        self._thread.start()
+
+    def _print(self, *words: object, flush: bool) -> None:
+        assert flush
+        self.lines.append(" ".join(map(str, words)))
+
+    def wait(self, condition: Callable[[], Any]) -> Any:
+        """Return a condition's first true value, unless the program fails before."""
+
+        def found() -> Any:
+            assert not self.errors, self.errors
+            return condition()
+
+        return wait_until(found, explain=lambda: str(self.lines))
+
+    def end(self) -> None:
+        for node in self.nodes:
+            node.stop()
+        self._thread.join(START_S)
+        assert not self._thread.is_alive()
+        assert not self.errors
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    """Of a router with three cameras that are triggered together, and a result for each frame."""
+    names = ("front", "left", "right")
+    topics = ["image/compressed", "centroid"]
+    stop = threading.Event()
+    with (
+        running_router() as endpoint,
+        Node("camera", camera=names, connection=Connection(endpoint), publishes=topics) as node,
+    ):
+
+        def publish() -> None:
+            while not stop.wait(0.05):
+                stamp_ns = time.time_ns()
+                for name in names:
+                    frame = node.publish_captured(PIXELS, camera=name, stamp_ns=stamp_ns)
+                    assert frame is not None
+                    centroid = Centroid(header=frame.header, x=5, y=6, box=(1, 2, 8, 8), area=1.0)
+                    node.publish("centroid", centroid)
+
+        thread = threading.Thread(target=publish)
+        thread.start()
+        try:
+            yield endpoint
+        finally:
+            stop.set()
+            thread.join()
+
+
+@pytest.fixture
+def start(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Running]]:
+    """Start the page's program of a name at the cameras."""
+    started: list[Running] = []
+
+    def start(name: str, at: str = endpoint) -> Running:
+        started.append(Running(BY_NAME[name], at, monkeypatch))
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.end()
+
+
+@pytest.fixture
+def session(endpoint: str) -> Iterator[zenoh.Session]:
+    with open_client(endpoint) as session:
+        yield session
+
+
+PRINTED = {
+    "changes": [rf"{name} \d+ 0\.0" for name in ("front", "left", "right")],
+    "stereo": [r"(\d+) \1 0\.0 ms"],
+    "listener": [r"\d+ 5 6"],
+    "spot": [r"\d+ 90"],
+    "size": [r"vision/front/image/compressed 48 64 3"],
+}
+"""Lines that a program prints, by its name."""
+
+PUBLISHED = {"blur": "blurred/compressed", "stripes": "image", "light": "light"}
+
+
+def test_every_program_of_the_page_is_run():
+    assert set(BY_NAME) == {*PRINTED, *PUBLISHED, "window"}
+    assert len(BY_NAME) == len(SNIPPETS)
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_a_program_prints_what_it_says(name: str, start: Callable[[str], Running]):
+    running = start(name)
+    for pattern in PRINTED[name]:
+        running.wait(lambda: any(re.fullmatch(pattern, line) for line in list(running.lines)))  # noqa: B023
+
+
+def test_the_blurred_pictures_are_published(start: Callable[..., Running], session):
+    running = start("blur")
+    picture = running.wait(lambda: ask(session, "vision/front/blurred/compressed"))[0]
+    assert picture.encoding == "image/jpeg"
+    assert picture.header["node"] == "blur_front"
+
+
+def test_the_camera_of_ones_own_counts_and_has_its_parameter(start: Callable[..., Running]):
+    with running_router() as alone, open_client(alone) as session:
+        running = start("stripes", alone)
+        image = running.wait(lambda: ask(session, "vision/front/image/compressed"))[0]
+        pixels = cv2.imdecode(np.frombuffer(image.payload, np.uint8), cv2.IMREAD_UNCHANGED)
+        assert pixels.shape == (192, 256)
+        (node,) = running.nodes
+        running.wait(lambda: node.counters.snapshot()["dropped.no_subscriber"] > 2)
+        assert ask(session, "@vision/param/stripes_front/quality")[0].body["value"] == 80
+        running.end()
+
+
+def test_the_light_goes_on_and_off(start: Callable[..., Running], session):
+    running = start("light")
+    seen: set[bool] = set()
+
+    def both() -> bool:
+        seen.update(each.body["on"] for each in ask(session, "vision/front/light"))
+        return seen == {True, False}
+
+    running.wait(both)
+
+
+def test_the_window_shows_the_frames_until_q(start: Callable[..., Running], monkeypatch):
+    shown: list[tuple[int, ...]] = []
+    monkeypatch.setattr(cv2, "imshow", lambda _, pixels: shown.append(pixels.shape))
+    monkeypatch.setattr(cv2, "waitKey", lambda _: ord("q") if len(shown) == 3 else -1)
+    start("window").wait(lambda: len(shown) == 3)
+
+
+def test_the_names_of_the_library_on_the_page_exist():
+    names = set(re.findall(r"`(?:for number in )?node\.(\w+)", PAGE.text))
+    node = Node("any", camera="front")
+    assert len(names) > 8
+    assert {name for name in names if not hasattr(type(node), name)} <= set(vars(node))
+    assert (ROOT / "examples/show.py").is_file()

@@ -1,0 +1,183 @@
+"""A camera of one's own has what ``zv camera`` has: identity, counters, health, parameters."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+from pydantic import Field
+
+from tests.support.listening import Listener, ask, balance, newest
+from tests.support.pictures.encoded import PICTURES
+from tests.support.waiting import wait_until
+from zenoh_vision import Connection, Frame, Header, Level, Live, Node, Settings
+from zenoh_vision.image.codecs import encode_png
+from zenoh_vision.transport import publisher
+
+COMPRESSED = "vision/front/image/compressed"
+PIXELS = np.full((48, 64, 3), 90, np.uint8)
+FRAME_HEADER = Header(
+    camera="front", epoch=1, seq=0, stamp_ns=1, width=64, height=48, encoding="bgr8"
+)
+
+
+class LensSettings(Settings):
+    env_prefix: ClassVar[str] = "ZV_LENS_"
+
+    quality: Annotated[int, Field(ge=1, le=100, description="of the JPEGs"), Live()] = 80
+
+
+@pytest.fixture(autouse=True)
+def lossless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let frames wait for a busy machine's network, since each of them is expected."""
+    delivery = (zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA)
+    monkeypatch.setattr(publisher, "FRAME_DELIVERY", delivery)
+
+
+@pytest.fixture
+def connection(router) -> Connection:
+    return Connection(router.endpoint, timeout_s=20)
+
+
+def test_pictures_become_frames_with_numbers_in_one_epoch_and_are_counted(client, connection):
+    pictures = Listener(client, COMPRESSED)
+    with Node("camera", connection=connection, publishes=["image/compressed"]) as node:
+        wait_until(lambda: node.outputs._publisher("image/compressed", "front").wanted)
+        frames = [node.publish_captured(PIXELS) for _ in range(3)]
+        (first, *_), found = frames, pictures.wait_for(3)
+        counted = node.counters.snapshot()
+    assert [each.header["seq"] for each in found] == [0, 1, 2]
+    assert {each.header["epoch"] for each in found} == {first.header.epoch}
+    assert {each.header["node"] for each in found} == {"camera_front"}
+    assert (first.header.width, first.header.height, first.header.encoding) == (64, 48, "bgr8")
+    assert counted == {"captured": 3, "published": 3, "pending": 0}
+
+
+def test_what_nobody_subscribes_to_is_counted_so_and_kept_for_a_snapshot(client, connection):
+    with Node("camera", connection=connection, publishes=["image/compressed"]) as node:
+        node.publish_captured(np.zeros((48, 64), np.uint16))
+        assert newest(client, COMPRESSED).encoding == "image/png"
+        diagnostics = node.health.diagnostics()
+    expected = {"captured": 1, "published": 0, "dropped.no_subscriber": 1, "pending": 0}
+    assert diagnostics.counters == expected
+    assert balance(diagnostics.counters) == 0
+    assert diagnostics.level == Level.OK
+    assert diagnostics.latency_ms.p50 is not None
+
+
+def test_a_source_that_was_opened_again_begins_a_new_epoch_at_0(connection):
+    with Node("camera", connection=connection, publishes=["image"]) as node:
+        before, again = node.publish_captured(PIXELS), node.publish_captured(PIXELS, new_epoch=True)
+        after = node.publish_captured(PIXELS)
+    assert before.header.epoch < again.header.epoch == after.header.epoch
+    assert [each.header.seq for each in (before, again, after)] == [0, 0, 1]
+
+
+def test_a_jpeg_is_published_unchanged(client, connection):
+    with Node("camera", connection=connection, publishes=["image/compressed"]) as node:
+        node.publish_captured(PICTURES[0])
+        assert newest(client, COMPRESSED).payload == PICTURES[0]
+
+
+def test_a_png_of_16_bits_is_named_so(client, connection):
+    depth = np.full((48, 64), 1234, np.uint16)
+    with Node("camera", connection=connection, publishes=["image/compressed"]) as node:
+        frame = node.publish_captured(encode_png(depth))
+        assert newest(client, COMPRESSED).header["encoding"] == "mono16"
+        assert np.array_equal(frame.pixels, depth)
+        eight_bits = node.publish_captured(encode_png(PIXELS))
+    assert eight_bits.header.encoding == "bgr8"
+
+
+@pytest.mark.parametrize(
+    ("picture", "encoding", "reason"),
+    [
+        (b"GIF89a", None, "not_an_image"),
+        (np.zeros((4, 4), np.float64), None, "unsupported_encoding"),
+        (PIXELS, "mono8", "unsupported_encoding"),
+        (PIXELS, "yuv422", "unsupported_encoding"),
+        (np.zeros((0, 4), np.uint8), None, "too_large"),
+        (np.zeros(16, np.uint8), "mono8", "unsupported_encoding"),
+        (np.zeros(16, np.uint8), None, "unsupported_encoding"),
+        (None, "mono8", "unsupported_encoding"),
+    ],
+    ids=[
+        "no picture",
+        "floats",
+        "another encoding",
+        "an unknown encoding",
+        "no rows",
+        "a row",
+        "a row without encoding",
+        "None",
+    ],
+)
+def test_a_picture_that_is_none_is_dropped_and_the_next_one_follows(
+    connection, picture, encoding, reason
+):
+    with Node("camera", connection=connection, publishes=["image/compressed"]) as node:
+        assert node.publish_captured(picture, encoding=encoding) is None
+        assert node.publish_captured(PIXELS).header.seq == 1
+        counted = node.counters.snapshot()
+    assert counted[f"dropped.{reason}"] == 1
+    assert balance(counted) == 0
+
+
+def test_a_changed_parameter_holds_from_the_next_picture_on(client, connection):
+    noise = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
+    with Node(
+        "camera",
+        connection=connection,
+        publishes=["image/compressed"],
+        parameters=LensSettings(),
+    ) as node:
+        fine = node.publish_captured(noise)
+        node.parameters.change({"quality": 1})
+        node.publish_captured(noise)  # begun before the change
+        coarse = node.publish_captured(noise)
+        (said,) = ask(client, "@vision/param/camera_front/quality")
+    assert said.body["value"] == 1
+    assert [fine.header.revision, coarse.header.revision] == [0, 1]
+    assert len(coarse.compressed) < len(fine.compressed) / 3
+
+
+def test_only_the_keys_that_are_named_are_declared(client, connection):
+    with Node(
+        "stereo",
+        camera=("left", "right"),
+        connection=connection,
+        publishes={"left": ["image/compressed", "centroid"], "right": []},
+    ) as node:
+        said = newest(client, "@vision/node/stereo").body["publishes"]
+        with pytest.raises(ValueError, match=r"does not publish image/compressed of right; it pub"):
+            node.publish_captured(PIXELS, camera="right")
+        with pytest.raises(ValueError, match="does not publish"):
+            node.publish_frame(
+                Frame(FRAME_HEADER.model_copy(update={"camera": "right"}), pixels=PIXELS)
+            )
+        assert node.counters.snapshot() == {"captured": 0, "published": 0, "pending": 0}
+    assert said == ["vision/left/image/compressed", "vision/left/centroid"]
+    with pytest.raises(ValueError, match=r"stereo publishes of 'up', but serves \('left',\)"):
+        Node("stereo", camera=("left",), publishes={"up": []})
+
+
+def test_a_frame_made_by_hand_counts_too_but_not_beside_inputs(connection):
+    with Node("camera", connection=connection, publishes=["image"]) as node:
+        assert node.publish_frame(Frame(FRAME_HEADER, pixels=PIXELS)) is False
+        assert node.counters.snapshot()["captured"] == 1
+        node.frames("tracked/compressed")
+        node.publish_frame(Frame(FRAME_HEADER, pixels=PIXELS))
+        assert node.counters.snapshot()["captured"] == 1
+
+
+def test_the_pictures_of_all_forms_are_the_same_pixels(client, connection):
+    gradient = np.arange(48 * 64, dtype=np.uint16).reshape(48, 64)
+    with Node("camera", connection=connection, publishes=["image", "image/compressed"]) as node:
+        node.publish_captured(gradient)
+        raw, png = newest(client, "vision/front/image"), newest(client, COMPRESSED)
+    assert raw.payload == gradient.tobytes()
+    decoded = cv2.imdecode(np.frombuffer(png.payload, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(decoded, gradient)

@@ -1,0 +1,109 @@
+"""The tracker's knowledge of its camera's calibration: whenever it comes, and whatever comes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import msgpack
+import pytest
+import zenoh
+
+from tests.support.listening import open_client
+from tests.support.publishing import wait_for_subscriber
+from tests.support.waiting import wait_until
+from zenoh_vision import Connection, Header, Node
+from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.calibration.camera_model import CameraModel
+from zenoh_vision.calibration.plane import Plane
+from zv.tracker.camera_plane import CameraPlane
+
+KEY = "vision/front/camera_info"
+LENS = CameraModel(640, 480, (500.0, 0, 320, 0, 500, 240, 0, 0, 1))
+
+
+def header(width: int = 640, height: int = 480, epoch: int = 1) -> Header:
+    now = time.time_ns()
+    return Header(camera="front", epoch=epoch, seq=0, stamp_ns=now, width=width, height=height)
+
+
+def calibrated(scale: float, camera: str = "front") -> bytes:
+    """Return the message of a camera that looks at a plane of so many units a pixel."""
+    plane = Plane((scale, 0, 0, 0, scale, 0, 0, 0, 1))
+    own = header().model_copy(update={"camera": camera})
+    return Calibration(LENS, plane=plane).message(own).to_bytes()
+
+
+@pytest.fixture
+def node(router) -> Iterator[Node]:
+    with Node("tracker", connection=Connection(router.endpoint)) as node:
+        yield node
+
+
+@pytest.fixture
+def plane(node: Node) -> CameraPlane:
+    return CameraPlane(node, "front")
+
+
+def where(plane: CameraPlane, head: Header) -> tuple[float, float] | None:
+    view = plane.view(head)
+    return None if view is None else view.position(100, 50)
+
+
+def test_a_calibration_counts_from_when_it_comes_and_a_newer_one_replaces_it(
+    plane: CameraPlane, client: zenoh.Session
+):
+    assert plane.view(header()) is None
+    wait_for_subscriber(client, KEY)
+    client.put(KEY, calibrated(0.01))
+    wait_until(lambda: where(plane, header()) == (1, 0.5))
+    assert plane.view(header()) is plane.view(header())
+    client.put(KEY, calibrated(0.02))
+    wait_until(lambda: where(plane, header()) == (2, 1))
+
+
+def test_one_that_was_published_before_is_asked_for_and_forgotten_when_it_is_gone(
+    plane: CameraPlane, router
+):
+    with open_client(router.endpoint) as camera:
+        queryable = camera.declare_queryable(KEY, lambda query: query.reply(KEY, calibrated(0.01)))
+        wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
+        wait_until(lambda: where(plane, header(epoch=5)) == (1, 0.5))
+        queryable.undeclare()
+        wait_until(lambda: not list(camera.get(f"@/*/router/queryable/{KEY}")))
+        assert where(plane, header(epoch=5)) is not None
+    wait_until(lambda: plane.view(header(epoch=6)) is None)
+
+
+def test_another_size_is_scaled_and_another_shape_has_no_plane(
+    plane: CameraPlane, client: zenoh.Session
+):
+    wait_for_subscriber(client, KEY)
+    client.put(KEY, calibrated(0.01))
+    wait_until(lambda: plane.view(header()))
+    x, y = where(plane, header(320, 240)) or (0, 0)
+    assert (x, y) == pytest.approx((2.005, 1.005))
+    assert plane.view(header(640, 360)) is None
+
+
+@pytest.mark.parametrize(
+    ("payload", "reason"),
+    [
+        (b"\xc1", "bad_message"),
+        (msgpack.packb({"k": 1}), "bad_message"),
+        (calibrated(0.02, camera="back"), "wrong_camera"),
+        (calibrated(0.02).replace(msgpack.packb(500.0), msgpack.packb(0.0)), "bad_calibration"),
+    ],
+    ids=["not msgpack", "not CameraInfo", "another camera's", "focal length 0"],
+)
+def test_a_bad_one_is_dropped_and_counted_and_the_former_one_stays(
+    plane: CameraPlane, node: Node, client: zenoh.Session, payload: bytes, reason: str
+):
+    wait_for_subscriber(client, KEY)
+    client.put(KEY, calibrated(0.01))
+    wait_until(lambda: plane.view(header()))
+    client.put(KEY, payload)
+    wait_until(lambda: node.counters.snapshot().get(f"dropped.{reason}") == 1)
+    assert where(plane, header()) == (1, 0.5)
+    counters = node.counters.snapshot()
+    assert (counters["received"], counters["pending"]) == (1, 0)

@@ -1,0 +1,125 @@
+"""Events on the wire: none is lost, the last 100 answer a query, a new epoch ends the old one's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgpack
+import numpy as np
+import pytest
+import zenoh
+
+from tests.support.library import header
+from tests.support.listening import Listener, ask
+from tests.support.track_walks import track
+from tests.support.waiting import wait_until
+from zenoh_vision import Connection, Frame, Node
+from zenoh_vision.transport.query import Query
+from zenoh_vision.transport.query import ask as ask_tools
+from zv.tracker.event_publisher import EventPublisher
+from zv.tracker.settings import TrackerSettings
+
+KEY = "vision/front/events"
+PIXELS = np.zeros((48, 64, 3), np.uint8)
+SETTINGS = TrackerSettings(lines="gate 100,0 100,200", zones="belt 110,0 200,0 200,100 110,100")
+
+
+@pytest.fixture
+def node(router) -> Iterator[Node]:
+    connection = Connection(connect=router.endpoint, timeout_s=5)
+    with Node("tracker", connection=connection, publishes=["events"]) as opened:
+        yield opened
+
+
+def frame(seq: int, epoch: int = 100) -> Frame:
+    stamp_ns = epoch * 10**9 + seq * 100_000_000
+    return Frame(header(seq, epoch, stamp_ns=stamp_ns), pixels=PIXELS)
+
+
+def ready(client: zenoh.Session, node: Node) -> Listener:
+    """Return a listener that the node's publisher knows."""
+    listener = Listener(client, KEY)
+    (publisher,) = node.outputs._publishers.values()
+    wait_until(lambda: publisher.wanted)
+    return listener
+
+
+def test_a_crossing_goes_on_the_wire_with_all_that_is_known_of_it(client, node):
+    listener = ready(client, node)
+    publisher = EventPublisher(node, SETTINGS)
+    publisher.update(frame(0), [track(60, 50)], SETTINGS)
+    counts = publisher.update(frame(1), [track(140, 50)], SETTINGS)
+    started, confirmed, crossed, entered = (each.body for each in listener.wait_for(4))
+    assert [started["event"], confirmed["event"]] == ["started", "confirmed"]
+    at = crossed.pop("header")
+    assert (at["seq"], at["stamp_ns"], at["node"]) == (1, 100_100_000_000, "tracker_front")
+    # Half way of the 100 ms from x = 60 to x = 140.
+    assert crossed == {
+        "event": "line_crossed",
+        "id": 1,
+        "zone": "gate",
+        "direction": "left",
+        "x": 100.0,
+        "y": 50.0,
+        "stamp_ns": 100_050_000_000,
+        "count": 1,
+    }
+    assert (entered["event"], entered["zone"], entered["inside"]) == ("zone_entered", "belt", 1)
+    zones, lines = counts
+    assert zones is not None
+    assert lines is not None
+    assert (zones["belt"].inside, lines["gate"].left, lines["gate"].right) == (1, 1, 0)
+
+
+def test_no_event_is_lost_for_a_subscriber_and_the_last_100_answer_a_query(client, node):
+    """200 objects start in one frame: 400 events, more than any queue of frames holds."""
+    listener = ready(client, node)
+    publisher = EventPublisher(node, SETTINGS)
+    publisher.update(frame(0), [track(5, 5, id_=id_) for id_ in range(200)], SETTINGS)
+    heard = listener.wait_for(400)
+    assert [each.body["id"] for each in heard[::2]] == list(range(200))
+    # A plain `get` has the newest message, as on every stream.
+    (newest,) = ask(client, KEY)
+    assert newest.payload == heard[-1].payload
+    assert newest.attachment == heard[-1].attachment
+    # Without consolidation it has all that are kept, oldest first.
+    replies = list(client.get(KEY, consolidation=zenoh.ConsolidationMode.NONE))
+    kept = [reply.ok.payload.to_bytes() for reply in replies if reply.ok]
+    assert kept == [each.payload for each in heard[-100:]]
+    (asked,) = ask_tools(client, [Query(KEY)])
+    assert [each.ok.payload.to_bytes() for each in asked if each.ok] == kept
+
+
+def test_a_new_epoch_ends_the_tracks_under_the_identity_of_the_old_one(client, node):
+    listener = ready(client, node)
+    publisher = EventPublisher(node, SETTINGS)
+    publisher.update(frame(7, 200), [track(150, 50)], SETTINGS)
+    publisher.update(frame(0, 300), [track(150, 50)], SETTINGS)
+    found = [
+        (each.body["event"], each.body["header"]["epoch"], each.header["seq"])
+        for each in listener.wait_for(8)
+    ]
+    assert found[3:5] == [("zone_left", 200, 7), ("ended", 200, 7)]
+    assert found[5:] == [("started", 300, 0), ("confirmed", 300, 0), ("zone_entered", 300, 0)]
+
+
+def test_changed_lines_act_from_the_next_frame_and_keep_the_counts_of_the_others(client, node):
+    publisher = EventPublisher(node, SETTINGS)
+    publisher.update(frame(0), [track(60, 50)], SETTINGS)
+    publisher.update(frame(1), [track(140, 50)], SETTINGS)
+    more = SETTINGS.model_copy(update={"lines": f"{SETTINGS.lines}; exit 150,0 150,200"})
+    publisher.update(frame(2), [track(140, 50)], more)
+    _, lines = publisher.update(frame(3), [track(160, 50)], more)
+    assert lines is not None
+    assert {name: line.left for name, line in lines.items()} == {"gate": 1, "exit": 1}
+    assert msgpack.unpackb(ask(client, KEY)[0].payload)["zone"] == "exit"
+
+
+def test_shapes_in_world_units_without_a_calibration_are_told_once(node, caplog):
+    settings = TrackerSettings(lines="pick world 0,0 0,1")
+    publisher = EventPublisher(node, settings)
+    for seq in range(3):
+        publisher.update(frame(seq), [], settings)
+    assert (
+        caplog.messages.count("no events of pick: in world units, but the camera has no plane") == 1
+    )

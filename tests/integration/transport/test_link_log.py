@@ -1,0 +1,70 @@
+"""What a node logs about its router: one line each for waiting, connected, lost and back."""
+
+from __future__ import annotations
+
+import logging
+import re
+from threading import Thread
+
+import pytest
+
+from tests.support.routing import Router, free_port
+from tests.support.waiting import wait_until
+from zenoh_vision.node.node import Node
+from zenoh_vision.transport import link
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.link import Link
+
+
+def lines(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """Return what was logged about the router, with numbers of seconds as N."""
+    told = [each for each in caplog.records if each.name == link.__name__]
+    return [re.sub(r"\d+\.\d s", "N s", each.getMessage()) for each in told]
+
+
+def test_a_node_tells_once_that_it_waits_is_connected_lost_its_router_and_has_it_back(
+    router: Router, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.INFO)
+    monkeypatch.setattr(link, "TELL_AFTER_S", 0.2)
+    at = f"the router at {router.endpoint}"
+    router.kill()
+    node = Node("seer", connection=Connection(connect=router.endpoint))
+    opening = Thread(target=node.__enter__)
+    opening.start()
+    try:
+        wait_until(lambda: lines(caplog) == [f"waiting for {at}"])
+        router.start()
+        opening.join(30)
+        connected = [f"waiting for {at}", f"connected to {at} after N s"]
+        wait_until(lambda: lines(caplog) == connected, explain=lambda: f"{lines(caplog)}")
+        router.kill()
+        lost = [*connected, f"lost {at}; trying to reach it again until it is back"]
+        wait_until(lambda: lines(caplog) == lost, explain=lambda: f"{lines(caplog)}")
+        router.start()
+        back = [*lost, f"{at} is back after N s"]
+        wait_until(lambda: lines(caplog) == back, explain=lambda: f"{lines(caplog)}")
+    finally:
+        opening.join(30)
+        node.__exit__()
+    assert lines(caplog) == back
+
+
+def test_a_wait_that_is_over_at_once_is_not_told(
+    router: Router, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    Link(Connection(connect=router.endpoint, timeout_s=20)).close()
+    assert lines(caplog) == [f"connected to the router at {router.endpoint}"]
+
+
+def test_a_wait_without_limit_is_told_by_tools_too_which_log_warnings_only(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link, "TELL_AFTER_S", 0.0)
+    caplog.set_level(logging.WARNING)
+    connection = Connection(connect=f"tcp/127.0.0.1:{free_port()}")
+    for _ in range(2):
+        with pytest.raises(Exception, match="told to stop"):
+            Link(connection, lambda: bool(caplog.records))
+    assert lines(caplog) == [f"waiting for the router at {connection.connect}"] * 2

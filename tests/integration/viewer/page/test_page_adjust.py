@@ -1,0 +1,222 @@
+"""How one picture is shown: turned, stretched, coloured, smaller, and with its true values."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.support.page_server import NOW_NS, PageServer, served_page, stream
+from tests.support.viewer.browser import CAMERA, Running, Tab, running
+from tests.support.waiting import wait_until
+
+WIDTH, HEIGHT = 64, 48
+DEPTH = "vision/front/depth/compressed"
+
+# The grey or red value that the canvas shows at a point of the frame as it is shown, and the point.
+SEEN = """([x, y]) => {
+    const canvas = document.querySelector("canvas.picture");
+    const view = document.querySelector("canvas.overlay").dataset.view;
+    const [scale, middleX, middleY] = view.split(" ").map(Number);
+    const [left, top] = [(x - middleX) * scale + canvas.width / 2,
+        (y - middleY) * scale + canvas.height / 2];
+    const box = canvas.getBoundingClientRect();
+    const probe = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+    probe.drawImage(canvas, -Math.floor(left), -Math.floor(top));
+    const [red, green, blue] = probe.getImageData(0, 0, 1, 1).data;
+    return { colour: [red, green, blue], at: [box.left + left, box.top + top] };
+}"""
+
+
+@pytest.fixture(scope="module")
+def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A viewer alone: of it the pages come, and from the test what they are told."""
+    with running(tmp_path_factory.mktemp("system")) as found:
+        yield found
+
+
+@pytest.fixture
+def opened(browser: Any, system: Running) -> Iterator[tuple[Tab, PageServer]]:
+    streams = stream(CAMERA), stream(DEPTH)
+    with served_page(browser, system.address, *streams) as (found, server):
+        yield found, server
+
+
+def test_a_picture_is_turned_and_stretched_and_keeps_its_coordinates_and_values(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    _open(tab, server, CAMERA)
+    assert server.watches(CAMERA) == [{"values": True}]
+    grey = np.full((HEIGHT, WIDTH), 50, np.uint8)
+    grey[:, WIDTH // 2 :] = 100  # left and right half
+    server.show(CAMERA, _png(grey), _header(7))
+    _wait_for_colour(tab, (10, 24), 50)
+    _wait_for_colour(tab, (54, 24), 100)
+    tab.page.keyboard.press("r")  # a quarter clockwise: left is above
+    _wait_for_colour(tab, (24, 10), 50)
+    _wait_for_colour(tab, (24, 54), 100)
+    tab.page.keyboard.press("c")
+    _wait_for_colour(tab, (24, 10), 0)
+    _wait_for_colour(tab, (24, 54), 255)
+    assert tab.page.inner_text(".pane-scale").split() == ["50", "100"]
+    tab.page.mouse.move(*tab.page.evaluate(SEEN, [24, 10])["at"])
+    # The point (24, 10) of what is shown is (10, 48 - 24) of the frame, give or take the pixel.
+    tab.wait("/^(9|10), (23|24) = 50$/.test(document.querySelector('#pixel').textContent)")
+    tab.page.keyboard.press("c")
+    _wait_for_colour(tab, (24, 54), 100)
+    assert tab.page.is_hidden(".pane-scale")
+
+    tab.page.click("#adjust-button")
+    tab.wait("document.querySelector('#histogram-text').textContent.startsWith('0 to 255')")
+    tab.page.select_option("#range", "fixed")
+    tab.page.fill("#range-low", "90")
+    tab.page.fill("#range-high", "80")
+    tab.page.keyboard.press("Tab")
+    assert tab.page.get_attribute("#range-high", "aria-invalid") == "true"
+    tab.page.fill("#range-high", "110")
+    tab.page.keyboard.press("Tab")
+    _wait_for_colour(tab, (24, 54), 128)  # 10 of 20
+    tab.page.click("#adjust-menu [data-by=mirror]")
+    before = len(server.watches(CAMERA))
+    tab.page.reload()
+    wait_until(lambda: _now(tab) and len(server.watches(CAMERA)) > before)
+    kept = json.loads(tab.page.evaluate("localStorage.getItem('zv.orientations')"))
+    assert kept == {"front": "270m"}
+    server.show(CAMERA, _png(grey), _header(8))
+    _wait_for_colour(tab, (24, 54), 128)
+
+
+def test_a_smaller_size_is_asked_for_and_in_the_address_which_has_no_token(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    _open(tab, server, CAMERA)
+    server.show(
+        CAMERA, _png(np.zeros((HEIGHT, WIDTH), np.uint8)), _header(7, width=640, height=480)
+    )
+    tab.wait_until_live(CAMERA)
+    tab.page.evaluate("document.cookie = 'zv_token_0=a-secret'")
+    tab.page.click("#transfer-button")
+    tab.page.select_option("#transfer-width", "320")
+    tab.page.select_option("#transfer-quality", "40")
+    wanted = {"width": 320, "quality": 40}
+    wait_until(lambda: _now(tab) and server.watches(CAMERA)[-1] == wanted | {"values": True})
+    origin = tab.address.rstrip("/")
+    topic = f"topic=/{CAMERA}&width=320&quality=40"
+    assert tab.page.input_value("#address-stream") == f"{origin}/stream?{topic}"
+    assert tab.page.input_value("#address-snapshot") == f"{origin}/snapshot?{topic}"
+    tab.page.check("#transfer-own")
+    tab.page.keyboard.press("Escape")
+    tab.page.click("a.back")
+    wait_until(lambda: _now(tab) and server.watches(CAMERA)[-1] == wanted)  # its tile
+    tile = wait_until(lambda: _now(tab) and server.watches(DEPTH))[-1]
+    assert tile["width"] == 320  # of the choice for all streams, since the tile is wider
+    assert tile["quality"] == 40
+
+
+def test_depth_shows_true_values_with_its_scale_and_is_saved_with_16_bits(
+    opened: tuple[Tab, PageServer], tmp_path: Path
+) -> None:
+    tab, server = opened
+    _open(tab, server, DEPTH)
+    depth = np.full((HEIGHT, WIDTH), 2000, np.uint16)
+    depth[:, 32:] = 2345
+    depth[:, :4] = 0  # no reading
+    # As the server sends 16 bits: the high byte red, the low byte green, its own grey blue.
+    grey = np.where(depth > 0, 1 + (depth - 2000.0) * 254 / 1000, 0)
+    rgb = np.dstack([depth >> 8, depth & 255, grey]).astype(np.uint8)
+    sent = {"depth": {"min": 2000, "max": 3000, "values": True}}
+    header = _header(7, encoding="16UC1")
+    server.show(DEPTH, _png(rgb[:, :, ::-1]), header, **sent)
+    _wait_for_colour(tab, (20, 24), 0)
+    _wait_for_colour(tab, (50, 24), 88)  # 345 of 1000 of 255
+    assert tab.page.inner_text(".pane-scale").split() == ["2.000", "m", "3.000", "m"]
+    for place, text in (((50, 24), "2.345 m"), ((20, 24), "2.000 m"), ((2, 24), "no reading")):
+        tab.page.mouse.move(*tab.page.evaluate(SEEN, place)["at"])
+        tab.wait(f"document.querySelector('#pixel').textContent.endsWith('= {text}')")
+    tab.page.click("#adjust-button")
+    tab.page.select_option("#colour-map", "viridis")
+    _wait_for_colour(tab, (20, 24), 0x44)
+    tab.page.keyboard.press("Escape")
+    with tab.page.expect_download() as download:
+        tab.page.keyboard.press("s")
+    download.value.save_as(tmp_path / "depth.png")
+    saved = cv2.imread(str(tmp_path / "depth.png"), cv2.IMREAD_UNCHANGED)
+    assert saved.dtype == np.uint16
+    assert np.array_equal(saved, depth)
+    assert b"tEXtvision.Header\0" in (tmp_path / "depth.png").read_bytes()
+
+
+def test_a_layout_in_the_address_says_which_streams_in_which_order_and_what_is_hidden(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    absent = "vision/side/image/compressed"
+    place = f"?only={DEPTH}+{absent}+{CAMERA}&columns=2&hide=top+bars&panel=log&columns=99"
+    _open(tab, server, place)
+    tiles = "[...document.querySelectorAll('.tile')].map((one) => one.dataset.key).join()"
+    tab.wait(f"{tiles} === '{DEPTH},{absent},{CAMERA}'")
+    assert tab.page.inner_text("#banner") == (
+        "In the address, columns = 99 is not allowed; allowed: 1 to 8"
+    )
+    assert tab.page.is_hidden("#top")
+    assert tab.page.is_hidden("#filter")
+    assert tab.page.is_visible("#panel-log")
+    columns = "getComputedStyle(document.querySelector('#tiles')).gridTemplateColumns.split(' ')"
+    assert tab.page.evaluate(f"{columns}.length") == 2
+    assert tab.page.evaluate("localStorage.getItem('zv.panel')") != '"log"'
+    tab.page.keyboard.press("Escape")
+    tab.wait(f"location.hash === '#?only={DEPTH}+{absent}+{CAMERA}&columns=2&panel=log'")
+    assert tab.page.is_visible("#top")
+
+    tab.page.click("#wall [popovertarget=layout-menu]")
+    tab.page.click(f"[aria-label='{CAMERA} earlier']")
+    tab.wait(f"{tiles} === '{DEPTH},{CAMERA},{absent}'")
+    tab.page.click(f"#layout-streams [data-choice='{absent}']")
+    tab.page.select_option("#layout-columns", "")
+    tab.wait(f"{tiles} === '{DEPTH},{CAMERA}'")
+    address = tab.page.input_value("#layout-address")
+    assert address == f"{tab.address.rstrip('/')}/#?only={DEPTH}+{CAMERA}&panel=log"
+    tab.page.keyboard.press("Escape")
+    tab.page.click(f".tile[data-key='{CAMERA}'] a")
+    tab.wait(f"location.hash.startsWith('#{CAMERA}?only=')")
+    tab.page.click("a.back")
+    tab.wait(f"{tiles} === '{DEPTH},{CAMERA}' && document.body.dataset.view === 'wall'")
+
+
+def _open(tab: Tab, server: PageServer, place: str) -> None:
+    tab.open(place)
+    tab.wait("document.querySelector('#link').dataset.state === 'up'")
+    wait_until(lambda: _now(tab) and any(one["op"] == "watch" for one in server.asked))
+
+
+def _now(tab: Tab) -> bool:
+    """Let what the page sent arrive."""
+    return bool(tab.page.evaluate("true"))
+
+
+def _wait_for_colour(tab: Tab, place: tuple[int, int], red: int) -> None:
+    """Wait until the canvas shows a red or grey value at a point of the frame as it is shown."""
+    ready = "document.querySelector('canvas.overlay')?.dataset.view"
+
+    def shown() -> bool:
+        if not tab.page.evaluate(ready):
+            return False
+        return abs(int(tab.page.evaluate(SEEN, place)["colour"][0]) - red) <= 1
+
+    wait_until(shown, explain=lambda: f"{place}: {tab.page.evaluate(SEEN, place)} {tab.text}")
+
+
+def _header(seq: int, **fields: object) -> dict[str, Any]:
+    about = {"camera": "front", "epoch": "1", "seq": seq, "stamp_ns": str(NOW_NS)}
+    return about | {"width": WIDTH, "height": HEIGHT, "encoding": "mono8", "node": "x"} | fields
+
+
+def _png(pixels: Any) -> bytes:
+    return cv2.imencode(".png", pixels)[1].tobytes()

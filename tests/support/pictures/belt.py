@@ -1,0 +1,407 @@
+"""Draws a conveyor belt under perspective and lens distortion, with the exact place of each object.
+
+The belt runs along +X of a plane in millimetres; X = 0 and Y = 0 at one corner of the part that
+the camera is aimed at, Y across the belt away from the camera. The objects lie flat on the plane,
+so that a pixel and a position on the belt correspond exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.camera.synthetic.noise import SensorNoise
+
+Pixels = NDArray[np.uint8]
+Points = NDArray[np.float64]
+"""(n, 2) float64: x, y in pixels, the centre of the top left pixel being 0, 0; or X, Y in mm."""
+
+STRIP_SCALE = 1.25  # pixels of the drawn strip to a mm, about those of the picture
+CIRCLE_CORNERS = 48
+SUBPIXEL_BITS = 4
+BELT_GREY = 62.0
+RAIL_MM = 15.0
+LEAD_S = 2.0  # the belt is empty at first, so that a tracker sees the background
+COLOURS = (
+    (40, 60, 200),
+    (200, 140, 40),
+    (60, 170, 70),
+    (40, 190, 220),
+    (190, 190, 190),
+    (170, 60, 150),
+    (210, 200, 120),
+    (30, 110, 190),
+)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera's matrix and its distortion, as in sensor_msgs/CameraInfo ("plumb_bob").
+
+    Attributes:
+        k: 3x3, focal lengths and principal point, pixels.
+        d: k1, k2, p1, p2, k3; D. C. Brown, "Decentering distortion of lenses", 1966.
+    """
+
+    k: Points
+    d: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def distorted(self, ideal: Points) -> Points:
+        """Return where the lens puts points, (n, 2), that a pinhole would put at ``ideal``."""
+        x, y = self._normalised(ideal)
+        factor, dx, dy = self._displaced(x, y)
+        return self._pixels(x * factor + dx, y * factor + dy)
+
+    def undistorted(self, seen: Points) -> Points:
+        """Return where a pinhole would put points, (n, 2), that the lens puts at ``seen``.
+
+        Solved by fixed-point iteration to 1e-9 pixel, without OpenCV, whose answer it checks.
+
+        Raises:
+            ValueError: If the distortion is so strong that the iteration does not converge.
+        """
+        x0, y0 = self._normalised(seen)
+        x, y = x0.copy(), y0.copy()
+        for _ in range(200):
+            factor, dx, dy = self._displaced(x, y)
+            new_x, new_y = (x0 - dx) / factor, (y0 - dy) / factor
+            moved = max(float(np.abs(new_x - x).max()), float(np.abs(new_y - y).max()))
+            x, y = new_x, new_y
+            if moved * self.k[0, 0] < 1e-9:
+                return self._pixels(x, y)
+        raise ValueError(f"distortion {self.d} cannot be undone over the whole picture")
+
+    def _displaced(self, x: Points, y: Points) -> tuple[Points, Points, Points]:
+        k1, k2, p1, p2, k3 = self.d
+        r2 = x * x + y * y
+        factor = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        return factor, dx, dy
+
+    def _normalised(self, points: Points) -> tuple[Points, Points]:
+        y = (points[:, 1] - self.k[1, 2]) / self.k[1, 1]
+        return (points[:, 0] - self.k[0, 2] - self.k[0, 1] * y) / self.k[0, 0], y
+
+    def _pixels(self, x: Points, y: Points) -> Points:
+        return np.stack(
+            [self.k[0, 0] * x + self.k[0, 1] * y + self.k[0, 2], self.k[1, 1] * y + self.k[1, 2]], 1
+        )
+
+
+@dataclass(frozen=True)
+class BeltObject:
+    """A flat object on the belt.
+
+    Attributes:
+        id: From 1, in the order in which the centres enter at X = 0.
+        along_mm: X of its centre at time 0; negative, since it enters later.
+        y_mm: Y of its centre, the same at all times.
+        outline_mm: (n, 2), convex, relative to the centre.
+        colour: BGR.
+        touches: Id of the object that it touches at all times, or None.
+    """
+
+    id: int
+    along_mm: float
+    y_mm: float
+    outline_mm: Points
+    colour: tuple[int, int, int]
+    touches: int | None = None
+
+
+@dataclass(frozen=True)
+class Position:
+    """Where an object is at a time: X, Y of its centre on the belt, mm, and its velocity."""
+
+    id: int
+    x_mm: float
+    y_mm: float
+    vx_mm_s: float
+
+
+class Belt:
+    """A belt with objects that pass under a camera once.
+
+    The picture at a time depends only on these arguments and the time (the noise on the number
+    of the frame); frames can be drawn in any order.
+
+    Args:
+        width: Of the picture, pixels.
+        height: Of the picture, pixels.
+        number: Of objects; a third of them lie in touching pairs (10 of 30).
+        speed_mm_s: Of the belt, along +X.
+        rate_hz: Of the frames.
+        seed: Determines the objects and the texture.
+        noise: Standard deviation of the sensor noise, grey levels.
+        distortion: k1, k2, p1, p2, k3 of the lens; zeros for a pinhole.
+        start_ns: Stamp of frame 0, ns since 1970.
+    """
+
+    length_mm = 800.0
+    width_mm = 400.0
+    """The part of the plane that the camera is aimed at; pictures show a little more."""
+
+    def __init__(
+        self,
+        width: int = 640,
+        height: int = 480,
+        *,
+        number: int = 30,
+        speed_mm_s: float = 150.0,
+        rate_hz: float = 30.0,
+        seed: int = 1,
+        noise: float = 2.0,
+        distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
+        start_ns: int = 1_700_000_000_000_000_000,
+    ) -> None:
+        self.width, self.height = width, height
+        self.speed_mm_s, self.rate_hz, self.start_ns = speed_mm_s, rate_hz, start_ns
+        focal = 0.9 * width
+        middle = ((width - 1) / 2, (height - 1) / 2)
+        k = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
+        self.lens = Lens(k, distortion)
+        self._seed = seed
+        self.objects = lay_out(number, self.width_mm, -LEAD_S * speed_mm_s, seed)
+        self._noise = SensorNoise(width, height, noise, (seed, 1))
+
+    @cached_property
+    def plane(self) -> NDArray[np.float64]:
+        """The 3x3 homography from undistorted pixels to X, Y in mm, exact."""
+        share = [[0.06, 0.84], [0.97, 0.90], [0.79, 0.20], [0.15, 0.17]]
+        size = np.array([self.width - 1, self.height - 1])
+        pixels = np.array(share, np.float32) * size.astype(np.float32)
+        length, across = self.length_mm, self.width_mm
+        corners = np.array([[0, 0], [length, 0], [length, across], [0, across]], np.float32)
+        return np.asarray(cv2.getPerspectiveTransform(pixels, corners), np.float64)
+
+    @property
+    def duration_s(self) -> float:
+        """Until the last object has left the part of the plane, and its border."""
+        last = min(one.along_mm for one in self.objects)
+        return (1.25 * self.length_mm - last) / self.speed_mm_s
+
+    @property
+    def frames(self) -> int:
+        """Number of frames in ``duration_s``."""
+        return int(self.duration_s * self.rate_hz) + 1
+
+    def time_s(self, index: int) -> float:
+        """Return the time of a frame in the belt's time, from 0."""
+        return (self.stamp_ns(index) - self.start_ns) / 1e9
+
+    def stamp_ns(self, index: int) -> int:
+        """Return the capture stamp of a frame."""
+        return self.start_ns + round(index * 1e9 / self.rate_hz)
+
+    def picture(self, index: int) -> Pixels:
+        """Return frame ``index``, (height, width, 3) uint8 BGR, a new array."""
+        bgr = self.picture_at(self.time_s(index))
+        self._noise.add(index, bgr)
+        return bgr
+
+    def picture_at(self, time_s: float) -> Pixels:
+        """Return the picture at a time, without noise."""
+        columns, rows, on_belt = self._grid
+        moved = columns - np.float32(self.speed_mm_s * time_s * STRIP_SCALE)
+        belt = cv2.remap(
+            self._strip, moved, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        mixed = belt * on_belt + self._surroundings * (1 - on_belt)
+        return np.rint(mixed).astype(np.uint8)
+
+    def positions(self, time_s: float) -> list[Position]:
+        """Return where each object is, on the part that the camera is aimed at or not."""
+        return [
+            Position(one.id, one.along_mm + self.speed_mm_s * time_s, one.y_mm, self.speed_mm_s)
+            for one in self.objects
+        ]
+
+    def crossing_s(self, object_id: int, x_mm: float) -> float:
+        """Return the time at which the centre of an object crosses the line X = ``x_mm``."""
+        return (x_mm - self.objects[object_id - 1].along_mm) / self.speed_mm_s
+
+    def to_mm(self, pixels: Points) -> Points:
+        """Return the places on the plane, (n, 2) mm, of pixels of the distorted picture."""
+        return transformed(self.plane, self.lens.undistorted(np.asarray(pixels, np.float64)))
+
+    def to_pixels(self, mm: Points) -> Points:
+        """Return the pixels of the distorted picture, (n, 2), that show places on the plane."""
+        inverse = np.linalg.inv(self.plane)
+        return self.lens.distorted(transformed(inverse, np.asarray(mm, np.float64)))
+
+    def outline(self, object_id: int, time_s: float) -> Points:
+        """Return the outline of an object in the distorted picture, (n, 2) pixels."""
+        one = self.objects[object_id - 1]
+        centre = np.array([one.along_mm + self.speed_mm_s * time_s, one.y_mm])
+        return self.to_pixels(one.outline_mm + centre)
+
+    def boxes(self, time_s: float) -> dict[int, tuple[float, float, float, float]]:
+        """Return x, y, width, height in pixels of the objects that are wholly in the picture."""
+        found = {}
+        for one in self.objects:
+            centre = one.along_mm + self.speed_mm_s * time_s
+            if not -0.3 * self.length_mm < centre < 1.3 * self.length_mm:
+                continue  # far outside, where the distortion means nothing
+            points = self.outline(one.id, time_s)
+            (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
+            if left >= 0 and top >= 0 and right <= self.width - 1 and bottom <= self.height - 1:
+                found[one.id] = (left, top, right - left, bottom - top)
+        return found
+
+    @cached_property
+    def _grid(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Return column and row in the strip of each pixel, and its share on the belt."""
+        y, x = np.mgrid[: self.height, : self.width]
+        mm = self.to_mm(np.stack([x.ravel(), y.ravel()], 1))
+        along = mm[:, 0].reshape(x.shape)
+        across = mm[:, 1].reshape(x.shape)
+        inside = np.minimum(across + RAIL_MM, self.width_mm + RAIL_MM - across) * STRIP_SCALE
+        share = np.clip(inside + 0.5, 0, 1)[:, :, None].astype(np.float32)
+        columns = (along - self._strip_begin_mm) * STRIP_SCALE
+        rows = (across + RAIL_MM) * STRIP_SCALE
+        return columns.astype(np.float32), rows.astype(np.float32), share
+
+    @property
+    def _strip_begin_mm(self) -> float:
+        return -self.speed_mm_s * self.duration_s - self.length_mm
+
+    @cached_property
+    def _strip(self) -> Pixels:
+        """Return the whole belt with its objects, seen from above at time 0."""
+        columns = round((2 * self.length_mm - self._strip_begin_mm) * STRIP_SCALE)
+        rows = round((self.width_mm + 2 * RAIL_MM) * STRIP_SCALE)
+        rng = np.random.default_rng((self._seed, 2))
+        strip = textured(rng, columns, rows, np.array([BELT_GREY] * 3), 1.5, 4)
+        for one in self.objects:
+            origin = np.array([one.along_mm - self._strip_begin_mm, one.y_mm + RAIL_MM])
+            low, high = one.outline_mm.min(axis=0), one.outline_mm.max(axis=0)
+            first = np.floor((origin + low) * STRIP_SCALE).astype(int) - 2
+            size = np.ceil((high - low) * STRIP_SCALE).astype(int) + 5
+            window = np.s_[first[1] : first[1] + size[1], first[0] : first[0] + size[0]]
+            surface = textured(rng, int(size[0]), int(size[1]), np.array(one.colour), 9.0, 3)
+            centre = origin * STRIP_SCALE - first
+            for scale, gain in ((1.0, 1.0), (0.45, 0.75)):  # the inner part is a label
+                share = drawn(one.outline_mm * scale * STRIP_SCALE + centre, size)
+                mixed = strip[window] * (1 - share) + surface * gain * share
+                strip[window] = np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
+        return strip
+
+    @cached_property
+    def _surroundings(self) -> NDArray[np.float32]:
+        rng = np.random.default_rng((self._seed, 3))
+        grey = np.array([132.0, 140.0, 146.0])
+        return textured(rng, self.width, self.height, grey, 6.0, 12).astype(np.float32)
+
+
+def transformed(homography: NDArray[np.float64], points: Points) -> Points:
+    """Return points, (n, 2), under a 3x3 homography."""
+    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
+def textured(
+    rng: np.random.Generator,
+    width: int,
+    height: int,
+    colour: NDArray[np.float64],
+    sigma: float,
+    grain: int,
+) -> Pixels:
+    """Return a surface of a colour with blotches of about ``grain`` pixels, (h, w, 3) uint8."""
+    coarse = rng.standard_normal((-(-height // grain), -(-width // grain)), np.float32)
+    blotches = np.asarray(cv2.resize(coarse, (width, height)), np.float32) * np.float32(sigma)
+    return np.clip(np.rint(blotches[:, :, None] + colour), 0, 255).astype(np.uint8)
+
+
+def drawn(polygon: Points, size: NDArray[np.int_]) -> NDArray[np.float32]:
+    """Return the share of each pixel inside a polygon, (height, width, 1), 0 to 1."""
+    mask = np.zeros((int(size[1]), int(size[0])), np.uint8)
+    points = np.rint(polygon * (1 << SUBPIXEL_BITS)).astype(np.int32)
+    cv2.fillPoly(mask, [points], 255, cv2.LINE_AA, SUBPIXEL_BITS)
+    return (mask.astype(np.float32) / 255)[:, :, None]
+
+
+def disc(radius_mm: float) -> Points:
+    """Return the outline of a disc, relative to its centre."""
+    angles = np.arange(CIRCLE_CORNERS) * 2 * np.pi / CIRCLE_CORNERS
+    return radius_mm * np.stack([np.cos(angles), np.sin(angles)], 1)
+
+
+def box(length_mm: float, width_mm: float, degrees: float = 0.0) -> Points:
+    """Return the outline of a rectangle, relative to its centre, turned."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [length_mm / 2, width_mm / 2]
+    turn = np.radians(degrees)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    return np.asarray(corners @ rotation.T)
+
+
+PAIRS: tuple[tuple[Points, Points, float, float], ...] = (
+    (disc(26), disc(26), 52.0, 0.0),  # one behind the other
+    (disc(24), disc(30), 0.0, 54.0),  # side by side
+    (box(60, 44), disc(24), 54.0, 6.0),
+    (box(56, 40), box(48, 40), 8.0, 40.0),  # flush sides
+    (box(48, 48, 45), disc(25), 58.9, 0.0),  # a corner touches
+)
+"""Outlines of both, and the second centre relative to the first, mm: along, across."""
+
+
+def lay_out(number: int, width_mm: float, first_mm: float, seed: int) -> list[BeltObject]:
+    """Return objects on an empty belt: in touching pairs, two abreast, and alone.
+
+    Args:
+        number: Of objects; a third of them, rounded down, in touching pairs.
+        width_mm: Of the belt; all objects lie wholly on it.
+        first_mm: X at time 0 of the front of the first, negative.
+        seed: Determines shapes, places and colours.
+    """
+    rng = np.random.default_rng((seed, 0))
+    groups: list[list[_Placed]] = []
+    for index in range(number // 6):
+        one, other, along, across = PAIRS[index % len(PAIRS)]
+        y = float(rng.uniform(70, width_mm - 70 - across))
+        groups.append([(0.0, y, one), (-along, y + across, other)])
+    left = number - 2 * len(groups)
+    while left:
+        members: list[_Placed] = []
+        if left >= 2 and rng.random() < 0.3:
+            members.append((0.0, float(rng.uniform(60, 110)), some_shape(rng)))
+            members.append((float(rng.uniform(-20, 20)), width_mm - 75.0, some_shape(rng)))
+        else:
+            members.append((0.0, float(rng.uniform(60, width_mm - 60)), some_shape(rng)))
+        left -= len(members)
+        groups.append(members)
+
+    front = first_mm
+    rows: list[tuple[float, float, Points, int]] = []  # with the number of the group
+    for group in rng.permutation(len(groups)).tolist():
+        members = groups[group]
+        shift = front - max(x + float(outline[:, 0].max()) for x, _, outline in members)
+        rows += [(x + shift, y, outline, group) for x, y, outline in members]
+        behind = min(x + float(outline[:, 0].min()) for x, _, outline in members)
+        front = behind + shift - float(rng.uniform(45, 110))
+    rows.sort(key=lambda row: -row[0])
+
+    objects = []
+    for index, (x, y, outline, group) in enumerate(rows):
+        partners = [i + 1 for i, row in enumerate(rows) if row[3] == group and i != index]
+        touches = partners[0] if group < number // 6 else None
+        # Neighbours in the order of entry never have the same colour.
+        colour = COLOURS[(index * 3 + seed) % len(COLOURS)]
+        objects.append(BeltObject(index + 1, x, y, outline, colour, touches))
+    return objects
+
+
+_Placed = tuple[float, float, Points]
+"""Centre along and across the belt, mm, and outline."""
+
+
+def some_shape(rng: np.random.Generator) -> Points:
+    """Return the outline of a disc or of a turned rectangle, 36 to 80 mm long."""
+    if rng.random() < 0.4:
+        return disc(float(rng.uniform(18, 32)))
+    return box(float(rng.uniform(44, 80)), float(rng.uniform(36, 52)), float(rng.uniform(0, 180)))

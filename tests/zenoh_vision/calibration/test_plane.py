@@ -1,0 +1,124 @@
+"""The homography from pixels to a plane: found, measured, refused; and what follows from it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_vision.calibration.camera_model import CalibrationFault, CameraModel
+from zenoh_vision.calibration.plane import DegeneratePairs, Plane, fit_plane
+from zenoh_vision.calibration.plane_view import PlaneView
+
+K = (500.0, 0.0, 319.5, 0.0, 500.0, 239.5, 0.0, 0.0, 1.0)
+BENT = CameraModel(640, 480, K, "plumb_bob", (-0.2, 0.05, 0.001, -0.001, 0.0))
+
+# X = x / (y + 100), Y = 1000 / (y + 100): the horizon is at y = -100.
+TILTED = Plane((1, 0, 0, 0, 0, 1000, 0, 1, 100))
+PIXELS = np.array([(0, 0), (600, 0), (600, 400), (0, 400)], float)
+LOW = PIXELS + np.array([0, 200])
+WORLD = np.array([(0, 10), (6, 10), (1.2, 2), (0, 2)], float)
+
+
+def test_the_homography_maps_pixels_as_its_formula_says():
+    np.testing.assert_allclose(TILTED.world(PIXELS), WORLD)
+    np.testing.assert_allclose(TILTED.pixels(WORLD), PIXELS, atol=1e-9)
+
+
+def test_a_pixel_on_or_beyond_the_horizon_shows_no_point_of_the_plane():
+    assert np.isnan(TILTED.world(np.array([(5.0, -100.0), (5.0, -101.0)]))).all()
+
+
+def test_four_pairs_determine_it():
+    fit = fit_plane(PIXELS, WORLD)
+    inside = np.array([(300.0, 25.0)])
+    np.testing.assert_allclose(fit.plane.world(inside), [(300 / 125, 8)], rtol=1e-6)
+    assert fit.rms < 1e-6
+
+
+def test_the_horizon_may_lie_in_the_picture():
+    """The third row is positive where the pairs are, even if it is negative at pixel (0, 0)."""
+    lowered = fit_plane(LOW, WORLD).plane
+    assert np.isnan(lowered.world(np.array([(0.0, 0.0)]))).all()
+    np.testing.assert_allclose(lowered.world(LOW), WORLD, rtol=1e-6, atol=1e-6)
+
+
+def test_an_error_in_a_pair_is_seen_in_the_residuals_of_many():
+    pixels = np.array([(x, y) for x in (0, 200, 400, 600) for y in (0, 150, 300)], float)
+    world = TILTED.world(pixels)
+    world[5] += (0.3, 0.0)
+    fit = fit_plane(pixels, world)
+    assert fit.residuals.argmax() == 5
+    assert 0.1 < fit.residuals[5] < 0.3
+
+
+def test_the_worth_of_four_pairs_is_the_movement_for_one_pixel_at_each():
+    """Where a pixel is 0.01 units and the pairs are far apart, it is 0.01 in x and in y: 0.0141."""
+    square = np.array([(0, 0), (500, 0), (500, 500), (0, 500)], float)
+    assert fit_plane(square, square / 100).per_pixel == pytest.approx(0.0141, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "world", "says"),
+    [
+        (PIXELS[:3], WORLD[:3], "3 pairs .* at least 4"),
+        (PIXELS * (1, 0), WORLD, "on a line"),
+        (np.array([(0, 0), (100, 0), (200, 0), (50, 80)]), WORLD, "on a line"),
+        (np.array([(n, n) for n in range(6)]), np.array([(n, 2 * n) for n in range(6)]), "line"),
+        (np.zeros((4, 2)), WORLD, "on a line"),
+        (PIXELS, WORLD[[0, 1, 3, 2]], "contradict"),
+        (PIXELS * np.nan, WORLD, "not finite"),
+    ],
+    ids=["three", "a line", "three of four on a line", "diagonal", "one", "swapped", "nan"],
+)
+def test_pairs_that_do_not_determine_a_plane_are_refused(
+    pixels: np.ndarray, world: np.ndarray, says: str
+):
+    with pytest.raises(DegeneratePairs, match=says):
+        fit_plane(np.asarray(pixels, float), np.asarray(world, float))
+
+
+@pytest.mark.parametrize("h", [(0.0,) * 9, (1.0, 2, 3, 2, 4, 6, 0, 0, 1), (1.0,) * 8])
+def test_a_homography_that_cannot_be_inverted_is_refused(h: tuple[float, ...]):
+    with pytest.raises(CalibrationFault):
+        Plane(h)
+
+
+def test_scaled_finds_the_same_place_in_a_picture_of_another_size():
+    half = TILTED.scaled(0.5, 0.5)
+    few = np.array([(10.0, 20.0)])
+    np.testing.assert_allclose(half.world(few), TILTED.world(few * 2 + 0.5))
+
+
+# The way through a lens and onto the plane.
+
+
+def test_positions_return_to_their_pixels():
+    view = PlaneView(BENT, TILTED)
+    np.testing.assert_allclose(view.pixels(view.positions(PIXELS)), PIXELS, atol=1e-3)
+
+
+def test_velocity_is_the_movement_in_a_short_time():
+    view = PlaneView(BENT, TILTED)
+    x, y, vx, vy, time_s = 450.0, 80.0, 120.0, -60.0, 1e-3
+    here, there = view.positions(np.array([(x, y), (x + vx * time_s, y + vy * time_s)]))
+    np.testing.assert_allclose(view.velocity(x, y, vx, vy), (there - here) / time_s, rtol=1e-3)
+
+
+def test_velocity_on_a_plane_seen_straight_on_is_scaled():
+    view = PlaneView(CameraModel(640, 480, K), Plane((0.01, 0, -2, 0, -0.01, 3, 0, 0, 1)))
+    assert view.velocity(100, 100, 50, 20) == pytest.approx((0.5, -0.2))
+
+
+def test_covariance_is_that_of_many_points_drawn_around_the_pixel():
+    view = PlaneView(BENT, TILTED)
+    spread = np.array([[2.0, 0.7], [0.7, 1.0]])
+    drawn = np.random.default_rng(1).multivariate_normal((420.0, 90.0), spread, 20_000)
+    expected = np.cov(view.positions(drawn).T)
+    np.testing.assert_allclose(view.covariance(420, 90, spread), expected, rtol=0.06)
+
+
+def test_a_pixel_beyond_the_horizon_has_neither_position_nor_velocity_nor_covariance():
+    view = PlaneView(CameraModel(640, 480, K), Plane((1, 0, 0, 0, 0, 1000, 0, 1, -100)))
+    assert view.position(10, 50) is None
+    assert view.velocity(10, 50, 1, 1) is None
+    assert view.covariance(10, 50, np.eye(2)) is None

@@ -1,0 +1,104 @@
+"""The detectors of boundaries in colour: what they find, where, and how steadily."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.support.pictures.analytic_edges import Step, judge
+from zv.edge.detectors.available import DETECTORS
+from zv.edge.detectors.canny import Canny
+
+NAMES = sorted(name for name, kind in DETECTORS.items() if kind.wants == "bgr")
+RED, GREEN = (0, 0, 200), (0, 102, 0)
+"""Both have grey level 60: 0.299 * 200 = 59.8, 0.587 * 102 = 59.9."""
+
+
+def in_halves(left: tuple[int, int, int], right: tuple[int, int, int]) -> NDArray[np.uint8]:
+    """A picture of 64 x 96 pixels; the boundary is left of column 48."""
+    picture = np.empty((64, 96, 3), np.uint8)
+    picture[:, :48], picture[:, 48:] = left, right
+    return picture
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_boundary_between_colours_of_one_brightness_is_found_where_canny_finds_none(name: str):
+    picture = in_halves(RED, GREEN)
+    grey = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+    assert not Canny(low=1, high=2).detect(grey).edges.any()
+    edges = DETECTORS[name]().detect(picture).edges[8:-8]
+    assert (edges > 0).sum(axis=1).tolist() == [1] * 48
+    assert {int(column) for column in np.nonzero(edges)[1]} <= {46, 47, 48, 49}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_grey_step_is_found_within_a_pixel_in_every_direction(name: str):
+    judged = []
+    for angle in [3.7 + 30 * turn for turn in range(12)]:
+        step = Step(angle, offset=0.25)
+        picture = np.repeat(step.picture(5.0)[:, :, None], 3, axis=2)
+        judged.append(judge(step, DETECTORS[name]().detect(picture).edges))
+    errors = np.concatenate([each.errors for each in judged])
+    assert np.sqrt((errors**2).mean()) < 1.0
+    assert max(each.missed for each in judged) == 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_noise_of_an_empty_picture_is_no_edge(name: str):
+    noise = np.random.default_rng(0).normal(128, 4, (120, 160, 3))
+    assert not DETECTORS[name]().detect(np.clip(noise, 0, 255).astype(np.uint8)).edges.any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_larger_density_adds_edges_and_removes_none(name: str):
+    picture = cv2.GaussianBlur(
+        np.random.default_rng(1).integers(0, 256, (96, 128, 3)).astype(np.uint8), (0, 0), 3
+    )
+    picture = np.asarray(cv2.normalize(picture, None, 0, 255, cv2.NORM_MINMAX), np.uint8)
+    few, some, many = (
+        DETECTORS[name](density=density).detect(picture).edges > 0 for density in (0.5, 3.5, 7.0)
+    )
+    assert few.sum() < some.sum() < many.sum()
+    assert not (few & ~some).any()
+    assert not (some & ~many).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_density_zero_asks_for_no_edges(name: str):
+    assert not DETECTORS[name](density=0.0).detect(in_halves(RED, (255, 255, 255))).edges.any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_edges_are_among_the_thinned_strengths_and_hold_the_strong_ones(name: str):
+    detector = DETECTORS[name]()
+    found = detector.detect(in_halves(RED, GREEN))
+    assert ((found.edges > 0) <= (found.strength > 0)).all()
+    assert 0 < found.strength.max() <= detector.full_scale
+    assert found.strength.dtype == np.float32
+    assert (found.stages["thresholded"]() == 255)[found.edges > 0].any()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 1), (2, 2), (3, 5), (33, 47)])
+@pytest.mark.parametrize("name", NAMES)
+def test_pictures_of_any_size_give_maps_of_that_size(name: str, size: tuple[int, int]):
+    picture = np.random.default_rng(2).integers(0, 256, (*size, 3)).astype(np.uint8)
+    before = picture.copy()
+    found = DETECTORS[name]().detect(picture)
+    assert found.edges.shape == found.strength.shape == size
+    assert set(np.unique(found.edges)) <= {0, 255}
+    assert tuple(found.stages) == DETECTORS[name].stages
+    for stage in found.stages.values():
+        assert stage().shape[:2] == size
+    assert np.array_equal(picture, before)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_picture_gives_the_same_edges(name: str):
+    picture = np.random.default_rng(3).integers(0, 256, (60, 82, 3)).astype(np.uint8)
+    other = np.zeros((32, 32, 3), np.uint8)
+    detector = DETECTORS[name]()
+    first = detector.detect(picture).strength
+    assert not detector.detect(other).edges.any()
+    assert np.array_equal(first, detector.detect(picture).strength)

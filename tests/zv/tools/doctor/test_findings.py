@@ -1,0 +1,246 @@
+"""What zv doctor finds out about streams: what is lost, who sends, and what mends it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.support.diagnosing import observation
+from tests.support.node_states import node_state, report
+from zenoh_vision.health.counter_change import NOT_LOST
+from zenoh_vision.health.node_state import NodeState
+from zenoh_vision.messages import Diagnostics, NodeDescription
+from zv.registry import model_of
+from zv.tools.doctor import remedies
+from zv.tools.doctor.observation import Observation, Router, router_of
+from zv.tools.doctor.other_cameras import OtherCamera
+from zv.tools.doctor.streams import camera_findings, loss_findings
+
+ROOT = Path(__file__).parents[4]
+
+
+# Losses
+
+
+def observed(name: str, seconds: float, counters: dict[str, int], **about: object) -> NodeState:
+    """Return a node whose counters went from zero to these in so many seconds."""
+    description = NodeDescription(
+        node=name, service=name.partition("_")[0], cameras=("front",), version="1", host="here",
+        pid=1, started_ns=0, **{"publishes": (), "subscribes": (), **about},
+    )  # fmt: skip
+    reports = tuple(
+        Diagnostics(node=name, stamp_ns=0, level=0, message="", uptime_s=uptime_s,
+                    counters=counts, rate_hz=30.0, latency_ms={"p50": 1.0, "p99": 1.0})
+        for uptime_s, counts in ((0.0, dict.fromkeys(counters, 0)), (seconds, counters))
+    )  # fmt: skip
+    return NodeState(name, description=description, reports=reports)
+
+
+@pytest.mark.parametrize("missed", [6, 12])
+def test_what_a_camera_lost_is_compared_over_the_consumers_time(missed: int):
+    # The camera loses 2 of 30 a second; its reports span 2 s, the tracker's 3 s.
+    key = "vision/front/image/compressed"
+    lost, arrived = {"dropped.overwritten": 4}, {"received": 90 - missed, "missed": missed}
+    camera = observed("camera_front", 2.0, {"captured": 60, **lost}, publishes=(key,))
+    tracker = observed("tracker_front", 3.0, arrived, subscribes=(key,))
+    found = loss_findings(Observation({}, (), [camera, tracker], {}))
+    named = [finding.text.partition(" loses")[0] for finding in found]
+    # Six are those that the camera lost itself; six more were lost on the way.
+    assert named == ["camera_front", "tracker_front"][: missed // 6]
+
+
+# The router's own words
+
+
+@pytest.mark.parametrize(
+    ("said", "version", "sharing"),
+    [
+        (b'{"version": "v1.10.2-cc83980 built with rustc 1.97", "sessions": []}', "1.10.2", ()),
+        (b'{"version": "1.9.0", "sessions": [{"peer": "a1", "shm": true}]}', "1.9.0", ("a1",)),
+        (b'{"version": "v1.9.0", "sessions": [{"peer": "a1", "shm": false}]}', "1.9.0", ()),
+        (b'{"sessions": null}', None, ()),
+        (b"[1, 2]", None, ()),
+        (b'{"sessions": [{"shm": true}]}', None, ()),
+        (b"\xff", None, ()),
+    ],
+)
+def test_what_a_router_says_in_another_form_is_left_out(said, version, sharing):
+    router = router_of("z", said)
+    assert (router.version, router.sharing) == (version, sharing)
+
+
+# What mends a loss
+
+
+def test_every_reason_of_the_documentation_has_a_remedy():
+    text = (ROOT / "docs" / "messages.md").read_text()
+    section = text.partition("## What is dropped, and under which name")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", section, re.MULTILINE)
+    reasons = {reason for reason, where in rows if where != "`zv metrics`"}  # which is no node
+    assert reasons - set(NOT_LOST) | {"missed"} == set(remedies.REMEDIES)
+
+
+@pytest.mark.parametrize("reason", remedies.REMEDIES)
+def test_a_parameter_that_is_named_exists(reason):
+    remedy = remedies.REMEDIES[reason]
+    services = ["camera"] if remedy.of_camera else ["camera", "tracker", "edge"]
+    fields = set().union(*(model_of(service).model_fields for service in services))
+    assert not remedy.parameter or remedy.parameter in fields
+
+
+@pytest.mark.parametrize("service", remedies.CHEAPER)
+def test_what_makes_a_service_cheaper_are_options_of_it(service):
+    assert set(remedies.CHEAPER[service]) <= set(model_of(service).model_fields)
+
+
+# Cameras that are not nodes
+
+
+@pytest.mark.parametrize(
+    ("camera", "level", "text"),
+    [
+        (OtherCamera("v/a/image", 31, 3.0, 10.0), "OK", "v/a/image: 10.0 Hz from a program"),
+        (OtherCamera("v/a/image", 1, 3.0), "OK", "v/a/image: from a program that is not a node"),
+        (OtherCamera("v/a/image", 0, 3.0), "WARN", "v/a/image: nothing in 3.0 s from a program"),
+        (OtherCamera("v/a/image", 0, 1.5), "OK", "v/a/image: from a program that is not a node"),
+    ],
+    ids=["flows", "a single frame", "silent", "too early to say"],
+)
+def test_a_camera_that_is_not_a_node_is_judged_by_what_arrives(camera, level, text):
+    (finding,) = camera_findings(Observation({}, (), [], {}, others=(camera,)))
+    assert (finding.level, finding.check) == (level, "cameras")
+    assert finding.text.startswith(text)
+
+
+def test_cameras_without_end_are_not_all_checked_and_that_is_said():
+    one = OtherCamera("v/a/image", 9, 3.0, 3.0)
+    *_, last = camera_findings(Observation({}, (), [], {}, others=(one,), others_left_out=7))
+    assert (last.level, last.text[:20]) == ("WARN", "7 more programs that")
+
+
+# Who sends, and what should run
+
+
+ADDRESSES = {"a1": "tcp/10.0.0.2:51000", "b2": "tcp/10.0.0.7:51326", "me": "tcp/10.0.0.9:4"}
+AT_ROUTER = {"r": Router("r", "1.10.2", (), ADDRESSES)}
+KEY = "vision/front/image/compressed"
+
+
+def test_who_declared_a_publisher_on_the_key_and_is_no_node_sends_what_is_refused():
+    seen = observation(
+        node_state(session="a1", subscribes=(KEY,)),
+        routers=AT_ROUTER,
+        publishers={"vision/*/image/compressed": frozenset({"a1", "b2", "me"})},
+        own="me",
+    )
+    remedy = remedies.remedy_for("bad_header", seen.nodes[0], seen)
+    assert remedy == (
+        f"a publisher violates the format of such messages: find who sends them: "
+        f"zv topic info {KEY}; besides the nodes, it is published by "
+        "session b2 from tcp/10.0.0.7:51326"
+    )
+
+
+def test_where_nobody_declared_a_publisher_all_programs_that_are_no_nodes_may_have_sent():
+    seen = observation(
+        node_state(session="a1", subscribes=(KEY,)),
+        routers=AT_ROUTER,
+        publishers={"other/key": frozenset({"c3"})},
+        own="me",
+    )
+    remedy = remedies.remedy_for("corrupt", seen.nodes[0], seen)
+    assert remedy.endswith("; programs here that are no nodes: session b2 from tcp/10.0.0.7:51326")
+
+
+RAW = "vision/front/image"
+
+
+def test_raw_pixels_without_a_header_are_told_to_have_one_and_no_second_publisher_is_named():
+    tracker = node_state(session="a1", subscribes=(KEY, RAW))
+    declared = {RAW: frozenset({"b2"})}
+    seen = observation(tracker, routers=AT_ROUTER, publishers=declared)
+    words = (
+        f"the raw pixels on {RAW} have no header, which raw pixels need: send one, or send JPEGs "
+        f"on {KEY}"
+    )
+    assert remedies.remedy_for("no_header", tracker, seen) == (
+        f"{words}; besides the nodes, it is published by session b2 from tcp/10.0.0.7:51326"
+    )
+    undeclared = observation(tracker, routers=AT_ROUTER, others=(OtherCamera(RAW, 31, 3.0, 10.0),))
+    assert remedies.remedy_for("no_header", tracker, undeclared) == words
+
+
+def test_the_key_that_is_published_is_named_not_the_first_that_is_subscribed_to():
+    tracker = node_state(session="a1", subscribes=(KEY, RAW))
+    seen = observation(tracker, routers=AT_ROUTER, publishers={RAW: frozenset({"b2"})})
+    assert f"zv topic info {RAW};" in remedies.remedy_for("wrong_size", tracker, seen)
+    both = observation(tracker, publishers={RAW: frozenset("b"), KEY: frozenset("c")})
+    assert remedies.remedy_for("no_header", tracker, both).startswith("a second publisher")
+
+
+def test_frames_of_two_cameras_of_one_name_are_blamed_on_the_name():
+    cameras = [
+        node_state("camera_front", session, service="camera", publishes=(KEY,))
+        for session in ("a1", "b2")
+    ]
+    tracker = node_state(session="t", subscribes=(KEY,))
+    remedy = remedies.remedy_for("out_of_order", tracker, observation(*cameras, tracker))
+    assert remedy == "there are several camera_front, see names: stop all but one"
+    assert remedies.remedy_for("overwritten", tracker, observation(*cameras, tracker)) == remedy
+    alone = remedies.remedy_for("out_of_order", tracker, observation(cameras[0], tracker))
+    assert alone.startswith("two publishers share a key, or")
+
+
+def test_a_routers_sessions_have_their_addresses():
+    links = [{"src": "tcp/10.0.0.1:7447", "dst": "tcp/10.0.0.7:51326"}]
+    sessions = [{"peer": "b2", "links": links, "shm": False}, {"peer": "c3", "links": []}]
+    said = json.dumps({"version": "v1.10.2", "sessions": sessions}).encode()
+    assert router_of("r", said).addresses == {"b2": "tcp/10.0.0.7:51326"}
+
+
+def camera_with(captured: Sequence[int], rate_hz: float = 10.0) -> NodeState:
+    """Return a camera that reported these totals, a second apart."""
+    reports = tuple(
+        report(
+            node="camera_front",
+            uptime_s=60.0 + at,
+            counters={"captured": total, "published": total, "pending": 0},
+        )
+        for at, total in enumerate(captured)
+    )
+    state = node_state("camera_front", service="camera", publishes=(KEY,), rate_hz=rate_hz)
+    return replace(state, reports=reports)
+
+
+def test_a_camera_that_has_stopped_is_not_told_to_run_slower():
+    (found,) = camera_findings(observation(camera_with([100, 110, 115, 115, 115])))
+    assert (found.level, found.text) == ("FAIL", "camera_front: no picture for the last 2.0 s")
+    assert found.remedy.startswith("check its source")
+    assert "rate" not in found.remedy
+
+
+def test_two_cameras_of_one_name_are_told_apart_by_their_processes():
+    one = camera_with([100, 110, 120])
+    assert one.description is not None
+    other = replace(
+        one, session="b2", description=one.description.model_copy(update={"pid": 20908})
+    )
+    first, second = camera_findings(observation(one, other))
+    rate = "10.0 Hz, 10 Hz expected"
+    host, pid = one.description.host, one.description.pid
+    assert first.text == f"camera_front (pid {pid} on {host}): {rate}"
+    assert second.text == f"camera_front (pid 20908 on {host}): {rate}"
+    (alone,) = camera_findings(observation(one))
+    assert alone.text == f"camera_front: {rate}"
+
+
+def test_a_camera_that_is_only_slow_is():
+    (found,) = camera_findings(observation(camera_with([100, 105, 110, 115, 120])))
+    assert found.level == "WARN"
+    assert "5.0 Hz instead of 10 Hz" in found.text
+    assert "rate=5" in found.remedy

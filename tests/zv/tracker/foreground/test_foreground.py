@@ -1,0 +1,154 @@
+"""The foreground of a fixed camera, on painted scenes."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.fragments import fragments_of
+from zv.tracker.foreground.ghosts import is_ghost
+from zv.tracker.foreground.lighting import relit, same_texture
+from zv.tracker.foreground.regions import region_mask
+from zv.tracker.tracking.fragment import Fragment
+
+TENTH = 100_000_000
+
+
+def backdrop() -> np.ndarray:
+    """Return (120, 160, 3) with texture, between 60 and 150."""
+    coarse = np.random.default_rng(2).uniform(60, 150, (15, 20, 3)).astype(np.float32)
+    return cv2.resize(coarse, (160, 120)).astype(np.uint8)
+
+
+def learned(**changes: object) -> ForegroundDetector:
+    """Return a detector that has seen 6 s of the empty scene."""
+    found = ForegroundDetector(ForegroundParameters(**changes))  # type: ignore[arg-type]
+    for k in range(60):
+        found.update(backdrop(), k * TENTH, [])
+    return found
+
+
+def with_object(x: int = 60) -> np.ndarray:
+    picture = backdrop()
+    picture[40:80, x : x + 20] = (30, 30, 220)
+    return picture
+
+
+@pytest.mark.parametrize("subtractor", ["mog2", "knn"])
+def test_an_object_is_foreground_and_nothing_else_is(subtractor: str):
+    mask, changed = learned(subtractor=subtractor).update(with_object(), 60 * TENTH, [])
+    expected = np.zeros_like(mask)
+    expected[40:80, 60:80] = 255
+    assert np.count_nonzero(mask != expected) <= 8  # the corners, by the median
+    assert not changed
+
+
+def test_nothing_is_foreground_in_the_first_second():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(10):
+        mask, _ = found.update(with_object(10 + 10 * k), k * TENTH, [])
+        assert not mask.any()
+
+
+def test_who_walked_away_in_the_first_seconds_leaves_no_ghost():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(40):
+        mask, _ = found.update(with_object(min(135, 5 + 6 * k)), k * TENTH, [])
+    assert not mask[:, :100].any()
+
+
+def test_a_known_object_that_stands_stays_and_an_unknown_one_melts():
+    known = [Fragment(60, 40, 80, 80, 800)]
+    kept, melted = learned(learning_s=2.0), learned(learning_s=2.0)
+    for k in range(60, 460):
+        stays, _ = kept.update(with_object(), k * TENTH, known)
+        gone, _ = melted.update(with_object(), k * TENTH, [])
+    assert np.count_nonzero(stays) > 700
+    assert not gone.any()
+    after, _ = kept.update(backdrop(), 460 * TENTH, [])
+    assert not after.any()
+
+
+def test_nothing_is_learned_while_frozen():
+    found = learned(frozen=True, learning_s=0.5)
+    for k in range(60, 200):
+        mask, _ = found.update(with_object(), k * TENTH, [])
+    assert np.count_nonzero(mask) > 700
+
+
+def test_another_light_is_recognised_and_survived_with_the_object_in_it():
+    found = learned()
+    found.update(with_object(), 60 * TENTH, [])
+    brighter = np.clip(with_object() * 1.5, 0, 255).astype(np.uint8)
+    changes = 0
+    for k in range(61, 71):
+        mask, changed = found.update(brighter, k * TENTH, [Fragment(60, 40, 80, 80, 800)])
+        changes += changed
+    assert changes == 1
+    assert np.count_nonzero(mask[40:80, 60:80]) > 600
+    assert np.count_nonzero(mask) < 900
+
+
+def test_another_view_is_learned_anew_within_a_second():
+    found = learned()
+    other = backdrop()[::-1, ::-1].copy()
+    other[:60] = 255 - other[:60]
+    said = [found.update(other, k * TENTH, [])[1] for k in range(60, 75)]
+    assert sum(said) == 1
+    assert said.index(True) < 10
+    assert not found.update(other, 80 * TENTH, [])[0].any()
+
+
+def test_objects_are_looked_for_in_regions_and_not_in_ignored_ones():
+    # In full-resolution pixels: the mask has half of them.
+    region = ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0))
+    ignored = ((20.0, 0.0), (40.0, 0.0), (40.0, 40.0), (20.0, 40.0))
+    mask = region_mask((40, 30), 2, [region], [ignored])
+    assert mask is not None
+    assert mask[10, 5] == 255
+    assert (mask[10, 15], mask[10, 30], mask[25, 5]) == (0, 0, 0)
+    assert region_mask((40, 30), 2, [], []) is None
+
+
+def test_a_shadow_is_left_out():
+    shadow = backdrop()
+    shadow[40:80, 60:80] = (shadow[40:80, 60:80] * 0.75).astype(np.uint8)
+    assert not learned().update(shadow, 60 * TENTH, [])[0].any()
+    found = learned(detect_shadows=False)
+    assert found.update(shadow, 60 * TENTH, [])[0].any()
+
+
+def test_a_ghost_has_its_outline_in_the_background():
+    mask = np.zeros((120, 160), np.uint8)
+    mask[40:80, 60:80] = 255
+    box = 60, 40, 20, 40
+    assert is_ghost(backdrop(), with_object(), mask, box)
+    assert not is_ghost(with_object(), backdrop(), mask, box)
+
+
+def test_a_background_in_another_light_is_that_of_the_picture():
+    brighter = np.clip(backdrop() * 1.4, 0, 255).astype(np.uint8)
+    difference = np.abs(relit(backdrop(), brighter, None).astype(int) - brighter)
+    assert difference.mean() < 2
+    everywhere = np.full((120, 160), 255, np.uint8)
+    assert same_texture(backdrop(), brighter, everywhere) > 0.95
+    assert same_texture(backdrop(), backdrop()[::-1].copy(), everywhere) < 0.5
+
+
+def test_two_side_by_side_in_one_region_are_two_fragments_and_a_block_is_one():
+    mask = np.zeros((100, 200), np.uint8)
+    mask[20:80, 20:42] = 255
+    mask[20:80, 50:72] = 255
+    mask[45:60, 42:50] = 255  # an arm
+    mask[10:90, 120:180] = 255
+    found = sorted(fragments_of(mask, 10, 1e9), key=lambda each: each.left)
+    assert [(f.left, f.right) for f in found[1:]] == [(pytest.approx(46, abs=5), 72), (120, 180)]
+    assert sum(f.area for f in found) == np.count_nonzero(mask)
+
+
+def test_fragments_have_limits_of_their_area():
+    mask = np.zeros((100, 200), np.uint8)
+    mask[10:14, 10:14] = mask[30:50, 30:50] = mask[10:90, 100:180] = 255
+    assert [f.area for f in fragments_of(mask, 100, 1000)] == [400]

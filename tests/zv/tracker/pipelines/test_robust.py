@@ -1,0 +1,113 @@
+"""The pipeline ``robust`` on painted frames."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from zv.tracker.pipelines.robust import RobustParameters, RobustTracker, enlarged, working_scale
+
+TENTH = 100_000_000
+
+
+def backdrop(width: int = 320, height: int = 240) -> np.ndarray:
+    coarse = np.random.default_rng(4).uniform(60, 150, (15, 20, 3)).astype(np.float32)
+    return cv2.resize(coarse, (width, height)).astype(np.uint8)
+
+
+def frame(k: int) -> np.ndarray:
+    """Return a frame in which two objects walk towards each other, past each other from 4 s on."""
+    picture = backdrop()
+    for x, y, color in ((4 * k - 150, 100, (20, 20, 200)), (470 - 4 * k, 106, (200, 60, 20))):
+        if 0 <= x <= 295:
+            picture[y : y + 70, x : x + 25] = color
+    return picture
+
+
+def test_objects_that_cross_are_found_where_they_are_and_keep_their_ids():
+    robust = RobustTracker()
+    before: dict[int, float] = {}
+    for k in range(110):
+        tracks = robust.update(frame(k), k * TENTH)
+        confirmed = {t.id: t for t in tracks if t.state == "confirmed"}
+        if k == 60:
+            before = {number: np.sign(t.vx) for number, t in confirmed.items()}
+    assert sorted(before.values()) == [-1, 1]
+    assert {number: np.sign(t.vx) for number, t in confirmed.items()} == before
+    by_direction = {np.sign(t.vx): t.box for t in confirmed.values()}
+    assert by_direction[1] == pytest.approx((4 * 109 - 150, 100, 25, 70), abs=4)
+    assert by_direction[-1] == pytest.approx((470 - 4 * 109, 106, 25, 70), abs=4)
+
+
+def test_a_reduced_picture_gives_coordinates_of_the_full_one():
+    robust = RobustTracker()
+    for k in range(70):
+        half = cv2.resize(frame(k), (160, 120), interpolation=cv2.INTER_AREA)
+        robust.update(np.asarray(half, np.uint8), k * TENTH, (640, 480))
+    left = min((t for t in robust.tracks if t.state == "confirmed"), key=lambda t: t.x)
+    assert left.box == pytest.approx((2 * (4 * 69 - 150), 200, 50, 140), abs=9)
+
+
+def test_the_main_track_changes_only_for_one_that_is_clearly_larger():
+    robust = RobustTracker()
+    mains = [
+        None if robust.update(frame(k), k * TENTH) is None else robust.centroid for k in range(110)
+    ]
+    ids = [main.id for main in mains if main is not None]
+    assert ids
+    assert len(set(ids)) == 1
+
+
+def test_another_size_begins_anew_and_reuses_no_id():
+    robust = RobustTracker()
+    for k in range(60):
+        robust.update(frame(k), k * TENTH)
+    known = {track.id for track in robust.tracks}
+    assert known
+    assert robust.update(backdrop(200, 100), 60 * TENTH) == []
+    for k in range(61, 130):
+        robust.update(frame(k - 30), k * TENTH)
+    assert robust.tracks
+    assert not known & {track.id for track in robust.tracks}
+
+
+def test_the_background_and_the_mask_have_the_size_of_the_frame():
+    robust = RobustTracker()
+    with pytest.raises(ValueError, match="no frame"):
+        robust.background()
+    for k in range(30):
+        robust.update(backdrop(640, 480), k * TENTH)
+    background = robust.background()
+    assert background.shape == (480, 640, 3)
+    assert np.abs(background.astype(int) - backdrop(640, 480)).mean() < 3
+    assert enlarged(robust.mask, (640, 480)).shape == (480, 640)
+
+
+def test_a_reset_learns_anew_and_keeps_the_ids_going():
+    robust = RobustTracker()
+    for k in range(60):
+        robust.update(frame(k), k * TENTH)
+    last = robust.next_id
+    robust.reset()
+    robust.update(frame(60), 60 * TENTH)
+    assert not robust.mask.any()
+    assert robust.next_id == last
+
+
+def test_the_smallest_area_applies_live():
+    robust = RobustTracker()
+    for k in range(60):
+        robust.update(frame(k), k * TENTH)
+    assert robust.tracks
+    robust.adjust(RobustParameters(min_area=30_000))
+    for k in range(60, 100):
+        robust.update(frame(k), k * TENTH)
+    assert not robust.tracks
+
+
+@pytest.mark.parametrize(
+    ("size", "scale"), [((768, 576), 2), ((1920, 1080), 4), ((640, 480), 2), ((320, 240), 1)]
+)
+def test_large_frames_are_processed_at_a_reduced_size(size: tuple[int, int], scale: int):
+    assert working_scale(*size) == scale

@@ -1,0 +1,73 @@
+"""A path that goes on: where it leads, and how sure that is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zv.tracker.prediction.forecast import TooShort, forecast
+
+QUIET = np.full(2, 1e-6)
+TIMES_S = np.arange(30) / 10
+
+
+def test_a_straight_path_goes_on_exactly():
+    path = np.stack([5 + 2 * TIMES_S, 1 - TIMES_S], axis=1)
+    found = forecast(TIMES_S, path, 3.9, QUIET)
+    np.testing.assert_allclose(found.position, [12.8, -2.9])
+    np.testing.assert_allclose(found.velocity, [2, -1])
+    assert (found.sigma < 1e-3).all()
+
+
+def test_it_does_not_depend_on_the_rate_or_on_gaps():
+    rng = np.random.default_rng(1)
+    times_s = np.sort(rng.uniform(0, 3, 40))
+    path = np.stack([5 + 2 * times_s, 1 - times_s], axis=1)
+    np.testing.assert_allclose(forecast(times_s, path, 4.0, QUIET).position, [13, -3])
+
+
+def test_the_deviation_is_that_of_many_predictions_of_noisy_straight_paths():
+    """Of a normal distribution 68 % lie within one standard deviation and 95 % within two."""
+    rng = np.random.default_rng(2)
+    straight = np.stack([100 * TIMES_S, 20 * TIMES_S], axis=1)
+    shares = []
+    for _ in range(150):
+        path = straight + rng.normal(0, 2.0, straight.shape)
+        found = forecast(TIMES_S, path, 3.4, np.full(2, 0.5))
+        off = np.abs(found.position + rng.normal(0, 2.0, 2) - [340, 68])
+        shares.append(off / found.sigma)
+    assert (np.array(shares) < 1).mean() == pytest.approx(0.70, abs=0.1)
+    assert (np.array(shares) < 2).mean() > 0.9
+
+
+def test_a_turn_is_followed_and_makes_it_unsure():
+    turned = np.where(TIMES_S < 2, 100 * TIMES_S, 200.0)
+    path = np.stack([turned, np.maximum(0, 100 * (TIMES_S - 2))], axis=1)
+    found = forecast(TIMES_S, path, 3.4, QUIET)
+    np.testing.assert_allclose(found.velocity, [0, 100], atol=1e-6)
+    straight = np.stack([100 * TIMES_S, 0 * TIMES_S], axis=1)
+    assert forecast(TIMES_S[:25], path[:25], 3.0, QUIET).sigma.max() > 10
+    assert forecast(TIMES_S, straight, 3.4, QUIET).sigma.max() < 1
+
+
+def test_what_stands_stays():
+    found = forecast(TIMES_S, np.full((30, 2), 7.0), 12.0, QUIET)
+    np.testing.assert_allclose(found.position, [7, 7])
+    np.testing.assert_allclose(found.velocity, [0, 0])
+
+
+def test_noise_is_the_least_deviation():
+    path = np.stack([TIMES_S, TIMES_S], axis=1)
+    assert (forecast(TIMES_S, path, 3.0, np.array([0.5, 2.0])).sigma >= [0.5, 2.0]).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_a_short_path_is_refused(count: int):
+    with pytest.raises(TooShort, match=f"seen in {count} frames"):
+        forecast(TIMES_S[:count], np.zeros((count, 2)), 1.0, QUIET)
+
+
+def test_four_positions_at_equal_times_give_a_defined_result():
+    found = forecast(np.zeros(4), np.ones((4, 2)), 1.0, QUIET)
+    assert np.isfinite(found.position).all()
+    assert np.isfinite(found.sigma).all()

@@ -1,0 +1,168 @@
+"""Tracks from boxes alone: lives, ids, time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.tracker import MAX_TARGETS, Tracker, TrackingParameters
+
+SIZE = (400, 300)
+SECOND = 1_000_000_000
+
+
+def box(x: float, y: float, width: float = 20, height: float = 40) -> Fragment:
+    """Return a fragment around a middle."""
+    return Fragment(
+        x - width / 2, y - height / 2, x + width / 2, y + height / 2, width * height * 0.7
+    )
+
+
+def tracker(**changes: float) -> Tracker:
+    return Tracker(TrackingParameters(**changes), SIZE)
+
+
+def test_an_object_that_moves_is_confirmed_with_its_speed_and_keeps_its_id():
+    found = tracker()
+    for k in range(30):
+        tracks = found.update([box(50 + 6 * k, 100)], k * SECOND // 10)
+    (track,) = tracks
+    assert (track.id, track.state) == (1, "confirmed")
+    assert track.x == pytest.approx(50 + 6 * 29, abs=1)
+    assert (track.vx, track.vy) == (pytest.approx(60, abs=2), pytest.approx(0, abs=1))
+    assert track.age_s == pytest.approx(2.9)
+    assert track.missing_s == 0
+
+
+def test_what_does_not_move_or_only_grows_is_never_confirmed():
+    standing, growing = tracker(), tracker()
+    for k in range(100):
+        (still,) = standing.update([box(100, 100)], k * SECOND // 10)
+        (grown,) = growing.update([Fragment(50, 50, 70 + k, 90, 500)], k * SECOND // 10)
+        assert (still.state, grown.state) == ("tentative", "tentative")
+
+
+@pytest.mark.parametrize("rate", [5, 10, 30])
+def test_the_rate_of_the_frames_changes_neither_ids_nor_lives(rate: int):
+    found = tracker()
+    confirmed_s = lost_s = ended_s = None
+    for k in range(6 * rate):
+        now_s = k / rate
+        fragments = [box(50 + 60 * now_s, 100)] if now_s < 3 else []
+        tracks = found.update(fragments, int(now_s * SECOND))
+        states = [track.state for track in tracks]
+        if confirmed_s is None and states == ["confirmed"]:
+            confirmed_s = now_s
+        if now_s > 3 and lost_s is None and states == ["lost"]:
+            lost_s = now_s
+        if now_s > 3 and ended_s is None and not states:
+            ended_s = now_s
+    assert found.next_id == 2
+    step = 1 / rate
+    assert confirmed_s == pytest.approx(0.4, abs=max(0.1, step) + 0.15)
+    assert lost_s == pytest.approx(3.3, abs=step + 0.05)
+    assert ended_s == pytest.approx(5.0, abs=step + 0.05)
+
+
+def test_a_pause_and_dropped_frames_keep_the_track():
+    found = tracker()
+    kept = set(range(20)) | {25, 26, 31, 33, 34, 36, 39}
+    for k in sorted(kept):
+        tracks = found.update([box(50 + 6 * k, 100)], k * SECOND // 10)
+    assert [track.id for track in tracks] == [1]
+
+
+def test_the_id_of_a_track_that_ended_is_not_used_again():
+    found = tracker(keep_lost_s=0.5)
+    ids = set()
+    for k in range(90):
+        fragments = [] if k % 30 > 15 else [box(50 + 6 * (k % 30), 100)]
+        ids |= {track.id for track in found.update(fragments, k * SECOND // 10)}
+    assert ids == {1, 2, 3}
+
+
+def test_stamps_that_stand_still_age_nothing_and_those_that_go_back_count_on():
+    found = tracker()
+    for k in range(10):
+        found.update([box(50 + 6 * k, 100)], k * SECOND // 10)
+    for _ in range(50):
+        (track,) = found.update([], 9 * SECOND // 10)
+    assert (track.state, track.missing_s) == ("confirmed", 0.0)
+    (track,) = found.update([box(110, 100)], 0)
+    assert (track.id, track.age_s) == (1, pytest.approx(0.9))
+    (track,) = found.update([box(116, 100)], SECOND // 10)
+    assert (track.id, track.age_s) == (1, pytest.approx(1.0))
+
+
+def test_the_same_input_gives_the_same_tracks():
+    def results() -> list[object]:
+        random = np.random.default_rng(7)
+        found = tracker()
+        return [
+            found.update(
+                [box(*random.uniform(20, 280, 2)) for _ in range(random.integers(0, 9))],
+                k * SECOND // 10,
+            )
+            for k in range(40)
+        ]
+
+    assert results() == results()
+
+
+def test_a_prediction_follows_the_speed_and_its_uncertainty_grows():
+    found = Tracker(TrackingParameters(), SIZE, scale=2.0)
+    for k in range(30):
+        found.update([box(50 + 6 * k, 100)], k * SECOND // 10)
+    now_ns = 29 * SECOND // 10
+    x, y, sigma_x, _, vx, _ = found.predict(1, now_ns)
+    later = found.predict(1, now_ns + SECOND // 2)
+    assert (x, y) == (pytest.approx(2 * 224, abs=2), pytest.approx(200, abs=2))
+    assert vx == pytest.approx(120, abs=4)
+    assert later[0] == pytest.approx(x + vx / 2)
+    assert later[2] > sigma_x > 0
+    with pytest.raises(KeyError):
+        found.predict(99, now_ns)
+
+
+def test_two_objects_that_cross_without_pixels_keep_their_ids_by_their_motion():
+    found = tracker()
+    for k in range(60):
+        one, two = box(50 + 5 * k, 100), box(345 - 5 * k, 104)
+        if abs(one.center[0] - two.center[0]) < 20:
+            fragments = [
+                Fragment(
+                    min(one.left, two.left), 80, max(one.right, two.right), 124, one.area * 1.4
+                )
+            ]
+        else:
+            fragments = [one, two]
+        tracks = found.update(fragments, k * SECOND // 10)
+    assert {track.id: round(track.vx / 50) for track in tracks} == {1: 1, 2: -1}
+
+
+def test_two_that_entered_as_one_are_two_tracks_once_there_is_a_gap():
+    found = tracker()
+    for k in range(30):
+        x = 60 + 5 * k
+        if k < 10:
+            fragments = [Fragment(x - 22, 80, x + 22, 120, 1100)]
+        else:
+            fragments = [box(x - 12, 100), box(x + 12, 100)]
+        tracks = found.update(fragments, k * SECOND // 10)
+    assert [track.state for track in tracks] == ["confirmed", "confirmed"]
+    assert sorted(round(track.x) for track in tracks) == pytest.approx([193, 217], abs=3)
+
+
+def test_of_thousands_of_fragments_a_bounded_number_is_followed():
+    found = tracker()
+    crowd = [box(10 + 8 * (k % 45), 10 + 6 * (k // 45), 5, 4) for k in range(2000)]
+    found.parameters = TrackingParameters(min_area=1)
+    for k in range(2):
+        tracks = found.update(crowd, k * SECOND // 10)
+    assert len(tracks) <= MAX_TARGETS
+
+
+def test_no_object_for_an_hour_gives_no_tracks():
+    found = tracker()
+    assert all(found.update([], k * SECOND) == [] for k in range(3600))
