@@ -146,8 +146,13 @@ def test_while_a_frozen_router_makes_publishing_block(router, client, service, n
 @SIGNALS
 def test_while_the_source_is_stalled(router, client, service, number):
     camera = service("camera", *SMALL, "--faults", "stall@3+999999", "--stall-after", 3600)
-    wait_for_nodes(client, "camera_front")
-    Listener(client, "vision/front/image/compressed").wait_for(1)
+    health = Listener(client, "@vision/diagnostics/camera_front")
+
+    def stalled() -> bool:  # frames 0 to 2 may be gone before anyone subscribes
+        reports = health.messages
+        return bool(reports) and reports[-1].body["counters"]["captured"] == 3
+
+    wait_until(stalled)
     check_ends([camera], number)
 
 
