@@ -336,7 +336,8 @@ def test_programs_of_ones_own_have_rows_and_a_remap_reaches_them_too(tmp_path):
         "from zenoh_vision import Connection, Node\n"
         "camera = sys.argv[1].removeprefix('--camera=')\n"
         "connection = Connection(os.environ['ZV_CONNECT'], os.environ['ZV_NAMESPACE'])\n"
-        "with Node('mean', camera=camera, connection=connection) as node:\n"
+        "keys = ['edges/compressed', 'centroid']\n"
+        "with Node('mean', camera=camera, connection=connection, publishes=keys) as node:\n"
         "    for frame in node.frames('image/compressed', want='gray'):\n"
         "        print(frame.header.camera, flush=True) if frame.header.seq % 9 == 0 else None\n"
     )
@@ -344,6 +345,7 @@ def test_programs_of_ones_own_have_rows_and_a_remap_reaches_them_too(tmp_path):
     with up(tmp_path, str(launch), *flags) as program:
         program.lines(r"mean_left +running +rate [1-9]\d.*dropped.*")
         program.lines(r"idle +running, no node.*")
+        program.lines(r"mean_left publishes robot1/left/edges/compressed, robot1/left/centroid")
         assert "idle runs, but no node of this name has announced itself" in program.complaints
         wait_until(lambda: "mean_left: left" in program.complaints)
         started = psutil.Process(program.process.pid).children(recursive=True)

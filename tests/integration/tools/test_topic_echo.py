@@ -190,7 +190,7 @@ def test_on_a_key_that_nobody_publishes_it_says_how_the_wait_ends(endpoint, clie
     options = EchoOptions(key="nobody/here", once=True)
     echo.run(options, Connection(endpoint, timeout_s=5), Answering())
     assert len(notes) == 1
-    assert notes[0].endswith("; waiting for it (Ctrl-C ends it, --for 5s limits it)")
+    assert notes[0].endswith(" waiting for it (Ctrl-C ends it, --for 5s limits it)")
 
 
 def test_a_part_that_this_message_lacks_is_no_wrong_use(echoed, client, capsys):

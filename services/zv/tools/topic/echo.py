@@ -15,7 +15,7 @@ from zenoh_vision.messages import MESSAGES
 from zenoh_vision.stream.buffer import Buffer, queue
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import POLL_S
-from zv.tools.shared.discovery import discover
+from zv.tools.shared.discovery import discover, waiting_for
 from zv.tools.shared.message_types import MessageType, foreign_types, known_type
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
@@ -39,8 +39,6 @@ MAX_TYPES = 10
 """How many types of messages on one key are looked up: each may take a query."""
 QUERY_AFTER_S = 1.0
 """After this long without a message the newest one is queried, as it may be sent only once."""
-
-WAITING = "waiting for it (Ctrl-C ends it, --for 5s limits it)"
 
 
 def run(options: EchoOptions, connection: Connection, output: Output) -> None:
@@ -108,7 +106,7 @@ def _samples(
             if not waiting.filled:
                 yield from newest
                 if not newest and for_s is None:
-                    output.note(f"{discover(session).nothing_on(pattern)}; {WAITING}")
+                    output.note(waiting_for(discover(session).nothing_on(pattern)))
 
 
 class _Printer:
