@@ -295,7 +295,7 @@ def frame_of(
     if sample.encoding == keys.BITS:
         mono = header.model_copy(update={"encoding": "mono8"})
         pixels = unpack_bits(sample.payload, header.width, header.height)
-        return Frame(mono, pixels=pixels, key=sample.key)
+        return Frame(mono, pixels=pixels, key=sample.key, bilevel=True)
     if not raw:
         return Frame(header, compressed=bytes(sample.payload), key=sample.key, finder=finder)
     payload = sample.payload if borrow else bytes(sample.payload)
