@@ -92,6 +92,16 @@ def test_scaled_finds_the_same_place_in_a_picture_of_another_size():
 # The way through a lens and onto the plane.
 
 
+@pytest.mark.parametrize(("y_up", "mirrored"), [(0.005, False), (-0.005, True)])
+def test_a_plane_is_mirrored_if_its_y_is_up_where_that_of_the_picture_is_down(
+    y_up: float, mirrored: bool
+):
+    plane = Plane((0.004, 0, 0, 0, y_up, 0, 0, 0.0008, 1))
+    assert PlaneView(BENT, plane).mirrored is mirrored
+    flipped = plane.mirrored(640, 480, sideways=True, upside_down=False)
+    assert PlaneView(BENT, flipped).mirrored is not mirrored
+
+
 def test_positions_return_to_their_pixels():
     view = PlaneView(BENT, TILTED)
     np.testing.assert_allclose(view.pixels(view.positions(PIXELS)), PIXELS, atol=1e-3)
