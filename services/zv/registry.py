@@ -26,6 +26,7 @@ class Service:
         example: Command lines that start it, one a line.
         command: Its command, if that differs from its name.
         of_camera: Whether it belongs to one camera, whose name is then part of its node's name.
+        of_several: Whether it can belong to several cameras: ``front,left``, or ``*`` for all.
         publishes: Topics that it may publish, by suffix (``image/compressed``), the main one first.
         consumes: Topics that it subscribes to, by suffix, or ``EVERY_TOPIC``.
         files: Module and class of further flags, with one of which it works on files, without a
@@ -37,6 +38,7 @@ class Service:
     example: str
     command: str = ""
     of_camera: bool = True
+    of_several: bool = False
     publishes: tuple[str, ...] = ()
     consumes: tuple[str, ...] = ()
     files: str = ""
@@ -60,6 +62,7 @@ SERVICES = {
         "zv.tracker.settings:TrackerSettings",
         "Publish the moving objects of each frame, with ids.",
         "zv tracker --camera front --min-area 400",
+        of_several=True,
         publishes=(
             "centroid",
             "tracks",

@@ -14,6 +14,12 @@ from zenoh_vision.calibration.camera_model import CalibrationFault, Points, chec
 
 LEAST_PAIRS: Final = 4
 
+MOST: Final = 1e12
+"""Largest coordinate: their squares and products must be numbers."""
+
+ROUNDING: Final = 1e-12
+"""Ratio of the smallest to the largest singular value that may be 0 but for rounding."""
+
 LEAST_RATIO: Final = 1e-3
 """Of the smallest singular value that must not be 0 to the largest, with points of size 1."""
 
@@ -38,8 +44,7 @@ class Plane:
 
     def __post_init__(self) -> None:
         checked_numbers("plane", self.h, 9)
-        size = float(np.abs(self.h).max())
-        if size == 0 or abs(np.linalg.det(self.matrix / size)) < 1e-15:
+        if _is_singular(self.matrix):
             raise CalibrationFault("plane", str(list(self.h)), "an invertible 3x3 matrix")
 
     @cached_property
@@ -107,8 +112,8 @@ def fit_plane(pixels: Points, world: Points) -> PlaneFit:
         world: (n, 2), the same points on the plane, in any unit.
 
     Raises:
-        DegeneratePairs: There are too few, three of four are on one line, or they contradict each
-            other.
+        DegeneratePairs: There are too few, three of four are on one line, they contradict each
+            other, or a number is not finite or too large.
     """
     if len(pixels) < LEAST_PAIRS:
         raise DegeneratePairs(
@@ -116,8 +121,8 @@ def fit_plane(pixels: Points, world: Points) -> PlaneFit:
             "no three of them on a line"
         )
     for name, points in (("pixels", pixels), ("world", world)):
-        if not np.isfinite(points).all():
-            raise DegeneratePairs(f"a number of the {name} is not finite")
+        if not (np.abs(points) <= MOST).all():
+            raise DegeneratePairs(f"a number of the {name} is not finite or beyond {MOST:g}")
     matrix = _homography(pixels, world)
     if matrix is None or _independence(pixels, world, matrix) < LEAST_RATIO:
         raise DegeneratePairs(
@@ -131,7 +136,10 @@ def fit_plane(pixels: Points, world: Points) -> PlaneFit:
             "the others; are two of them swapped?"
         )
     matrix = matrix * np.sign(side[0]) / np.linalg.norm(matrix)
-    plane = Plane(tuple(matrix.ravel().tolist()))
+    try:
+        plane = Plane(tuple(matrix.ravel().tolist()))
+    except CalibrationFault as fault:
+        raise DegeneratePairs(f"the pairs do not determine a plane: {fault}") from None
     residuals = np.linalg.norm(plane.world(pixels) - world, axis=1)
     return PlaneFit(plane, residuals, _per_pixel(pixels, world))
 
@@ -149,8 +157,17 @@ def _per_pixel(pixels: Points, world: Points) -> float:
 
 
 def _homography(pixels: Points, world: Points) -> NDArray[np.float64] | None:
-    found, _ = cv2.findHomography(pixels, world, 0)
-    return None if found is None else np.asarray(found, np.float64)
+    """Return the homography of least squared error in the world; None if none is found.
+
+    OpenCV's refinement depends on the units and on the distance from the origin.
+    """
+    to_pixels, to_world = _normalisation(pixels), _normalisation(world)
+    found, _ = cv2.findHomography(
+        _mapped(to_pixels, pixels, one_side=False), _mapped(to_world, world, one_side=False), 0
+    )
+    if found is None:
+        return None
+    return np.asarray(np.linalg.solve(to_world, found @ to_pixels), np.float64)
 
 
 def _independence(pixels: Points, world: Points, matrix: NDArray[np.float64]) -> float:
@@ -178,6 +195,17 @@ def _normalisation(points: Points) -> NDArray[np.float64]:
     center = points.mean(axis=0)
     size = float(np.sqrt(((points - center) ** 2).sum(axis=1).mean() / 2)) or 1.0
     return np.array([[1 / size, 0, -center[0] / size], [0, 1 / size, -center[1] / size], [0, 0, 1]])
+
+
+def _is_singular(matrix: NDArray[np.float64]) -> bool:
+    """Tell whether a matrix cannot be inverted, whatever the units of its rows and columns."""
+    for axis in (1, 0, 1, 0):
+        sizes = np.abs(matrix).max(axis=axis, keepdims=True)
+        if not sizes.all():
+            return True
+        matrix = matrix / sizes
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return bool(values[2] <= ROUNDING * values[0])
 
 
 def _mapped(matrix: NDArray[np.float64] | None, points: Points, *, one_side: bool) -> Points:

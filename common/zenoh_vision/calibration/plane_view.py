@@ -29,6 +29,14 @@ class PlaneView:
     camera: CameraModel
     plane: Plane
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether right of a way in the picture is left of it by X, Y, as with Y up on a map.
+
+        No lens mirrors, so it is the sign of the homography's determinant.
+        """
+        return bool(np.linalg.slogdet(self.plane.matrix).sign < 0)
+
     def positions(self, points: Points) -> Points:
         """Return X, Y of pixels, (n, 2); NaN for a pixel that shows no point of the plane."""
         return self.plane.world(self.camera.undistorted(points))

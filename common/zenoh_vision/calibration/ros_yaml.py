@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -96,7 +97,8 @@ def write_calibration(calibration: Calibration, path: str | Path) -> None:
         part.write_text(yaml_text(calibration))
         part.replace(path)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # what failed first is the reason
+            part.unlink(missing_ok=True)
         raise SourceError(f"{path}: {error.strerror or error}") from None
 
 

@@ -31,6 +31,14 @@ from zenoh_vision.keys import DEFAULT_CAMERA, NAME
 
 NAME_FORM = Form("letters a-z, digits and _")
 CameraName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=64), NAME_FORM]
+ALL_CAMERAS = "*"
+CameraNames = Annotated[
+    str,
+    Field(pattern=r"^([a-z0-9_]+(,[a-z0-9_]+)*|\*)$", max_length=1000),
+    Form("letters a-z, digits and _; several separated by commas; or *"),
+]
+"""One camera, several, or all: ``front``, ``front,left``, ``*``."""
+
 Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
 """A text that may be written as a number in TOML: ``source = 0``."""
 
@@ -84,6 +92,11 @@ class ServiceSettings(Settings):
     """Base of the options of a service that belongs to a camera."""
 
     camera: Annotated[CameraName, Field(description="camera this node belongs to")] = DEFAULT_CAMERA
+
+
+def cameras_of(names: str) -> tuple[str, ...]:
+    """Return the cameras of a ``CameraNames``, each once; none if it is all that there are."""
+    return () if names == ALL_CAMERAS else tuple(dict.fromkeys(names.split(",")))
 
 
 def flag_of(name: str) -> str:

@@ -10,7 +10,13 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from zenoh_vision.config.settings import NAME_FORM, CameraName, Settings, load_settings
+from zenoh_vision.config.settings import (
+    NAME_FORM,
+    CameraName,
+    Settings,
+    cameras_of,
+    load_settings,
+)
 from zenoh_vision.error_text import shortened, suggestion
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import NAME
@@ -29,7 +35,7 @@ class PlannedNode:
     """One node that is a service of ``zv``, with its checked options.
 
     Attributes:
-        name: ``{service}_{camera}``, or ``{service}`` of one that serves all cameras.
+        name: ``{service}_{camera}``, or ``{service}`` of one that serves several or all cameras.
     """
 
     name: str
@@ -133,7 +139,7 @@ def remapped_cameras(texts: Sequence[str]) -> dict[str, str]:
 
 def _remapped(path: Path, tables: LaunchTables, remap: Mapping[str, str]) -> list[NodeTable]:
     """Return the tables of the nodes with the names of their cameras replaced."""
-    cameras = {camera for table in tables.node if (camera := _camera_of(table)) is not None}
+    cameras = {camera for table in tables.node for camera in _cameras_of(table)}
     both = [(f"{path}: remap.", tables.remap), (f"{path}: --remap ", remap)]
     for old, place in [(old, place) for place, names in both for old in names]:
         if old not in cameras:
@@ -144,19 +150,19 @@ def _remapped(path: Path, tables: LaunchTables, remap: Mapping[str, str]) -> lis
             )
     names = {**tables.remap, **remap}
     return [
-        table.model_copy(update={"camera": names[camera]})
-        if (camera := _camera_of(table)) in names
+        table.model_copy(update={"camera": ",".join(names.get(each, each) for each in cameras)})
+        if (cameras := _cameras_of(table))
         else table
         for table in tables.node
     ]
 
 
-def _camera_of(table: NodeTable) -> str | None:
-    """Return the camera of a node; None if it has none."""
+def _cameras_of(table: NodeTable) -> tuple[str, ...]:
+    """Return the cameras that a node names."""
     if table.command is not None:
-        return table.camera if "camera" in table.model_fields_set else None
+        return cameras_of(table.camera) if "camera" in table.model_fields_set else ()
     service = SERVICES.get(table.service)
-    return table.camera if service is not None and service.of_camera else None
+    return cameras_of(table.camera) if service is not None and service.of_camera else ()
 
 
 def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
@@ -172,12 +178,15 @@ def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
                 f"{place}.{key} is not allowed for a service of zv; allowed: with command = ..."
             )
     _check_camera_beside_settings(place, table)
-    of_camera = SERVICES[table.service].of_camera
+    service = SERVICES[table.service]
+    of_camera = service.of_camera
     if not of_camera and "camera" in table.model_fields_set:
         raise ConfigurationError(
             f"{place}.camera = {table.camera!r} is not allowed: a {table.service} serves all "
             "cameras; allowed: leave it out"
         )
+    if not service.of_several:
+        _check_one_camera(place, table)
     settings = load_settings(
         model_of(table.service),
         flags={"camera": table.camera} if of_camera else {},
@@ -185,18 +194,20 @@ def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
         inline=table.settings,
         inline_place=f"{place}.settings",
     )
-    name = f"{table.service}_{table.camera}" if of_camera else table.service
+    cameras = _cameras_of(table)
+    name = f"{table.service}_{cameras[0]}" if len(cameras) == 1 else table.service
     return PlannedNode(name, table.service, settings, table.restart)
 
 
 def _program(path: Path, place: str, table: NodeTable) -> PlannedProgram:
-    camera = _camera_of(table)
+    camera = table.camera if "camera" in table.model_fields_set else None
     if table.service == "router" or not NAME.fullmatch(table.service):
         raise ConfigurationError(
             f"{place}.service = {shortened(table.service)} is not allowed; allowed: a name of "
             f"your own of the form {NAME.pattern}, other than router"
         )
     _check_camera_beside_settings(place, table)
+    _check_one_camera(place, table)
     name = table.service if camera is None else f"{table.service}_{camera}"
     folder = path.parent.absolute() / (table.cwd or "")
     if not folder.is_dir():
@@ -248,6 +259,16 @@ def _check_camera_beside_settings(place: str, table: NodeTable) -> None:
             f"{place}.settings.camera = {shortened(table.settings['camera'])} is not allowed; "
             "allowed: camera = ... beside settings"
         )
+
+
+def _check_one_camera(place: str, table: NodeTable) -> None:
+    try:
+        CAMERA.validate_python(table.camera)
+    except ValidationError:
+        raise ConfigurationError(
+            f"{place}.camera = {shortened(table.camera)} is not allowed: {table.service} serves "
+            f"one camera; allowed: {NAME_FORM.words}, at most 64 characters"
+        ) from None
 
 
 def _beside(path: Path, place: str, name: str | None) -> str | None:

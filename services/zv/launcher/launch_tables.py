@@ -9,7 +9,7 @@ from typing import Annotated, Any, NoReturn
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from zenoh_vision.config.constraints import allowed_and_default, unknown_key, wrong_value
-from zenoh_vision.config.settings import CameraName, Text, read_toml
+from zenoh_vision.config.settings import CameraName, CameraNames, Text, read_toml
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
 from zenoh_vision.transport.connection import DEFAULT_ENDPOINT
@@ -84,10 +84,11 @@ class NodeTable(Table):
         ),
     ] = None
     camera: Annotated[
-        CameraName,
+        CameraNames,
         Field(
             description="camera of the node, whose name is {service}_{camera}; not for a viewer. "
-            "A command has none unless it is given"
+            "A command has none unless it is given. A tracker may have several, as front,left, or "
+            "* for all, and is then named tracker"
         ),
     ] = DEFAULT_CAMERA
     config: Annotated[

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from zenoh_vision.config.settings import load_settings
+from zenoh_vision.config.settings import ALL_CAMERAS, cameras_of, load_settings
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.topics import CENTROID, COMPRESSED, EDGES
 from zenoh_vision.transport.connection import Connection
@@ -190,9 +190,10 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
     for node in plan.nodes:
         if isinstance(node, PlannedNode) and node.service in SHOWN:
             topic = SHOWN[node.service]
-            camera = node.name.removeprefix(f"{node.service}_")
-            keys.append(topic.key(connection.namespace, camera))
-            lines.append(f"  {keys[-1]:<36} {topic.encoding}")
+            names: str = getattr(node.settings, "camera")  # noqa: B009 - of these services
+            for camera in cameras_of(names) or (ALL_CAMERAS,):
+                keys.append(topic.key(connection.namespace, camera))
+                lines.append(f"  {keys[-1]:<36} {topic.encoding}")
     head = "; published keys, for any Zenoh program:" if keys else ""
     lines.insert(0, f"router: {connection.connect} ({whose}){head}")
     if keys:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import threading
+from collections import deque
 from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
 
 import zenoh
 
@@ -16,14 +18,31 @@ from zenoh_vision.topics import topic_named
 from zenoh_vision.transport.query import Query, Replies, send
 from zenoh_vision.transport.session import direct
 
+WAITING: Final = 16
+"""Calibrations that wait for a frame; of more, the newest."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrival:
+    """What came on Zenoh's thread, to be read by the tracker's loop.
+
+    Attributes:
+        sample: What was published or answered; None if nobody answered.
+        question: Number of the question that it answers; 0 if it was published.
+    """
+
+    sample: zenoh.Sample | None
+    question: int = 0
+
 
 class CameraPlane:
-    """The plane that a camera sees, for each of its frames; safe between threads.
+    """The plane that a camera sees, for each of its frames.
 
-    A calibration may come at any time. It is subscribed to, and asked for with the first frame of
-    each epoch, since it may have been published before. If then nobody answers, and none came
-    since the epoch before began, there is none any more. One that is not possible is dropped, and
-    the former one stays.
+    A calibration may come at any time, from the camera or from another program. It is subscribed
+    to, and asked for with the first frame of each epoch, since it may have been published before.
+    One whose publisher answers is gone when nobody answers any more: the camera runs again, without
+    a calibration. One that was only published stays until another comes. One that is not possible
+    is dropped, and the former one stays.
 
     Args:
         node: The tracker, open.
@@ -34,14 +53,18 @@ class CameraPlane:
         self._node = node
         self._camera = camera
         self._key = topic_named("camera_info").key(node.connection.namespace, camera)
-        self._lock = threading.Lock()
+        self._arrived: deque[_Arrival] = deque(maxlen=WAITING)
         self._calibration: Calibration | None = None
-        self._arrived = self._asked_at = 0
+        self._is_answered = False  # its publisher answers queries
+        self._question = 0
+        self._published_since = False  # the question
         self._epoch: int | None = None
         self._view: PlaneView | None = None
         self._made_for: tuple[Calibration | None, int, int] | None = None
         self._subscription = node.link.declare(
-            lambda session: session.declare_subscriber(self._key, direct(self._take))
+            lambda session: session.declare_subscriber(
+                self._key, direct(lambda sample: self._arrived.append(_Arrival(sample)))
+            )
         )
 
     def close(self) -> None:
@@ -54,6 +77,8 @@ class CameraPlane:
         A calibration for another size of the same shape is scaled; one for another shape is
         not used.
         """
+        while self._arrived:
+            self._take(self._arrived.popleft())
         if header.epoch != self._epoch:
             self._epoch = header.epoch
             self._ask()
@@ -65,34 +90,37 @@ class CameraPlane:
         return self._view
 
     def _ask(self) -> None:
-        with self._lock:
-            former, self._asked_at = self._asked_at, self._arrived
-            now = self._arrived
+        self._question += 1
+        self._published_since = False
+        question = self._question
 
         def done(replies: Replies) -> None:
             samples = [reply.ok for reply in replies if reply.ok is not None]
-            if samples and self._arrived == now:  # else what was published meanwhile is newer
-                self._take(samples[-1])
-                with self._lock:
-                    self._asked_at = self._arrived  # it came by asking, so it was there before
-            elif not samples and not replies.timed_out:
-                with self._lock:
-                    if self._arrived == former:  # it is of an epoch before
-                        self._calibration = None
+            if samples or not replies.timed_out:
+                self._arrived.append(_Arrival(samples[-1] if samples else None, question))
 
         with suppress(zenoh.ZError):  # the session is being closed or replaced
             send(self._node.link.session, Query(self._key), done)
 
-    def _take(self, sample: zenoh.Sample) -> None:
-        try:
-            calibration = self._read(sample)
-        except PayloadError as error:
-            self._node.counters.arrive()
-            self._node.drop(error)
-            return
-        with self._lock:
-            self._arrived += 1
-            self._calibration = calibration
+    def _take(self, arrival: _Arrival) -> None:
+        calibration = None
+        if arrival.sample is not None:
+            try:
+                calibration = self._read(arrival.sample)
+            except PayloadError as error:
+                self._node.counters.arrive()
+                self._node.drop(error)
+                return
+        if arrival.question == 0:
+            self._calibration, self._is_answered = calibration, False
+            self._published_since = True
+        elif arrival.question != self._question:
+            return  # of an epoch before
+        elif arrival.sample is None:
+            if self._is_answered:
+                self._calibration, self._is_answered = None, False
+        elif calibration == self._calibration or not self._published_since:
+            self._calibration, self._is_answered = calibration, True
 
     def _read(self, sample: zenoh.Sample) -> Calibration | None:
         if sample.kind == zenoh.SampleKind.DELETE:

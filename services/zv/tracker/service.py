@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision import Connection, Frame, Node
+from zenoh_vision.config.settings import ALL_CAMERAS
 from zv.registry import published_by
 from zv.tracker.camera_tracking import CameraTracking, decoded
-from zv.tracker.settings import ALL_CAMERAS, TrackerSettings
+from zv.tracker.settings import TrackerSettings
 
 MAX_CAMERAS = 64
 """With ``*``, cameras that appear later than so many others are not tracked: their frames count as

@@ -10,7 +10,7 @@ from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
-from zenoh_vision.config.settings import FromText, ServiceSettings
+from zenoh_vision.config.settings import CameraNames, FromText, ServiceSettings, cameras_of
 from zenoh_vision.keys import DEFAULT_CAMERA, Transport
 from zv.tracker import shapes
 
@@ -30,22 +30,14 @@ def _lines(text: str) -> str:
     return text
 
 
-ALL_CAMERAS = "*"
-
-
 class TrackerSettings(ServiceSettings):
     """Options of ``zv tracker``; those of ``tutorial`` have the tutorial's values as defaults."""
 
     env_prefix: ClassVar[str] = "ZV_TRACKER_"
 
     camera: Annotated[
-        str,
-        Field(
-            pattern=r"^([a-z0-9_]+(,[a-z0-9_]+)*|\*)$",
-            max_length=1000,
-            description="camera this node belongs to; several as front,left, or * for all",
-        ),
-        Form("letters a-z, digits and _; several separated by commas; or *"),
+        CameraNames,
+        Field(description="camera this node belongs to; several as front,left, or * for all"),
     ] = DEFAULT_CAMERA
 
     pipeline: Annotated[
@@ -224,9 +216,7 @@ class TrackerSettings(ServiceSettings):
     @property
     def cameras(self) -> tuple[str, ...]:
         """The cameras by name, each once; none if it is all that there are."""
-        if self.camera == ALL_CAMERAS:
-            return ()
-        return tuple(dict.fromkeys(self.camera.split(",")))
+        return cameras_of(self.camera)
 
     @model_validator(mode="after")
     def _depth_in_order(self) -> Self:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import msgpack
 import pytest
@@ -12,10 +13,11 @@ import zenoh
 from tests.support.listening import open_client
 from tests.support.publishing import wait_for_subscriber
 from tests.support.waiting import wait_until
-from zenoh_vision import Connection, Header, Node
+from zenoh_vision import CameraInfo, Connection, Header, Node
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
+from zenoh_vision.transport.query import Query, Replies, send
 from zv.tracker.camera_plane import CameraPlane
 
 KEY = "vision/front/camera_info"
@@ -75,6 +77,42 @@ def test_one_that_was_published_before_is_asked_for_and_forgotten_when_it_is_gon
     wait_until(lambda: plane.view(header(epoch=6)) is None)
 
 
+def test_one_that_another_program_published_once_stays_through_epochs_in_which_nobody_answers(
+    plane: CameraPlane, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+):
+    answers = []
+
+    def counted(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) -> None:
+        send(session, query, lambda replies: (done(replies), answers.append(list(replies)))[0])
+
+    monkeypatch.setattr("zv.tracker.camera_plane.send", counted)
+    wait_for_subscriber(client, KEY)
+    client.put(KEY, calibrated(0.01))
+    wait_until(lambda: where(plane, header(epoch=5)) == (1, 0.5))
+    for epoch, answered in ((6, 2), (7, 3)):
+        plane.view(header(epoch=epoch))
+        wait_until(lambda: len(answers) == answered)  # noqa: B023 - waited for here
+        assert where(plane, header(epoch=epoch)) == (1, 0.5)
+    assert answers == [[], [], []]
+
+
+def test_it_is_read_by_the_loop_and_not_on_zenohs_thread(
+    plane: CameraPlane, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+):
+    readers = []
+    read = CameraInfo.from_bytes
+
+    def recorded(payload: bytes) -> CameraInfo:
+        readers.append(threading.current_thread())
+        return read(payload)
+
+    monkeypatch.setattr(CameraInfo, "from_bytes", recorded)
+    wait_for_subscriber(client, KEY)
+    client.put(KEY, calibrated(0.01))
+    wait_until(lambda: plane.view(header()))
+    assert set(readers) == {threading.current_thread()}
+
+
 def test_another_size_is_scaled_and_another_shape_has_no_plane(
     plane: CameraPlane, client: zenoh.Session
 ):
@@ -84,6 +122,10 @@ def test_another_size_is_scaled_and_another_shape_has_no_plane(
     x, y = where(plane, header(320, 240)) or (0, 0)
     assert (x, y) == pytest.approx((2.005, 1.005))
     assert plane.view(header(640, 360)) is None
+
+
+def dropped(node: Node, reason: str) -> int:
+    return node.counters.snapshot().get(f"dropped.{reason}", 0)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +145,7 @@ def test_a_bad_one_is_dropped_and_counted_and_the_former_one_stays(
     client.put(KEY, calibrated(0.01))
     wait_until(lambda: plane.view(header()))
     client.put(KEY, payload)
-    wait_until(lambda: node.counters.snapshot().get(f"dropped.{reason}") == 1)
+    wait_until(lambda: where(plane, header()) and dropped(node, reason) == 1)
     assert where(plane, header()) == (1, 0.5)
     counters = node.counters.snapshot()
     assert (counters["received"], counters["pending"]) == (1, 0)

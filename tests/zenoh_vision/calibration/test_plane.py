@@ -66,9 +66,10 @@ def test_the_worth_of_four_pairs_is_the_movement_for_one_pixel_at_each():
         (np.array([(n, n) for n in range(6)]), np.array([(n, 2 * n) for n in range(6)]), "line"),
         (np.zeros((4, 2)), WORLD, "on a line"),
         (PIXELS, WORLD[[0, 1, 3, 2]], "contradict"),
-        (PIXELS * np.nan, WORLD, "not finite"),
+        (PIXELS * np.nan, WORLD, "pixels is not finite"),
+        (PIXELS, WORLD * 1e300, r"world is .* beyond 1e\+12"),
     ],
-    ids=["three", "a line", "three of four on a line", "diagonal", "one", "swapped", "nan"],
+    ids=["three", "a line", "three of four on a line", "diagonal", "one", "swapped", "nan", "huge"],
 )
 def test_pairs_that_do_not_determine_a_plane_are_refused(
     pixels: np.ndarray, world: np.ndarray, says: str
@@ -77,10 +78,23 @@ def test_pairs_that_do_not_determine_a_plane_are_refused(
         fit_plane(np.asarray(pixels, float), np.asarray(world, float))
 
 
-@pytest.mark.parametrize("h", [(0.0,) * 9, (1.0, 2, 3, 2, 4, 6, 0, 0, 1), (1.0,) * 8])
+@pytest.mark.parametrize("h", [(0.0,) * 9, (1.0, 2, 3, 2, 4, 6, 7, 8, 9), (1.0,) * 8])
 def test_a_homography_that_cannot_be_inverted_is_refused(h: tuple[float, ...]):
     with pytest.raises(CalibrationFault):
         Plane(h)
+
+
+@pytest.mark.parametrize(
+    ("unit", "far"), [(1e-9, 0.0), (1e9, 0.0), (1e-3, 5e6)], ids=["km", "nm", "map projection"]
+)
+def test_the_fit_is_the_same_in_all_units_and_far_from_the_origin(unit: float, far: float):
+    """With an error in a pair, so that there is something to weigh."""
+    pixels = np.array([(31, 297), (462, 320), (380, 75), (70, 60), (240, 190)], float)
+    world = np.array([(0, 0), (800, 0), (800, 400), (0, 400), (430, 158)], float)
+    expected, fit = fit_plane(pixels, world), fit_plane(pixels, world * unit + far)
+    np.testing.assert_allclose(fit.residuals / unit, expected.residuals, rtol=1e-4)
+    assert fit.per_pixel / unit == pytest.approx(expected.per_pixel, rel=1e-4)
+    Plane(fit.plane.h)  # as it is read from a file
 
 
 def test_scaled_finds_the_same_place_in_a_picture_of_another_size():
@@ -90,6 +104,16 @@ def test_scaled_finds_the_same_place_in_a_picture_of_another_size():
 
 
 # The way through a lens and onto the plane.
+
+
+@pytest.mark.parametrize(("y_up", "mirrored"), [(0.005, False), (-0.005, True)])
+def test_a_plane_is_mirrored_if_its_y_is_up_where_that_of_the_picture_is_down(
+    y_up: float, mirrored: bool
+):
+    plane = Plane((0.004, 0, 0, 0, y_up, 0, 0, 0.0008, 1))
+    assert PlaneView(BENT, plane).mirrored is mirrored
+    flipped = plane.mirrored(640, 480, sideways=True, upside_down=False)
+    assert PlaneView(BENT, flipped).mirrored is not mirrored
 
 
 def test_positions_return_to_their_pixels():

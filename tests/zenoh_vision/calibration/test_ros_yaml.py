@@ -123,6 +123,9 @@ def test_a_file_that_cannot_be_opened_or_written_is_named(path: Path):
     with pytest.raises(SourceError, match="nowhere"):
         write_calibration(Calibration(camera), path.parent / "nowhere" / "front.yaml")
     assert not list(path.parent.iterdir())
+    path.write_text("a file, not a folder")
+    with pytest.raises(SourceError, match=r"front\.yaml/other\.yaml: Not a directory"):
+        write_calibration(Calibration(camera), path / "other.yaml")
 
 
 # The message.

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.transport.connection import Connection
 from zv.cli.loading import load
 from zv.launcher.command_line import service_flags
 from zv.launcher.launch_file import PlannedNode, read_launch_file
-from zv.launcher.starting import addresses, launch_file, with_ports
+from zv.launcher.starting import addresses, how_to_subscribe, launch_file, with_ports
 
 ROOT = Path(__file__).parent.parent.parent.parent
 NODE = '[[node]]\nservice = "camera"\n'
@@ -56,6 +57,33 @@ def test_two_cameras_differ_in_name_and_scene():
     ]
 
 
+@pytest.mark.parametrize("cameras", ["left,right", "*"])
+def test_one_tracker_may_serve_several_cameras(tmp_path: Path, cameras: str):
+    path = launch(tmp_path, f'[[node]]\nservice = "tracker"\ncamera = "{cameras}"\n')
+    (node,) = read_launch_file(path).nodes
+    assert node.name == "tracker"
+    assert command_of(node)[0] == ["tracker", "--camera", cameras]
+
+
+def test_each_camera_of_a_tracker_is_remapped(tmp_path: Path):
+    path = launch(tmp_path, '[[node]]\nservice = "tracker"\ncamera = "left,right"\n')
+    (node,) = read_launch_file(path, {"left": "bay"}).nodes
+    assert command_of(node)[0] == ["tracker", "--camera", "bay,right"]
+
+
+@pytest.mark.parametrize(
+    ("cameras", "keys"),
+    [("left,right", ["left", "right"]), ("*", ["*"]), ("left", ["left"])],
+)
+def test_the_keys_of_each_camera_of_a_tracker_are_shown(
+    tmp_path: Path, cameras: str, keys: list[str]
+):
+    path = launch(tmp_path, f'[[node]]\nservice = "tracker"\ncamera = "{cameras}"\n')
+    said = how_to_subscribe(read_launch_file(path), Connection(), own_router=True)
+    shown = [line.split()[0] for line in said if line.startswith("  ")]
+    assert shown == [f"vision/{key}/centroid" for key in keys]
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -70,6 +98,12 @@ def test_two_cameras_differ_in_name_and_scene():
         ("node = []\n", ["node = []", "one or more [[node]]"]),
         ('[[node]]\ncamera = "x"\n', ["node[0].service is missing", "camera, tracker, edge"]),
         (NODE + 'camera = "Front!"\n', ["node[0].camera = 'Front!'", "letters a-z, digits and _"]),
+        (NODE + 'camera = "*"\n', ["node[0].camera = '*'", "serves one camera"]),
+        ('[[node]]\nservice = "edge"\ncamera = "a,b"\n', ["a,b", "one camera"]),
+        (
+            '[[node]]\nservice = "x"\ncommand = "sh"\ncamera = "a,b"\n',
+            ["'a,b'", "serves one camera"],
+        ),
         (NODE + "config = 3\n", ["node[0].config = 3", "a text"]),
         ('[[node]]\nservice = "camra"\n', ["node[0].service = 'camra'", "mean 'camera'?"]),
         ('[[node]]\nservice = "router"\n', ["node[0]", "'router'"]),

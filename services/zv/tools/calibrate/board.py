@@ -73,7 +73,8 @@ class Board:
     def find(self, gray: Gray) -> BoardView | None:
         """Return the board in a picture, (height, width); None if it is not found.
 
-        A chessboard must be seen as a whole, a ChArUco board with at least eight corners.
+        A chessboard must be seen as a whole, a ChArUco board with at least eight corners that are
+        not on a line, all or all but one.
         """
         found = self._charuco(gray) if self.kind == "charuco" else self._chessboard(gray)
         if found is None:
@@ -98,8 +99,10 @@ class Board:
         chosen = np.asarray(ids).ravel()
         # OpenCV's origin is the corner of the board, which has no corner to see.
         points = self.drawing.getChessboardCorners()[chosen, :2] - self.square
-        pixels = np.asarray(corners, np.float64).reshape(-1, 2)
-        return np.asarray(points, np.float64), pixels
+        points = np.asarray(points, np.float64)
+        if _on_a_line(points):
+            return None
+        return points, np.asarray(corners, np.float64).reshape(-1, 2)
 
     @cached_property
     def drawing(self) -> Any:
@@ -112,3 +115,17 @@ class Board:
     @cached_property
     def _detector(self) -> Any:
         return cv2.aruco.CharucoDetector(self.drawing)
+
+
+def _on_a_line(points: Points) -> bool:
+    """Tell whether points are on a line, all or all but one: they say nothing of the lens.
+
+    Args:
+        points: (n, 2), corners of a grid.
+    """
+    for left_out in range(len(points)):
+        others = np.delete(points, left_out, axis=0)
+        across, along = np.linalg.svd(others - others.mean(axis=0), compute_uv=False)[::-1]
+        if across <= 1e-6 * along:
+            return True
+    return False

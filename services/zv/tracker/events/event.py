@@ -46,8 +46,8 @@ class Event:
         id: Of the track.
         at: When and where. Of a crossing, interpolated between two frames.
         shape: Name of the zone or line.
-        direction: Of ``line_crossed``: the side of the line to which the object went, seen from
-            the line's first point to its second, in the picture or from above the world plane.
+        direction: Of ``line_crossed``: the side of the line to which the object went, as the
+            picture shows it, seen from the line's first point to its second.
         count: Of zones and lines: how many events of this kind and direction the shape has had,
             with this one.
         inside: Of zones: how many objects are in it after this event.

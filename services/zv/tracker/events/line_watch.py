@@ -3,8 +3,9 @@
 The path of an object is the polyline through the positions at which it was seen. Each passage of
 the path through the line counts +1 or -1, by its direction. Their sum changes back and forth while
 an object stands or jitters on the line, so it is reported only when the object is farther from the
-line than a margin, or ends: then one crossing, if the sum is not what was reported before, with
-the time and place of the last passage in that direction.
+line than a margin, or ends: then one crossing, if the sum is not what it was before, with the time
+and place of the last passage in that direction. What an object crosses before it is confirmed is
+reported when it is.
 """
 
 from __future__ import annotations
@@ -22,16 +23,25 @@ class _Path:
     """What is kept of the path of one object.
 
     Attributes:
-        last: The last sighting.
+        last: The last sighting; None before the first.
         passages: Sum of the passages: +1 to the right, -1 to the left.
-        reported: What ``passages`` was when it was reported last.
+        settled: What ``passages`` was when the object was clear of the line last.
         latest: The last passage in each direction.
+        crossings: Those that are not reported yet.
     """
 
-    last: Sighting
+    last: Sighting | None = None
     passages: int = 0
-    reported: int = 0
+    settled: int = 0
     latest: dict[int, Moment] = field(default_factory=dict)
+    crossings: list[tuple[Direction, Moment]] = field(default_factory=list)
+
+    def settle(self) -> None:
+        """Take a crossing if the object is on another side than when it was clear of the line."""
+        if self.passages != self.settled:
+            sign = 1 if self.passages > self.settled else -1
+            self.settled = self.passages
+            self.crossings.append(("right" if sign > 0 else "left", self.latest[sign]))
 
 
 class LineWatch:
@@ -43,58 +53,62 @@ class LineWatch:
         self._paths: dict[int, _Path] = {}
 
     def see(self, id_: int, sighting: Sighting, *, confirmed: bool) -> Iterator[Event]:
-        """Take the next sighting of an object; yield a crossing if there is one to report.
+        """Take the next sighting of an object; yield its crossings that are to be reported.
 
-        Of an object that is not confirmed, nothing is reported; its path is kept.
+        Of an object that is not confirmed, nothing is reported until it is.
         """
+        path = self._paths.setdefault(id_, _Path())
         point = sighting.position(self.line.unit)
-        if point is None:  # beyond the world plane's horizon
-            return
-        path = self._paths.get(id_)
-        if path is None:
-            self._paths[id_] = _Path(sighting)
-            return
-        self._pass(path, sighting, point)
-        path.last = sighting
-        if path.passages == path.reported or not confirmed:
-            return
-        if distance(point, self.line.start, self.line.end) > sighting.margin(self.line.unit):
-            yield self._report(id_, path)
+        if point is not None:  # else beyond the world plane's horizon
+            self._follow(path, sighting, point)
+        if confirmed:
+            yield from self._report(id_, path)
 
     def end(self, id_: int, *, confirmed: bool) -> Iterator[Event]:
         """Forget an object that ended; yield the crossing that was not reported yet."""
         path = self._paths.pop(id_, None)
-        if path is not None and confirmed and path.passages != path.reported:
-            yield self._report(id_, path)
+        if path is not None and confirmed:
+            path.settle()
+            yield from self._report(id_, path)
 
     def restart(self) -> None:
-        """Forget the paths: positions before and after have different meanings."""
-        self._paths.clear()
+        """Begin the paths anew: positions before and after have different meanings."""
+        for path in self._paths.values():
+            path.last = None
+            path.passages = path.settled
 
-    def _pass(self, path: _Path, sighting: Sighting, point: Point) -> None:
+    def _follow(self, path: _Path, sighting: Sighting, point: Point) -> None:
+        if path.last is not None:
+            self._pass(path, path.last, sighting, point)
+        path.last = sighting
+        if path.passages != path.settled and (
+            distance(point, self.line.start, self.line.end) > sighting.margin(self.line.unit)
+        ):
+            path.settle()
+
+    def _pass(self, path: _Path, last: Sighting, sighting: Sighting, point: Point) -> None:
         """Count a passage of the step from the last sighting to this one, if it is one."""
         start, end = self.line.start, self.line.end
-        before = path.last.position(self.line.unit)
+        before = last.position(self.line.unit)
         assert before is not None
         share = passage(before, point, start, end)
         if share is not None:
-            direction = 1 if turn(start, end, point) >= 0 else -1
+            direction = sighting.side_sign(self.line.unit) * (
+                1 if turn(start, end, point) >= 0 else -1
+            )
             path.passages += direction
-            path.latest[direction] = between(path.last.at, sighting.at, share)
+            path.latest[direction] = between(last.at, sighting.at, share)
 
-    def _report(self, id_: int, path: _Path) -> Event:
-        sign = 1 if path.passages > path.reported else -1
-        path.reported = path.passages
-        # In a picture y points down, on a plane seen from above it points up.
-        to_right = (sign > 0) == (self.line.unit == "pixels")
-        direction: Direction = "right" if to_right else "left"
-        count = getattr(self.count, direction) + 1
-        setattr(self.count, direction, count)
-        return Event(
-            "line_crossed",
-            id_,
-            path.latest[sign],
-            shape=self.line.name,
-            direction=direction,
-            count=count,
-        )
+    def _report(self, id_: int, path: _Path) -> Iterator[Event]:
+        for direction, at in path.crossings:
+            count = getattr(self.count, direction) + 1
+            setattr(self.count, direction, count)
+            yield Event(
+                "line_crossed",
+                id_,
+                at,
+                shape=self.line.name,
+                direction=direction,
+                count=count,
+            )
+        path.crossings.clear()

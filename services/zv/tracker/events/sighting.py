@@ -25,6 +25,11 @@ MARGIN_SHARE = 0.1
 class WorldPlane(Protocol):
     """The way from pixels to a plane, such as a ``PlaneView``; equal ones are the same plane."""
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether right of a way in the picture is left of it by X, Y of the plane."""
+        ...
+
     def positions(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return X, Y of full-resolution pixels, both (n, 2); NaN where there is no plane."""
         ...
@@ -38,11 +43,13 @@ class Sighting:
         at: Time and place.
         margin_pixels: The hysteresis at the edges of shapes in pixels.
         margin_world: The same for shapes in world units; infinite without a plane.
+        mirrored: As of its ``WorldPlane``; False without one.
     """
 
     at: Moment
     margin_pixels: float
     margin_world: float = math.inf
+    mirrored: bool = False
 
     def position(self, unit: Unit) -> Point | None:
         """Return its position in the unit of a shape; None if there is none."""
@@ -51,6 +58,10 @@ class Sighting:
     def margin(self, unit: Unit) -> float:
         """Return its margin in the unit of a shape."""
         return self.margin_pixels if unit == "pixels" else self.margin_world
+
+    def side_sign(self, unit: Unit) -> int:
+        """Return 1 if ``turn`` is positive on the right side in the picture, else -1."""
+        return -1 if unit == "world" and self.mirrored else 1
 
 
 def sightings_of(
@@ -73,7 +84,7 @@ def sightings_of(
     wide = np.maximum(np.hypot(*(beside - places).T), np.hypot(*(below - places).T))
     wide = np.where(np.isfinite(wide), wide, math.inf)
     return [
-        Sighting(Moment(stamp_ns, point, _pair(place)), margin, float(width))
+        Sighting(Moment(stamp_ns, point, _pair(place)), margin, float(width), plane.mirrored)
         for point, margin, place, width in zip(points, margins, places, wide, strict=True)
     ]
 

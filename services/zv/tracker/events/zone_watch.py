@@ -1,7 +1,8 @@
 """Finds the stays of objects in one zone: entered, left, and stayed for a while.
 
 An object has entered when it is inside, and has left when it is farther outside than a margin, so
-that one that jitters on the edge enters once. Each stay ends with exactly one ``zone_left``.
+that one that jitters on the edge enters once. Each stay ends with exactly one ``zone_left``. The
+stays of an object before it is confirmed are reported when it is.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ class _Stay:
     Attributes:
         entered: When and where it entered.
         last: The last sighting, inside or within the margin.
-        out: When and where it went through the edge, while it is outside within the margin.
+        out: When and where it went through the edge, while it is outside within the margin; or
+            when and where the stay ended.
         reported: Whether ``zone_entered`` was.
         dwelled: Whether ``zone_dwell`` was.
     """
@@ -41,23 +43,28 @@ class ZoneWatch:
         self.count = ZoneCount()
         self._before: dict[int, Sighting] = {}
         self._stays: dict[int, _Stay] = {}
+        self._ended: dict[int, list[_Stay]] = {}  # not reported: of objects not confirmed yet
 
     def see(
         self, id_: int, sighting: Sighting, *, confirmed: bool, dwell_s: float
     ) -> Iterator[Event]:
         """Take the next sighting of an object; yield what it did.
 
-        Of an object that is not confirmed, nothing is reported; its stay is kept.
+        Of an object that is not confirmed, nothing is reported until it is.
         """
         point = sighting.position(self.zone.unit)
-        if point is None:  # beyond the world plane's horizon
-            return
-        stay = self._follow(id_, sighting, point)
-        if stay is None:
-            return
+        if point is not None:  # else beyond the world plane's horizon
+            self._follow(id_, sighting, point)
+        stay = self._stays.get(id_)
         if confirmed:
-            yield from self._report(id_, stay, dwell_s)
-        if stay.out is not None and self._outside_by(point) > sighting.margin(self.zone.unit):
+            for former in self._ended.pop(id_, ()):
+                yield from self._report(id_, former, dwell_s)
+                yield self._left(id_, former)
+            if stay is not None:
+                yield from self._report(id_, stay, dwell_s)
+        if point is None or stay is None or stay.out is None:
+            return
+        if self._outside_by(point) > sighting.margin(self.zone.unit):
             yield from self._leave(id_, stay.out)
 
     def end(self, id_: int) -> Iterator[Event]:
@@ -66,6 +73,7 @@ class ZoneWatch:
         stay = self._stays.get(id_)
         if stay is not None:
             yield from self._leave(id_, stay.out or stay.last.at)
+        self._ended.pop(id_, None)  # it was never confirmed
 
     def close(self, stamp_ns: int) -> Iterator[Event]:
         """End all stays at a stamp: the zone is removed or changed."""
@@ -78,22 +86,21 @@ class ZoneWatch:
         """Forget the paths, but not the stays: positions before now have another meaning."""
         self._before.clear()
 
-    def _follow(self, id_: int, sighting: Sighting, point: Point) -> _Stay | None:
-        """Return the stay of an object after its next sighting, begun if it is inside now."""
+    def _follow(self, id_: int, sighting: Sighting, point: Point) -> None:
+        """Begin or go on with the stay of an object that is inside, or was and is near."""
         before = self._before.get(id_)
         self._before[id_] = sighting
         stay = self._stays.get(id_)
         inside = contains(self.zone.points, point)
         if stay is None:
             if not inside:
-                return None
+                return
             stay = self._stays[id_] = _Stay(self._edge(before, sighting), sighting)
         elif inside:
             stay.out = None
         elif stay.out is None:
             stay.out = self._edge(before, sighting)
         stay.last = sighting
-        return stay
 
     def _edge(self, before: Sighting | None, now: Sighting) -> Moment:
         """Return when and where the step between two sightings went through the edge."""
@@ -110,7 +117,7 @@ class ZoneWatch:
         return min(distance(point, *edge) for edge in self.zone.edges)
 
     def _report(self, id_: int, stay: _Stay, dwell_s: float) -> Iterator[Event]:
-        """Yield what is to be said of a stay that goes on, each once."""
+        """Yield what is to be said of a stay before its end, each once."""
         if not stay.reported:
             stay.reported = True
             self.count.entered += 1
@@ -126,11 +133,18 @@ class ZoneWatch:
 
     def _leave(self, id_: int, at: Moment) -> Iterator[Event]:
         stay = self._stays.pop(id_)
+        stay.out = at
         if stay.reported:
-            self.count.left += 1
-            self.count.inside -= 1
-            stayed_s = (at.stamp_ns - stay.entered.stamp_ns) / 1e9
-            yield self._event("zone_left", id_, at, self.count.left, stayed_s)
+            yield self._left(id_, stay)
+        else:
+            self._ended.setdefault(id_, []).append(stay)
+
+    def _left(self, id_: int, stay: _Stay) -> Event:
+        assert stay.out is not None
+        self.count.left += 1
+        self.count.inside -= 1
+        stayed_s = (stay.out.stamp_ns - stay.entered.stamp_ns) / 1e9
+        return self._event("zone_left", id_, stay.out, self.count.left, stayed_s)
 
     def _event(
         self, kind: Kind, id_: int, at: Moment, count: int, dwell_s: float | None = None

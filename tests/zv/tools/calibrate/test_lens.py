@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures.boards import poses_of, seen
+from tests.support.pictures.boards import SQUARE_PIXELS, flat, poses_of, seen
 from zenoh_vision.calibration.camera_model import CameraModel, DistortionModel
-from zv.tools.calibrate.board import Board, BoardView
+from zv.tools.calibrate.board import Board, BoardView, _on_a_line
 from zv.tools.calibrate.coverage import missing, pose_of
 from zv.tools.calibrate.lens import PoorViews, fit_lens
 
@@ -102,3 +102,17 @@ def test_views_from_which_nothing_follows_are_refused():
     for model in LENSES:
         with pytest.raises(PoorViews):
             fit_lens([flat] * 4, model)
+
+
+@pytest.mark.parametrize(("rows", "corners"), [(2, 0), (3, 16)], ids=["one row", "two rows"])
+def test_corners_on_a_line_are_no_view(rows: int, corners: int):
+    """So many rows of squares of a ChArUco board in the picture; 8 inner corners between two."""
+    picture = flat(BOARDS["charuco"])[: (1 + rows) * SQUARE_PIXELS]
+    view = BOARDS["charuco"].find(np.ascontiguousarray(picture))
+    assert (0 if view is None else len(view.points)) == corners
+
+
+def test_corners_on_a_line_but_one_are_no_view():
+    row = [(30.0 * x, 0.0) for x in range(7)]
+    assert _on_a_line(np.array([*row, (60.0, 30.0)]))
+    assert not _on_a_line(np.array([*row, (60.0, 30.0), (90.0, 60.0)]))

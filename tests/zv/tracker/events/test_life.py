@@ -81,12 +81,17 @@ def test_a_thousand_objects_are_each_told():
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane in which 100 pixels are one metre, seen from above, with Y up; up to y = 500."""
+    """A plane in which 100 pixels are one metre, up to y = 500: Y up as on a map, or down."""
 
     metre: float = 100.0
+    up: bool = True
+
+    @property
+    def mirrored(self) -> bool:
+        return self.up
 
     def positions(self, points: np.ndarray) -> np.ndarray:
-        found = points / (self.metre, -self.metre)
+        found = points / (self.metre, -self.metre if self.up else self.metre)
         found[points[:, 1] > 500] = np.nan
         return found
 
@@ -110,13 +115,29 @@ def test_shapes_in_world_units_use_the_position_on_the_plane():
     assert shaped[1].at.pixel == pytest.approx((100, 50))
 
 
-def test_a_pixel_line_and_the_same_line_in_world_units_have_the_same_directions():
-    wanted = rules(lines_="a 100,200 100,0; b world 1,-2 1,0")
+@pytest.mark.parametrize(
+    ("up", "line"), [(True, "world 1,-2 1,0"), (False, "world 1,2 1,0")], ids=["Y up", "Y down"]
+)
+def test_a_pixel_line_and_the_same_line_in_world_units_have_the_same_directions(
+    up: bool, line: str
+):
+    wanted = rules(lines_=f"a 100,200 100,0; b {line}")
     events = TrackEvents(wanted)
     found = []
     for number, x in enumerate((60, 140, 60)):
-        found += events.update([track(x, 50)], number * STEP_NS, Plane())
+        found += events.update([track(x, 50)], number * STEP_NS, Plane(up=up))
     assert crossings(found) == ["right", "right", "left", "left"]
+
+
+@pytest.mark.parametrize("up", [True, False], ids=["Y up", "Y down"])
+def test_who_stops_on_a_world_line_and_goes_on_has_crossed_it_once_in_the_direction_of_the_picture(
+    up: bool,
+):
+    events = TrackEvents(rules(lines_=f"in world {'1,-2 1,0' if up else '1,2 1,0'}"))
+    found = []
+    for number, x in enumerate((60, 100, 140, 100, 60)):
+        found += events.update([track(x, 50)], number * STEP_NS, Plane(up=up))
+    assert crossings(found) == ["right", "left"]
 
 
 def test_the_margin_of_a_world_line_is_that_of_the_picture():

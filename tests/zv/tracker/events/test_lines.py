@@ -7,7 +7,7 @@ import random
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.track_walks import STEP_NS, crossings, rules, track, walk
@@ -118,6 +118,16 @@ def test_a_crossing_before_the_track_is_confirmed_is_reported_when_it_is():
     assert [event.at.stamp_ns for event in found] == [0, 50_000_000, 300_000_000]
 
 
+def test_each_crossing_before_the_track_is_confirmed_is_reported_when_it_is():
+    events = gate()
+    for number, x in enumerate((60, 140, 60, 140)):
+        events.update([track(x, 50, state="tentative")], number * STEP_NS)
+    found = walk(events, [(60, 50), (50, 50)], start=4, end=True)
+    assert crossings(found) == ["left", "right", "left", "right"]
+    passed = [event.at.stamp_ns // 1_000_000 for event in found if event.shape]
+    assert passed == [50, 150, 250, 350]
+
+
 def test_stamps_that_stand_still_or_go_back_cross_once_and_at_no_earlier_time():
     events = gate()
     found = []
@@ -160,6 +170,7 @@ def test_a_line_that_is_moved_begins_to_count_at_0_and_from_where_objects_are_th
 
 # A walk on the points of a grid never touches lines at half coordinates. Steps and margin are
 # chosen so that each position is beyond the margin: then every passage is reported at once.
+@settings(deadline=None)
 @given(st.lists(st.sampled_from([(9, 0), (-9, 0), (0, 9), (0, -9), (9, 9)]), max_size=60))
 def test_the_crossings_of_a_walk_on_a_grid_are_those_of_its_steps(steps):
     """The oracle compares whole numbers: a step passes x = 4.5 if it begins left and ends right of
@@ -178,6 +189,7 @@ def test_the_crossings_of_a_walk_on_a_grid_are_those_of_its_steps(steps):
     assert crossings(walk(events, way, end=True)) == expected
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.floats(-30, 30), min_size=2, max_size=80),
     st.lists(st.floats(-80, 80), min_size=80, max_size=80),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from collections.abc import Sequence
+
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.track_walks import STEP_NS, kinds, rules, track, walk
@@ -113,6 +115,39 @@ def test_a_track_that_is_never_confirmed_has_no_stay():
     assert events.counts.zones["belt"].inside == 0
 
 
+def unconfirmed(events: TrackEvents, way: Sequence[tuple[float, float]]) -> None:
+    """Walk this way before being confirmed, which is no event."""
+    for number, (x, y) in enumerate(way):
+        assert events.update([track(x, y, state="tentative")], number * STEP_NS) == []
+
+
+def test_a_stay_that_ended_before_the_track_was_confirmed_is_told_once_when_it_is():
+    events = belt(dwell_s=0.15)
+    # In from x = 80 to 120: half way at 50 ms. Out from x = 180 at 300 ms to 220: at 350 ms.
+    unconfirmed(events, [(80, 50), (120, 50), (150, 50), (180, 50), (220, 50)])
+    found = walk(events, [(230, 50), (240, 50)], start=5, end=True)
+    assert stays(found) == [("zone_entered", 50), ("zone_dwell", 200), ("zone_left", 350)]
+    assert kinds(found)[:2] == ["started", "zone_entered"]
+    assert [event.inside for event in found if event.shape] == [1, 1, 0]
+    assert [event.dwell_s for event in found if event.kind == "zone_left"] == [0.3]
+    count = events.counts.zones["belt"]
+    assert (count.entered, count.left, count.dwelled, count.inside) == (1, 1, 1, 0)
+
+
+def test_each_stay_before_the_track_was_confirmed_is_told_and_the_one_that_goes_on():
+    events = belt()
+    unconfirmed(events, [(150, 50), (250, 50), (150, 50), (250, 50), (150, 50)])
+    found = walk(events, [(150, 50), (160, 50)], start=5)
+    assert stays(found) == [
+        ("zone_entered", 0),
+        ("zone_left", 50),
+        ("zone_entered", 150),
+        ("zone_left", 250),
+        ("zone_entered", 350),
+    ]
+    assert events.counts.zones["belt"].inside == 1
+
+
 def test_the_stays_in_a_zone_that_is_moved_end_and_begin_again_where_it_is_now():
     events = belt()
     walk(events, [(110, 50), (110, 50)])
@@ -142,6 +177,7 @@ def test_a_new_epoch_ends_the_stays_and_keeps_the_counts():
     assert [event.count for event in found if event.shape] == [2]
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(60, 240), st.integers(-40, 140)), max_size=60))
 def test_any_walk_has_the_stays_of_one_who_compares_coordinates(way):
     """The oracle of the square: inside it, or more than 2 pixels outside; between, as before."""
