@@ -126,8 +126,8 @@ def derivatives(picture: Gray, sigma: float) -> tuple[Field, Field, Field]:
         np.asarray(cv2.resize(each, whole.shape[1::-1], interpolation=cv2.INTER_LANCZOS4)[part])
         for each in found
     )
-    scale = np.float32(1 / factor)
-    return laplacian * scale**2, gx * scale, gy * scale
+    unit = np.float32(1 / factor)
+    return laplacian * (unit * unit), gx * unit, gy * unit
 
 
 def _derivatives(picture: Gray | Field, sigma: float) -> tuple[Field, Field, Field]:

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Detector, Picture, Strength
-from zv.edge.detectors.ridges import STAGES, RidgeDetection, half_size, threshold_for
+from zv.edge.detectors.detection import Picture, Strength
+from zv.edge.detectors.ridges import RidgeDetector
 
 MULTIPLE: Final = 16
 """The network halves the size four times."""
@@ -25,43 +25,19 @@ MULTIPLE: Final = 16
 SIZES: Final = 2
 """Numbers of picture sizes whose buffers are kept, megabytes each."""
 
-THRESHOLDS: Final = (1.0, 0.623, 0.438, 0.291, 0.19, 0.12, 0.074, 0.043, 0.027, 0.018, 0.012)
-"""By the density of edges that they give, 0, 1, 2, ... percent."""
-
 
 @dataclass(frozen=True, slots=True)
-class Learned(Detector):
+class Learned(RidgeDetector):
     """Boundaries that people would draw, by a convolutional network of 163,000 weights.
 
     The strength is the network's estimate of the share of people that would draw a boundary here,
     with boundaries weighted up by its training; lines are thinned along their ridges.
-
-    Attributes:
-        density: Wanted share of edge pixels, percent of an average picture. A fixed threshold
-            belongs to it: a plain wall has fewer edges and a tree has more.
     """
 
-    density: float = 3.5
+    thresholds: ClassVar = (1.0, 0.623, 0.438, 0.291, 0.19, 0.12, 0.074, 0.043, 0.027, 0.018, 0.012)
 
-    wants: ClassVar = "bgr"
-    stages: ClassVar[tuple[str, ...]] = STAGES
-
-    @property
-    def full_scale(self) -> float:
-        """The largest strength that is possible."""
-        return 1.0
-
-    def detect(self, picture: Picture) -> LearnedDetection:
-        """Return the edges of a picture in BGR, (height, width, 3) uint8."""
-        return LearnedDetection(picture, threshold_for(self.density, THRESHOLDS))
-
-
-class LearnedDetection(RidgeDetection):
-    """The edges of one picture by the network."""
-
-    def strengths(self, picture: Picture) -> Strength:
+    def strengths(self, half: Picture) -> Strength:
         """Return the probabilities of a picture at half its size: float32, 0 to 1."""
-        half = half_size(picture)
         height, width = half.shape[:2]
         down, right = -height % MULTIPLE, -width % MULTIPLE
         padded = cv2.copyMakeBorder(half, 0, down, 0, right, cv2.BORDER_REPLICATE)
