@@ -367,6 +367,9 @@ class NodeDescription(Message):
     rate_hz: Annotated[
         float | None, Field(gt=0, description="frames per second that should arrive, if known")
     ] = None
+    pipeline: Annotated[
+        str | None, Field(description="by which of several ways it works, if it has a choice")
+    ] = None
 
 
 MESSAGES: Final[dict[str, type[Message]]] = {

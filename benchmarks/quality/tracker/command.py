@@ -169,7 +169,7 @@ def measure_wire(_: argparse.Namespace) -> None:
         return
     truth = read_mot(files[1])
     scorer, processed = wire.over_the_wire(files[0], truth)
-    title("zv camera | zv tracker, 10 Hz", "part", *HEADINGS)
+    title("zv camera into zv tracker, 10 Hz", "part", *HEADINGS)
     row(f"{processed} of {max(truth) + 1} frames processed", "all", *cells(scorer.score()))
     row("", "tuning", *cells(scorer.score(end=HELD_BACK)))
     row("", "held back", *cells(scorer.score(first=HELD_BACK)))

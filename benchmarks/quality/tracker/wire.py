@@ -15,6 +15,7 @@ from zenoh_vision.transport.session import direct
 
 RATE_HZ = 10
 START_S = 30.0
+"""Longest wait for the tracker, and between two of its messages."""
 
 
 class Receiver:
@@ -72,9 +73,7 @@ def over_the_wire(path: Path, truth: dict[int, dict[int, Box]]) -> tuple[Scorer,
         if not ready.wait(START_S):
             raise SystemExit("the tracker did not start within 30 s")
         system.service("camera", "camera", "--source", f"{path}", "--rate", f"{RATE_HZ}")
-        deadline_s = time.monotonic() + START_S + last / RATE_HZ
-        while receiver.newest < last and time.monotonic() < deadline_s:
-            receiver.arrived.wait(1.0)
+        while receiver.newest < last and receiver.arrived.wait(START_S):
             receiver.arrived.clear()
         time.sleep(0.2)  # the centroid of the last frame may follow its tracks
         for subscriber in subscribers:

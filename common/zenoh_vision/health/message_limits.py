@@ -34,7 +34,7 @@ def check_description(name: str, description: NodeDescription) -> None:
     """Raise ``PayloadError`` for another node's description, and for one that is too large."""
     _check_node(name, description.node)
     about = description
-    texts = (about.service, about.version, about.host)
+    texts = (about.service, about.version, about.host, about.pipeline or "")
     listed = (*about.cameras, *about.publishes, *about.subscribes)
     _check_size("description", name, MAX_DESCRIPTION, (*texts, *listed))
 

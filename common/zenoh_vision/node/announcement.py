@@ -67,6 +67,7 @@ class Announcement:
     def description(self) -> NodeDescription:
         """Return the node's description at this moment."""
         node = self._owner
+        settings = None if node.parameters is None else node.parameters.active.settings
         return NodeDescription(
             node=node.name,
             service=node.service,
@@ -79,6 +80,7 @@ class Announcement:
             subscribes=tuple(key for each in node.health.inputs for key in each.keys),
             stamp_ns=time.time_ns(),
             rate_hz=node.health.rates.expected_hz,
+            pipeline=getattr(settings, "pipeline", None),
         )
 
     def beat(self) -> None:

@@ -301,10 +301,12 @@ def test_a_node_describes_itself(system, node, publishes, subscribes):
         *("node", "service", "cameras", "version", "host", "pid", "started_ns"),
         *("publishes", "subscribes", "stamp_ns"),
         *(["rate_hz"] if node == "camera_front" else []),
+        *(["pipeline"] if node == "tracker_front" else []),
     }
     assert body["node"] == node
     assert abs(body["stamp_ns"] - description.at_ns) < 1e9
     assert body.get("rate_hz", 20) == 20  # the camera's
+    assert body.get("pipeline", "tutorial") == "tutorial"  # the tracker's
     assert body["service"] == node.split("_")[0]
     assert body["cameras"] == ["front"]
     assert body["pid"] == system.programs[node].process.pid

@@ -75,7 +75,7 @@ def test_info_says_what_a_node_publishes_and_how_it_does(shared, twins):
     assert done.returncode == 0, done.stderr
     text = " ".join(done.stdout.split())
     assert text.startswith("tracker_front service tracker cameras front version ")
-    assert f"pid {twins[2].process.pid}" in text
+    assert f"pid {twins[2].process.pid} pipeline robust " in text
     assert "publishes vision/front/centroid vision/front/tracks" in text
     assert "subscribes vision/front/image/compressed" in text
     assert "closing = 20 pixels (0 to 255)" in text  # a parameter

@@ -66,6 +66,8 @@ def lines(node: NodeState, own: Sequence[Parameter]) -> Iterator[str]:
     yield named("cameras", " ".join(about["cameras"]) or "-")
     yield named("version", about["version"])
     yield named("host", f"{about['host']}, pid {about['pid']}")
+    if about["pipeline"] is not None:
+        yield named("pipeline", about["pipeline"])
     yield named("uptime", duration(about["uptime_s"]))
     report = node.report
     yield named("health", f"{about['level']}: {report.message}" if report else "no report yet")

@@ -23,7 +23,7 @@ from zv.tools.shared.session import ToolSession
 
 NO_ANSWER = "has a liveliness token but does not answer"
 DESCRIBED = (
-    *("service", "cameras", "version", "host", "pid"),
+    *("service", "pipeline", "cameras", "version", "host", "pid"),
     *("started_ns", "uptime_s", "publishes", "subscribes"),
 )
 
