@@ -197,6 +197,7 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
     head = "; published keys, for any Zenoh program:" if keys else ""
     lines.insert(0, f"router: {connection.connect} ({whose}){head}")
     if keys:
-        lines.append(f"for example: zv topic echo {keys[-1]} --connect {connection.connect}")
+        told = [key for key in keys if key.endswith(CENTROID.name)] or keys  # a picture tells less
+        lines.append(f"for example: zv topic echo {told[-1]} --connect {connection.connect}")
     lines += (f"viewer, view only: {address}" for address in addresses(plan, view_only=True))
     return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

@@ -161,6 +161,11 @@ def test_echo_of_a_field_that_a_type_never_has_is_wrong_use_and_names_those_it_h
         echoed(EchoOptions(key=KEY, field=(field,)), centroids(client, 1))
 
 
+def test_echo_of_a_mistyped_field_names_the_near_one(echoed, client):
+    with pytest.raises(ConfigurationError, match=r"has no such field; did you mean 'area'\?"):
+        echoed(EchoOptions(key=KEY, field=("aera",)), centroids(client, 1))
+
+
 def test_of_several_fields_only_that_is_named_which_a_message_lacks(echoed, client, capsys):
     for once in (True, False):
         options = EchoOptions(key=KEY, once=once, field=("header.seq", "nope", "x"))

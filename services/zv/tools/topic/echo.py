@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import zenoh
 
+from zenoh_vision.error_text import suggestion
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.keys import schema_name_of, type_of
 from zenoh_vision.messages import MESSAGES
@@ -305,7 +306,8 @@ def _check_fields(
     for name in missing:
         path = name.split(".")
         if always or not known & {*path[:1], *(path[1:2] if path[0] in _own_names(sample) else [])}:
+            near = suggestion(name, known, before="; ")
             raise ConfigurationError(
-                f"--field {name}: {sample.key} ({sample.kind}) has no such field; "
+                f"--field {name}: {sample.key} ({sample.kind}) has no such field{near}; "
                 f"available there: {', '.join(fields)}"
             )
