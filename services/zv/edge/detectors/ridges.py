@@ -1,6 +1,6 @@
-"""Thin lines along the ridges of a map of boundary strengths at half the picture's size.
+"""Thin lines along the ridges of a map of boundary strengths, of half the picture's size or less.
 
-``colour`` and ``learned`` estimate for each pixel of the half-size picture how probable a boundary
+``colour`` and ``learned`` estimate for each pixel of a reduced picture how probable a boundary
 is. Lines are the ridges of that map: non-maximum suppression goes across the ridge, whose direction
 follows from the map's second derivatives, and not along the picture's gradient, which is noisy
 where strengths come from several scales.
@@ -29,7 +29,7 @@ INTEGERS: Final = 30000
 """The integer that stands for strength 1 in 16 bits."""
 
 RIDGE_SIGMA: Final = 2.0
-"""Smoothing before the ridges' directions are taken, pixels of the half-size picture."""
+"""Smoothing before the ridges' directions are taken, pixels of the map."""
 
 STAGES: Final = ("magnitude", "direction", "suppressed", "thresholded")
 """The steps of these detectors; smoothing takes place at several scales and is not shown."""
@@ -91,8 +91,8 @@ class RidgeDetector(Detector):
         return float(np.interp(self.density, np.arange(len(self.thresholds)), self.thresholds))
 
     @abstractmethod
-    def strengths(self, half: Picture) -> Strength:
-        """Return the strengths of a picture at half its size, BGR: float32, 0 to 1."""
+    def strengths(self, picture: Picture) -> Strength:
+        """Return the strengths of a picture in BGR at a reduced size: float32, 0 to 1."""
 
     def detect(self, picture: Picture) -> RidgeDetection:
         """Return the edges of a picture in BGR, (height, width, 3) uint8."""
@@ -109,11 +109,13 @@ class RidgeDetection(Detection):
     @cached_property
     def _ridges(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
         """Strength times the direction across the ridge, as ``cv2.Canny`` takes gradients."""
-        strength = self._detector.strengths(half_size(self._picture))
+        strength = self._detector.strengths(self._picture)
         size = self._picture.shape[1::-1]
         full = cv2.resize(strength, size, interpolation=cv2.INTER_LINEAR)
         # Bilinear maps have their tops at every other pixel, which makes jagged, broken lines.
-        full = cv2.GaussianBlur(full, (5, 5), 1)
+        sigma = size[0] / strength.shape[1] / 2
+        side = 2 * round(2 * sigma) + 1
+        full = cv2.GaussianBlur(full, (side, side), sigma)
         gx, gy = (
             cv2.multiply(
                 full,
