@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from zenoh_vision import Frame, Node
 from zenoh_vision.messages import Header, LineCount, TrackEvent, ZoneCount
@@ -16,6 +17,9 @@ from zv.tracker.shapes import Line, Polygon, lines, polygons
 from zv.tracker.tracking.track import Track
 
 log = logging.getLogger(__name__)
+
+SET_BACK_NS: Final = 1_000_000_000
+"""A stamp that is earlier than the one before by more is of a clock that was set back."""
 
 Counted = tuple[dict[str, ZoneCount] | None, dict[str, LineCount] | None]
 
@@ -45,7 +49,7 @@ class EventPublisher:
         """Publish what happened from the last frame to this one.
 
         Args:
-            frame: The frame; a new epoch ends all tracks of the one before.
+            frame: The frame; a new epoch, and a clock that was set back, end all tracks before.
             tracks: All of the frame, in full-resolution pixels.
             settings: Zones, lines, dwell and anchor for this frame.
             plane: The way from pixels to the world; None without a calibration.
@@ -58,8 +62,8 @@ class EventPublisher:
             self._settings = settings
             self._events.adjust(rules_of(settings))
             self._told = False
-        if self._header is not None and self._header.epoch != frame.header.epoch:
-            self._publish(self._header, self._events.end())  # ids belong to their epoch
+        if self._header is not None and begins_anew(self._header, frame.header):
+            self._publish(self._header, self._events.end())
         self._header = self._node.header(frame)
         self._tell_without_plane(plane)
         self._publish(self._header, self._events.update(tracks, frame.header.stamp_ns, plane))
@@ -92,6 +96,15 @@ class EventPublisher:
             self._told = True
             names = ", ".join(in_world)
             log.warning("no events of %s: in world units, but the camera has no plane", names)
+
+
+def begins_anew(before: Header, now: Header) -> bool:
+    """Tell whether nothing of a frame goes on in the next one.
+
+    Ids belong to their epoch. Times before a camera's clock was set back cannot be compared with
+    those after; small steps back are taken for no time.
+    """
+    return now.epoch != before.epoch or now.stamp_ns < before.stamp_ns - SET_BACK_NS
 
 
 def rules_of(settings: TrackerSettings) -> EventRules:
