@@ -9,11 +9,12 @@ import threading
 import time
 from contextlib import suppress
 from importlib import metadata
-from typing import Protocol
+from typing import Any, Protocol
 
 import zenoh
 
 from zenoh_vision import keys
+from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.health.health import Health
 from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.messages import Diagnostics, NodeDescription
@@ -46,6 +47,7 @@ class Owner(Protocol):
     cameras: tuple[str, ...]
     outputs: Outputs
     health: Health
+    parameters: ParameterStore[Any] | None
 
 
 class Announcement:
