@@ -21,6 +21,9 @@ log = logging.getLogger(__name__)
 SET_BACK_NS: Final = 1_000_000_000
 """A stamp that is earlier than the one before by more is of a clock that was set back."""
 
+ASKED_NS: Final = 2_000_000_000
+"""A calibration that was published before has been asked for and come by then."""
+
 Counted = tuple[dict[str, ZoneCount] | None, dict[str, LineCount] | None]
 
 
@@ -38,6 +41,7 @@ class EventPublisher:
         self._events = TrackEvents(rules_of(settings))
         self._header: Header | None = None
         self._told = False
+        self._without_plane_ns: int | None = None
 
     def update(
         self,
@@ -64,8 +68,9 @@ class EventPublisher:
             self._told = False
         if self._header is not None and begins_anew(self._header, frame.header):
             self._publish(self._header, self._events.end())
+            self._without_plane_ns = None
         self._header = self._node.header(frame)
-        self._tell_without_plane(plane)
+        self._tell_without_plane(plane, frame.header.stamp_ns)
         self._publish(self._header, self._events.update(tracks, frame.header.stamp_ns, plane))
         return self._counts()
 
@@ -87,12 +92,17 @@ class EventPublisher:
         }
         return zones or None, passed or None
 
-    def _tell_without_plane(self, plane: WorldPlane | None) -> None:
+    def _tell_without_plane(self, plane: WorldPlane | None, stamp_ns: int) -> None:
         """Log once that shapes in world units have no events without a calibration."""
+        if plane is not None or self._without_plane_ns is None:
+            self._without_plane_ns = None if plane is not None else stamp_ns
+            return
+        if stamp_ns - self._without_plane_ns < ASKED_NS:
+            return
         rules = self._events.rules
         shapes: tuple[Polygon | Line, ...] = (*rules.zones, *rules.lines)
         in_world = [each.name for each in shapes if each.unit == "world"]
-        if plane is None and in_world and not self._told:
+        if in_world and not self._told:
             self._told = True
             names = ", ".join(in_world)
             log.warning("no events of %s: in world units, but the camera has no plane", names)

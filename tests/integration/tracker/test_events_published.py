@@ -171,11 +171,15 @@ def test_changed_lines_act_from_the_next_frame_and_keep_the_counts_of_the_others
     assert msgpack.unpackb(ask(client, KEY)[0].payload)["zone"] == "exit"
 
 
-def test_shapes_in_world_units_without_a_calibration_are_told_once(node, caplog):
+def test_shapes_in_world_units_without_a_calibration_are_told_once_after_it_had_time_to_come(
+    node, caplog
+):
     settings = TrackerSettings(lines="pick world 0,0 0,1")
     publisher = EventPublisher(node, settings)
-    for seq in range(3):
+    told = "no events of pick: in world units, but the camera has no plane"
+    for seq in range(20):  # 10 Hz
         publisher.update(frame(seq), [], settings)
-    assert (
-        caplog.messages.count("no events of pick: in world units, but the camera has no plane") == 1
-    )
+    assert told not in caplog.messages
+    for seq in range(20, 50):
+        publisher.update(frame(seq), [], settings)
+    assert caplog.messages.count(told) == 1
