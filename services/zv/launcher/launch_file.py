@@ -150,8 +150,8 @@ def _remapped(path: Path, tables: LaunchTables, remap: Mapping[str, str]) -> lis
             )
     names = {**tables.remap, **remap}
     return [
-        table.model_copy(update={"camera": ",".join(names.get(each, each) for each in its)})
-        if (its := _cameras_of(table))
+        table.model_copy(update={"camera": ",".join(names.get(each, each) for each in own)})
+        if (own := _cameras_of(table))
         else table
         for table in tables.node
     ]

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision import Centroid, Frame, Node
+from zenoh_vision.messages import Header, Tracks
 from zenoh_vision.messages import Track as TrackMessage
-from zenoh_vision.messages import Tracks
 from zv.tracker import shapes
 from zv.tracker.camera_world import CameraWorld
 from zv.tracker.drawing import Trails, draw_tracks
-from zv.tracker.event_publisher import EventPublisher
+from zv.tracker.event_publisher import EventPublisher, begins_anew
 from zv.tracker.foreground.foreground import ForegroundParameters
 from zv.tracker.pipelines.largest import LargestObject, LargestObjectParameters, MovingObject, draw
 from zv.tracker.pipelines.robust import RobustParameters, RobustTracker, enlarged, working_scale
@@ -33,8 +33,8 @@ Pixels = NDArray[np.uint8]
 class CameraTracking:
     """Tracks the objects of one camera and publishes what it finds.
 
-    The background is learned again for a new epoch, size, pipeline or range of depth. Changes of
-    all other settings keep it. Ids start anew with an epoch.
+    The background is learned again for a new epoch, size, pipeline or range of depth, and when the
+    camera's clock was set back; a change of another setting keeps it. Ids begin with an epoch.
 
     Args:
         node: Publishes the results.
@@ -47,7 +47,7 @@ class CameraTracking:
         self._settings: TrackerSettings | None = None
         self._reset = settings.reset
         self._stream: tuple[object, ...] = ()
-        self._epoch: int | None = None
+        self._header: Header | None = None
         self._next_id = 1
         self._largest = LargestObject(largest_parameters(settings))
         self._robust = RobustTracker(robust_parameters(settings))
@@ -71,16 +71,17 @@ class CameraTracking:
 
     def _follow(self, frame: Frame, settings: TrackerSettings) -> None:
         """Begin anew for another stream of frames; use the settings of this frame."""
-        header = frame.header
-        if header.epoch != self._epoch:
-            self._epoch, self._next_id = header.epoch, 1
+        header, before = frame.header, self._header
+        self._header = header
+        if before is None or header.epoch != before.epoch:
+            self._next_id = 1
+        anew = before is None or begins_anew(before, header)
         stream = (
-            header.epoch,
             (header.width, header.height),
             settings.pipeline,
             frame.value_range,
         )
-        if stream != self._stream:
+        if anew or stream != self._stream:
             self._stream = stream
             self._largest = LargestObject(largest_parameters(settings))
             self._robust = RobustTracker(robust_parameters(settings), self._next_id)

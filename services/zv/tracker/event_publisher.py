@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from zenoh_vision import Frame, Node
 from zenoh_vision.messages import Header, LineCount, TrackEvent, ZoneCount
@@ -16,6 +17,12 @@ from zv.tracker.shapes import Line, Polygon, lines, polygons
 from zv.tracker.tracking.track import Track
 
 log = logging.getLogger(__name__)
+
+SET_BACK_NS: Final = 1_000_000_000
+"""A stamp that is earlier than the one before by more is of a clock that was set back."""
+
+ASKED_NS: Final = 2_000_000_000
+"""A calibration that was published before has been asked for and come by then."""
 
 Counted = tuple[dict[str, ZoneCount] | None, dict[str, LineCount] | None]
 
@@ -34,6 +41,7 @@ class EventPublisher:
         self._events = TrackEvents(rules_of(settings))
         self._header: Header | None = None
         self._told = False
+        self._without_plane_ns: int | None = None
 
     def update(
         self,
@@ -45,7 +53,7 @@ class EventPublisher:
         """Publish what happened from the last frame to this one.
 
         Args:
-            frame: The frame; a new epoch ends all tracks of the one before.
+            frame: The frame; a new epoch, and a clock that was set back, end all tracks before.
             tracks: All of the frame, in full-resolution pixels.
             settings: Zones, lines, dwell and anchor for this frame.
             plane: The way from pixels to the world; None without a calibration.
@@ -58,10 +66,11 @@ class EventPublisher:
             self._settings = settings
             self._events.adjust(rules_of(settings))
             self._told = False
-        if self._header is not None and self._header.epoch != frame.header.epoch:
-            self._publish(self._header, self._events.end())  # ids belong to their epoch
+        if self._header is not None and begins_anew(self._header, frame.header):
+            self._publish(self._header, self._events.end())
+            self._without_plane_ns = None
         self._header = self._node.header(frame)
-        self._tell_without_plane(plane)
+        self._tell_without_plane(plane, frame.header.stamp_ns)
         self._publish(self._header, self._events.update(tracks, frame.header.stamp_ns, plane))
         return self._counts()
 
@@ -83,15 +92,29 @@ class EventPublisher:
         }
         return zones or None, passed or None
 
-    def _tell_without_plane(self, plane: WorldPlane | None) -> None:
+    def _tell_without_plane(self, plane: WorldPlane | None, stamp_ns: int) -> None:
         """Log once that shapes in world units have no events without a calibration."""
+        if plane is not None or self._without_plane_ns is None:
+            self._without_plane_ns = None if plane is not None else stamp_ns
+            return
+        if stamp_ns - self._without_plane_ns < ASKED_NS:
+            return
         rules = self._events.rules
         shapes: tuple[Polygon | Line, ...] = (*rules.zones, *rules.lines)
         in_world = [each.name for each in shapes if each.unit == "world"]
-        if plane is None and in_world and not self._told:
+        if in_world and not self._told:
             self._told = True
             names = ", ".join(in_world)
             log.warning("no events of %s: in world units, but the camera has no plane", names)
+
+
+def begins_anew(before: Header, now: Header) -> bool:
+    """Tell whether nothing of a frame goes on in the next one.
+
+    Ids belong to their epoch. Times before a camera's clock was set back cannot be compared with
+    those after; small steps back are taken for no time.
+    """
+    return now.epoch != before.epoch or now.stamp_ns < before.stamp_ns - SET_BACK_NS
 
 
 def rules_of(settings: TrackerSettings) -> EventRules:

@@ -13,9 +13,12 @@ from tests.support.library import header
 from tests.support.listening import Listener, ask
 from tests.support.track_walks import track
 from tests.support.waiting import wait_until
-from zenoh_vision import Connection, Frame, Node
+from zenoh_vision import Connection, Frame, Node, Tracks
+from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.transport.query import Query
 from zenoh_vision.transport.query import ask as ask_tools
+from zv.registry import published_by
+from zv.tracker.camera_tracking import CameraTracking
 from zv.tracker.event_publisher import EventPublisher
 from zv.tracker.settings import TrackerSettings
 
@@ -103,6 +106,59 @@ def test_a_new_epoch_ends_the_tracks_under_the_identity_of_the_old_one(client, n
     assert found[5:] == [("started", 300, 0), ("confirmed", 300, 0), ("zone_entered", 300, 0)]
 
 
+def test_a_clock_that_is_set_back_ends_the_tracks_and_the_new_time_counts_from_then_on(
+    client, node
+):
+    listener = ready(client, node)
+    publisher = EventPublisher(node, SETTINGS)
+    publisher.update(frame(20), [track(60, 50)], SETTINGS)
+    publisher.update(frame(9), [track(60, 50, id_=2)], SETTINGS)
+    publisher.update(frame(10), [track(140, 50, id_=2)], SETTINGS)
+    found = [
+        (each.body["event"], each.body["id"], each.body["stamp_ns"] // 10**6 - 100_000)
+        for each in listener.wait_for(7)
+    ]
+    assert found[:3] == [("started", 1, 2000), ("confirmed", 1, 2000), ("ended", 1, 2000)]
+    assert found[3:6] == [("started", 2, 900), ("confirmed", 2, 900), ("line_crossed", 2, 950)]
+
+
+def test_a_tracker_goes_on_after_the_cameras_clock_was_set_back(router):
+    """By an hour, while a square moves on: without that, no time would pass for an hour."""
+    live = ParameterStore(TrackerSettings())
+    revision = live.activate()
+    node = Node(
+        "tracker",
+        connection=Connection(connect=router.endpoint, timeout_s=5),
+        publishes=published_by("tracker"),
+        parameters=live,
+    )
+    with node:
+        tracking = CameraTracking(node, "front", live.active.settings)
+        published: list[Tracks] = []
+        publish = node.publish
+        node.publish = lambda topic, message: (  # type: ignore[method-assign]
+            published.append(message) if topic == "tracks" else publish(topic, message)
+        )
+        for number in range(80):
+            hour_ns = 0 if number < 40 else -3600 * 10**9
+            picture = np.full((120, 160, 3), 120, np.uint8)
+            left = 5 + 5 * (number % 40) - 60
+            picture[40:80, max(0, left) : max(0, left + 25)] = (10, 20, 200)
+            each = Frame(
+                header(number, stamp_ns=10**15 + hour_ns + number * 10**8, width=160, height=120),
+                pixels=picture,
+            )
+            each.revision = revision
+            tracking.process(each, picture)
+    seen = [
+        {track.id for track in message.tracks if track.state == "confirmed"}
+        for message in published
+    ]
+    assert any(seen[:40])
+    assert any(seen[41:])
+    assert not set().union(*seen[:40]) & set().union(*seen[41:])
+
+
 def test_changed_lines_act_from_the_next_frame_and_keep_the_counts_of_the_others(client, node):
     publisher = EventPublisher(node, SETTINGS)
     publisher.update(frame(0), [track(60, 50)], SETTINGS)
@@ -115,11 +171,15 @@ def test_changed_lines_act_from_the_next_frame_and_keep_the_counts_of_the_others
     assert msgpack.unpackb(ask(client, KEY)[0].payload)["zone"] == "exit"
 
 
-def test_shapes_in_world_units_without_a_calibration_are_told_once(node, caplog):
+def test_shapes_in_world_units_without_a_calibration_are_told_once_after_it_had_time_to_come(
+    node, caplog
+):
     settings = TrackerSettings(lines="pick world 0,0 0,1")
     publisher = EventPublisher(node, settings)
-    for seq in range(3):
+    told = "no events of pick: in world units, but the camera has no plane"
+    for seq in range(20):  # 10 Hz
         publisher.update(frame(seq), [], settings)
-    assert (
-        caplog.messages.count("no events of pick: in world units, but the camera has no plane") == 1
-    )
+    assert told not in caplog.messages
+    for seq in range(20, 50):
+        publisher.update(frame(seq), [], settings)
+    assert caplog.messages.count(told) == 1

@@ -88,8 +88,8 @@ def pose_of(view: BoardView) -> Pose:
 def missing(poses: Sequence[Pose]) -> list[str]:
     """Return what a set of views lacks, in words; empty if it is good enough."""
     found = []
-    if len(poses) < LEAST_VIEWS:
-        found.append(f"{LEAST_VIEWS - len(poses)} more pictures that differ")
+    if (more := LEAST_VIEWS - len(poses)) > 0:
+        found.append(f"{more} more pictures that differ" if more > 1 else "1 more that differs")
     covered = frozenset[tuple[int, int]]().union(*(pose.parts for pose in poses))
     parts = [
         name

@@ -114,12 +114,22 @@ def _pairs(options: PlaneOptions, connection: Connection, output: Output) -> Pai
         return _of_texts(read_pairs(options.pairs))
     board = board_of(options)
     view = _view(board, options, connection)
-    corner = view.pixels[int(np.abs(view.points).sum(axis=1).argmin())]
-    output.note(
-        f"board with {len(view.points)} corners; its first inner corner, near "
-        f"{corner[0]:.0f},{corner[1]:.0f}, is the origin"
-    )
+    output.note(_axes(view))
     return Pairs(view.pixels, view.points, (view.width, view.height))
+
+
+def _axes(view: BoardView) -> str:
+    """Return in words where the picture shows the board's axes: their ends are its corners."""
+    origin = int(np.abs(view.points).sum(axis=1).argmin())
+    ends = [origin]
+    for axis in (0, 1):
+        row = np.flatnonzero(view.points[:, 1 - axis] == view.points[origin, 1 - axis])
+        ends.append(int(row[view.points[row, axis].argmax()]))
+    first, along_x, along_y = (f"{x:.0f},{y:.0f}" for x, y in view.pixels[ends])
+    return (
+        f"board with {len(view.points)} corners; its first inner corner, near {first}, is the "
+        f"origin; X runs towards {along_x}, Y towards {along_y}"
+    )
 
 
 def _view(board: Board, options: PlaneOptions, connection: Connection) -> BoardView:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -180,7 +181,12 @@ def test_plane_from_a_board_on_it_has_the_boards_unit_and_origin(
     view = read_calibration(front).view
     assert view is not None
     np.testing.assert_allclose(view.positions(pixels.reshape(-1, 2)), corners[:, :2], atol=2)
-    assert "is the origin" in found["said"]
+    words = r"near (\d+),(\d+), is the origin; X runs towards (\d+),(\d+), Y towards (\d+),(\d+)\n"
+    said = re.search(words, found["said"])
+    assert said is not None
+    ends = np.array([float(number) for number in said.groups()]).reshape(3, 2)
+    # The corners at the ends of the first row and the first column; to a whole pixel, as it says.
+    np.testing.assert_allclose(view.positions(ends), [(0, 0), (210, 0), (0, 120)], atol=3)
 
 
 FOUR = ("0,0=0,0", "100,0=1,0", "100,100=1,1", "0,100=0,1")
