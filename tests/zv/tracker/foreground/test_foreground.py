@@ -8,7 +8,7 @@ import pytest
 
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
-from zv.tracker.foreground.ghosts import is_ghost
+from zv.tracker.foreground.ghosts import GhostFinder, picture_share
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import region_mask
 from zv.tracker.tracking.fragment import Fragment
@@ -120,12 +120,32 @@ def test_a_shadow_is_left_out():
     assert found.update(shadow, 60 * TENTH, [])[0].any()
 
 
-def test_a_ghost_has_its_outline_in_the_background():
+def test_the_outline_of_a_ghost_is_an_edge_of_the_background_however_faint():
     mask = np.zeros((120, 160), np.uint8)
     mask[40:80, 60:80] = 255
-    box = 60, 40, 20, 40
-    assert is_ghost(backdrop(), with_object(), mask, box)
-    assert not is_ghost(with_object(), backdrop(), mask, box)
+    box = Fragment(60, 40, 80, 80, 800)
+    faint = cv2.addWeighted(backdrop(), 0.9, with_object(), 0.1, 0)
+    for remembered in (with_object(), np.asarray(faint, np.uint8)):
+        assert picture_share(backdrop(), remembered, mask, box) < 0.1
+        assert picture_share(remembered, backdrop(), mask, box) > 0.9
+
+
+def test_a_ghost_is_found_when_it_is_one_twice_and_an_object_never():
+    finder, mask = GhostFinder(), np.zeros((120, 160), np.uint8)
+    mask[40:80, 60:80] = mask[40:80, 100:120] = 255
+    ghost, real = Fragment(60, 40, 80, 80, 800), Fragment(100, 40, 120, 80, 800)
+    picture = backdrop()
+    picture[40:80, 100:120] = (30, 30, 220)
+    found = [
+        finder.update(picture, with_object(), mask, [ghost, real], k * TENTH)
+        for k in range(10)
+        if finder.due(k * TENTH)
+    ]
+    assert found == [[], [], [ghost], []]
+    walking = GhostFinder()
+    for k in range(0, 30, 3):
+        box = Fragment(10 + 2 * k, 40, 30 + 2 * k, 80, 800)
+        assert not walking.update(picture, with_object(), mask, [box], k * TENTH)
 
 
 def test_a_background_in_another_light_is_that_of_the_picture():
