@@ -148,6 +148,16 @@ def test_a_ghost_is_found_when_it_is_one_twice_and_an_object_never():
         assert not walking.update(picture, with_object(), mask, [box], k * TENTH)
 
 
+def test_who_stands_still_in_the_first_seconds_after_walking_is_not_learned():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(60):
+        x = min(60, 4 * k)
+        known = [Fragment(x, 40, x + 20, 80, 800)] if k > 12 else []
+        mask, _ = found.update(with_object(x), k * TENTH, known)
+    assert np.count_nonzero(mask[40:80, 60:80]) > 700
+    assert np.abs(found.background.picture().astype(int) - backdrop()).max() < 8
+
+
 def test_a_background_in_another_light_is_that_of_the_picture():
     brighter = np.clip(backdrop() * 1.4, 0, 255).astype(np.uint8)
     difference = np.abs(relit(backdrop(), brighter, None).astype(int) - brighter)
@@ -172,3 +182,35 @@ def test_fragments_have_limits_of_their_area():
     mask = np.zeros((100, 200), np.uint8)
     mask[10:14, 10:14] = mask[30:50, 30:50] = mask[10:90, 100:180] = 255
     assert [f.area for f in fragments_of(mask, 100, 1000)] == [400]
+
+
+def test_another_threshold_applies_at_once():
+    found = learned()
+    assert found.update(with_object(), 60 * TENTH, [])[0].any()
+    found.adjust(ForegroundParameters(var_threshold=10_000))
+    assert not found.update(with_object(), 61 * TENTH, [])[0].any()
+    found.adjust(ForegroundParameters(var_threshold=25))
+    assert found.update(with_object(), 62 * TENTH, [])[0].any()
+
+
+def test_a_line_is_no_object():
+    mask = np.zeros((100, 200), np.uint8)
+    mask[10:12, 10:150] = mask[50:90, 50] = 255
+    mask[30:50, 170:175] = 255
+    assert [(f.left, f.right) for f in fragments_of(mask, 10, 1e9)] == [(170, 175)]
+
+
+def test_the_limit_of_a_pixel_follows_its_noise():
+    found, rng = ForegroundDetector(ForegroundParameters(learning_s=5.0)), np.random.default_rng(3)
+    for k in range(100):
+        noise = np.zeros((120, 160, 3))
+        noise[:, 80:] = rng.normal(0, 5, (120, 80, 3))
+        noisy = np.clip(backdrop() + noise, 0, 255).astype(np.uint8)
+        mask, _ = found.update(noisy, k * TENTH, [])
+        assert not mask.any()
+    lighter = noisy.astype(int)
+    lighter[50:70, 20:40] += 12
+    lighter[50:70, 110:130] += 12
+    mask, _ = found.update(np.clip(lighter, 0, 255).astype(np.uint8), 100 * TENTH, [])
+    assert np.count_nonzero(mask[:, :80]) > 380  # beyond the noise of this half
+    assert np.count_nonzero(mask[:, 80:]) < 40
