@@ -117,15 +117,12 @@ class BackgroundModel:
         mask.reshape(-1)[places[found]] = 255
         return mask
 
-    def learn(
-        self, picture: Image, stamp_ns: int, found: Image, known: Image | None, time_s: float
-    ) -> None:
+    def learn(self, picture: Image, stamp_ns: int, known: Image | None, time_s: float) -> None:
         """Learn from a picture if it is time for that.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
             stamp_ns: When it was taken. Stamps that go backwards start the intervals anew.
-            found: (height, width) uint8, its foreground: what noise there is, is not learned there.
             known: (height, width) uint8, not 0 where an object is known to be: not learned.
             time_s: Time after which a change has become background by 63 %.
         """
@@ -140,18 +137,24 @@ class BackgroundModel:
         rate = 1.0 - math.exp(-elapsed_s / time_s)
         if age_s <= SETTLING_S:
             rate = max(rate, elapsed_s / (2 * age_s))
-        self._learn_noise(picture, found)
+        self._learn_noise(picture, known)
         self._apply(picture, known, rate)
         self._learned_ns = stamp_ns
 
-    def _learn_noise(self, picture: Image, found: Image) -> None:
-        """Move each limit by one grey level towards the multiple of the median deviation."""
-        scale = self._deviations / MEDIAN_DEVIATION
-        wanted = np.asarray(cv2.convertScaleAbs(cv2.absdiff(picture, self.picture()), alpha=scale))
-        moved = np.where(wanted > self._limits, self._limits + 1, self._limits - 1)
+    def _learn_noise(self, picture: Image, known: Image | None) -> None:
+        """Move each limit by one grey level towards the multiple of the median deviation.
+
+        What is farther off than twice the limit is no noise, but an object or its shadow.
+        """
+        limits = self._limits
+        off = cv2.absdiff(picture, self.picture())
+        far = off > np.asarray(cv2.add(limits, limits))
+        if known is not None:
+            far |= known[:, :, np.newaxis] > 0
+        wanted = cv2.convertScaleAbs(off, alpha=self._deviations / MEDIAN_DEVIATION)
+        moved = np.where(np.asarray(wanted) > limits, limits + 1, limits - 1)
         least, most = self._limit(LEAST_VARIANCE), self._limit(MOST_VARIANCE)
-        moved = np.clip(moved, least, most).astype(np.uint8)
-        cv2.copyTo(moved, cv2.bitwise_not(found), self._limits)
+        self._limits = np.where(far, limits, np.clip(moved, least, most)).astype(np.uint8)
 
     def _limit(self, variance: float) -> int:
         """Return the limit of one colour for a variance of all three."""

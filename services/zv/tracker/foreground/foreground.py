@@ -29,6 +29,9 @@ START_S = (1.0, 2.0, 3.0, 4.5)
 
 KEEP_EVERY_S = 0.25
 
+MARGIN, LEAST_MARGIN = 0.1, 2.0
+"""What is protected around a box, in its longer side and at least in pixels: arms and feet."""
+
 SILENT_S = 1.0
 """Before, too little is known to tell what is background: nothing is foreground."""
 
@@ -112,9 +115,8 @@ class ForegroundDetector:
         if not self._parameters.frozen:
             self._learn_start(picture, stamp_ns, known_mask)
         if (stamp_ns - self._started_ns) / 1e9 < SILENT_S:
-            nothing = np.zeros((height, width), np.uint8)
-            self.background.learn(picture, stamp_ns, nothing, None, self._parameters.learning_s)
-            return nothing, False
+            self.background.learn(picture, stamp_ns, None, self._parameters.learning_s)
+            return np.zeros((height, width), np.uint8), False
         mask = self._cleaned(self.background.foreground(picture))
         changed = False
         if not self._parameters.frozen and cv2.countNonZero(mask) > CHANGED_SHARE * mask.size:
@@ -122,7 +124,7 @@ class ForegroundDetector:
         else:
             self._differs_ns = None
         if not self._parameters.frozen:
-            self.background.learn(picture, stamp_ns, mask, known_mask, self._parameters.learning_s)
+            self.background.learn(picture, stamp_ns, known_mask, self._parameters.learning_s)
         if self._searched is not None:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
         return mask, changed
@@ -210,6 +212,7 @@ def _boxes_mask(boxes: Sequence[Fragment], size: tuple[int, int]) -> Image | Non
         return None
     mask = np.zeros(size, np.uint8)
     for box in boxes:
-        rows = slice(max(0, round(box.top) - 1), max(0, round(box.bottom) + 1))
-        mask[rows, max(0, round(box.left) - 1) : max(0, round(box.right) + 1)] = 255
+        margin = max(LEAST_MARGIN, MARGIN * max(box.width, box.height))
+        rows = slice(max(0, round(box.top - margin)), max(0, round(box.bottom + margin)))
+        mask[rows, max(0, round(box.left - margin)) : max(0, round(box.right + margin))] = 255
     return mask

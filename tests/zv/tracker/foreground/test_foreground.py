@@ -214,3 +214,12 @@ def test_the_limit_of_a_pixel_follows_its_noise():
     mask, _ = found.update(np.clip(lighter, 0, 255).astype(np.uint8), 100 * TENTH, [])
     assert np.count_nonzero(mask[:, :80]) > 380  # beyond the noise of this half
     assert np.count_nonzero(mask[:, 80:]) < 40
+
+
+def test_a_known_object_of_nearly_the_colour_of_the_background_is_not_learned_as_noise():
+    found = learned()
+    pale = backdrop()
+    pale[40:80, 60:80] += 9
+    for k in range(60, 160):
+        mask, _ = found.update(pale, k * TENTH, [Fragment(62, 42, 78, 78, 600)])
+    assert np.count_nonzero(mask[40:80, 60:80]) > 700  # also beside the box, which is too small
