@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
-from zv.tracker.foreground.ghosts import is_ghost
+from zv.tracker.foreground.ghosts import GhostFinder
 from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.track import Box, Track
@@ -26,11 +26,6 @@ LEAST_PART = 0.25
 
 LARGER = 1.25
 """The main track changes only to one whose box is larger by this factor."""
-
-GHOST_FRAMES = 2
-GHOST_EVERY = 3
-GHOST_SPEED = 0.5
-"""Sides per second; what moves faster is no ghost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +72,7 @@ class RobustTracker:
         self._tracker: Tracker | None = None
         self.mask: Image = np.zeros((1, 1), np.uint8)
         self._lock = threading.Lock()
+        self._ghosts = GhostFinder()
         self._main: int | None = None
 
     @property
@@ -136,7 +132,7 @@ class RobustTracker:
         self.tracks = self._tracker.update(fragments, stamp_ns, Scene(picture, mask))
         if not self.parameters.foreground.frozen:
             with self._lock:
-                self._forget_ghosts(picture, mask)
+                self._forget_ghosts(picture, mask, fragments, stamp_ns)
         self._choose_main()
         return self.tracks
 
@@ -179,6 +175,7 @@ class RobustTracker:
         self._detector = ForegroundDetector(self.parameters.foreground, self._scale)
         small_size = -(-size[0] // self._scale), -(-size[1] // self._scale)
         self._tracker = Tracker(self._tracking(), small_size, self._scale, first_id)
+        self._ghosts = GhostFinder()
         self._main = None
 
     def _tracking(self) -> TrackingParameters:
@@ -195,31 +192,16 @@ class RobustTracker:
         )
         return box, fragment.area * scale * scale
 
-    def _forget_ghosts(self, picture: Image, mask: Image) -> None:
-        """Learn at once what is the place of something that has left, and end its track."""
+    def _forget_ghosts(
+        self, picture: Image, mask: Image, fragments: list[Fragment], stamp_ns: int
+    ) -> None:
+        """Learn at once what is the place of something that has left."""
         assert self._detector is not None
-        assert self._tracker is not None
-        for target in list(self._tracker.targets):
-            if (
-                target.hits < 2
-                or target.seen_ns != self._tracker.now_ns
-                or (target.grouped_ns == self._tracker.now_ns)
-            ):
-                continue
-            if target.hits % GHOST_EVERY:
-                continue
-            if target.speed > GHOST_SPEED:
-                target.ghost = 0
-                continue
-            box = target.box
-            whole = int(box.left), int(box.top), int(box.width) + 1, int(box.height) + 1
-            if is_ghost(picture, self._detector.background.picture(), mask, whole):
-                target.ghost += 1
-            else:
-                target.ghost = 0
-            if target.ghost >= GHOST_FRAMES:
-                self._detector.learn_box(picture, box)
-                self._tracker.drop(target.id)
+        if not fragments or not self._ghosts.due(stamp_ns):
+            return
+        background = self._detector.background.picture()
+        for ghost in self._ghosts.update(picture, background, mask, fragments, stamp_ns):
+            self._detector.learn_box(picture, ghost)
 
     def _choose_main(self) -> None:
         areas = {

@@ -8,7 +8,7 @@ import pytest
 
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
-from zv.tracker.foreground.ghosts import is_ghost
+from zv.tracker.foreground.ghosts import GhostFinder, picture_share
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import region_mask
 from zv.tracker.tracking.fragment import Fragment
@@ -120,12 +120,42 @@ def test_a_shadow_is_left_out():
     assert found.update(shadow, 60 * TENTH, [])[0].any()
 
 
-def test_a_ghost_has_its_outline_in_the_background():
+def test_the_outline_of_a_ghost_is_an_edge_of_the_background_however_faint():
     mask = np.zeros((120, 160), np.uint8)
     mask[40:80, 60:80] = 255
-    box = 60, 40, 20, 40
-    assert is_ghost(backdrop(), with_object(), mask, box)
-    assert not is_ghost(with_object(), backdrop(), mask, box)
+    box = Fragment(60, 40, 80, 80, 800)
+    faint = cv2.addWeighted(backdrop(), 0.9, with_object(), 0.1, 0)
+    for remembered in (with_object(), np.asarray(faint, np.uint8)):
+        assert picture_share(backdrop(), remembered, mask, box) < 0.1
+        assert picture_share(remembered, backdrop(), mask, box) > 0.9
+
+
+def test_a_ghost_is_found_when_it_is_one_twice_and_an_object_never():
+    finder, mask = GhostFinder(), np.zeros((120, 160), np.uint8)
+    mask[40:80, 60:80] = mask[40:80, 100:120] = 255
+    ghost, real = Fragment(60, 40, 80, 80, 800), Fragment(100, 40, 120, 80, 800)
+    picture = backdrop()
+    picture[40:80, 100:120] = (30, 30, 220)
+    found = [
+        finder.update(picture, with_object(), mask, [ghost, real], k * TENTH)
+        for k in range(10)
+        if finder.due(k * TENTH)
+    ]
+    assert found == [[], [], [ghost], []]
+    walking = GhostFinder()
+    for k in range(0, 30, 3):
+        box = Fragment(10 + 2 * k, 40, 30 + 2 * k, 80, 800)
+        assert not walking.update(picture, with_object(), mask, [box], k * TENTH)
+
+
+def test_who_stands_still_in_the_first_seconds_after_walking_is_not_learned():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(60):
+        x = min(60, 4 * k)
+        known = [Fragment(x, 40, x + 20, 80, 800)] if k > 12 else []
+        mask, _ = found.update(with_object(x), k * TENTH, known)
+    assert np.count_nonzero(mask[40:80, 60:80]) > 700
+    assert np.abs(found.background.picture().astype(int) - backdrop()).max() < 8
 
 
 def test_a_background_in_another_light_is_that_of_the_picture():
@@ -152,3 +182,44 @@ def test_fragments_have_limits_of_their_area():
     mask = np.zeros((100, 200), np.uint8)
     mask[10:14, 10:14] = mask[30:50, 30:50] = mask[10:90, 100:180] = 255
     assert [f.area for f in fragments_of(mask, 100, 1000)] == [400]
+
+
+def test_another_threshold_applies_at_once():
+    found = learned()
+    assert found.update(with_object(), 60 * TENTH, [])[0].any()
+    found.adjust(ForegroundParameters(var_threshold=10_000))
+    assert not found.update(with_object(), 61 * TENTH, [])[0].any()
+    found.adjust(ForegroundParameters(var_threshold=25))
+    assert found.update(with_object(), 62 * TENTH, [])[0].any()
+
+
+def test_a_line_is_no_object():
+    mask = np.zeros((100, 200), np.uint8)
+    mask[10:12, 10:150] = mask[50:90, 50] = 255
+    mask[30:50, 170:175] = 255
+    assert [(f.left, f.right) for f in fragments_of(mask, 10, 1e9)] == [(170, 175)]
+
+
+def test_the_limit_of_a_pixel_follows_its_noise():
+    found, rng = ForegroundDetector(ForegroundParameters(learning_s=5.0)), np.random.default_rng(3)
+    for k in range(100):
+        noise = np.zeros((120, 160, 3))
+        noise[:, 80:] = rng.normal(0, 5, (120, 80, 3))
+        noisy = np.clip(backdrop() + noise, 0, 255).astype(np.uint8)
+        mask, _ = found.update(noisy, k * TENTH, [])
+        assert not mask.any()
+    lighter = noisy.astype(int)
+    lighter[50:70, 20:40] += 12
+    lighter[50:70, 110:130] += 12
+    mask, _ = found.update(np.clip(lighter, 0, 255).astype(np.uint8), 100 * TENTH, [])
+    assert np.count_nonzero(mask[:, :80]) > 380  # beyond the noise of this half
+    assert np.count_nonzero(mask[:, 80:]) < 40
+
+
+def test_a_known_object_of_nearly_the_colour_of_the_background_is_not_learned_as_noise():
+    found = learned()
+    pale = backdrop()
+    pale[40:80, 60:80] += 9
+    for k in range(60, 160):
+        mask, _ = found.update(pale, k * TENTH, [Fragment(62, 42, 78, 78, 600)])
+    assert np.count_nonzero(mask[40:80, 60:80]) > 700  # also beside the box, which is too small
