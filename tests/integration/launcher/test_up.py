@@ -86,7 +86,7 @@ def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_
         assert not running(started)
     assert f"router: {endpoint}" in program.output
     assert "vision/front/centroid" in program.output
-    assert f"zv topic echo vision/front/edges/compressed --connect {endpoint}" in program.output
+    assert f"zv topic echo vision/front/centroid --connect {endpoint}" in program.output
     greeting = program.output.partition("for example: ")[2].splitlines()
     assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+/", greeting[1])
     assert "Traceback" not in program.complaints
