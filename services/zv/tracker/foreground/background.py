@@ -97,8 +97,7 @@ class BackgroundModel:
     def foreground(self, picture: Image) -> Image:
         """Return what differs and is no shadow: (height, width) uint8 of 0 and 255."""
         background, limits = self.picture(), self._limits
-        beyond = cv2.subtract(cv2.absdiff(picture, background), limits)
-        same = cv2.inRange(beyond, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        same = self.alike(picture, background)
         # Single pixels that differ are noise; the few others are looked at closely.
         places = np.flatnonzero(cv2.medianBlur(same, 3) == 0)
         shown, expected, allowed = (
@@ -116,6 +115,11 @@ class BackgroundModel:
         mask = np.zeros(picture.shape[:2], np.uint8)
         mask.reshape(-1)[places[found]] = 255
         return mask
+
+    def alike(self, one: Image, other: Image) -> Image:
+        """Return 255 where two pictures differ by not more than the noise, else 0."""
+        beyond = cv2.subtract(cv2.absdiff(one, other), self._limits)
+        return np.asarray(cv2.inRange(beyond, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), np.uint8)
 
     def learn(self, picture: Image, stamp_ns: int, known: Image | None, time_s: float) -> None:
         """Learn from a picture if it is time for that.
