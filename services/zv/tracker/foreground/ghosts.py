@@ -62,9 +62,10 @@ class GhostFinder:
         self._before = [*before[1 - STILL_PICTURES :], picture.copy()]
         if len(before) < STILL_PICTURES:
             return None
-        still = mask
-        for earlier in before:
-            still = np.asarray(cv2.bitwise_and(still, model.alike(picture, earlier)), np.uint8)
+        places = np.flatnonzero(mask > 0)
+        places = places[model.alike_at(places, picture, before)]
+        still = np.zeros_like(mask)
+        still.reshape(-1)[places] = 255
         still = np.asarray(cv2.medianBlur(still, 3), np.uint8)
         ghosts = np.zeros_like(mask)
         for region in fragments_of(still, LEAST_AREA, math.inf):
