@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import cv2
@@ -102,8 +103,7 @@ class BackgroundModel:
         # Single pixels that differ are noise; the few others are looked at closely.
         places = np.flatnonzero(cv2.medianBlur(same, 3) == 0)
         shown, expected, allowed = (
-            each.reshape(-1, 3).take(places, axis=0).astype(np.float32)
-            for each in (picture, background, limits)
+            _taken(each, places).astype(np.float32) for each in (picture, background, limits)
         )
         allowed_square = _dot(allowed, allowed)
         difference = shown - expected
@@ -116,6 +116,17 @@ class BackgroundModel:
         mask = np.zeros(picture.shape[:2], np.uint8)
         mask.reshape(-1)[places[found]] = 255
         return mask
+
+    def alike_at(
+        self, places: NDArray[np.intp], one: Image, others: Sequence[Image]
+    ) -> NDArray[np.bool_]:
+        """Return at which of some pixels, by their numbers, pictures differ by mere noise."""
+        limits, values = (_taken(each, places).astype(np.int16) for each in (self._limits, one))
+        alike = np.ones(len(places), np.bool_)
+        for other in others:
+            near = np.abs(values - _taken(other, places)) <= limits
+            alike &= near[:, 0] & near[:, 1] & near[:, 2]
+        return alike
 
     def learn(self, picture: Image, stamp_ns: int, known: Image | None, time_s: float) -> None:
         """Learn from a picture if it is time for that.
@@ -147,14 +158,17 @@ class BackgroundModel:
         What is farther off than twice the limit is no noise, but an object or its shadow.
         """
         limits = self._limits
-        off = cv2.absdiff(picture, self.picture())
-        far = off > np.asarray(cv2.add(limits, limits))
+        off = np.asarray(cv2.absdiff(picture, self.picture()), np.uint8)
+        near = np.asarray(cv2.compare(off, cv2.add(limits, limits), cv2.CMP_LE), np.uint8)
         if known is not None:
-            far |= known[:, :, np.newaxis] > 0
+            free = cv2.bitwise_not(known)
+            near &= np.asarray(cv2.merge((free, free, free)), np.uint8)
         wanted = cv2.convertScaleAbs(off, alpha=self._deviations / MEDIAN_DEVIATION)
-        moved = np.where(np.asarray(wanted) > limits, limits + 1, limits - 1)
+        more = np.asarray(cv2.compare(wanted, limits, cv2.CMP_GT), np.uint8)
+        # Unsigned numbers of 8 bits throughout, as the time for others is ten times as long.
+        moved = limits + (more & np.uint8(2)) - np.uint8(1)
         least, most = self._limit(LEAST_VARIANCE), self._limit(MOST_VARIANCE)
-        self._limits = np.where(far, limits, np.clip(moved, least, most)).astype(np.uint8)
+        cv2.copyTo(np.clip(moved, np.uint8(least), np.uint8(most)), near, limits)
 
     def _limit(self, variance: float) -> int:
         """Return the limit of one colour for a variance of all three."""
@@ -186,6 +200,11 @@ class BackgroundModel:
                 cv2.copyTo(self._picture, black, found)
             self._picture, self._stale = found, False
         return self._picture
+
+
+def _taken(picture: Image, places: NDArray[np.intp]) -> Image:
+    """Return the colours of some pixels, by their numbers, (n, 3)."""
+    return picture.reshape(-1, 3).take(places, axis=0)
 
 
 def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.tracker.foreground.background import BackgroundModel, Subtractor
+from zv.tracker.foreground.ghosts import GhostFinder
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import Polygon, region_mask
 from zv.tracker.tracking.fragment import Fragment
@@ -87,6 +88,7 @@ class ForegroundDetector:
         self._early_ns = 0
         self._medians = 0
         self._differs_ns: int | None = None
+        self._ghosts = GhostFinder()
 
     def update(
         self, picture: Image, stamp_ns: int, known: Sequence[Fragment]
@@ -112,28 +114,32 @@ class ForegroundDetector:
             self._start(picture, stamp_ns)
             return np.zeros((height, width), np.uint8), False
         known_mask = _boxes_mask(known, (height, width))
+        silent = (stamp_ns - self._started_ns) / 1e9 < SILENT_S
+        mask, changed = self._cleaned(self.background.foreground(picture)), False
         if not self._parameters.frozen:
             self._learn_start(picture, stamp_ns, known_mask)
-        if (stamp_ns - self._started_ns) / 1e9 < SILENT_S:
-            self.background.learn(picture, stamp_ns, None, self._parameters.learning_s)
-            return np.zeros((height, width), np.uint8), False
-        mask = self._cleaned(self.background.foreground(picture))
-        changed = False
-        if not self._parameters.frozen and cv2.countNonZero(mask) > CHANGED_SHARE * mask.size:
-            mask, changed = self._adapt(picture, stamp_ns, mask, known_mask)
-        else:
-            self._differs_ns = None
-        if not self._parameters.frozen:
+            if silent:
+                known_mask = None
+            elif cv2.countNonZero(mask) > CHANGED_SHARE * mask.size:
+                mask, changed = self._adapt(picture, stamp_ns, mask, known_mask)
+            else:
+                self._differs_ns = None
+            if self._ghosts.due(stamp_ns):
+                self._forget_ghosts(picture, stamp_ns, mask)
             self.background.learn(picture, stamp_ns, known_mask, self._parameters.learning_s)
+        if silent:
+            return np.zeros((height, width), np.uint8), False
         if self._searched is not None:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
         return mask, changed
 
-    def learn_box(self, picture: Image, box: Fragment) -> None:
-        """Make what a picture shows inside a box the background at once."""
-        where = _boxes_mask([box], (picture.shape[0], picture.shape[1]))
-        assert where is not None
-        self.background.learn_at_once(picture, where)
+    def _forget_ghosts(self, picture: Image, stamp_ns: int, mask: Image) -> None:
+        """Learn at once what is the place of something that has left."""
+        ghosts = self._ghosts.update(picture, self.background, mask, stamp_ns)
+        if ghosts is not None:
+            self.background.learn_at_once(picture, ghosts)
+            for seen in self._early:
+                cv2.copyTo(picture, ghosts, seen)
 
     def _start(self, picture: Image, stamp_ns: int) -> None:
         self.reset()

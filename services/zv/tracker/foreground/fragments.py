@@ -36,12 +36,13 @@ def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> l
     found = []
     for contour in contours:
         x, y, width, height = cv2.boundingRect(contour)
-        if width * height < min_area:
+        least = max(min_area, THINNEST * max(width, height))
+        if width * height < least:
             continue
         region = mask[y : y + height, x : x + width]
         columns = _profile(region, 0)
         area = float(columns.sum()) / 255
-        if not max(min_area, THINNEST * max(width, height)) <= area <= max_area:
+        if not least <= area <= max_area:
             continue
         for first, end in _cuts(columns, height):
             left, right = _full(columns[first:end])

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
-from zv.tracker.foreground.ghosts import GhostFinder
 from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.track import Box, Track
@@ -72,7 +71,6 @@ class RobustTracker:
         self._tracker: Tracker | None = None
         self.mask: Image = np.zeros((1, 1), np.uint8)
         self._lock = threading.Lock()
-        self._ghosts = GhostFinder()
         self._main: int | None = None
 
     @property
@@ -130,9 +128,6 @@ class RobustTracker:
         self.mask = mask
         self.detections = [self._detection(each) for each in fragments]
         self.tracks = self._tracker.update(fragments, stamp_ns, Scene(picture, mask))
-        if not self.parameters.foreground.frozen:
-            with self._lock:
-                self._forget_ghosts(picture, mask, fragments, stamp_ns)
         self._choose_main()
         return self.tracks
 
@@ -175,7 +170,6 @@ class RobustTracker:
         self._detector = ForegroundDetector(self.parameters.foreground, self._scale)
         small_size = -(-size[0] // self._scale), -(-size[1] // self._scale)
         self._tracker = Tracker(self._tracking(), small_size, self._scale, first_id)
-        self._ghosts = GhostFinder()
         self._main = None
 
     def _tracking(self) -> TrackingParameters:
@@ -191,17 +185,6 @@ class RobustTracker:
             round(fragment.height * scale),
         )
         return box, fragment.area * scale * scale
-
-    def _forget_ghosts(
-        self, picture: Image, mask: Image, fragments: list[Fragment], stamp_ns: int
-    ) -> None:
-        """Learn at once what is the place of something that has left."""
-        assert self._detector is not None
-        if not fragments or not self._ghosts.due(stamp_ns):
-            return
-        background = self._detector.background.picture()
-        for ghost in self._ghosts.update(picture, background, mask, fragments, stamp_ns):
-            self._detector.learn_box(picture, ghost)
 
     def _choose_main(self) -> None:
         areas = {

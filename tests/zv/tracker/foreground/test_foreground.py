@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from zv.tracker.foreground.background import BackgroundModel
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
 from zv.tracker.foreground.ghosts import GhostFinder, picture_share
@@ -126,26 +127,35 @@ def test_the_outline_of_a_ghost_is_an_edge_of_the_background_however_faint():
     box = Fragment(60, 40, 80, 80, 800)
     faint = cv2.addWeighted(backdrop(), 0.9, with_object(), 0.1, 0)
     for remembered in (with_object(), np.asarray(faint, np.uint8)):
-        assert picture_share(backdrop(), remembered, mask, box) < 0.1
-        assert picture_share(remembered, backdrop(), mask, box) > 0.9
+        assert picture_share(backdrop(), remembered, mask, mask, box) < 0.1
+        assert picture_share(remembered, backdrop(), mask, mask, box) > 0.9
+    surrounded = cv2.dilate(mask, np.ones((15, 15), np.uint8))
+    assert picture_share(backdrop(), with_object(), np.asarray(surrounded), mask, box) == 1
 
 
-def test_a_ghost_is_found_when_it_is_one_twice_and_an_object_never():
-    finder, mask = GhostFinder(), np.zeros((120, 160), np.uint8)
-    mask[40:80, 60:80] = mask[40:80, 100:120] = 255
-    ghost, real = Fragment(60, 40, 80, 80, 800), Fragment(100, 40, 120, 80, 800)
-    picture = backdrop()
-    picture[40:80, 100:120] = (30, 30, 220)
-    found = [
-        finder.update(picture, with_object(), mask, [ghost, real], k * TENTH)
-        for k in range(10)
-        if finder.due(k * TENTH)
-    ]
-    assert found == [[], [], [ghost], []]
-    walking = GhostFinder()
-    for k in range(0, 30, 3):
-        box = Fragment(10 + 2 * k, 40, 30 + 2 * k, 80, 800)
-        assert not walking.update(picture, with_object(), mask, [box], k * TENTH)
+def test_a_ghost_is_found_beside_what_left_it_and_what_stands_is_none():
+    model, finder = BackgroundModel(), GhostFinder()
+    model.start(with_object(60), 0)
+    found: list[int] = []
+    for k in range(12):
+        picture = with_object(min(20, 4 * k))  # it stood there before, and now walks and stands
+        mask = model.foreground(picture)
+        mask[50:54, 40:60] = 255  # so that both are one region
+        ghosts = finder.update(picture, model, mask, k * TENTH) if finder.due(k * TENTH) else None
+        if ghosts is not None:
+            found.append(k)
+            assert np.count_nonzero(ghosts[40:80, 60:80]) > 780
+            assert not ghosts[:, :36].any()
+    assert found == [9]  # the fourth test, one each 0.3 s
+
+
+def test_who_stood_at_the_start_and_left_is_forgotten_within_a_second():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(60):
+        mask, _ = found.update(with_object(60 if k < 28 else 100), k * TENTH, [])
+        if k >= 40:
+            assert not mask[:, :95].any()
+            assert np.count_nonzero(mask[40:80, 100:120]) > 700
 
 
 def test_who_stands_still_in_the_first_seconds_after_walking_is_not_learned():
