@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.quality.edges.matching import match, thin
 
 REACH = 0.0075  # of the diagonal
-DENSITIES = (0.0005, 0.002, 0.005, 0.01, 0.015, 0.02, 0.026, 0.033, 0.045, 0.065, 0.1, 0.2)
+DENSITIES = (0.0005, 0.002, 0.005, 0.01, 0.015, 0.02, 0.026, 0.033, 0.045, 0.065, 0.1)
 """Thresholds are those that give these shares of pixels over all images."""
 
 Counts = NDArray[np.float64]

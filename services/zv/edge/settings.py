@@ -156,7 +156,7 @@ class EdgeSettings(ServiceSettings):
             ge=1,
             le=7680 * 4320,
             description="width times height; larger frames are dropped. The memory for one is up "
-            "to 30 bytes a pixel",
+            "to 42 bytes a pixel",
         ),
     ] = 4096 * 2304
 

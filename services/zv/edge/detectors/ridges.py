@@ -134,11 +134,13 @@ class RidgeDetection(Detection):
         least = self._detector.threshold * INTEGERS
         return np.asarray(cv2.Canny(*self._ridges, least, least, L2gradient=True), np.uint8)
 
-    @cached_property
+    @property
     def magnitude(self) -> Strength:
         """The strength of each pixel before thinning, (height, width) float32, 0 to 1."""
         gx, gy = (component.astype(np.float32) for component in self._ridges)
-        return np.asarray(cv2.magnitude(gx, gy) * np.float32(1 / INTEGERS), np.float32)
+        size = cv2.magnitude(gx, gy, gx)
+        size *= 1 / INTEGERS
+        return np.asarray(size, np.float32)
 
     @cached_property
     def strength(self) -> Strength:
