@@ -139,8 +139,7 @@ class RidgeDetection(Detection):
         """The strength of each pixel before thinning, (height, width) float32, 0 to 1."""
         gx, gy = (component.astype(np.float32) for component in self._ridges)
         size = cv2.magnitude(gx, gy, gx)
-        size *= 1 / INTEGERS
-        return np.asarray(size, np.float32)
+        return np.asarray(np.multiply(size, np.float32(1 / INTEGERS), out=size), np.float32)
 
     @cached_property
     def strength(self) -> Strength:
