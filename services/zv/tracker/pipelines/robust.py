@@ -200,11 +200,7 @@ class RobustTracker:
         assert self._detector is not None
         assert self._tracker is not None
         for target in list(self._tracker.targets):
-            if (
-                target.hits < 2
-                or target.seen_ns != self._tracker.now_ns
-                or (target.grouped_ns == self._tracker.now_ns)
-            ):
+            if target.hits < 2 or target.seen_ns != self._tracker.now_ns:
                 continue
             if target.hits % GHOST_EVERY:
                 continue
