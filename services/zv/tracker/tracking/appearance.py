@@ -1,4 +1,4 @@
-"""What an object looks like: a picture of it, and how often each of its pixels was seen."""
+"""What an object looks like: its silhouette, and the colours from its top to its bottom."""
 
 from __future__ import annotations
 
@@ -12,13 +12,19 @@ from numpy.typing import NDArray
 from zv.tracker.tracking.fragment import Fragment
 
 Image = NDArray[np.uint8]
+Floats = NDArray[np.float32]
 
-BINS = 8
-COLOR_DEVIATION = 30.0
-"""Typical difference between an object's colours in two frames, grey levels."""
+LEVELS = 8
+"""Of each colour."""
 
-UNSEEN_COST = 1.0
-"""Cost of a pixel of the object that is background now, against 1 for one of another colour."""
+BANDS = 6
+"""Parts of an object from its top to its bottom; each has its own colours."""
+
+SILHOUETTE = (12, 12)
+"""Rows and columns into which a silhouette is divided."""
+
+SMOOTHING = 0.5
+"""Share of a count that its neighbouring levels of a colour get."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +48,18 @@ class Scene:
 
 
 class Appearance:
-    """A template of an object that adapts to it, and histograms of its colours.
+    """The silhouette of an object and histograms of its colours, which adapt to it.
 
-    The probability of each pixel to belong to the object is part of the template, as in A. Senior
-    et al., "Appearance models for occlusion handling", 2006.
+    Attributes:
+        silhouette: How often each part of its box was foreground, 0 to 1, ``SILHOUETTE`` in shape;
+            None before anything was learned.
+        colors: (BANDS, LEVELS ** 3), how often each colour occurs in each band, each with the
+            sum 1.
     """
 
     def __init__(self) -> None:
-        self.template: NDArray[np.float32] | None = None
-        self.seen: NDArray[np.float32] | None = None
-        self.histogram: NDArray[np.float32] | None = None
+        self.silhouette: Floats | None = None
+        self.colors: Floats | None = None
 
     def learn(self, scene: Scene, box: Fragment, share: float) -> None:
         """Adapt to what a box shows.
@@ -62,102 +70,58 @@ class Appearance:
             share: Weight of this frame, 0 to 1; the first one counts as a whole.
         """
         cut = scene.cut(box)
-        picture, mask = scene.picture[cut], scene.mask[cut]
+        mask = scene.mask[cut]
         if min(mask.shape) < 2:
             return
-        colors = picture.astype(np.float32)
-        seen = mask.astype(np.float32) * (1 / 255)
-        histogram = histogram_of(picture, mask)
-        if self.template is None or self.seen is None or self.histogram is None:
-            self.template, self.seen, self.histogram = colors, seen, histogram
+        seen = cv2.resize(mask, SILHOUETTE[::-1], interpolation=cv2.INTER_AREA)
+        silhouette = np.asarray(seen, np.float32) * np.float32(1 / 255)
+        colors = colors_of(scene.picture[cut], mask)
+        if self.silhouette is None or self.colors is None:
+            self.silhouette, self.colors = silhouette, colors
             return
-        height, width = mask.shape
-        if self.seen.shape != mask.shape:
-            self.template = np.asarray(cv2.resize(self.template, (width, height)), np.float32)
-            self.seen = np.asarray(cv2.resize(self.seen, (width, height)), np.float32)
-        weight = (share * seen / np.maximum(self.seen, share))[:, :, np.newaxis]
-        self.template = np.asarray(self.template * (1 - weight) + colors * weight, np.float32)
-        self.seen = self.seen * (1 - share) + seen * share
-        self.histogram = self.histogram * np.float32(1 - share) + histogram * np.float32(share)
+        self.silhouette += (silhouette - self.silhouette) * np.float32(share)
+        self.colors += (colors - self.colors) * np.float32(share)
 
     def distance(self, scene: Scene, box: Fragment) -> float:
         """Return how different the colours in a box are: 0 the same, 1 none in common."""
         cut = scene.cut(box)
         mask = scene.mask[cut]
-        if self.histogram is None or not mask.size:
+        if self.colors is None or not mask.size:
             return 0.5
-        other = histogram_of(scene.picture[cut], mask)
-        common = float(np.sqrt(self.histogram * other).sum()) / 2
+        common = float(np.sqrt(self.colors * colors_of(scene.picture[cut], mask)).sum()) / BANDS
         return math.sqrt(max(0.0, 1.0 - common))
 
-    def costs(
-        self, scene: Scene, left: int, top: int, reach_x: int, reach_y: int
-    ) -> NDArray[np.float64] | None:
-        """Return how badly the template fits at each place around a box.
 
-        Args:
-            scene: The frame; pixels that another object covers are not in its mask.
-            left: Of the template's box, in the middle of the search.
-            top: As left.
-            reach_x: How far to search to each side.
-            reach_y: As reach_x.
-
-        Returns:
-            (2 reach_y + 1, 2 reach_x + 1), the mean cost of a pixel of the object: about 0 where
-            it fits, 1 and more where it does not. None without a template.
-        """
-        if self.template is None or self.seen is None:
-            return None
-        height, width = self.seen.shape
-        weight = np.square(self.seen)
-        total = float(weight.sum())
-        if total < 4:
-            return None
-        window = Fragment(
-            left - reach_x, top - reach_y, left + width + reach_x, top + height + reach_y, 0
-        )
-        rows, columns = scene.cut(window)
-        size = (height + 2 * reach_y, width + 2 * reach_x)
-        colors = np.zeros((*size, 3), np.float32)
-        free = np.zeros(size, np.float32)
-        if rows.stop > rows.start and columns.stop > columns.start:
-            y, x = rows.start - (top - reach_y), columns.start - (left - reach_x)
-            inside = (
-                slice(y, y + rows.stop - rows.start),
-                slice(x, x + columns.stop - columns.start),
-            )
-            colors[inside] = scene.picture[rows, columns]
-            free[inside] = scene.mask[rows, columns] * np.float32(1 / 255)
-        # Sum over the template of weight * (free * squared difference + (1 - free) * cost)
-        colored = colors * free[:, :, np.newaxis]
-        squares = (np.square(colors).sum(axis=2)) * free
-        correlate = cv2.TM_CCORR
-        template = self.template * weight[:, :, np.newaxis]
-        own = np.square(self.template).sum(axis=2) * weight
-        difference = (
-            cv2.matchTemplate(squares, weight, correlate)
-            - 2 * cv2.matchTemplate(colored, template, correlate)
-            + cv2.matchTemplate(free, own.astype(np.float32), correlate)
-        ) / (3 * COLOR_DEVIATION**2)
-        unseen = total - cv2.matchTemplate(free, weight, correlate)
-        return np.asarray((difference + UNSEEN_COST * unseen) / total, np.float64)
+def levels_of(picture: Image) -> NDArray[np.intp]:
+    """Return the colour of each pixel as a number below LEVELS ** 3, (height, width)."""
+    shift = 8 - LEVELS.bit_length() + 1
+    blue, green, red = (picture[:, :, k].astype(np.intp) >> shift for k in range(3))
+    return np.asarray((blue * LEVELS + green) * LEVELS + red, np.intp)
 
 
-def histogram_of(picture: Image, mask: Image) -> NDArray[np.float32]:
-    """Return the colours of the upper and the lower half of an object, each with the sum 1.
+def colors_of(picture: Image, mask: Image) -> Floats:
+    """Return how often each colour occurs in each band, (BANDS, LEVELS ** 3), each with the sum 1.
+
+    The histograms are smoothed, so that a small change of a colour changes them little.
 
     Args:
         picture: (height, width, 3) uint8 BGR.
         mask: (height, width) uint8, not 0 on the object.
     """
-    middle = max(1, mask.shape[0] // 2)
-    parts = []
-    for rows in (slice(0, middle), slice(middle, None)):
-        if mask[rows].size:
-            counts = cv2.calcHist(
-                [picture[rows]], [0, 1, 2], mask[rows], [BINS] * 3, [0, 256] * 3
-            ).ravel()
-        else:
-            counts = np.zeros(BINS**3, np.float32)
-        parts.append(counts / max(1.0, float(counts.sum())))
-    return np.asarray(np.concatenate(parts), np.float32)
+    own = mask > 0
+    bands = np.arange(mask.shape[0]) * BANDS // max(1, mask.shape[0])
+    numbers = levels_of(picture) + bands[:, None] * LEVELS**3
+    counts = np.bincount(numbers[own], minlength=BANDS * LEVELS**3).astype(np.float32)
+    cubes = counts.reshape(BANDS, LEVELS, LEVELS, LEVELS)
+    for axis in (1, 2, 3):
+        cubes = _smoothed(cubes, axis)
+    found = cubes.reshape(BANDS, -1)
+    return np.asarray(found / np.maximum(found.sum(axis=1, keepdims=True), 1.0), np.float32)
+
+
+def _smoothed(cubes: Floats, axis: int) -> Floats:
+    """Return a mean of each value and its neighbours along an axis; the ends count twice."""
+    levels = np.arange(LEVELS)
+    before = np.take(cubes, np.maximum(levels - 1, 0), axis)
+    after = np.take(cubes, np.minimum(levels + 1, LEVELS - 1), axis)
+    return np.asarray(cubes * (1 - SMOOTHING) + (before + after) * (SMOOTHING / 2), np.float32)

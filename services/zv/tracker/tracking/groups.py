@@ -1,60 +1,179 @@
-"""Finds each of several objects inside the one region of foreground that they share."""
+"""Divides a region of the foreground that several objects share among them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.appearance import Scene, levels_of
+from zv.tracker.tracking.fragment import Fragment, union
 from zv.tracker.tracking.target import Target
 
-LEAST_REACH, MOST_REACH = 2, 10
-DISTANCE_WEIGHT = 0.06
-"""Cost of a place one standard deviation away from the prediction."""
+MARGIN_SIDES = 0.1
+"""An object is looked for so far outside of its expected box, and its uncertainty farther."""
+
+LEAST_PRIOR = 0.05
+LEAST_COLOR = 0.0005
+"""Probability of a colour that an object never showed; all the same, it would be 0.002."""
+
+CLEAR = 6.0
+"""A pixel clearly belongs to an object for which it is so many times as probable."""
+
+LEAST_CLEAR = 0.15
+"""Least share of an object in a group that must clearly be its own, or it is hidden."""
+
+THIN = 0.1
+"""Rows and columns with less than this share of the fullest one do not count for the edges."""
+
+OPEN = 0.5
+"""An edge is one if this share of it has background on its other side."""
 
 
-def place(targets: Sequence[Target], scene: Scene) -> list[tuple[tuple[float, float], float]]:
-    """Return the middle of each object inside a shared region, and the cost of its fit.
+@dataclass(frozen=True, slots=True)
+class Portion:
+    """What belongs to one object in a shared region.
 
-    The nearest to the camera, whose foot is the lowest, is placed first; what it covers is not
-    searched again for those behind it. An object without a template stays at its prediction.
+    Attributes:
+        box: Around its pixels; None if there are none.
+        open: Whether the left, top, right and bottom edge of that box has background beside it:
+            else the object may go on behind another one.
+        visible: Its pixels as a share of the usual number.
+        clear: As ``visible``, but only pixels that are clearly its own and could not be those of
+            another one as well. Where that is so of hardly any pixel, all of the object that has
+            most count, since the region must be something.
+        covered: Share of its expected box that is foreground, its own or that of others.
     """
-    free = scene.mask.copy()
-    remaining = Scene(scene.picture, free)
-    found: dict[int, tuple[tuple[float, float], float]] = {}
-    for target in sorted(targets, key=lambda each: (-each.box.bottom, each.id)):
-        box, seen = target.box, target.appearance.seen
-        middle = target.x.position, target.y.position
-        left, top = round(box.left), round(box.top)
-        deviations = [max(1.0, math.sqrt(axis.pp) * 1.5) for axis in (target.x, target.y)]
-        reach_x, reach_y = (int(min(MOST_REACH, max(LEAST_REACH, 2 * each))) for each in deviations)
-        costs = target.appearance.costs(remaining, left, top, reach_x, reach_y)
-        if costs is None or seen is None:
-            found[target.id] = middle, 1.0
-            continue
-        dy, dx = np.mgrid[-reach_y : reach_y + 1, -reach_x : reach_x + 1]
-        away = np.square((left + dx - box.left) / deviations[0])
-        away = away + np.square((top + dy - box.top) / deviations[1])
-        row, column = np.unravel_index(int(np.argmin(costs + DISTANCE_WEIGHT * away)), costs.shape)
-        step_x, step_y = int(column) - reach_x, int(row) - reach_y
-        found[target.id] = (
-            (left + step_x + target.width / 2, top + step_y + target.height / 2),
-            float(costs[row, column]),
+
+    box: Fragment | None
+    open: tuple[bool, bool, bool, bool]
+    visible: float
+    clear: float
+    covered: float
+
+
+def divide(targets: Sequence[Target], region: Sequence[Fragment], scene: Scene) -> list[Portion]:
+    """Return what each object has of a shared region.
+
+    Each pixel goes to the object for which it is most probable by two measures: how often the
+    object had foreground at this place of its box, which is where its motion predicts it, and how
+    often it had this colour at this height. Where objects look the same, the place decides.
+    """
+    areas = [_searched(target) for target in targets]
+    rows, columns = scene.cut(union(region))
+    mask = np.zeros((rows.stop - rows.start, columns.stop - columns.start), bool)
+    for part in region:
+        y, x = scene.cut(part)
+        window = (
+            slice(y.start - rows.start, y.stop - rows.start),
+            slice(x.start - columns.start, x.stop - columns.start),
         )
-        _cover(free, target, left + step_x, top + step_y)
-    return [found[target.id] for target in targets]
+        mask[window] = scene.mask[y, x] > 0
+    levels = levels_of(scene.picture[rows, columns])
+    best, second = np.zeros(mask.shape, np.float32), np.zeros(mask.shape, np.float32)
+    owner = np.full(mask.shape, -1, np.int16)
+    for number, target in enumerate(targets):
+        window, likely = _likely(target, areas[number], levels, (rows.start, columns.start))
+        better = (likely > best[window]) & mask[window]
+        second[window] = np.where(better, best[window], np.maximum(second[window], likely))
+        best[window][better] = likely[better]
+        owner[window][better] = number
+    clear = best > CLEAR * second
+    portions = [
+        _portion(target, owner == number, clear, mask, (rows.start, columns.start))
+        for number, target in enumerate(targets)
+    ]
+    if max(portion.clear for portion in portions) < LEAST_CLEAR:
+        largest = max(range(len(portions)), key=lambda number: portions[number].visible)
+        portions[largest] = replace(portions[largest], clear=portions[largest].visible)
+    return portions
 
 
-def _cover(free: NDArray[np.uint8], target: Target, left: int, top: int) -> None:
-    """Take the pixels of a placed object out of the mask."""
-    seen = target.appearance.seen
-    assert seen is not None
-    height, width = seen.shape
-    y, x = max(0, top), max(0, left)
-    part = free[y : max(y, top + height), x : max(x, left + width)]
-    if part.size:
-        own = seen[y - top : y - top + part.shape[0], x - left : x - left + part.shape[1]]
-        part[own > 0.5] = 0
+def _searched(target: Target) -> Fragment:
+    """Return where the pixels of an object may be."""
+    box, side = target.box, target.side
+    x, y = (
+        min(0.5 * side, MARGIN_SIDES * side + 2 * math.sqrt(axis.pp))
+        for axis in (target.x, target.y)
+    )
+    return Fragment(box.left - x, box.top - y, box.right + x, box.bottom + y, 0)
+
+
+def _likely(
+    target: Target, area: Fragment, levels: NDArray[np.intp], origin: tuple[int, int]
+) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
+    """Return a window of a region, and how probable each of its pixels is for an object."""
+    height, width = levels.shape
+    top, left = max(0, round(area.top) - origin[0]), max(0, round(area.left) - origin[1])
+    bottom = max(top, min(height, round(area.bottom) - origin[0]))
+    right = max(left, min(width, round(area.right) - origin[1]))
+    window = slice(top, bottom), slice(left, right)
+    box, looks = target.box, target.appearance
+    v = (np.arange(top, bottom) + origin[0] + 0.5 - box.top) / max(1.0, box.height)
+    u = (np.arange(left, right) + origin[1] + 0.5 - box.left) / max(1.0, box.width)
+    if looks.silhouette is None or looks.colors is None:
+        inside = ((v >= 0) & (v < 1))[:, None] & ((u >= 0) & (u < 1))[None]
+        return window, np.where(inside, LEAST_COLOR, LEAST_PRIOR * LEAST_COLOR).astype(np.float32)
+    size = looks.silhouette.shape
+    rows = np.repeat((v * size[0] - 0.5).astype(np.float32)[:, None], u.size, axis=1)
+    columns = np.repeat((u * size[1] - 0.5).astype(np.float32)[None], v.size, axis=0)
+    prior = np.full(rows.shape, LEAST_PRIOR, np.float32)
+    if prior.size:
+        prior += cv2.remap(
+            looks.silhouette, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
+        )
+    bands = np.clip((v * len(looks.colors)).astype(np.intp), 0, len(looks.colors) - 1)
+    return window, prior * (looks.colors[bands[:, None], levels[window]] + LEAST_COLOR)
+
+
+def _portion(
+    target: Target,
+    own: NDArray[np.bool_],
+    clear: NDArray[np.bool_],
+    mask: NDArray[np.bool_],
+    origin: tuple[int, int],
+) -> Portion:
+    """Return the portion of an object to which the pixels ``own`` of a region's mask go."""
+    box = target.box
+    top, left = max(0, round(box.top) - origin[0]), max(0, round(box.left) - origin[1])
+    bottom, right = max(0, round(box.bottom) - origin[0]), max(0, round(box.right) - origin[1])
+    expected = mask[top:bottom, left:right]
+    covered = float(expected.mean()) if expected.size else 0.0
+    own = cv2.medianBlur(own.astype(np.uint8), 3) > 0
+    count = int(np.count_nonzero(own))
+    if not count:
+        return Portion(None, (False,) * 4, 0.0, 0.0, covered)
+    first_y, end_y = _extent(own.sum(axis=1))
+    first_x, end_x = _extent(own.sum(axis=0))
+    found = Fragment(
+        first_x + origin[1], first_y + origin[0], end_x + origin[1], end_y + origin[0], count
+    )
+    sides = (
+        _is_open(own.T, mask.T, first_x, first_x - 2),
+        _is_open(own, mask, first_y, first_y - 2),
+        _is_open(own.T, mask.T, end_x - 1, end_x + 1),
+        _is_open(own, mask, end_y - 1, end_y + 1),
+    )
+    usual = max(1.0, target.area)
+    return Portion(
+        found, sides, count / usual, float(np.count_nonzero(own & clear)) / usual, covered
+    )
+
+
+def _is_open(own: NDArray[np.bool_], mask: NDArray[np.bool_], row: int, beside: int) -> bool:
+    """Return whether there is background in the row beside the outer one of an object's pixels."""
+    if not 0 <= beside < len(mask):
+        return True
+    edge = own[row]
+    number = np.count_nonzero(edge)
+    return bool(np.count_nonzero(edge & ~mask[beside]) >= OPEN * number)
+
+
+def _extent(profile: NDArray[np.int_]) -> tuple[int, int]:
+    """Return the first and the end of the rows or columns that are not thin."""
+    enough = np.flatnonzero(profile >= THIN * profile.max())
+    return int(enough[0]), int(enough[-1]) + 1

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+PLAUSIBLE_SIGMAS = 1.5
+"""A residual of more standard deviations than this says that the motion has changed."""
+
+MOST_FADING = 100.0
+
 
 @dataclass(slots=True)
 class AxisFilter:
@@ -33,6 +38,23 @@ class AxisFilter:
         self.pp += 2 * dt_s * self.pv + dt2 * self.vv + q * dt2 * dt2 / 4
         self.pv += dt_s * self.vv + q * dt2 * dt_s / 2
         self.vv += q * dt2
+
+    def adapt(self, measured: float, deviation: float) -> None:
+        """Trust the prediction less if a measured position is far from it.
+
+        So it follows what turns about or bounces. Source: D. H. Zhou and P. M. Frank, "Strong
+        tracking filtering of nonlinear time-varying stochastic systems with coloured noise", 1996:
+        the covariance is multiplied by a factor that makes the residual plausible.
+        """
+        noise = deviation * deviation
+        if self.pp <= 0:
+            return
+        factor = ((measured - self.position) ** 2 / PLAUSIBLE_SIGMAS**2 - noise) / self.pp
+        if factor > 1:
+            factor = min(factor, MOST_FADING)
+            self.pp *= factor
+            self.pv *= factor
+            self.vv *= factor
 
     def correct(self, measured: float, deviation: float) -> None:
         """Include a measured position of this standard deviation, in pixels."""

@@ -16,6 +16,9 @@ SPEED = 1.5
 """Standard deviation of the speed of a new object, sides per second."""
 
 NOISE_SIDES, NOISE_PIXELS = 0.05, 0.5
+SHOWN_S = 0.3
+"""A confirmed track that is not seen for so long is lost."""
+
 SIZE_TIME_S = 0.7
 """Time after which the size has followed a change by 63 %."""
 
@@ -38,11 +41,13 @@ class Target:
         hits: Frames in which it was seen.
         travelled: Farthest distance from its origin, in sides.
         confirmed: Whether it was ever.
-        group: Ids of those that it shared a fragment with when it was last seen.
-        grouped_ns: When that was; None if it is alone.
+        grouped_ns: When it last shared a fragment with others; None if that is long ago.
         parted_ns: Since when it seems to be two objects; None if it does not.
         moved_ns: When it was last found moving.
         learned_ns: When its appearance was last learned.
+        stacked_ns: Since when it is on top of an older one in a group, or below; None if it is not.
+        clear_ns: When some of the foreground was last clearly its own.
+        alone_s: For how long it was seen alone, complete, away from the border of the picture.
         ghost: How often it was taken for a ghost.
         full: Whether it was ever seen away from the border of the picture.
         shown: Its own foreground in this frame, if that seems to be all of it.
@@ -62,11 +67,13 @@ class Target:
     hits: int = 1
     travelled: float = 0.0
     confirmed: bool = False
-    group: frozenset[int] = frozenset()
     grouped_ns: int | None = None
     parted_ns: int | None = None
     moved_ns: int = 0
     learned_ns: int = 0
+    stacked_ns: int | None = None
+    clear_ns: int = 0
+    alone_s: float = 0.0
     ghost: int = 0
     full: bool = False
     shown: Fragment | None = None
@@ -100,11 +107,12 @@ class Target:
         self.x.velocity *= factor
         self.y.velocity *= factor
 
-    def correct(self, measured: tuple[float, float], stamp_ns: int, factor: float = 1.0) -> None:
-        """Include a measured middle, with a deviation of ``factor`` times the usual one."""
-        deviation = factor * (NOISE_SIDES * self.side + NOISE_PIXELS)
-        self.x.correct(measured[0], deviation)
-        self.y.correct(measured[1], deviation)
+    def correct(self, measured: tuple[float, float], stamp_ns: int) -> None:
+        """Include a measured middle."""
+        deviation = NOISE_SIDES * self.side + NOISE_PIXELS
+        for axis, position in zip((self.x, self.y), measured, strict=True):
+            axis.adapt(position, deviation)
+            axis.correct(position, deviation)
         self.seen_ns = stamp_ns
         self.hits += 1
         self.travelled = max(self.travelled, self._distance() / self.side)
@@ -154,4 +162,5 @@ def new_target(number: int, fragment: Fragment, stamp_ns: int) -> Target:
         seen_ns=stamp_ns,
         origin=fragment,
         moved_ns=stamp_ns,
+        clear_ns=stamp_ns,
     )

@@ -41,3 +41,12 @@ def test_no_variance_is_negative_after_a_clock_was_set_forward_by_decades():
         assert min(axis.pp, axis.vv) >= 0
         axis.correct(100.0 + 3 * k, 1.5)
         assert min(axis.pp, axis.vv) >= 0
+
+
+def test_a_residual_that_is_not_plausible_widens_the_prediction_until_it_is():
+    axis = AxisFilter(0.0, 0.0, 1.0, 0.5, 2.0)
+    axis.adapt(2.0, 1.0)  # 2 of sqrt(1 + 1): plausible
+    assert (axis.pp, axis.pv, axis.vv) == (1.0, 0.5, 2.0)
+    axis.adapt(6.0, 1.0)
+    # 6 is 1.5 standard deviations if the variance with the measurement's 1 is (6 / 1.5)^2 = 16.
+    assert (axis.pp, axis.pv, axis.vv) == pytest.approx((15.0, 7.5, 30.0))

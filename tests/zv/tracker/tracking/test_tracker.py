@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from zv.tracker.tracking.fragment import Fragment
-from zv.tracker.tracking.tracker import MAX_TARGETS, Tracker, TrackingParameters
+from zv.tracker.tracking.targets import MAX_TARGETS
+from zv.tracker.tracking.tracker import Tracker, TrackingParameters
 
 SIZE = (400, 300)
 SECOND = 1_000_000_000

@@ -1,0 +1,216 @@
+"""Finds which fragments of the foreground belong to which objects, and corrects these by them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.tracker.tracking import association, merging
+from zv.tracker.tracking.appearance import Appearance, Scene
+from zv.tracker.tracking.fragment import Fragment, union
+from zv.tracker.tracking.groups import divide
+from zv.tracker.tracking.measuring import measure, measure_portion
+from zv.tracker.tracking.target import SHOWN_S, Target
+from zv.tracker.tracking.targets import Targets
+
+OVERLAP = 0.4
+"""A fragment that shares so much with the expected box of an object, of the smaller area, may
+belong to it."""
+
+GATE_SIDES = 0.7
+OTHER_LOOKS = 0.75
+PARTED_S = 0.4
+"""What has looked like two objects for so long is two."""
+
+
+class Matcher:
+    """Matches the fragments of one frame with the objects that are followed.
+
+    Args:
+        targets: The objects.
+        fragments: All of the frame, the largest first.
+        dt_s: Seconds since the last frame.
+        scene: Its pixels; None without.
+    """
+
+    def __init__(
+        self, targets: Targets, fragments: list[Fragment], dt_s: float, scene: Scene | None
+    ) -> None:
+        self._targets = targets
+        self._fragments = fragments
+        self._dt_s = dt_s
+        self._scene = scene
+
+    def match(self) -> list[Fragment]:
+        """Correct the objects, which are at their expected places; return what belongs to none."""
+        targets, fragments = self._targets.all, self._fragments
+        if not targets or not fragments:
+            return fragments
+        boxes = [target.box for target in targets]
+        links = association.overlaps(boxes, fragments) > OVERLAP
+        for row, target in enumerate(targets):
+            missing_s = target.missing_s(self._targets.now_ns) - self._dt_s
+            if missing_s > SHOWN_S and target.grouped_ns is None:
+                links[row] = False
+        self._link_the_rest(links)
+        for rows, columns in association.components(links):
+            owned = [fragments[column] for column in columns]
+            members = [targets[row] for row in rows]
+            if len(members) == 1:
+                self._follow_one(members[0], owned)
+            else:
+                self._follow_several(members, owned)
+        return [fragments[column] for column in np.flatnonzero(~links.any(axis=0))]
+
+    def _link_the_rest(self, links: NDArray[np.bool_]) -> None:
+        """Link targets and fragments that have no link yet, by the least sum of distances."""
+        fragments, scene = self._fragments, self._scene
+        rows = np.flatnonzero(~links.any(axis=1))
+        columns = np.flatnonzero(~links.any(axis=0))
+        if not rows.size or not columns.size:
+            return
+        costs = np.full((rows.size, columns.size), association.IMPOSSIBLE)
+        centers = np.array([fragments[column].center for column in columns])
+        areas = np.array([fragments[column].area for column in columns])
+        for number, row in enumerate(rows):
+            target = self._targets.all[row]
+            deviations = [
+                math.sqrt(axis.pp) + GATE_SIDES / 2 * target.side for axis in (target.x, target.y)
+            ]
+            away = np.square((centers[:, 0] - target.x.position) / deviations[0])
+            away += np.square((centers[:, 1] - target.y.position) / deviations[1])
+            ratio = np.abs(np.log((areas + 1) / (target.area + 1)))
+            fits = (away < 4.0) & (ratio < 1.2)
+            costs[number, fits] = (away + ratio)[fits]
+            if scene is None or target.missing_s(self._targets.now_ns) < SHOWN_S:
+                continue
+            for column in np.flatnonzero(fits):
+                looks = target.appearance.distance(scene, fragments[columns[column]])
+                costs[number, column] += 3 * looks
+                if looks > OTHER_LOOKS:
+                    costs[number, column] = association.IMPOSSIBLE
+        for number, found in association.assigned(costs):
+            links[rows[number], columns[found]] = True
+
+    def _follow_one(self, target: Target, owned: list[Fragment]) -> None:
+        parts = _parts(target, owned)
+        now_ns = self._targets.now_ns
+        if parts is None:
+            target.parted_ns = None
+        elif target.parted_ns is None:
+            target.parted_ns = now_ns
+        elif self._targets.since_s(target.parted_ns) >= PARTED_S:
+            self._split(target, parts)
+            return
+        self._measure(target, owned, alone=parts is None)
+
+    def _follow_several(self, members: list[Target], owned: list[Fragment]) -> None:
+        """Correct objects that claim the same fragments."""
+        pairs = _one_for_each(members, owned, self._scene)
+        if pairs is not None:
+            taken = {number for _, number in pairs}
+            for row, number in pairs:
+                target = members[row]
+                mine = [owned[number]]
+                for other in range(len(owned)):
+                    if other not in taken and _nearest(members, owned[other]) is target:
+                        mine.append(owned[other])
+                self._measure(target, mine, alone=True)
+            return
+        members = merging.without_parts(members, self._targets)
+        if len(members) == 1:
+            self._measure(members[0], owned, alone=False)
+            return
+        portions = None if self._scene is None else divide(members, owned, self._scene)
+        for number, target in enumerate(members):
+            target.grouped_ns = self._targets.now_ns
+            target.parted_ns = None
+            if portions is None:
+                target.correct((target.x.position, target.y.position), self._targets.now_ns)
+            else:
+                measure_portion(target, portions[number], self._targets, self._dt_s)
+        merging.drop_duplicates(members, union(owned), self._targets)
+        merging.join_stacked(members, self._targets)
+
+    def _measure(self, target: Target, owned: list[Fragment], *, alone: bool) -> None:
+        measure(target, union(owned), self._targets, self._dt_s, self._scene, alone=alone)
+
+    def _split(self, target: Target, parts: tuple[Fragment, Fragment]) -> None:
+        """Make one object two: the part that is more like it keeps its id."""
+        costs = []
+        for part in parts:
+            x, y = part.center
+            away = math.hypot(x - target.x.position, y - target.y.position) / target.side
+            looks = 0.5 if self._scene is None else target.appearance.distance(self._scene, part)
+            costs.append(away + looks)
+        mine, other = parts if costs[0] <= costs[1] else parts[::-1]
+        target.parted_ns = None
+        target.resize(mine.width, mine.height, mine.area, 1.0)
+        target.appearance = Appearance()
+        target.correct(mine.center, self._targets.now_ns)
+        split = self._targets.begin(other)
+        if split is not None:
+            split.x.velocity, split.y.velocity = target.x.velocity, target.y.velocity
+            split.confirmed = target.confirmed
+            split.travelled = target.travelled
+            split.full = target.full
+        for each in (target, split):
+            if each is not None and self._scene is not None:
+                each.appearance.learn(self._scene, each.box, 1.0)
+
+
+def _parts(target: Target, owned: list[Fragment]) -> tuple[Fragment, Fragment] | None:
+    """Return two halves, left and right, if the fragments of a target look like two objects."""
+    ordered = sorted(owned, key=lambda each: each.center[0])
+    for number in range(1, len(ordered)):
+        one, two = union(ordered[:number]), union(ordered[number:])
+        if one.right > two.left + 1:
+            continue
+        heights = sorted((one.height, two.height))
+        areas = sorted((one.area, two.area))
+        if (
+            heights[0] > 0.6 * heights[1]
+            and areas[0] > 0.3 * areas[1]
+            and (heights[0] > 0.55 * target.height)
+        ):
+            return one, two
+    return None
+
+
+def _one_for_each(
+    members: list[Target], owned: list[Fragment], scene: Scene | None
+) -> list[tuple[int, int]] | None:
+    """Return a fragment for each target, if there are as many that could be an object."""
+    if len(owned) < len(members):
+        return None
+    costs = np.full((len(members), len(owned)), association.IMPOSSIBLE)
+    for row, target in enumerate(members):
+        for column, fragment in enumerate(owned):
+            if not (
+                fragment.height > 0.6 * target.height
+                and 0.4 * target.area < fragment.area < 1.7 * target.area
+                and fragment.width < 1.6 * target.width
+            ):
+                continue
+            x, y = fragment.center
+            away = math.hypot(x - target.x.position, y - target.y.position) / target.side
+            looks = 0.0
+            if scene is not None and target.grouped_ns is not None:
+                looks = 2.0 * target.appearance.distance(scene, fragment)
+            if away < 1.5:
+                costs[row, column] = away + looks
+    pairs = association.assigned(costs)
+    return pairs if len(pairs) == len(members) else None
+
+
+def _nearest(members: list[Target], fragment: Fragment) -> Target:
+    x, y = fragment.center
+    return min(
+        members,
+        key=lambda each: (
+            abs(x - each.x.position) / each.width + abs(y - each.y.position) / each.height,
+            each.id,
+        ),
+    )

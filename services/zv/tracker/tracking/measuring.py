@@ -1,0 +1,160 @@
+"""Corrects the position, the size and the looks of an object by the foreground that is its own."""
+
+from __future__ import annotations
+
+import math
+
+from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.groups import LEAST_CLEAR, Portion
+from zv.tracker.tracking.target import SIZE_TIME_S, Target
+from zv.tracker.tracking.targets import Targets
+
+GROWN = 1.25
+"""A box that differs by this factor from what is known is measured by its better edge."""
+
+PLAUSIBLE = 1.7
+"""Foreground that differs from an object's usual area by at most this factor is all of it: then its
+own box is the track's, whatever the size that the object had in other poses."""
+
+LOOKS_TIME_S = 1.0
+LEARN_EVERY_S = 0.15
+GROUP_MEMORY_S = 1.5
+"""For so long after an object was in a group its size is not believed: others may be near."""
+
+WHOLE = 0.75
+"""With so much of its usual area visible, an object in a group is in front of the others."""
+
+HELD_S = 1.5
+"""So long an object that is hidden in a group counts as seen."""
+
+HIDDEN_STOP_S = 0.5
+COVERED = 0.5
+
+
+def measure(
+    target: Target,
+    found: Fragment,
+    targets: Targets,
+    dt_s: float,
+    scene: Scene | None,
+    *,
+    alone: bool,
+) -> None:
+    """Correct an object by the box of its own foreground.
+
+    Args:
+        target: The object.
+        found: All of its foreground.
+        targets: Of which it is one.
+        dt_s: Seconds since the last frame.
+        scene: Its pixels, from which its looks are learned; None: they are not.
+        alone: Whether nothing else may be in that foreground.
+    """
+    expected, at_border = target.box, targets.at_border(found)
+    if target.grouped_ns is not None and targets.since_s(target.grouped_ns) > GROUP_MEMORY_S:
+        target.grouped_ns = None
+    x, width = _along(
+        found.left, found.right, expected.left, expected.right, targets.size[0], target.full
+    )
+    y, height = _along(
+        found.top, found.bottom, expected.top, expected.bottom, targets.size[1], target.full
+    )
+    complete = width and height
+    if not at_border:
+        target.full = True
+    follows = not target.full or (alone and target.grouped_ns is None and not at_border)
+    share = max(1 - math.exp(-dt_s / SIZE_TIME_S), 1 / (target.hits + 1))
+    target.resize(
+        found.width if width or follows else target.width,
+        found.height if height or follows else target.height,
+        found.area if complete else target.area,
+        share if target.full else 1.0,
+    )
+    if not target.full:
+        x, y = found.center
+    if at_border or 1 / PLAUSIBLE < found.area / max(1.0, target.area) < PLAUSIBLE:
+        target.shown = found
+    if alone and complete and target.full and not at_border:
+        target.alone_s += dt_s
+    before = target.travelled
+    target.correct((x, y), targets.now_ns)
+    target.clear_ns = targets.now_ns
+    if target.speed > 0.2 or target.travelled > before:
+        target.moved_ns = targets.now_ns
+    since_s = targets.since_s(target.learned_ns)
+    if scene is not None and alone and complete and since_s >= LEARN_EVERY_S:
+        share = 1 - math.exp(-min(since_s, LOOKS_TIME_S) / LOOKS_TIME_S)
+        target.appearance.learn(scene, _around(found.center, target), share)
+        target.learned_ns = targets.now_ns
+
+
+def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: float) -> None:
+    """Correct an object by its part of a region that it shares with others.
+
+    If none of it can be seen it goes on, ever slower, and counts as seen for a while as long as
+    there is foreground that may hide it.
+    """
+    box = portion.box
+    if box is None or portion.clear < LEAST_CLEAR:
+        target.slow_down(math.exp(-dt_s / HIDDEN_STOP_S))
+        if portion.covered > COVERED and targets.since_s(target.clear_ns) < HELD_S:
+            target.seen_ns = targets.now_ns
+        return
+    expected, whole = target.box, portion.visible > WHOLE
+    left, top, right, bottom = portion.open
+    x, width = _between(box.left, box.right, expected.left, expected.right, left, right, whole)
+    y, height = _between(box.top, box.bottom, expected.top, expected.bottom, top, bottom, whole)
+    if width and height and portion.visible < PLAUSIBLE:
+        target.shown = box
+    target.clear_ns = targets.now_ns
+    target.correct((x, y), targets.now_ns)
+
+
+def _around(middle: tuple[float, float], target: Target) -> Fragment:
+    """Return a box of the object's size around a measured middle."""
+    (x, y), half_width, half_height = middle, target.width / 2, target.height / 2
+    return Fragment(x - half_width, y - half_height, x + half_width, y + half_height, target.area)
+
+
+def _along(
+    low: float, high: float, expected_low: float, expected_high: float, end: int, full: bool
+) -> tuple[float, bool]:
+    """Return the middle of a box along one axis, and whether its length there can be believed.
+
+    If the length is not the expected one, as only a part is seen or something else is there too,
+    the edge that is nearer to the expected one is believed.
+    """
+    length, expected = high - low, max(1e-6, expected_high - expected_low)
+    cut_low, cut_high = low <= 1, high >= end - 1
+    if cut_low and not cut_high:
+        return high - expected / 2, False
+    if cut_high and not cut_low:
+        return low + expected / 2, False
+    if not full or 1 / GROWN < length / expected < GROWN:
+        return (low + high) / 2, True
+    if abs(low - expected_low) < abs(high - expected_high):
+        return low + expected / 2, False
+    return high - expected / 2, False
+
+
+def _between(
+    low: float,
+    high: float,
+    expected_low: float,
+    expected_high: float,
+    open_low: bool,
+    open_high: bool,
+    whole: bool,
+) -> tuple[float, bool]:
+    """Return the middle of a portion along one axis, and whether it is seen from end to end.
+
+    An edge with another object beside it may be where that one begins to hide it: then the other
+    edge is believed, or the one that is nearer to the expected one.
+    """
+    expected = expected_high - expected_low
+    if whole or (open_low and open_high and high - low > expected / GROWN):
+        return (low + high) / 2, True
+    if open_low == open_high:
+        open_low = abs(low - expected_low) < abs(high - expected_high)
+    return (low + expected / 2 if open_low else high - expected / 2), False

@@ -1,0 +1,75 @@
+"""Finds out which of several tracks in one region are parts of one object, and ends the others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zv.tracker.tracking import association
+from zv.tracker.tracking.fragment import Fragment, union
+from zv.tracker.tracking.target import Target
+from zv.tracker.tracking.targets import Targets
+
+PROVEN_S = 0.4
+"""After so long alone, complete and away from the border, something is an object of its own."""
+
+STACKED_S = 1.0
+STACKED_SHARE = 0.6
+"""One box is on top of the other if they share so much of their width and little height."""
+
+DUPLICATE_SHARE = 0.8
+LEAST_TWO = 1.2
+"""Two objects in one region have at least so many times the area of the larger one."""
+
+
+def without_parts(members: list[Target], targets: Targets) -> list[Target]:
+    """Return the objects in one region, and end what was never seen to be one of its own.
+
+    What enters the picture in several parts is one object when they are found connected: of the
+    unproven tracks only the largest stays.
+    """
+    unproven = [each for each in members if each.alone_s < PROVEN_S]
+    if len(unproven) < 2:
+        return members
+    kept = max(unproven, key=lambda each: (each.confirmed, each.area, -each.id))
+    for target in unproven:
+        if target is not kept:
+            targets.drop(target.id)
+    return [each for each in members if each is kept or each not in unproven]
+
+
+def join_stacked(members: list[Target], targets: Targets) -> None:
+    """Make two tracks one if one of them has been on top of the other for a while.
+
+    So do the parts of one object after something in front of it had divided it.
+    """
+    ordered = sorted(members, key=lambda each: each.id)
+    for number, younger in enumerate(ordered):
+        older = next((each for each in ordered[:number] if _stacked(each.box, younger.box)), None)
+        if older is None:
+            younger.stacked_ns = None
+        elif younger.stacked_ns is None:
+            younger.stacked_ns = targets.now_ns
+        elif targets.since_s(younger.stacked_ns) >= STACKED_S:
+            targets.drop(younger.id)
+            whole = union([older.box, younger.box])
+            older.resize(whole.width, whole.height, whole.area, 1.0)
+            older.x.position, older.y.position = whole.center
+
+
+def drop_duplicates(members: list[Target], whole: Fragment, targets: Targets) -> None:
+    """End the newer of two tracks that share the box of one object, unless it is confirmed."""
+    ordered = sorted(members, key=lambda each: each.id)
+    boxes = [each.box for each in ordered]
+    shared = np.triu(association.overlaps(boxes, boxes) > DUPLICATE_SHARE, 1)
+    for first, second in np.argwhere(shared):
+        one, two = ordered[first], ordered[second]
+        if whole.area < LEAST_TWO * max(one.area, two.area) and not two.confirmed:
+            targets.drop(two.id)
+
+
+def _stacked(one: Fragment, other: Fragment) -> bool:
+    across = min(one.right, other.right) - max(one.left, other.left)
+    along = min(one.bottom, other.bottom) - max(one.top, other.top)
+    return across > STACKED_SHARE * min(one.width, other.width) and along < (
+        1 - STACKED_SHARE
+    ) * min(one.height, other.height)

@@ -1,0 +1,100 @@
+"""Objects that share one region of the foreground: each gets the pixels that are its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.groups import divide
+from zv.tracker.tracking.target import Target, new_target
+
+SIZE = (100, 200)  # rows, columns
+RED, BLUE = (20, 20, 200), (200, 60, 20)
+Box = tuple[int, int, int, int]  # left, top, right, bottom
+
+
+def painted(*objects: tuple[Box, tuple[int, int, int]]) -> Scene:
+    """Return a scene of rectangles, the last one in front."""
+    picture = np.full((*SIZE, 3), 120, np.uint8)
+    mask = np.zeros(SIZE, np.uint8)
+    for (left, top, right, bottom), color in objects:
+        picture[top:bottom, left:right] = color
+        mask[top:bottom, left:right] = 255
+    return Scene(picture, mask)
+
+
+def known(number: int, seen: Box, color: tuple[int, int, int], at: Box) -> Target:
+    """Return an object that was seen alone in one box and is expected in another one."""
+    target = new_target(number, fragment(at), 0)
+    target.appearance.learn(painted((seen, color)), fragment(seen), 1.0)
+    return target
+
+
+def fragment(box: Box) -> Fragment:
+    left, top, right, bottom = box
+    return Fragment(left, top, right, bottom, (right - left) * (bottom - top))
+
+
+def edges(box: Fragment | None) -> tuple[float, float, float, float]:
+    assert box is not None
+    return box.left, box.top, box.right, box.bottom
+
+
+def test_colours_divide_a_region_where_the_prediction_is_some_pixels_off():
+    front, behind = (60, 20, 80, 90), (70, 40, 110, 60)
+    scene = painted((behind, BLUE), (front, RED))
+    one = known(1, (20, 20, 40, 90), RED, (57, 22, 77, 92))
+    two = known(2, (120, 40, 160, 60), BLUE, (74, 40, 114, 60))
+    of_one, of_two = divide([one, two], [fragment((60, 20, 110, 90))], scene)
+    assert edges(of_one.box) == pytest.approx(front, abs=1)
+    assert edges(of_two.box) == pytest.approx((80, 40, 110, 60), abs=1)
+    assert of_one.visible == pytest.approx(1.0, abs=0.05)
+    assert of_two.visible == pytest.approx(0.75, abs=0.05)
+    # The front one hides the left end of the other, whose remaining edges are true ones.
+    assert of_two.open == (False, True, True, True)
+
+
+def test_objects_of_the_same_colour_are_divided_by_their_places():
+    left, right = (40, 20, 60, 80), (55, 24, 75, 84)
+    scene = painted((left, RED), (right, RED))
+    seen = (120, 20, 140, 80)
+    of_left, of_right = divide(
+        [known(1, seen, RED, left), known(2, seen, RED, right)], [fragment((40, 20, 75, 84))], scene
+    )
+    assert of_left.open[0]
+    assert of_right.open[2]
+    assert edges(of_left.box)[0] == 40
+    assert edges(of_right.box)[2] == 75
+
+
+def test_an_object_behind_another_one_has_nothing_and_is_covered():
+    front = (60, 10, 100, 90)
+    scene = painted((front, RED))
+    hidden = known(2, (120, 40, 140, 60), BLUE, (70, 40, 90, 60))
+    of_front, of_hidden = divide(
+        [known(1, (10, 10, 50, 90), RED, front), hidden], [fragment(front)], scene
+    )
+    assert of_hidden.clear == 0
+    assert of_hidden.covered == 1
+    assert edges(of_front.box) == front
+
+
+def test_of_two_tracks_of_one_object_only_one_has_pixels_that_are_clearly_its_own():
+    at, seen = (60, 20, 80, 80), (120, 20, 140, 80)
+    one, other = divide(
+        [known(1, seen, RED, at), known(2, seen, RED, at)], [fragment(at)], painted((at, RED))
+    )
+    assert (one.clear, other.clear) == (pytest.approx(1.0, abs=0.05), 0.0)
+
+
+def test_other_regions_of_the_foreground_belong_to_none_of_a_group():
+    one, two, elsewhere = (40, 20, 60, 80), (60, 50, 80, 80), (62, 24, 80, 46)
+    scene = painted((one, RED), (two, BLUE), (elsewhere, BLUE))
+    _, of_two = divide(
+        [known(1, one, RED, one), known(2, two, BLUE, (60, 46, 80, 76))],
+        [fragment(one), fragment(two)],
+        scene,
+    )
+    assert edges(of_two.box) == two

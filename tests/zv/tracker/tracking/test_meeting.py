@@ -1,0 +1,110 @@
+"""Tracks of objects that meet, with pixels: one hides the other, or parts of one are connected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import cv2
+import numpy as np
+import pytest
+
+from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.track import Track
+from zv.tracker.tracking.tracker import Tracker, TrackingParameters
+
+SIZE = (300, 120)  # width, height
+SECOND = 1_000_000_000
+RED, BLUE = (20, 20, 200), (200, 60, 20)
+Box = tuple[float, float, float, float]  # left, top, width, height
+Painted = Sequence[tuple[Box, tuple[int, int, int]]]
+
+
+def tracked(frames: Iterable[Painted], rate: int = 20) -> list[list[Track]]:
+    """Return the tracks of each frame of rectangles, of which the last is in front."""
+    tracker, found = Tracker(TrackingParameters(), SIZE), []
+    for k, objects in enumerate(frames):
+        picture = np.full((SIZE[1], SIZE[0], 3), 120, np.uint8)
+        mask = np.zeros(SIZE[::-1], np.uint8)
+        for (left, top, width, height), color in objects:
+            x, y = max(0, round(left)), max(0, round(top))
+            window = np.s_[y : round(top + height), x : max(x, round(left + width))]
+            picture[window], mask[window] = color, 255
+        outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        regions = [cv2.boundingRect(outline) for outline in outlines]
+        fragments = [
+            Fragment(x, y, x + w, y + h, cv2.countNonZero(mask[y : y + h, x : x + w]))
+            for x, y, w, h in regions
+        ]
+        found.append(tracker.update(fragments, k * SECOND // rate, Scene(picture, mask)))
+    return found
+
+
+@pytest.mark.parametrize("rate", [30, 10])
+def test_one_that_stands_keeps_its_box_and_id_while_another_passes_behind(rate: int):
+    frames: list[Painted] = []
+    for k in range(6 * rate):
+        time_s = k / rate
+        large = (20 + 40 * min(time_s, 2), 10, 30, 100)
+        small = (280 - 45 * time_s, 50, 40, 24)
+        frames.append([(small, BLUE), (large, RED)])
+    found = tracked(frames, rate)
+    ids = {track.id for tracks in found[rate:] for track in tracks}
+    assert len(ids) == 2
+    for tracks in found[2 * rate :]:
+        assert [track.state for track in tracks] == ["confirmed", "confirmed"]
+        large = max(tracks, key=lambda each: each.box[3])
+        assert large.box == pytest.approx((100, 10, 30, 100), abs=5)
+
+
+def test_one_that_stops_behind_another_one_does_not_go_on():
+    frames: list[Painted] = []
+    for k in range(120):
+        time_s = k / 20
+        small = (280 - 45 * min(time_s, 3.2), 50, 40, 24)  # ends at 136, half behind
+        frames.append([(small, BLUE), ((120 + 0.0 * k, 10 + 4 * (k < 12), 30, 100), RED)])
+    last = tracked(frames)[-1]
+    blue = min(last, key=lambda each: each.box[3])
+    assert blue.x == pytest.approx(136 + 20, abs=6)
+
+
+def test_an_object_that_bounces_keeps_its_id():
+    frames: list[Painted] = []
+    for k in range(80):
+        phase = (k / 20) % 1.0
+        height = 240 * phase * (1 - phase)  # 60 at the highest, 240 pixels per second at the ground
+        frames.append([((20 + 2.5 * k, 90 - height, 24, 24), RED)])
+    found = tracked(frames)
+    assert {track.id for tracks in found for track in tracks} == {1}
+    assert found[-1][0].state == "confirmed"
+
+
+def test_an_object_that_enters_in_two_parts_is_one_track_when_they_are_connected():
+    frames: list[Painted] = []
+    for k in range(60):
+        head, legs = ((-26 + 2 * k, 10, 30, 24), RED), ((-24 + 2 * k, 60, 30, 50), BLUE)
+        body = ((-30 + 2 * k, 30, 20, 40), RED)  # seen last
+        frames.append([head, legs, body])
+    found = tracked(frames)
+    assert [len(found[k]) for k in (4, 12, 59)] == [2, 1, 1]
+    assert found[-1][0].box[3] == pytest.approx(100, abs=6)
+
+
+def test_what_is_expected_outside_of_the_picture_is_lost_at_once():
+    frames: list[Painted] = [[((150 + 6 * k, 30, 24, 60), RED)] for k in range(40)]
+    states = [[track.state for track in tracks] for tracks in tracked(frames)]
+    gone = next(k for k in range(40) if 150 + 6 * k >= SIZE[0])
+    assert states[gone - 2] == ["confirmed"]
+    assert "confirmed" not in states[gone + 4]
+
+
+def test_two_tracks_of_one_object_that_something_had_divided_become_one():
+    frames: list[Painted] = []
+    for k in range(90):
+        upper, lower = ((20 + 2 * k, 10, 24, 40), RED), ((20 + 2 * k, 70, 24, 40), BLUE)
+        between = ((20 + 2 * k, 48, 24, 24), BLUE)  # a bar hides it at first
+        frames.append([upper, lower] if k < 30 else [upper, lower, between])
+    found = tracked(frames)
+    assert len(found[25]) == 2
+    assert [track.id for track in found[-1]] == [1]
+    assert found[-1][0].box == pytest.approx((20 + 2 * 89, 10, 24, 100), abs=4)
