@@ -14,8 +14,8 @@ from zv.tracker.tracking.track import Track
 TRAIL_S = 3.0
 MAX_POINTS = 200
 LOST_COLOR = (160, 160, 160)
-HUE_STEP = 67
-"""Between the hues of successive ids, of 180: neighbours in time differ well."""
+HUE_STEP = 111.25
+"""Between the hues of successive ids, of 180: the golden section keeps any few in a row apart."""
 
 Point = tuple[int, int]
 
