@@ -32,12 +32,12 @@ check: $(VENV)/.dev
 # Tests marked `quiet` measure times: they run after the others, one at a time. Both runs are made;
 # status 5 means that ARGS selected no test in one of them.
 define run_tests
-$(BIN)/pytest -m "not compose and not quiet" -n 3 --dist loadfile --no-loadscope-reorder $(1); others=$$?; \
+$(BIN)/pytest -m "not compose and not quiet" -n 4 --dist loadfile --no-loadscope-reorder $(1); others=$$?; \
 	$(BIN)/pytest -m quiet $(2); quiet=$$?; \
 	case "$$others $$quiet" in "0 0"|"0 5"|"5 0") ;; *) exit 1 ;; esac
 endef
 
-## tests: pytest, three at a time, since most tests wait; then the `quiet` ones (ARGS=... to select)
+## tests: pytest, four at a time, since most tests wait; then the `quiet` ones (ARGS=... to select)
 tests: $(VENV)/.dev
 	@$(call run_tests,$(ARGS),$(ARGS))
 

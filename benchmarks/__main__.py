@@ -20,7 +20,8 @@ from benchmarks import (
     tracker,
     viewer,
 )
-from benchmarks.material import frames
+from benchmarks.material import VIDEO, frames
+from benchmarks.quality.data import found
 
 SIZES = ((768, 576), (1920, 1080))
 
@@ -111,7 +112,8 @@ def measure_painted(seconds: float) -> None:
 
 def measure_tracker(seconds: float) -> None:
     """Measure the robust pipeline beside the tutorial's, and trackers of large frames."""
-    show("tracker, 768x576, CPU with decode", tracker.cpu_beside_tutorial(2 * seconds))
+    if found(VIDEO):
+        show("tracker, 768x576, CPU with decode", tracker.cpu_beside_tutorial(2 * seconds))
     name = f"{tracker.CAMERAS} cameras of {tracker.WIDTH}x{tracker.HEIGHT}, a tracker each"
     for pipeline in ("tutorial", "robust"):
         show(name, tracker.large_cameras(seconds, pipeline))

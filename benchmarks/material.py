@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.quality.data import data_folder
 from zv.camera.sources.base import Picture
 from zv.camera.synthetic.source import Conditions, SyntheticSource
 
-ROOT = Path(__file__).parent.parent
+VIDEO = "vtest.avi"
 FRAMES = 60
 
 
@@ -22,6 +21,7 @@ def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
     """Return frames of vtest.avi at a size; of the synthetic scene if the video does not exist."""
     found = list(islice(video(width, height), FRAMES))
     if not found:
+        print(f"# the synthetic scene instead of {VIDEO}, which is not in {data_folder()}")
         source = SyntheticSource((width, height), 1, Conditions)
         pictures = [source.read() for _ in range(FRAMES)]
         found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
@@ -30,8 +30,7 @@ def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
 
 def video(width: int, height: int) -> Iterator[NDArray[np.uint8]]:
     """Yield all frames of vtest.avi at a size; none if the video does not exist."""
-    folder = Path(os.environ.get("ZV_TEST_DATA", ROOT.parent / "shared" / "data"))
-    opened = cv2.VideoCapture(str(folder / "vtest.avi"))
+    opened = cv2.VideoCapture(str(data_folder() / VIDEO))
     while opened.isOpened():
         read, frame = opened.read()
         if not read:

@@ -13,7 +13,10 @@ from contextlib import suppress
 import msgpack
 import zenoh
 
-line, pick_x = sys.argv[1], float(sys.argv[2])
+try:
+    line, pick_x = sys.argv[1], float(sys.argv[2])
+except (IndexError, ValueError):
+    sys.exit("usage: python examples/pick_from_belt.py LINE PICK_X [tcp/127.0.0.1:7447]")
 endpoint = sys.argv[3] if len(sys.argv) > 3 else "tcp/127.0.0.1:7447"
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
@@ -32,7 +35,11 @@ def ask(session: zenoh.Session, track: int, at_ns: int) -> dict | None:
     return None
 
 
-with suppress(KeyboardInterrupt), zenoh.open(config) as session:
+try:
+    session = zenoh.open(config)
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint}; start one: zv router")
+with suppress(KeyboardInterrupt), session:
     subscriber = session.declare_subscriber("vision/front/events")
     for sample in subscriber:
         event = msgpack.unpackb(sample.payload.to_bytes())

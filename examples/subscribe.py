@@ -10,16 +10,18 @@ from contextlib import suppress
 
 import msgpack
 import zenoh
+from zenoh.handlers import RingChannel
 
 endpoint = sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-with suppress(KeyboardInterrupt), zenoh.open(config) as session:
-    newest_only = zenoh.handlers.RingChannel(1)  # the default queues 256 samples, oldest first
-    subscriber = session.declare_subscriber("vision/front/centroid", newest_only)
+config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+try:
+    session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint}; start one: zv router")
+with suppress(KeyboardInterrupt), session:  # a ring of 1 keeps the newest sample only
+    subscriber = session.declare_subscriber("vision/front/centroid", RingChannel(1))
     for sample in subscriber:
-        centroid = msgpack.unpackb(sample.payload.to_bytes())
-        camera, seq = centroid["header"]["camera"], centroid["header"]["seq"]
-        age_ms = (time.time_ns() - centroid["header"]["stamp_ns"]) / 1e6
-        print(camera, seq, centroid["x"], centroid["y"], f"{age_ms:.1f} ms", flush=True)
+        found = msgpack.unpackb(sample.payload.to_bytes())
+        who, seq = found["header"]["camera"], found["header"]["seq"]
+        age_ms = (time.time_ns() - found["header"]["stamp_ns"]) / 1e6
+        print(who, seq, found["x"], found["y"], f"{age_ms:.1f} ms", flush=True)

@@ -18,6 +18,9 @@ JPEG: Final = "image/jpeg"
 PNG: Final = "image/png"
 RAW_IMAGE: Final = "application/octet-stream;vision.Image.v1"
 BITS: Final = "application/octet-stream;vision.Bits.v1"
+UNCOMPRESSED: Final = {RAW_IMAGE: "raw", BITS: "bits"}
+"""Encodings of pictures without a size of their own, which only their header says, with the word
+for each."""
 JSON: Final = "application/json"
 
 Transport = Literal["auto", "raw", "jpeg"]

@@ -57,6 +57,13 @@ def test_every_detector_and_step_is_named_with_its_parameters():
         assert f"`{stage}`" in TEXT
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/edges.md"])
+def test_the_terms_of_the_learned_weights_are_named(page: str):
+    text = Page(page).text
+    assert "services/zv/edge/detectors/learned.md" in text
+    assert re.search(r"BSDS500.*non-commercial research and education", text)
+
+
 @pytest.mark.parametrize("name", ["canny", "roberts"])
 def test_the_table_of_localisation_is_what_is_measured(name: str):
     assert localisation_row(name, 10.0) in TEXT

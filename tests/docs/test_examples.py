@@ -58,6 +58,21 @@ def test_subscribe_prints_centroids_and_ends_with_ctrl_c(system: str, tmp_path: 
     assert numbers == sorted(set(numbers))
 
 
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("subscribe.py", []),
+        ("save_frame.py", ["frame.jpg"]),
+        ("publish_from_anything.py", []),
+        ("pick_from_belt.py", ["gate", "600"]),
+    ],
+)
+def test_without_a_router_an_example_says_so_in_one_line(name: str, arguments: list[str]):
+    done = run_once(name, *arguments, "tcp/127.0.0.1:1")
+    assert done.stderr == "no router at tcp/127.0.0.1:1; start one: zv router\n"
+    assert (done.returncode, done.stdout) == (1, "")
+
+
 def test_subscribe_is_about_ten_lines_and_imports_nothing_of_ours():
     text = (EXAMPLES / "subscribe.py").read_text()
     code = text.split('"""')[2].strip().splitlines()

@@ -1,6 +1,6 @@
 """Scores thinned strengths of edges against what people drew: ODS, OIS and AP.
 
-As Berkeley's ``correspondPixels`` and ``collect_eval_bdry``: the map above a threshold is thinned
+As Berkeley's ``collect_eval_bdry``: the map above a threshold is thinned
 and matched one to one with the lines of each person, at most 0.0075 of the diagonal apart. A found
 pixel is right if it matches anybody's line; the recall counts everybody's lines. F is the harmonic
 mean of precision and recall. ODS is the best F with one threshold for all images, OIS that with
@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pyEdgeEval._lib import correspond_pixels
-from pyEdgeEval.preprocess import binary_thin
+
+from benchmarks.quality.edges.matching import match, thin
 
 REACH = 0.0075  # of the diagonal
-DENSITIES = (0.003, 0.008, 0.014, 0.02, 0.026, 0.033, 0.045, 0.07)
+DENSITIES = (0.0005, 0.002, 0.005, 0.01, 0.015, 0.02, 0.026, 0.033, 0.045, 0.065, 0.1)
 """Thresholds are those that give these shares of pixels over all images."""
 
 Counts = NDArray[np.float64]
@@ -55,13 +55,14 @@ def count(
 ) -> Counts:
     """Match one image's map at each threshold with what each person drew."""
     counts = np.zeros((len(thresholds), 4))
+    reach = REACH * float(np.hypot(*strength.shape))
     for row, threshold in zip(counts, thresholds, strict=True):
-        found = binary_thin(strength >= threshold).astype(bool)
+        found = thin(strength >= threshold)
         right = np.zeros(found.shape, bool)
         for drawn in boundaries:
-            ours, theirs, _, _ = correspond_pixels(found, drawn, max_dist=REACH)
-            right |= ours > 0
-            row[0] += np.count_nonzero(theirs)
+            matched, number = match(found, drawn, reach)
+            right |= matched
+            row[0] += number
             row[1] += np.count_nonzero(drawn)
         row[2:] = np.count_nonzero(right), np.count_nonzero(found)
     return counts

@@ -50,6 +50,13 @@ class _WithExamples(click.Command):
     context_class = _Context
     examples: Sequence[str]
 
+    def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        """Return the option for help, described in the form of all the others."""
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.help = "show this message and exit"
+        return option
+
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - Click's signature
         """Write the examples without line breaks, so that they can be copied."""
         if not self.examples:

@@ -37,6 +37,7 @@ SHORT_REASONS = {
     "int_type": "not a whole number",
     "int_from_float": "not a whole number",
     "string_pattern_mismatch": "",
+    "literal_error": "",
 }
 """What is wrong with a value, by pydantic's type of error, where its own text says no more."""
 
@@ -189,7 +190,7 @@ def limits(parameter: Parameter) -> str:
 def reason(error: ErrorDetails) -> str:
     """Return what is wrong in short: ``above 100``; the text of a validator without a prefix.
 
-    Empty for a pattern: the allowed values, which follow in words, say all.
+    Empty for a pattern or a choice: the allowed values, which follow in words, say all.
     """
     words = SHORT_REASONS.get(error["type"])
     if words is not None:

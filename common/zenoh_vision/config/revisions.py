@@ -44,9 +44,14 @@ class Change(Generic[S]):
 
 
 class ParameterStore(Generic[S]):
-    """The settings of one node and their revisions; safe between threads."""
+    """The settings of one node and their revisions; safe between threads.
+
+    Attributes:
+        check: Raises ``ParameterRefused`` for settings that are valid, but cannot be followed now.
+    """
 
     def __init__(self, settings: S) -> None:
+        self.check: Callable[[S], None] = lambda _settings: None
         self._newest = Revision(0, settings)
         self._active = self._newest
         self._watchers: list[Callable[[Change[S]], None]] = []
@@ -83,6 +88,7 @@ class ParameterStore(Generic[S]):
         with self._lock:
             before = self._newest
             settings = changed(before.settings, values)
+            self.check(settings)
             names = tuple(
                 name
                 for name in type(settings).model_fields

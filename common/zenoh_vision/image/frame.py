@@ -33,6 +33,7 @@ class Frame:
         quality: JPEG quality, 1 to 100, if it must be encoded.
         key: The key on which it arrived; empty if it was made in this process.
         borrowed: ``pixels`` is a view of memory that the transport owns.
+        bilevel: All ``pixels`` are 0 or 255, and ``compressed`` is a PNG of one bit each.
 
     A borrowed frame is valid only until the next one is requested; ``keep`` returns one that
     lasts. Frames own their memory unless borrowed ones were requested.
@@ -51,6 +52,7 @@ class Frame:
         quality: int = 80,
         key: str = "",
         borrowed: bool = False,
+        bilevel: bool = False,
         finder: RangeFinder | None = None,
     ) -> None:
         if (pixels is None) == (compressed is None):
@@ -59,6 +61,7 @@ class Frame:
         self.header = header
         self.key = key
         self.borrowed = borrowed
+        self.bilevel = bilevel
         self.revision: Any = None
         self._encoding = header.encoding or ""
         self._pixels = pixels
@@ -89,20 +92,19 @@ class Frame:
         """Zenoh encoding of ``compressed``."""
         if self._compressed is not None:
             return codecs.picture_type(self._compressed) or JPEG
-        return PNG if self._is_deep else JPEG
+        return PNG if self._is_deep or self.bilevel else JPEG
+
+    @property
+    def is_compressed(self) -> bool:
+        """Whether ``compressed`` is there already, so that nothing has to be encoded."""
+        return self._compressed is not None
 
     @property
     def compressed(self) -> bytes:
-        """The picture as JPEG; if it has more than 8 bits, as PNG of 16 bits."""
+        """The picture as JPEG; as PNG if it has more than 8 bits or is bilevel."""
         with self._lock:
             if self._compressed is None:
-                assert self._pixels is not None
-                depth = self.depth
-                self._compressed = (
-                    codecs.encode_jpeg(self._pixels, self._encoding, self._quality)
-                    if depth is None
-                    else codecs.encode_png(depth)
-                )
+                self._compressed = self._encode()
             return self._compressed
 
     @property
@@ -194,6 +196,15 @@ class Frame:
         if name == "bgr":
             return self.bgr
         return self.gray if name == "gray" else self.pixels
+
+    def _encode(self) -> bytes:
+        assert self._pixels is not None
+        depth = self.depth
+        if depth is not None:
+            return codecs.encode_png(depth)
+        if self.bilevel:
+            return codecs.encode_png(self._pixels, bilevel=True)
+        return codecs.encode_jpeg(self._pixels, self._encoding, self._quality)
 
     def _kept_form(self, encoding: str) -> NDArray[np.uint8]:
         if self._encoding == encoding:

@@ -44,6 +44,8 @@ ENCODINGS: Final = {
 }
 DEEP: Final = frozenset({"mono16", "16UC1", "32FC1"})
 """Encodings of more than 8 bits: ``16UC1`` is depth in millimetres, ``32FC1`` in metres."""
+DISTANCES: Final = frozenset({"16UC1", "32FC1"})
+"""Encodings of depth: their values are distances, which grey levels are not."""
 
 
 def encoding_of(pixels: NDArray[Any]) -> str:

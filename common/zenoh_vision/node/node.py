@@ -71,7 +71,7 @@ class Node:
     Attributes:
         stopping: Whether a stop was requested.
         inputs: Its open inputs.
-        publish, publish_picture, header: Those of its ``Outputs``.
+        publish, publish_picture, withdraw, header: Those of its ``Outputs``.
         publish_frame, publish_captured: Those of its ``OwnFrames``.
 
     Raises:
@@ -106,6 +106,7 @@ class Node:
         self.own_frames = OwnFrames(self, self._camera)
         self.publish = self.outputs.publish
         self.publish_picture = self.outputs.publish_picture
+        self.withdraw = self.outputs.withdraw
         self.publish_frame = self.own_frames.publish_frame
         self.publish_captured = self.own_frames.publish_captured
         self.header = self.outputs.header

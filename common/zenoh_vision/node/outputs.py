@@ -109,11 +109,7 @@ class Outputs:
         """
         if isinstance(message, Stamped):
             camera = message.header.camera
-        elif camera is None:
-            if len(self._cameras) != 1:
-                raise ValueError(f"{self._node} serves {self._cameras}: name the camera")
-            camera = self._cameras[0]
-        self._publisher(topic, camera).offer(
+        self._publisher(topic, self._camera(camera)).offer(
             lambda: Outgoing.message(message if isinstance(message, Message) else message())
         )
 
@@ -157,6 +153,15 @@ class Outputs:
 
         publisher.offer(make)
 
+    def withdraw(self, topic: Topic | str, *, camera: str | None = None) -> None:
+        """Answer no more queries with what was published, until something is again.
+
+        Args:
+            topic: A topic that the node publishes.
+            camera: Of which camera, if the node serves several.
+        """
+        self._publisher(topic, self._camera(camera)).withdraw()
+
     def publish_frame(self, frame: Frame) -> bool:
         """Publish a camera's own frame, compressed and raw, each if declared and subscribed to.
 
@@ -192,6 +197,14 @@ class Outputs:
         """Return the topics of a camera's frames that are declared; one in any case."""
         declared = [each for each in (COMPRESSED, RAW) if (each.name, camera) in self._publishers]
         return declared or [COMPRESSED]
+
+    def _camera(self, named: str | None) -> str:
+        """Return the camera of this name, or the node's only one."""
+        if named is not None:
+            return named
+        if len(self._cameras) != 1:
+            raise ValueError(f"{self._node} serves {self._cameras}: name the camera")
+        return self._cameras[0]
 
     def _publisher(self, topic: Topic | str, camera: str) -> StreamPublisher:
         name = topic if isinstance(topic, str) else topic.name

@@ -53,6 +53,8 @@ class TransportSwitch:
             elif not is_wanted and key in self._subscriptions:
                 self._subscriptions.pop(key).undeclare()
         self._intake.keys = tuple(key for key, is_wanted in wanted.items() if is_wanted)
+        taken = {self._intake.key: transport != "raw", self._raw_key: transport != "jpeg"}
+        self._intake.awaited = tuple(key for key, is_taken in taken.items() if is_taken)
 
     def undeclare(self) -> None:
         """End all subscriptions."""

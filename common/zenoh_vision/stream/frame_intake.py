@@ -75,6 +75,7 @@ class FrameIntake(Intake[Arrival, Frame]):
         max_pixels: Larger frames are dropped as ``too_large``, by their headers.
 
     Attributes:
+        awaited: The keys on one of which the first frame may arrive.
         depth_limits: Lowest and highest of the 16-bit values that become 8 bits, each None for
             automatic; None for the whole range, as cv_bridge does.
     """
@@ -94,6 +95,7 @@ class FrameIntake(Intake[Arrival, Frame]):
         self._max_pixels = max_pixels
         self._raw = raw
         self._raw_key = raw_key
+        self.awaited: tuple[str, ...] = (key,)
         self._newest_key: str | None = None
         self.depth_limits: tuple[int | None, int | None] | None = None
         self._borrow = borrow
@@ -174,7 +176,8 @@ class FrameIntake(Intake[Arrival, Frame]):
                 )
                 for name, stream in sorted(self._streams.items())
             ]
-            return found or [InputState(self.keys[0], self._since_ns, stream=self.key)]
+            awaited = " or ".join(self.awaited)
+            return found or [InputState(awaited, self._since_ns, stream=self.key)]
 
     @property
     def newest(self) -> tuple[str | None, int]:
@@ -292,7 +295,7 @@ def frame_of(
     if sample.encoding == keys.BITS:
         mono = header.model_copy(update={"encoding": "mono8"})
         pixels = unpack_bits(sample.payload, header.width, header.height)
-        return Frame(mono, pixels=pixels, key=sample.key)
+        return Frame(mono, pixels=pixels, key=sample.key, bilevel=True)
     if not raw:
         return Frame(header, compressed=bytes(sample.payload), key=sample.key, finder=finder)
     payload = sample.payload if borrow else bytes(sample.payload)

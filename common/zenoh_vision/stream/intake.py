@@ -29,7 +29,7 @@ class InputState:
     """State of one key of an input, for the node's health. Times are monotonic.
 
     Attributes:
-        key: The key; the input's key expression while none is known.
+        key: The key; while none is known, the input's key expression, or the keys it can be.
         since_ns: Last good arrival; before the first, when the input was opened.
         late_since_ns: Since when every frame has been stale; None if the last one was not.
         offset_ns: The least ``now - stamp`` of the last minute; None if unknown.

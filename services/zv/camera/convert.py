@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 
-from zenoh_vision.errors import PayloadError
+from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import Pixels
@@ -12,6 +12,23 @@ from zenoh_vision.messages import Header, Track
 from zv.camera.sources.base import Picture
 
 FLIP_CODES = {"horizontal": 1, "vertical": 0, "both": -1}
+
+
+def check_depth(delivered: str, wanted: str) -> None:
+    """Check that pictures of one encoding can be published in another.
+
+    Any picture can be converted, except that grey levels and colours are no distances.
+
+    Raises:
+        ParameterRefused: Depth is wanted of other pictures.
+    """
+    if wanted in pixel_formats.DISTANCES and delivered not in pixel_formats.DEEP:
+        others = [name for name in pixel_formats.ENCODINGS if name not in pixel_formats.DISTANCES]
+        raise ParameterRefused(
+            f"encoding = {wanted} is depth, but the source delivers {delivered}",
+            f"{', '.join(others)}; depth only of grey pictures of 16 bits (PNG, TIFF, video) or "
+            "of source = synthetic",
+        )
 
 
 class Converter:
@@ -28,11 +45,16 @@ class Converter:
         of a source have flaws, they are decoded and encoded again.
 
         Raises:
-            PayloadError: ``corrupt``, or ``too_large``.
+            PayloadError: ``corrupt``, ``too_large``, or ``unsupported_encoding`` if depth is
+                wanted of a picture without.
         """
         if picture.width * picture.height > pixel_formats.MAX_PIXELS:
             raise PayloadError("too_large", f"{picture.width}x{picture.height} pixels")
         wanted = header.encoding or picture.encoding
+        try:
+            check_depth(picture.encoding, wanted)
+        except ParameterRefused as refused:  # a folder may mix pictures of both kinds
+            raise PayloadError("unsupported_encoding", refused.error) from None
         unchanged = flip == "none" and wanted != "mono16"
         if wanted == "mono8" and picture.encoding != "mono8":
             unchanged = False

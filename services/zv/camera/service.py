@@ -7,13 +7,19 @@ import logging
 from zenoh_vision import Connection, Header, Level, Node, ParameterStore, PayloadError, Tracks
 from zenoh_vision.calibration.camera_model import CalibrationFault
 from zenoh_vision.calibration.ros_yaml import read_calibration
+from zenoh_vision.image.pixel_formats import DEEP
 from zv.camera.calibration_latch import CalibrationLatch
 from zv.camera.capture import Capture
-from zv.camera.convert import Converter, mirrored
+from zv.camera.convert import Converter, check_depth, mirrored
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import OpenSource, expected_rate, open_source
 from zv.registry import published_by
+
+KEEPS_DEPTH = (
+    "the source delivers 16 bits (%s), published as 8; --encoding mono16 keeps them, "
+    "16UC1 publishes them as depth in millimetres"
+)
 
 
 def run(
@@ -25,7 +31,7 @@ def run(
 
     Raises:
         SourceError: The source or the calibration file cannot be opened at the start.
-        ConfigurationError: The calibration file is wrong.
+        ConfigurationError: The calibration file is wrong, or depth is wanted of a source without.
     """
     calibration = None if settings.calibration is None else read_calibration(settings.calibration)
     parameters = ParameterStore(settings.limited())
@@ -54,8 +60,15 @@ def run(
         node.health.loop_alive()
         return node.stopping
 
+    delivered: str | None = None
+
+    def check(wanted: CameraSettings) -> None:
+        if delivered is not None and capture.kind != "synthetic":  # the scene follows
+            check_depth(delivered, wanted.encoding)
+
     with Capture(parameters, node.counters, open_source) as capture:
         expect_rate(settings)
+        parameters.check = check
         parameters.watch(lambda change: expect_rate(change.after.settings))
         description = capture.open()
         with node:
@@ -63,6 +76,11 @@ def run(
             converter = Converter()
             latch = None if calibration is None else CalibrationLatch(calibration, settings.flip)
             for captured in capture.frames(stopping, report):
+                if delivered is None:
+                    delivered = captured.picture.encoding
+                    check(captured.revision.settings)
+                    if delivered in DEEP and captured.revision.settings.encoding not in DEEP:
+                        log.warning(KEEPS_DEPTH, delivered)
                 publish(node, converter, captured, latch)
 
 

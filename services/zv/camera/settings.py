@@ -16,7 +16,7 @@ REOPENS = Live("pixels", effect="a change opens a device or the synthetic scene 
 
 USUAL_PIXELS = 1920 * 1200
 
-PixelEncodingName = Literal["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8"]
+PixelEncodingName = Literal["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8", "16UC1", "32FC1"]
 
 
 def _known_faults(text: str) -> str:
@@ -80,7 +80,12 @@ class CameraSettings(ServiceSettings):
         bool, Field(description="start a file or folder again at its end, in a new epoch"), Live()
     ] = False
     encoding: Annotated[
-        PixelEncodingName, Field(description="pixel encoding of the published frames"), Live()
+        PixelEncodingName,
+        Field(
+            description="pixel encoding of the published frames. 16UC1 and 32FC1 are depth in "
+            "millimetres and metres, of synthetic or of grey pictures of 16 bits"
+        ),
+        Live(),
     ] = "bgr8"
     quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality"), Live()] = 80
     flip: Annotated[

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
+from zenoh_vision.image.pixel_formats import DISTANCES
 from zv.camera.settings import CameraSettings
 from zv.camera.sources.base import Source
 from zv.camera.sources.device import DeviceSource
@@ -107,4 +108,5 @@ def scene_conditions(settings: CameraSettings) -> Conditions:
         objects=settings.objects,
         faults=parse_faults(settings.faults),
         numbered=settings.numbered,
+        depth=settings.encoding in DISTANCES,
     )

@@ -68,7 +68,7 @@ class LineLimits:
     """
 
     most: int = 100
-    shortest: int = 10
+    shortest: float = 10
     tolerance: float = 1.0
     circles: bool = False
 

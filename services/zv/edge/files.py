@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -20,6 +20,7 @@ from zenoh_vision.image.files import decode_image, images_in, is_turned
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import encoding_of
 from zenoh_vision.messages import Header
+from zv.edge.detectors.available import DETECTORS
 from zv.edge.detectors.detection import Gray
 from zv.edge.detectors.rendering import as_sixteen_bits
 from zv.edge.file_options import FileOptions
@@ -31,6 +32,8 @@ log = logging.getLogger(__name__)
 
 SUFFIX_OF_FORMAT: Final = {"png": ".png", "jpeg": ".jpg", "bits": ".bits"}
 MAP_SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".bits")
+FINAL: Final = "final"
+"""Name of the edge map among the steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,21 @@ class Job:
     out: Path | None
     stages: Path | None
     strength: Path | None
+
+    def results(self, stages: Sequence[str]) -> Iterator[tuple[str, Path]]:
+        """Yield the flag and the file of each result, of a detector with these steps."""
+        if self.out is not None:
+            yield "--out", self.out
+        if self.strength is not None:
+            yield "--strength", self.strength
+        if self.stages is not None:
+            for name in (*stages, FINAL):
+                yield "--stages", stage_file(self.stages, name)
+
+
+def stage_file(folder: Path, name: str) -> Path:
+    """Return the file of a step."""
+    return folder / f"{name}.png"
 
 
 def run(settings: EdgeSettings, options: FileOptions) -> None:
@@ -98,16 +116,38 @@ def planned(settings: EdgeSettings, options: FileOptions) -> list[Job]:
     places = [None if each is None else Path(each) for each in (options.out, options.strength)]
     out, strength = places
     stages = None if options.stages is None else Path(options.stages)
-    for flag, place in (("--out", out), ("--stages", stages), ("--strength", strength)):
-        if place is not None and place.exists() and place.samefile(image):
-            raise ConfigurationError(f"{flag} {place} is --image: it would be overwritten")
-    if image.is_dir():
-        return _jobs_of_folder(image, Job(image, out, stages, strength), settings)
-    if out is not None:
-        check_suffix("--out", out, MAP_SUFFIXES)
-    if strength is not None:
-        check_suffix("--strength", strength, (".png",))
-    return [Job(image, out, stages, strength)]
+    job = Job(image, out, stages, strength)
+    jobs = _jobs_of_folder(job, settings) if image.is_dir() else [job]
+    if not image.is_dir():
+        if out is not None:
+            check_suffix("--out", out, MAP_SUFFIXES)
+        if strength is not None:
+            check_suffix("--strength", strength, (".png",))
+    check_places(jobs, DETECTORS[settings.detector].stages)
+    return jobs
+
+
+def check_places(jobs: Sequence[Job], stages: Sequence[str]) -> None:
+    """Check that no result is written over an image or over another result.
+
+    Raises:
+        ConfigurationError: One would be.
+    """
+    taken = {identity(job.image): f"{job.image} of --image" for job in jobs}
+    for job in jobs:
+        for flag, place in job.results(stages):
+            other = taken.setdefault(identity(place), f"{place} of {flag}")
+            if other != f"{place} of {flag}":
+                raise ConfigurationError(f"{flag} would overwrite {other}; name another place")
+
+
+def identity(path: Path) -> object:
+    """Return what two names of one file have in common, whether or not it exists yet."""
+    try:
+        found = path.stat()
+    except OSError:
+        return path.resolve()
+    return found.st_dev, found.st_ino
 
 
 def check_suffix(flag: str, path: Path, allowed: Iterable[str]) -> None:
@@ -122,8 +162,8 @@ def check_suffix(flag: str, path: Path, allowed: Iterable[str]) -> None:
         )
 
 
-def _jobs_of_folder(folder: Path, places: Job, settings: EdgeSettings) -> list[Job]:
-    images = images_in(folder)
+def _jobs_of_folder(places: Job, settings: EdgeSettings) -> list[Job]:
+    images = images_in(places.image)
     stems = Counter(file.stem for file in images)
     jobs = []
     for file in images:
@@ -172,8 +212,8 @@ def do(job: Job, settings: EdgeSettings, mask: Gray | None) -> None:
         write(job.strength, codecs.encode_png(strength))
     if job.stages is not None:
         for name, make in found.stages.items():
-            write(job.stages / f"{name}.png", codecs.encode_png(make()))
-        write(job.stages / "final.png", codecs.encode_png(found.edges, bilevel=True))
+            write(stage_file(job.stages, name), codecs.encode_png(make()))
+        write(stage_file(job.stages, FINAL), codecs.encode_png(found.edges, bilevel=True))
 
 
 def encoded(edges: Gray, suffix: str, quality: int) -> bytes:

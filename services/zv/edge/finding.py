@@ -68,10 +68,11 @@ class EdgesOfFrame:
     def lines(self) -> Lines:
         """The lines of the edge map, in pixels of the frame."""
         settings = self._settings
+        pixel = float(self._part.factor.mean())  # lines are traced at the reduced scale
         limits = LineLimits(
             most=settings.contours,
-            shortest=settings.contour_min,
-            tolerance=settings.contour_tolerance,
+            shortest=settings.contour_min / pixel,
+            tolerance=settings.contour_tolerance / pixel,
             circles=settings.circles,
         )
         return self._part.in_frame(trace(self._edges_of_part, limits))

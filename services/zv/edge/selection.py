@@ -81,6 +81,12 @@ class SelectedPart:
         """Whether it is the frame itself."""
         return self.picture.shape[:2] == self.frame_shape
 
+    @property
+    def factor(self) -> NDArray[np.float64]:
+        """Width and height of a pixel of the part in pixels of the frame, at least 1."""
+        width, height = self.box[2:]
+        return np.array([width / self.picture.shape[1], height / self.picture.shape[0]])
+
     def whole(self, found: Map) -> Map:
         """Return a picture of the part as one of the frame, 0 outside of the part.
 
@@ -109,8 +115,8 @@ class SelectedPart:
         """Return lines of the part in pixels of the frame."""
         if self.is_whole:
             return lines
-        x, y, width, height = self.box
-        factor = np.array([width / self.picture.shape[1], height / self.picture.shape[0]])
+        x, y = self.box[:2]
+        factor = self.factor
         # The middle of pixel 0 is half a pixel from the border, at either scale.
         shift = np.array([x, y]) + (factor - 1) / 2
         polylines = tuple(

@@ -7,11 +7,10 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
 from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
-from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import FromText, ServiceSettings
-from zenoh_vision.keys import Transport
 
 LEAST_LAPLACIAN_SIGMA: Final = 0.5
 REGION: Final = r"^([0-9]{1,5},[0-9]{1,5},[1-9][0-9]{0,4},[1-9][0-9]{0,4})?$"
@@ -147,29 +146,17 @@ class EdgeSettings(ServiceSettings):
         Live(),
     ] = "png"
     quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality, for jpeg"), Live()] = 80
-    transport: Annotated[
-        Transport,
-        Field(
-            description="key of the frames. jpeg: the compressed ones, JPEG or PNG; raw: the raw "
-            "pixels; auto: the compressed ones if they flow, else the raw pixels"
-        ),
-        Live(),
-    ] = "auto"
+    transport: FrameTransport = "auto"
     depth_min: DepthMin = None
     depth_max: DepthMax = None
-    max_age: Annotated[
-        float,
-        Field(ge=0.001, le=60, description="frames older than this are dropped"),
-        Live("s"),
-        SECONDS,
-    ] = 0.4
+    max_age: MaxAge = 0.4
     max_pixels: Annotated[
         int,
         Field(
             ge=1,
             le=7680 * 4320,
             description="width times height; larger frames are dropped. The memory for one is up "
-            "to 30 bytes a pixel",
+            "to 42 bytes a pixel",
         ),
     ] = 4096 * 2304
 

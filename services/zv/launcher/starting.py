@@ -186,8 +186,7 @@ def addresses(plan: Plan, *, view_only: bool = False) -> list[str]:
 def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) -> list[str]:
     """Return lines that name the router, the keys, a program to run, and last the viewer."""
     whose = "started" if own_router else "already running"
-    lines = [f"router: {connection.connect} ({whose}); published keys, for any Zenoh program:"]
-    keys = []
+    keys, lines = [], []
     for node in plan.nodes:
         if isinstance(node, PlannedNode) and node.service in SHOWN:
             topic = SHOWN[node.service]
@@ -195,7 +194,10 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
             for camera in cameras_of(names) or (ALL_CAMERAS,):
                 keys.append(topic.key(connection.namespace, camera))
                 lines.append(f"  {keys[-1]:<36} {topic.encoding}")
+    head = "; published keys, for any Zenoh program:" if keys else ""
+    lines.insert(0, f"router: {connection.connect} ({whose}){head}")
     if keys:
-        lines.append(f"for example: zv topic echo {keys[-1]} --connect {connection.connect}")
+        told = [key for key in keys if key.endswith(CENTROID.name)] or keys  # a picture tells less
+        lines.append(f"for example: zv topic echo {told[-1]} --connect {connection.connect}")
     lines += (f"viewer, view only: {address}" for address in addresses(plan, view_only=True))
     return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

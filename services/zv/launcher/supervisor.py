@@ -14,7 +14,7 @@ from zenoh_vision.health.fleet import SILENT_S, Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.host.health_file import HealthFile
-from zenoh_vision.messages import Level
+from zenoh_vision.messages import Level, NodeDescription
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
 from zv.launcher.child import WRONG_CONFIGURATION, Child
@@ -33,6 +33,10 @@ SETTLED_S = 1.0
 
 ANNOUNCED_S = 10.0
 """A program that has announced no node after this time is shown as none."""
+
+ASK_AGAIN_S = 2.0
+MOST_KEYS = 6
+"""Keys of a program that are named; one of several cameras may have many."""
 
 ROUTER = "router"
 
@@ -75,6 +79,7 @@ class System:
             for node in plan.nodes
         ]
         self._programs = [node.name for node in plan.nodes if isinstance(node, PlannedProgram)]
+        self._unnamed = set(self._programs)  # programs whose keys the greeting could not know
         self._children = list(self._nodes)
         self._router: Child | None = None
         if listen is not None:
@@ -132,6 +137,8 @@ class System:
                     child.mark_running()
                 elif child.name in self._programs and child.age_s > ANNOUNCED_S:
                     self._mark_without_node(child)
+            if self._unnamed:
+                self._name_keys(link)
             router = self._router
             if router and router.age_s > SETTLED_S and link.connected:
                 router.mark_running()
@@ -145,6 +152,16 @@ class System:
                 ]
                 self.display.show(view_of(rows))
             time.sleep(POLL_S)
+
+    def _name_keys(self, link: Link) -> None:
+        """Announce the keys of each program of the user's once its node has described itself."""
+        self._monitor.ask_new(link, self._connection.namespace, ASK_AGAIN_S)
+        for name in sorted(self._unnamed):
+            node = self._monitor.node(name)
+            if node is not None and node.description is not None:
+                self._unnamed.discard(name)
+                if line := published_line(node.description):
+                    self.display.announce(line)
 
     def _mark_without_node(self, child: Child) -> None:
         if child.alive and child.state == "starting":
@@ -206,6 +223,13 @@ class System:
             say=self.display.say,
             guard=self._guard,
         )
+
+
+def published_line(node: NodeDescription) -> str:
+    """Return which keys a node publishes, for people; empty if none."""
+    keys = [key for key in node.publishes if not key.startswith("@")]
+    more = f" and {len(keys) - MOST_KEYS} more" if len(keys) > MOST_KEYS else ""
+    return f"{node.node} publishes {', '.join(keys[:MOST_KEYS])}{more}" if keys else ""
 
 
 def child_row(

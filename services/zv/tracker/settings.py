@@ -7,11 +7,12 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
 from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import CameraNames, FromText, ServiceSettings, cameras_of
-from zenoh_vision.keys import DEFAULT_CAMERA, Transport
+from zenoh_vision.keys import DEFAULT_CAMERA
 from zv.tracker import shapes
 
 
@@ -187,22 +188,10 @@ class TrackerSettings(ServiceSettings):
         Live(),
     ] = "centre"
     quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality of tracked"), Live()] = 80
-    transport: Annotated[
-        Transport,
-        Field(
-            description="key of the frames. jpeg: the compressed ones, JPEG or PNG; raw: the raw "
-            "pixels; auto: the compressed ones if they flow, else the raw pixels"
-        ),
-        Live(),
-    ] = "auto"
+    transport: FrameTransport = "auto"
     depth_min: DepthMin = None
     depth_max: DepthMax = None
-    max_age: Annotated[
-        float,
-        Field(ge=0.001, le=60, description="frames older than this are dropped"),
-        Live("s"),
-        SECONDS,
-    ] = 0.4
+    max_age: MaxAge = 0.4
     max_pixels: Annotated[
         int,
         Field(

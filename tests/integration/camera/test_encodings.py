@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import cv2
+import msgpack
 import numpy as np
 import pytest
 
@@ -13,10 +14,13 @@ from tests.support.listening import Listener, Message, newest
 from tests.support.pictures.encoded import HEIGHT, WIDTH, scene
 from tests.support.publishing import Paced
 from tests.support.waiting import in_time, wait_until
+from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
+from zv.camera.service import run
+from zv.camera.settings import CameraSettings
 
 ENCODINGS = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8")
 RAW = "vision/front/image"
@@ -166,3 +170,21 @@ def read(path: Path, encoding: str) -> np.ndarray:
     if encoding in ("rgb8", "rgba8"):
         return np.ascontiguousarray(stored[:, :, [2, 1, 0, 3][: stored.shape[2]]])
     return np.asarray(stored)
+
+
+def test_a_camera_of_colours_takes_no_encoding_of_depth_at_its_start_or_later(
+    router, client, service, tmp_path
+):
+    assert cv2.imwrite(str(tmp_path / "colour.png"), scene(7))
+    connection = Connection(connect=router.endpoint, timeout_s=5)
+    refused = "encoding = 16UC1 is depth, but the source delivers bgr8"
+    flags = ("--source", tmp_path, "--loop", "--rate", 20)
+    with pytest.raises(ConfigurationError, match=f"{refused}; allowed: mono8, mono16, bgr8"):
+        run(CameraSettings(source=str(tmp_path), encoding="16UC1"), connection)
+
+    images = Listener(client, COMPRESSED)
+    service("camera", *flags)
+    images.wait_for(1)
+    wish = msgpack.packb("16UC1")
+    (answer,) = client.get("@vision/param/camera_front/encoding", payload=wish)
+    assert msgpack.unpackb(answer.err.payload.to_bytes())["error"] == refused

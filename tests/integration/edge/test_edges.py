@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from tests.integration.conftest import a_router, some_services
-from tests.support.listening import Listener, Message, open_client, wait_for_nodes
+from tests.support.listening import Listener, Message, ask, newest, open_client, wait_for_nodes
 from tests.support.pictures.encoded import HEIGHT, PICTURES, WIDTH
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import wait_until
@@ -112,9 +112,24 @@ def test_the_detector_can_be_changed_while_it_runs(client, camera, detector: str
     edges.close()
 
 
+def test_a_step_that_the_new_detector_has_not_is_not_answered_any_more(client, camera):
+    smoothed, final = (f"vision/front/edges/{key}compressed" for key in ("smoothed/", ""))
+    assert newest(client, smoothed)
+    set_all(client, detector="colour")
+    wait_until(lambda: not ask(client, smoothed))
+    assert ask(client, final)
+    assert ask(client, "vision/front/edges/magnitude/compressed")
+    set_all(client, detector="canny")
+    assert newest(client, smoothed)
+
+
 def test_bits_are_the_same_map_as_the_png(client, camera):
     edges = Listener(client, "vision/front/edges/compressed")
-    edges.wait_for(len(PICTURES))
+    wait_until(
+        lambda: (
+            len({each.header["seq"] % len(PICTURES) for each in edges.messages}) == len(PICTURES)
+        )
+    )
     set_all(client, format="bits")
     bits = wait_until(
         lambda: [each for each in edges.messages if each.encoding.endswith("Bits.v1")]

@@ -86,7 +86,7 @@ def test_three_services_work_together_and_ctrl_c_ends_all_with_0_within_2_s(tmp_
         assert not running(started)
     assert f"router: {endpoint}" in program.output
     assert "vision/front/centroid" in program.output
-    assert f"zv topic echo vision/front/edges/compressed --connect {endpoint}" in program.output
+    assert f"zv topic echo vision/front/centroid --connect {endpoint}" in program.output
     greeting = program.output.partition("for example: ")[2].splitlines()
     assert re.fullmatch(r"viewer: http://127\.0\.0\.1:\d+/", greeting[1])
     assert "Traceback" not in program.complaints
@@ -336,7 +336,8 @@ def test_programs_of_ones_own_have_rows_and_a_remap_reaches_them_too(tmp_path):
         "from zenoh_vision import Connection, Node\n"
         "camera = sys.argv[1].removeprefix('--camera=')\n"
         "connection = Connection(os.environ['ZV_CONNECT'], os.environ['ZV_NAMESPACE'])\n"
-        "with Node('mean', camera=camera, connection=connection) as node:\n"
+        "keys = ['edges/compressed', 'centroid']\n"
+        "with Node('mean', camera=camera, connection=connection, publishes=keys) as node:\n"
         "    for frame in node.frames('image/compressed', want='gray'):\n"
         "        print(frame.header.camera, flush=True) if frame.header.seq % 9 == 0 else None\n"
     )
@@ -344,6 +345,7 @@ def test_programs_of_ones_own_have_rows_and_a_remap_reaches_them_too(tmp_path):
     with up(tmp_path, str(launch), *flags) as program:
         program.lines(r"mean_left +running +rate [1-9]\d.*dropped.*")
         program.lines(r"idle +running, no node.*")
+        program.lines(r"mean_left publishes robot1/left/edges/compressed, robot1/left/centroid")
         assert "idle runs, but no node of this name has announced itself" in program.complaints
         wait_until(lambda: "mean_left: left" in program.complaints)
         started = psutil.Process(program.process.pid).children(recursive=True)

@@ -59,11 +59,11 @@ def test_two_cameras_of_one_name_both_tell_which_other_and_whose_frames_are_take
                 wait_until(lambda node=node, said=said: node.health.namesake == said)
                 report = node.health.diagnostics()
                 assert (report.level, report.message) == (Level.WARN, said)
-                told = [each.getMessage() for each in caplog.records]
-                assert f"{said}; stop one, or give it another name (--camera)" in told
+                told = f"{said}; stop one, or give it another name (--camera)"
+                wait_until(lambda told=told: told in caplog.messages)
         wait_until(lambda: older.health.namesake == "")
         assert older.health.diagnostics().level == Level.OK
-        assert "no other node is called camera_front any more" in caplog.text
+        wait_until(lambda: "no other node is called camera_front any more" in caplog.text)
 
 
 def test_a_node_that_publishes_no_frames_says_that_both_publish_on_its_keys(

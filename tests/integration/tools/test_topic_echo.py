@@ -161,6 +161,11 @@ def test_echo_of_a_field_that_a_type_never_has_is_wrong_use_and_names_those_it_h
         echoed(EchoOptions(key=KEY, field=(field,)), centroids(client, 1))
 
 
+def test_echo_of_a_mistyped_field_names_the_near_one(echoed, client):
+    with pytest.raises(ConfigurationError, match=r"has no such field; did you mean 'area'\?"):
+        echoed(EchoOptions(key=KEY, field=("aera",)), centroids(client, 1))
+
+
 def test_of_several_fields_only_that_is_named_which_a_message_lacks(echoed, client, capsys):
     for once in (True, False):
         options = EchoOptions(key=KEY, once=once, field=("header.seq", "nope", "x"))
@@ -190,7 +195,7 @@ def test_on_a_key_that_nobody_publishes_it_says_how_the_wait_ends(endpoint, clie
     options = EchoOptions(key="nobody/here", once=True)
     echo.run(options, Connection(endpoint, timeout_s=5), Answering())
     assert len(notes) == 1
-    assert notes[0].endswith("; waiting for it (Ctrl-C ends it, --for 5s limits it)")
+    assert notes[0].endswith(" waiting for it (Ctrl-C ends it, --for 5s limits it)")
 
 
 def test_a_part_that_this_message_lacks_is_no_wrong_use(echoed, client, capsys):

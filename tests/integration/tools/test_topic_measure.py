@@ -24,7 +24,10 @@ from tests.support.terminal import Terminal
 from tests.support.waiting import wait_until
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.transport.connection import Connection
+from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
+from zv.tools.topic import measure
+from zv.tools.topic.measure import run_bw, run_delay, run_hz
 from zv.tools.topic.options import (
     BwOptions,
     DelayOptions,
@@ -194,6 +197,38 @@ def test_told_to_stop_before_the_time_is_over_there_is_no_verdict(client, zv):
     with Paced(50, interrupt_when_heard), stopped:
         zv(HzOptions(keys=(key,), for_=60.0, expect=20, tolerance=0.99))
     publisher.undeclare()
+
+
+class Heard(Output):
+    """Keeps the notes; the first one ends the tool as Ctrl-C does."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.notes: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize("run", [run_hz, run_bw, run_delay])
+def test_it_says_which_key_it_waits_for_beside_one_that_is_well(endpoint, client, monkeypatch, run):
+    monkeypatch.setattr(measure, "SILENT_S", 0.3)
+    monkeypatch.setattr(measure, "PERIOD_S", 0.05)
+    key, heard = "vision/c/image/compressed", Heard()
+    with Paced(50, counting(client, key)):
+        run(HzOptions(keys=(key, "vision/d/*")), Connection(endpoint, timeout_s=5), heard)
+    (note,) = heard.notes
+    assert note.startswith("nothing matches vision/d/*")
+    assert note.endswith(" waiting for it (Ctrl-C ends it, --for 5s limits it)")
+
+
+def test_before_a_verdict_it_says_that_it_waits_for_a_first_message(endpoint, monkeypatch):
+    monkeypatch.setattr(measure, "SILENT_S", 0.1)
+    heard = Heard()
+    with pytest.raises(ExpectationNotMet, match="no result"):
+        run_hz(HzOptions(keys=("a/b",), expect=1), Connection(endpoint, timeout_s=30), heard)
+    assert heard.notes == ["nothing arrived yet; waiting up to 30 s"]
 
 
 def test_on_a_terminal_hz_is_one_table_that_is_drawn_anew_until_ctrl_c(endpoint, client):

@@ -7,6 +7,7 @@ import json
 import signal
 import socket
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from email.utils import parsedate_to_datetime
 from functools import partial
@@ -43,6 +44,21 @@ def subscribers(session: zenoh.Session, key: str) -> int:
     """How many entries the router's admin space has for subscriptions to a key: 0 or 1."""
     found = list(session.get(f"@/*/router/subscriber/{key}", timeout=2.0))
     return len([reply for reply in found if reply.ok])
+
+
+def test_the_only_picture_of_a_program_that_is_no_node_is_in_its_stream(service, client):
+    viewer = Viewer(service("view", "--port", 0, "--wait", 60))
+    camera = PlainCamera(client)
+
+    def send() -> None:
+        wait_until(lambda: subscribers(client, IMAGE))  # that of the viewer
+        camera.send()
+
+    with ThreadPoolExecutor(1) as beside:
+        sent = beside.submit(send)
+        with viewer.stream(TOPIC) as pictures:
+            assert next(pictures).seq == 0
+        sent.result()
 
 
 def pixels_of(part: Part) -> np.ndarray:

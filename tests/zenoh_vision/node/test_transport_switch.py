@@ -56,6 +56,18 @@ def test_raw_and_jpeg_mean_that_key_alone(system):
     assert system.after(9, "raw") == {RAW}
 
 
+@pytest.mark.parametrize(
+    ("transport", "named"),
+    [("auto", f"{COMPRESSED} or {RAW}"), ("raw", RAW), ("jpeg", COMPRESSED)],
+)
+def test_silence_is_that_of_every_key_that_would_be_taken(system, transport, named):
+    system.after(0, transport)
+    assert [state.key for state in system.intake.states()] == [named]
+    came = COMPRESSED if transport == "jpeg" else RAW
+    system.after(1, transport, came=came)
+    assert [state.key for state in system.intake.states()] == [came]
+
+
 def test_raw_pixels_are_taken_too_when_nothing_came_for_3_s(system):
     assert system.after(2.9) == {COMPRESSED}
     assert system.after(0.1) == {COMPRESSED, RAW}

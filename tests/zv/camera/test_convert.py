@@ -12,6 +12,7 @@ from tests.support.pictures.encoded import SCENE
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.pixel_formats import DISTANCES
 from zenoh_vision.messages import Header, Track
 from zv.camera.convert import Converter, mirrored
 from zv.camera.sources.base import Picture
@@ -137,6 +138,8 @@ def test_16_bits_are_flipped_exactly(flip: str):
 @pytest.mark.parametrize("target", pixel_formats.ENCODINGS)
 def test_pixels_become_the_encoding_asked_for(source: str, target: str):
     pixels = DEEP if source == "mono16" else pixel_formats.convert(SCENE, "bgr8", source)
+    if target in DISTANCES and source not in pixel_formats.DEEP:
+        return  # refused, see below
     frame = converted(Picture(source, 64, 48, pixels=pixels), target)
     assert np.array_equal(frame.pixels, pixel_formats.convert(pixels, source, target))
     same = source == target or {source, target} == {"mono16", "16UC1"}  # two names for 16 bits
@@ -221,3 +224,21 @@ def found_in(picture: Any, track: Track) -> Track:
 def test_without_a_flip_the_truth_stays_as_it_is():
     track = Track(id=1, state="confirmed", x=1.5, y=2.5, box=(1, 2, 3, 4), area=5.0)
     assert mirrored((track,), "none", 64, 48) == (track,)
+
+
+def deep(pixels: np.ndarray[Any, Any] = DEEP, encoding: str = "mono16") -> Picture:
+    return Picture(encoding, 64, 48, pixels)
+
+
+def test_the_values_of_16_bits_become_millimetres_and_metres_as_they_are():
+    pixels = np.array([[0, 1, 2500, 65535]], np.uint16)
+    as_millimetres = frame_of(Converter(), deep(pixels), "16UC1")
+    as_metres = frame_of(Converter(), deep(pixels), "32FC1", flip="horizontal")
+    assert as_millimetres.pixels.tolist() == [[0, 1, 2500, 65535]]
+    assert np.allclose(as_metres.pixels, np.float32([[65.535, 2.5, 0.001, np.nan]]), equal_nan=True)
+
+
+@pytest.mark.parametrize("picture", [packet(), Picture("mono8", 64, 48, GRAY)])
+def test_grey_levels_and_colours_are_never_published_as_depth(picture):
+    with pytest.raises(PayloadError, match="encoding = 16UC1 is depth, but the source delivers"):
+        converted(picture, "16UC1")

@@ -11,7 +11,7 @@ import pytest
 from tests.support.pictures.encoded import smooth
 from tests.support.terminal import Terminal
 from tests.support.typist import type_zv
-from zenoh_vision.errors import SourceError
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.image import codecs
 from zenoh_vision.image.bits import unpack_bits
 from zenoh_vision.image.frame import Frame
@@ -145,7 +145,19 @@ def test_a_folder_shows_its_progress_on_a_terminal(folder: Path, tmp_path: Path)
     [
         (("--image", "{image}"), 2, "--image needs a place for the results"),
         (("--out", "{folder}/out.png"), 2, "need --image"),
-        (("--image", "{image}", "--out", "{image}"), 2, "would be overwritten"),
+        (("--image", "{image}", "--out", "{image}"), 2, "overwrite {image} of --image"),
+        (("--image", "{folder}", "--out", "{folder}"), 2, "overwrite {image} of --image"),
+        (("--image", "{image}", "--strength", "{folder}/./in.png"), 2, "overwrite {image} of"),
+        (
+            ("--image", "{image}", "--out", "{folder}/o.png", "--strength", "{folder}/./o.png"),
+            2,
+            "--strength would overwrite {folder}/o.png of --out",
+        ),
+        (
+            ("--image", "{image}", "--stages", "{folder}", "--out", "{folder}/final.png"),
+            2,
+            "--stages would overwrite {folder}/final.png of --out",
+        ),
         (("--image", "{image}", "--out", "{folder}/out.gif"), 2, "allowed: a name that ends in"),
         (("--image", "{image}", "--strength", "{folder}/s.jpg"), 2, "ends in .png"),
         (("--image", "{folder}/none.png", "--out", "{folder}/out.png"), 3, "no such file"),
@@ -171,8 +183,20 @@ def test_what_makes_no_sense_is_refused_in_one_line(
 ):
     places = {"image": str(image), "folder": str(image.parent)}
     said = edge(*(each.format(**places) for each in arguments), status=status)
-    assert words in said
+    assert words.format(**places) in said
     assert not (image.parent / "o.png").exists()
+
+
+def test_steps_are_not_written_over_the_image(tmp_path: Path):
+    """It is named like a step, and a link beside it is another name of the same file."""
+    image = tmp_path / "smoothed.png"
+    image.write_bytes(before := codecs.encode_png(PICTURE))
+    (tmp_path / "link").mkdir()
+    (tmp_path / "link" / "final.png").hardlink_to(image)
+    for folder in (tmp_path, tmp_path / "link"):
+        with pytest.raises(ConfigurationError, match=r"would overwrite .*smoothed.png of --image"):
+            run(EdgeSettings(), FileOptions(image=str(image), stages=str(folder)))
+    assert image.read_bytes() == before
 
 
 ODD = {

@@ -15,6 +15,7 @@ from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Contours, Header
+from zv.edge.contours import Lines
 from zv.edge.detectors.available import DETECTORS, detector_named
 from zv.edge.finding import EdgesOfFrame, message_of
 from zv.edge.service import read_mask
@@ -103,6 +104,28 @@ def test_the_message_has_the_lines_of_the_map():
     assert all(edges[y, x] == 255 for line in message.contours for x, y in line.points)
     assert message.circles is not None
     assert Contours.from_bytes(message.to_bytes()) == message
+
+
+def test_lengths_of_lines_are_in_pixels_of_the_frame_at_any_scale():
+    """A bar of 40 x 40 pixels with a notch 4 deep; a line around it has 80 pixels at half scale."""
+    picture = np.zeros((120, 160), np.uint8)
+    picture[40:80, 60:100] = 200
+    picture[40:44, 76:84] = 0
+    frame = Frame(HEADER.model_copy(update={"encoding": "mono8"}), pixels=picture)
+
+    def lines(**changed: object) -> Lines:
+        options = {"sigma": 0.5, "scale": 0.5, "contour_min": 1} | changed
+        return EdgesOfFrame(frame, EdgeSettings.model_validate(options)).lines
+
+    longest = lines().polylines[0].length
+    assert longest > 140
+    assert lines(contour_min=int(longest * 0.9)).polylines
+    assert not lines(contour_min=int(longest * 1.2)).polylines
+    notched, smooth = (
+        [point for line in lines(contour_tolerance=most).polylines for point in line.points]
+        for most in (2.5, 5)
+    )
+    assert len(notched) > len(smooth)
 
 
 @pytest.mark.parametrize(

@@ -245,3 +245,20 @@ def test_without_a_file_of_this_folder_the_standard_one_is_found(tmp_path, monke
     (tmp_path / "configs").mkdir()
     (tmp_path / "configs" / "up.toml").write_text('[[node]]\nservice = "edge"\n')
     assert len(read_launch_file(launch_file(None)).nodes) == 1
+
+
+def test_the_greeting_names_the_keys_and_a_message_to_read_for_example():
+    plan = read_launch_file(ROOT / "configs" / "up.toml")
+    router, *keys, example, viewer = how_to_subscribe(plan, Connection(), own_router=True)
+    assert router.endswith("(started); published keys, for any Zenoh program:")
+    suffixes = ["image/compressed", "centroid", "edges/compressed"]
+    assert [key.split()[0] for key in keys] == [f"vision/front/{suffix}" for suffix in suffixes]
+    assert "zv topic echo vision/front/centroid --connect tcp/127.0.0.1:7447" in example
+    assert viewer.startswith("viewer: http://127.0.0.1:")
+
+
+def test_the_greeting_of_programs_alone_promises_no_keys(tmp_path):
+    file = tmp_path / "up.toml"
+    file.write_text('[[node]]\nservice = "mine"\ncommand = "sh -c true"\n')
+    lines = how_to_subscribe(read_launch_file(file), Connection(), own_router=True)
+    assert lines == ["router: tcp/127.0.0.1:7447 (started)"]

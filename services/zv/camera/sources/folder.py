@@ -22,8 +22,9 @@ log = logging.getLogger(__name__)
 class FolderSource:
     """The images of a folder in natural order (``frame2`` before ``frame10``), once.
 
-    JPEG files are passed on undecoded. Grey images keep their depth; 16-bit colour is scaled to
-    8 bits (x 255 / 65535, rounded). An image that cannot be read is skipped with a warning.
+    JPEG files are passed on undecoded. Grey images keep their 16 bits, and those of floats are
+    taken as depth in metres; 16-bit colour is scaled to 8 bits (x 255 / 65535, rounded). An image
+    that cannot be read is skipped with a warning.
 
     Args:
         path: A folder, or a single image.
@@ -86,4 +87,6 @@ def _picture(data: bytes) -> Picture:
     pixels = decode_image(data)
     if pixels.ndim == 3 and pixels.dtype == np.uint16:
         pixels = depth.eight_bits(pixels)
+    if pixels.ndim == 2 and pixels.dtype == np.float32:
+        return Picture("32FC1", pixels.shape[1], pixels.shape[0], pixels)
     return picture_of(pixels)

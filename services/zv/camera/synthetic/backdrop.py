@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +55,17 @@ def _wall(rng: np.random.Generator, width: int, height: int) -> Plane:
     return np.asarray(plaster, np.float32)
 
 
+Row = TypeVar("Row", float, Plane)
+
+
+def floor_depth(row: Row, height: int) -> Row:
+    """Return the distance of the floor seen at a row, or at rows; 1 at the lower edge."""
+    return (1.0 - HORIZON) * height / (row + 0.5 - HORIZON * height)
+
+
 def _floor(rng: np.random.Generator, width: int, height: int, foot: int) -> Plane:
-    rows = np.arange(foot, height, dtype=np.float32)[:, None]
     columns = np.arange(width, dtype=np.float32)[None, :]
-    depth = (1.0 - HORIZON) * height / (rows + 0.5 - HORIZON * height)  # 1 at the lower edge
+    depth = floor_depth(np.arange(foot, height, dtype=np.float32)[:, None], height)
     across = np.asarray((columns - width * 0.5) / height * depth * 4.0, np.float32)
     along = np.asarray(np.broadcast_to(depth * 6.0, across.shape), np.float32)
 

@@ -34,11 +34,19 @@ class SensorNoise:
         """Add the noise of frame k to a (height, width, 3) uint8 picture, in place."""
         if not self._sigma:
             return
-        width, height = self._size
-        top, left = divmod(int(self._order[k % WINDOWS]), SPAN)
-        window = np.s_[top : top + height, left : left + width]
+        window = self._window(k)
         cv2.add(bgr, self._brighter[window], dst=bgr)
         cv2.subtract(bgr, self._darker[window], dst=bgr)
+
+    def signed(self, k: int) -> NDArray[np.int16]:
+        """Return the noise of frame k in one channel, (height, width) int16, grey levels."""
+        window = (*self._window(k), 0)
+        return np.subtract(self._brighter[window], self._darker[window], dtype=np.int16)
+
+    def _window(self, k: int) -> tuple[slice, slice]:
+        width, height = self._size
+        top, left = divmod(int(self._order[k % WINDOWS]), SPAN)
+        return np.s_[top : top + height, left : left + width]
 
 
 def _sheet(tile: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:

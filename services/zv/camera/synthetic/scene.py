@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.messages import Track
+from zv.camera.synthetic import distances
 from zv.camera.synthetic.actors import make_actors
 from zv.camera.synthetic.backdrop import draw_room
 from zv.camera.synthetic.frame_code import draw_number, extent
@@ -89,6 +90,24 @@ class Scene:
             draw_number(bgr, number)
             corner = extent(bgr.shape[1], bgr.shape[0])
         return bgr, self._truth(placed, corner)
+
+    def depth(
+        self, k: int, time_s: float | None = None
+    ) -> tuple[NDArray[np.uint16], tuple[Track, ...]]:
+        """Return the distances in frame k and its ground truth, as ``frame``.
+
+        Returns:
+            (height, width) uint16, millimetres, a new array; and the visible objects.
+        """
+        placed = self._placed(k, time_s)
+        height, width = self._room.shape[:2]
+        depth = distances.room_depth(width, height)
+        for one in placed:
+            millimetres = distances.object_depth(one.motion.ground_y, height)
+            distances.paste(depth, one.sprite, one.left, one.top, millimetres)
+        noise_mm = self._noise.signed(k) * np.float32(distances.MM_PER_LEVEL)
+        noisy = np.rint(depth + noise_mm).astype(np.uint16)
+        return noisy, self._truth(placed)
 
     def render(self, k: int) -> Pixels:
         """Return frame k, (height, width, 3) uint8 BGR, a new array."""

@@ -17,7 +17,7 @@ from zv.camera.synthetic.scene import Scene
 LIGHTING_GAIN = 1.35  # as if another lamp were switched on
 STALL_POLL_S = 0.05
 
-Drawn = tuple[NDArray[np.uint8], tuple[Track, ...]]
+Drawn = tuple[NDArray[np.uint8] | NDArray[np.uint16], tuple[Track, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,7 @@ class Conditions:
     objects: int = 4
     faults: tuple[Fault, ...] = ()  # where several overlap, each takes effect
     numbered: bool = False  # whether each picture shows its number (``frame_code``)
+    depth: bool = False  # whether pictures are distances (16UC1) instead of colours (bgr8)
 
 
 class SyntheticSource:
@@ -84,7 +85,8 @@ class SyntheticSource:
         k, self._k, self._undropped = self._k, self._k + 1, None
         pixels, truth = self._drawn(k)
         self._given += 1
-        return Picture("bgr8", *self._size, pixels, due_s=self._time_s(k), truth=truth)
+        encoding = "16UC1" if self._conditions.depth else "bgr8"
+        return Picture(encoding, *self._size, pixels, due_s=self._time_s(k), truth=truth)
 
     def close(self) -> None:
         """End a stall and all reading; safe to call twice and from any thread."""
@@ -123,6 +125,8 @@ class SyntheticSource:
             if self._undropped is not None:
                 self._k, self._undropped = self._undropped, None
             self._faults = tuple(fault.from_frame(self._k) for fault in now.faults)
+        if now.depth != before.depth:
+            self._frozen = None
         if now.rate_hz != before.rate_hz:
             shown = max(0, self._k - 1)
             self._origin = (shown, self._time_s(shown))
@@ -148,10 +152,16 @@ class SyntheticSource:
         elif self._frozen is not None and self._frozen[0] == frozen:
             pixels, truth = self._frozen[1]
             return pixels.copy(), truth  # so that a change of this picture does not reach the next
-        brighter = fault_at(self._faults, k, ("lighting",)) is not None
-        number = self._given if self._conditions.numbered else None
-        gain = LIGHTING_GAIN if brighter else 1.0
-        pixels, truth = self._scene.frame(k, gain, self._time_s(k), number)
+        if self._conditions.depth:
+            pixels, truth = self._scene.depth(k, self._time_s(k))
+        else:
+            pixels, truth = self._coloured(k)
         if frozen is not None:
             self._frozen = frozen, (pixels.copy(), truth)
         return pixels, truth
+
+    def _coloured(self, k: int) -> Drawn:
+        brighter = fault_at(self._faults, k, ("lighting",)) is not None
+        number = self._given if self._conditions.numbered else None
+        gain = LIGHTING_GAIN if brighter else 1.0
+        return self._scene.frame(k, gain, self._time_s(k), number)

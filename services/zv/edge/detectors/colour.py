@@ -8,63 +8,58 @@ from typing import ClassVar, Final
 import cv2
 import numpy as np
 
-from zv.edge.detectors.detection import Detector, Picture, Strength
-from zv.edge.detectors.ridges import STAGES, RidgeDetection, half_size, threshold_for
+from zv.edge.detectors.detection import Picture, Strength
+from zv.edge.detectors.ridges import RidgeDetector, half_size
 
-LIGHTNESS_WEIGHT: Final = 0.04
+LIGHTNESS_WEIGHT: Final = 0.12
 """Of squared differences of lightness; those of a and b weigh 1. Objects differ by colour, while
 shadows and texture differ by lightness."""
 
 FLOOR: Final = 6.0
 """Added to the mean difference of the picture, so that the noise of an empty one stays weak."""
 
-THRESHOLDS: Final = (1.0, 0.52, 0.475, 0.441, 0.413, 0.387, 0.361, 0.336, 0.311, 0.286, 0.261)
-"""By the density of edges that they give, 0, 1, 2, ... percent."""
+FINE_WEIGHT: Final = np.float32(1.5)
+"""Of the difference at the finest scale; those at the other two weigh 1."""
+
+MOST_OF_COARSE: Final = np.float32(1.5)
+"""What the finest scale counts at most, over the coarsest: what it alone sees is texture."""
+
+SURROUNDINGS: Final = 121
+"""Side of the square around a pixel whose mean counts half of that of the picture, pixels of the
+half-size picture: a boundary in a calm part stands out more than one among texture."""
+
+THRESHOLDS: Final = (1.0, 0.541, 0.496, 0.463, 0.436, 0.411, 0.388, 0.365, 0.341, 0.313, 0.259)
+"""Those of ``python -m benchmarks.quality edges --thresholds --detectors colour``."""
 
 
 @dataclass(frozen=True, slots=True)
-class Colour(Detector):
+class Colour(RidgeDetector):
     """Boundaries where colour changes over 2 to 8 pixels, thinned along their ridges.
 
     The half-size picture in CIE L*a*b* is smoothed at three scales. At each scale the strength is
     the root of the length of the Sobel gradient summed over the three channels (S. Di Zenzo, "A
     note on the gradient of a multi-image", 1986), in which lightness weighs little. The scales'
-    sum, divided by its mean over the picture plus a floor, is x; the strength is x / (1 + x).
-
-    Attributes:
-        density: Wanted share of edge pixels, percent of an average picture. A fixed threshold
-            belongs to it: a plain wall has fewer edges and a tree has more.
+    weighted sum is divided by the average of two means, over the picture and over the surroundings,
+    plus a floor; of the result x, the strength is x / (1 + x).
     """
 
-    density: float = 3.5
-
-    wants: ClassVar = "bgr"
-    stages: ClassVar[tuple[str, ...]] = STAGES
-
-    @property
-    def full_scale(self) -> float:
-        """The largest strength that is possible."""
-        return 1.0
-
-    def detect(self, picture: Picture) -> ColourDetection:
-        """Return the edges of a picture in BGR, (height, width, 3) uint8."""
-        return ColourDetection(picture, threshold_for(self.density, THRESHOLDS))
-
-
-class ColourDetection(RidgeDetection):
-    """The edges of one picture by colour differences."""
+    thresholds: ClassVar = THRESHOLDS
 
     def strengths(self, picture: Picture) -> Strength:
         """Return the strengths of a picture at half its size: float32, 0 to 1."""
         lab = np.asarray(cv2.cvtColor(half_size(picture), cv2.COLOR_BGR2LAB), np.uint8)
         quarter = np.asarray(cv2.pyrDown(lab), np.uint8)
-        fine = np.asarray(cv2.GaussianBlur(lab, (5, 5), 1), np.uint8)
-        total = difference(fine) + difference(nearly_gaussian(lab))
-        total += cv2.resize(
+        coarse = cv2.resize(
             difference(nearly_gaussian(quarter)), lab.shape[1::-1], interpolation=cv2.INTER_LINEAR
         )
-        total *= np.float32(1 / (float(total.mean()) + FLOOR))
-        return total / (1 + total)
+        fine = difference(np.asarray(cv2.GaussianBlur(lab, (5, 5), 1), np.uint8))
+        total = FINE_WEIGHT * np.minimum(fine, MOST_OF_COARSE * coarse)
+        total += difference(nearly_gaussian(lab))
+        total += coarse
+        usual = cv2.blur(total, (SURROUNDINGS, SURROUNDINGS))
+        usual += np.float32(total.mean() + 2 * FLOOR)
+        total *= 2
+        return np.asarray(total / (total + usual), np.float32)
 
 
 def nearly_gaussian(lab: Picture) -> Picture:

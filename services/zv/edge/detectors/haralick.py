@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from itertools import starmap
+from typing import ClassVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.canny import smooth
-from zv.edge.detectors.detection import Detection, Detector, Gray, Picture, Strength
+from zv.edge.detectors.detection import Gray
 from zv.edge.detectors.gradient import SOBEL_GAIN
-from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
 from zv.edge.detectors.zero_crossings import (
+    Crossings,
     Field,
+    ZeroCrossingDetector,
     distance_to_crossing,
-    thin_crossings,
     unit_vectors,
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Haralick(Detector):
+class Haralick(ZeroCrossingDetector):
     """Fits a cubic polynomial to the window of each pixel and takes its derivatives.
 
     Source: R. M. Haralick, "Digital Step Edges from Zero Crossing of Second Directional
@@ -36,6 +35,8 @@ class Haralick(Detector):
             operator.
         window: Side of the window, pixels: 5, 7, 9 or 11.
     """
+
+    smooths: ClassVar = True
 
     sigma: float = 1.4
     high: float = 100.0
@@ -49,9 +50,14 @@ class Haralick(Detector):
         kernel = np.outer(one, line) - b * np.outer(one, cube) - a * np.outer(square, line)
         return float(255 / 2 * np.abs(kernel).sum() * 2**0.5 * SOBEL_GAIN)
 
-    def detect(self, picture: Picture) -> HaralickDetection:
-        """Return the edges of a grey picture, (height, width) uint8."""
-        return HaralickDetection(self, picture)
+    @property
+    def reach(self) -> int:
+        """Half of the window, rows."""
+        return self.window // 2
+
+    def crossings(self, picture: Gray) -> Crossings:
+        """Return the crossings of the cubic of each pixel; ``magnitude`` is its gradient."""
+        return crossings_of(fit(picture, self.window))
 
 
 @cache
@@ -118,66 +124,17 @@ def fit(picture: Gray, side: int) -> Facets:
     return Facets(x, y, xx, xy, yy, xxx, xxy, xyy, yyy)
 
 
-class HaralickDetection(Detection):
-    """The edges of one picture by its facets, and the steps."""
+def crossings_of(facets: Facets) -> Crossings:
+    """Return the zero crossings of the cubics' second derivatives along their gradients.
 
-    def __init__(self, detector: Haralick, picture: Gray) -> None:
-        self._detector = detector
-        self._picture = picture
-
-    @cached_property
-    def smoothed(self) -> Gray:
-        """(height, width) uint8 after the Gaussian."""
-        return smooth(self._picture, self._detector.sigma)
-
-    @cached_property
-    def facets(self) -> Facets:
-        """The cubic of each pixel."""
-        return fit(self.smoothed, self._detector.window)
-
-    @cached_property
-    def gradient(self) -> tuple[Field, Field, Field]:
-        """Direction to the right and downwards, of length 1, and the slope of grey levels."""
-        return unit_vectors(self.facets.x, self.facets.y)
-
-    @cached_property
-    def crossing(self) -> tuple[Field, Field]:
-        """Distance along the gradient to the zero crossing, and the slope of grey levels there.
-
-        Along the gradient the cubic is c1 t + c2 t^2 + c3 t^3. Its second derivative is 0 at
-        t = -c2 / (3 c3), and the first is c1 - c2^2 / (3 c3) there: its maximum, if c3 < 0.
-        """
-        f, (u, v, c1) = self.facets, self.gradient
-        c2 = f.xx * u * u + f.xy * u * v + f.yy * v * v
-        c3 = (f.xxx * u + f.xxy * v) * u * u + (f.xyy * u + f.yyy * v) * v * v
-        distance = distance_to_crossing(2 * c2, -6 * c3)
-        near = np.where(np.isfinite(distance), distance, np.float32(0))
-        return distance, c1 + c2 * near
-
-    @cached_property
-    def strength(self) -> Strength:
-        """The gradient at each pixel of a zero crossing, else 0."""
-        along_x, along_y, _ = self.gradient
-        distance, slope = self.crossing
-        kept = thin_crossings(distance, along_x, along_y) > 0
-        return np.where(kept, slope * np.float32(SOBEL_GAIN), 0)
-
-    @cached_property
-    def edges(self) -> Gray:
-        """(height, width) uint8, 0 or 255."""
-        return np.where(self.strength > self._detector.high, np.uint8(255), np.uint8(0))
-
-    @property
-    def stages(self) -> Mapping[str, Callable[[], Picture]]:
-        """The five steps; ``magnitude`` is the gradient at the pixel."""
-        full, high = self._detector.full_scale, self._detector.high
-        return {
-            "smoothed": lambda: self.smoothed,
-            "magnitude": self._magnitude,
-            "direction": lambda: as_hue(*self.gradient[:2], self._magnitude()),
-            "suppressed": lambda: as_gray(self.strength, full),
-            "thresholded": lambda: in_two_grays(self.strength, high, high),
-        }
-
-    def _magnitude(self) -> Gray:
-        return as_gray(self.gradient[2] * np.float32(SOBEL_GAIN), self._detector.full_scale)
+    Along the gradient the cubic is c1 t + c2 t^2 + c3 t^3. Its second derivative is 0 at
+    t = -c2 / (3 c3), and the first is c1 - c2^2 / (3 c3) there: its maximum, if c3 < 0.
+    """
+    f = facets
+    u, v, c1 = unit_vectors(f.x, f.y)
+    c2 = f.xx * u * u + f.xy * u * v + f.yy * v * v
+    c3 = (f.xxx * u + f.xxy * v) * u * u + (f.xyy * u + f.yyy * v) * v * v
+    distance = distance_to_crossing(2 * c2, -6 * c3)
+    near = np.where(np.isfinite(distance), distance, np.float32(0))
+    gain = np.float32(SOBEL_GAIN)
+    return Crossings(distance, u, v, strength=(c1 + c2 * near) * gain, magnitude=c1 * gain)

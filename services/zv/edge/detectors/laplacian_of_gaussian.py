@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.canny import smooth
-from zv.edge.detectors.detection import Detection, Detector, Gray, Picture, Strength
+from zv.edge.detectors.detection import Gray
 from zv.edge.detectors.gradient import SOBEL_GAIN
-from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
 from zv.edge.detectors.zero_crossings import (
+    Crossings,
     Field,
+    ZeroCrossingDetector,
     distance_to_crossing,
-    thin_crossings,
     unit_vectors,
 )
 
 CENTRAL = np.array([-0.5, 0, 0.5], np.float32)
 ONE = np.ones(1, np.float32)
 
+LEAST_REDUCED_SIGMA: Final = 4.0
+"""A wide Gaussian leaves nothing that every pixel is needed for: it is sampled so densely that it
+has this sigma at least, in pixels of the reduced picture."""
+
 
 @dataclass(frozen=True, slots=True)
-class LaplacianOfGaussian(Detector):
+class LaplacianOfGaussian(ZeroCrossingDetector):
     """Marks where the Laplacian of the smoothed picture is 0 and falls towards the bright side.
 
     The slope there is given as the gradient of the ideal step that has it, so that ``high`` means
@@ -52,18 +55,94 @@ class LaplacianOfGaussian(Detector):
     @property
     def full_scale(self) -> float:
         """A bound of the strength that 8-bit pixels can have."""
-        rows = laplacian_kernel(self.sigma)
-        differences = np.abs(np.apply_along_axis(np.convolve, 1, rows, CENTRAL)).sum()
-        return float(255 / 2 * differences * 2**0.5 * self.slope_scale)
+        return largest_responses(self.sigma)[1] * self.slope_scale
 
     @property
-    def largest_response(self) -> float:
+    def largest_magnitude(self) -> float:
         """The largest Laplacian that 8-bit pixels can have."""
-        return float(255 / 2 * np.abs(laplacian_kernel(self.sigma)).sum())
+        return largest_responses(self.sigma)[0]
 
-    def detect(self, picture: Picture) -> LaplacianDetection:
-        """Return the edges of a grey picture, (height, width) uint8."""
-        return LaplacianDetection(self, picture)
+    @property
+    def reach(self) -> int:
+        """The Gaussian's radius, the interpolation's, and a row for the slope."""
+        return int(4 * self.sigma + 0.5) + 4 * self.step + 1
+
+    @property
+    def step(self) -> int:
+        """The factor by which the picture is reduced."""
+        return reduction(self.sigma)
+
+    def crossings(self, picture: Gray) -> Crossings:
+        """Return the crossings; ``magnitude`` is the absolute value of the Laplacian."""
+        response, gx, gy = derivatives(picture, self.sigma)
+        along_x, along_y, _ = unit_vectors(gx, gy)
+        falls_x = filtered(response, CENTRAL, ONE)
+        falls_y = filtered(response, ONE, CENTRAL)
+        slope = -(falls_x * along_x + falls_y * along_y)
+        return Crossings(
+            distance_to_crossing(response, slope),
+            along_x,
+            along_y,
+            strength=slope * np.float32(self.slope_scale),
+            magnitude=np.abs(response),
+        )
+
+
+def reduction(sigma: float) -> int:
+    """Return the factor by which a picture is reduced for a Gaussian."""
+    return max(1, int(sigma / LEAST_REDUCED_SIGMA))
+
+
+def derivatives(picture: Gray, sigma: float) -> tuple[Field, Field, Field]:
+    """Return the Laplacian of a picture smoothed by a Gaussian, and its gradient.
+
+    With a large ``sigma`` they are taken of the picture reduced by means of squares, whose variance
+    the Gaussian has less, and interpolated between its pixels. The time then does not
+    grow with ``sigma``.
+
+    Args:
+        picture: (height, width) uint8; it continues with its outermost pixels.
+        sigma: Standard deviation, pixels.
+
+    Returns:
+        The Laplacian, negative where bright, and the derivatives to the right and downwards;
+        (height, width) float32.
+    """
+    factor = reduction(sigma)
+    inner = (sigma**2 - (factor**2 - 1) / 12) ** 0.5 / factor
+    if factor == 1:
+        return _derivatives(picture, inner)
+    height, width = picture.shape
+    around = factor * (int(4 * inner) + 2)  # the means at the border would mix in other pixels
+    down, right = -height % factor, -width % factor
+    whole = cv2.copyMakeBorder(
+        picture, around, around + down, around, around + right, cv2.BORDER_REPLICATE
+    )
+    size = whole.shape[1] // factor, whole.shape[0] // factor
+    reduced = cv2.resize(whole.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    found = _derivatives(np.asarray(reduced, np.float32), inner)
+    part = slice(around, around + height), slice(around, around + width)
+    laplacian, gx, gy = (
+        np.asarray(cv2.resize(each, whole.shape[1::-1], interpolation=cv2.INTER_LANCZOS4)[part])
+        for each in found
+    )
+    unit = np.float32(1 / factor)
+    return laplacian * (unit * unit), gx * unit, gy * unit
+
+
+def _derivatives(picture: Gray | Field, sigma: float) -> tuple[Field, Field, Field]:
+    gaussian, first, second = gaussian_kernels(sigma)
+    return (
+        filtered(picture, second, gaussian) + filtered(picture, gaussian, second),
+        filtered(picture, first, gaussian),
+        filtered(picture, gaussian, first),
+    )
+
+
+def filtered(picture: Gray | Field, along_x: Field, along_y: Field) -> Field:
+    """Return the correlation with a separable kernel, float32."""
+    found = cv2.sepFilter2D(picture, cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(found, np.float32)
 
 
 @lru_cache(maxsize=4)
@@ -87,79 +166,13 @@ def gaussian_kernels(
     )
 
 
-def laplacian_kernel(sigma: float) -> NDArray[np.float64]:
-    """Return the whole kernel of the Laplacian of a Gaussian, (side, side) float64."""
+@lru_cache(maxsize=4)
+def largest_responses(sigma: float) -> tuple[float, float]:
+    """Return the largest Laplacian of 8-bit pixels, and a bound of its slope per pixel."""
     gaussian, _, second = gaussian_kernels(sigma)
-    return np.asarray(np.outer(gaussian, second) + np.outer(second, gaussian), np.float64)
-
-
-class LaplacianDetection(Detection):
-    """The edges of one picture by the Laplacian of a Gaussian, and the steps."""
-
-    def __init__(self, detector: LaplacianOfGaussian, picture: Gray) -> None:
-        self._detector = detector
-        self._picture = picture
-
-    def _filtered(self, along_x: Field, along_y: Field, picture: Picture | Field) -> Field:
-        found = cv2.sepFilter2D(
-            picture, cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REPLICATE
-        )
-        return np.asarray(found, np.float32)
-
-    @cached_property
-    def smoothed(self) -> Gray:
-        """(height, width) uint8 after the Gaussian; only to be shown, the rest is not rounded."""
-        return smooth(self._picture, self._detector.sigma)
-
-    @cached_property
-    def response(self) -> Field:
-        """The Laplacian of the smoothed picture, (height, width) float32, negative where bright.
-
-        At the border the picture continues with its outermost pixels.
-        """
-        gaussian, _, second = gaussian_kernels(self._detector.sigma)
-        wide = self._filtered(second, gaussian, self._picture)
-        return wide + self._filtered(gaussian, second, self._picture)
-
-    @cached_property
-    def gradient(self) -> tuple[Field, Field, Field]:
-        """Direction to the right and downwards, of length 1, and the slope of grey levels."""
-        gaussian, first, _ = gaussian_kernels(self._detector.sigma)
-        gx = self._filtered(first, gaussian, self._picture)
-        return unit_vectors(gx, self._filtered(gaussian, first, self._picture))
-
-    @cached_property
-    def slope(self) -> Field:
-        """How fast the Laplacian falls along the gradient, per pixel."""
-        along_x, along_y, _ = self.gradient
-        falls_x = self._filtered(CENTRAL, ONE, self.response)
-        falls_y = self._filtered(ONE, CENTRAL, self.response)
-        return -(falls_x * along_x + falls_y * along_y)
-
-    @cached_property
-    def strength(self) -> Strength:
-        """The slope at each pixel of a zero crossing, as the gradient of an ideal step, else 0."""
-        along_x, along_y, _ = self.gradient
-        distance = distance_to_crossing(self.response, self.slope)
-        kept = thin_crossings(distance, along_x, along_y) > 0
-        return np.where(kept, self.slope * np.float32(self._detector.slope_scale), 0)
-
-    @cached_property
-    def edges(self) -> Gray:
-        """(height, width) uint8, 0 or 255."""
-        return np.where(self.strength > self._detector.high, np.uint8(255), np.uint8(0))
-
-    @property
-    def stages(self) -> Mapping[str, Callable[[], Picture]]:
-        """The five steps; ``magnitude`` is the absolute value of the Laplacian."""
-        full, high = self._detector.full_scale, self._detector.high
-        return {
-            "smoothed": lambda: self.smoothed,
-            "magnitude": self._magnitude,
-            "direction": lambda: as_hue(*self.gradient[:2], self._magnitude()),
-            "suppressed": lambda: as_gray(self.strength, full),
-            "thresholded": lambda: in_two_grays(self.strength, high, high),
-        }
-
-    def _magnitude(self) -> Gray:
-        return as_gray(np.abs(self.response), self._detector.largest_response)
+    rows = np.outer(gaussian, second) + np.outer(second, gaussian)
+    differences = cv2.filter2D(np.pad(rows, 1), -1, CENTRAL[None], borderType=cv2.BORDER_CONSTANT)
+    return (
+        float(255 / 2 * np.abs(rows).sum()),
+        float(255 / 2 * np.abs(differences).sum() * 2**0.5),
+    )

@@ -16,56 +16,48 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Detector, Picture, Strength
-from zv.edge.detectors.ridges import STAGES, RidgeDetection, half_size, threshold_for
+from zv.edge.detectors.detection import Picture, Strength
+from zv.edge.detectors.ridges import RidgeDetector, half_size
 
 MULTIPLE: Final = 16
 """The network halves the size four times."""
 
+MOST_PIXELS: Final = 256 * 192
+"""What the network gets of a picture at half its size, or of a large one a quarter of its width and
+height. It learned from 240 x 160 pixels: in larger pictures boundaries are as far apart, but over
+more pixels, so that fewer pixels show it what it knows, in less time."""
+
 SIZES: Final = 2
 """Numbers of picture sizes whose buffers are kept, megabytes each."""
 
-THRESHOLDS: Final = (1.0, 0.623, 0.438, 0.291, 0.19, 0.12, 0.074, 0.043, 0.027, 0.018, 0.012)
-"""By the density of edges that they give, 0, 1, 2, ... percent."""
-
 
 @dataclass(frozen=True, slots=True)
-class Learned(Detector):
+class Learned(RidgeDetector):
     """Boundaries that people would draw, by a convolutional network of 163,000 weights.
 
     The strength is the network's estimate of the share of people that would draw a boundary here,
     with boundaries weighted up by its training; lines are thinned along their ridges.
-
-    Attributes:
-        density: Wanted share of edge pixels, percent of an average picture. A fixed threshold
-            belongs to it: a plain wall has fewer edges and a tree has more.
     """
 
-    density: float = 3.5
-
-    wants: ClassVar = "bgr"
-    stages: ClassVar[tuple[str, ...]] = STAGES
-
-    @property
-    def full_scale(self) -> float:
-        """The largest strength that is possible."""
-        return 1.0
-
-    def detect(self, picture: Picture) -> LearnedDetection:
-        """Return the edges of a picture in BGR, (height, width, 3) uint8."""
-        return LearnedDetection(picture, threshold_for(self.density, THRESHOLDS))
-
-
-class LearnedDetection(RidgeDetection):
-    """The edges of one picture by the network."""
+    thresholds: ClassVar = (1.0, 0.615, 0.446, 0.3, 0.193, 0.122, 0.076, 0.045, 0.025, 0.013, 0.005)
 
     def strengths(self, picture: Picture) -> Strength:
-        """Return the probabilities of a picture at half its size: float32, 0 to 1."""
-        half = half_size(picture)
-        height, width = half.shape[:2]
+        """Return the probabilities of a picture at a reduced size: float32, 0 to 1."""
+        small = reduced(half_size(picture))
+        height, width = small.shape[:2]
         down, right = -height % MULTIPLE, -width % MULTIPLE
-        padded = cv2.copyMakeBorder(half, 0, down, 0, right, cv2.BORDER_REPLICATE)
+        padded = cv2.copyMakeBorder(small, 0, down, 0, right, cv2.BORDER_REPLICATE)
         return NETWORK.probabilities(network_planes(np.asarray(padded, np.uint8)))[:height, :width]
+
+
+def reduced(half: Picture) -> Picture:
+    """Return a picture at half its size as it is, or with fewer pixels, down to a quarter."""
+    height, width = half.shape[:2]
+    factor = min(1.0, max(0.5, (MOST_PIXELS / (height * width)) ** 0.5))
+    if factor == 1:
+        return half
+    size = round(width * factor), round(height * factor)
+    return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def network_planes(picture: Picture) -> NDArray[np.float32]:

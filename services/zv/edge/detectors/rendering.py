@@ -20,7 +20,9 @@ def as_gray(strength: Strength, full_scale: float) -> Gray:
     The scale is fixed, so that a video does not flicker, and the root shows weak edges: a tenth of
     the largest strength that is possible becomes 81.
     """
-    shown = np.sqrt(strength * np.float32(1 / full_scale)) * np.float32(255)
+    shown = strength * np.float32(1 / full_scale)
+    np.sqrt(shown, out=shown)
+    shown *= 255
     return np.asarray(cv2.convertScaleAbs(shown), np.uint8)
 
 
@@ -42,7 +44,10 @@ def as_hue(gx: NDArray[Any], gy: NDArray[Any], brightness: Gray) -> Picture:
     yellow-green down, cyan to the left, violet up.
     """
     degrees = cv2.phase(gx.astype(np.float32), gy.astype(np.float32), angleInDegrees=True)
-    hue = np.asarray(np.rint(degrees / 2) % 180, np.uint8)
+    degrees *= 0.5
+    np.rint(degrees, out=degrees)
+    hue = np.asarray(degrees, np.uint8)
+    hue[hue == 180] = 0
     full = np.full_like(hue, 255)
     return np.asarray(cv2.cvtColor(cv2.merge([hue, full, brightness]), cv2.COLOR_HSV2BGR), np.uint8)
 

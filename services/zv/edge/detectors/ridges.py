@@ -1,6 +1,6 @@
-"""Thin lines along the ridges of a map of boundary strengths at half the picture's size.
+"""Thin lines along the ridges of a map of boundary strengths, of half the picture's size or less.
 
-``colour`` and ``learned`` estimate for each pixel of the half-size picture how probable a boundary
+``colour`` and ``learned`` estimate for each pixel of a reduced picture how probable a boundary
 is. Lines are the ridges of that map: non-maximum suppression goes across the ridge, whose direction
 follows from the map's second derivatives, and not along the picture's gradient, which is noisy
 where strengths come from several scales.
@@ -13,14 +13,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import ClassVar, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Detection, Gray, Picture, Strength
+from zv.edge.detectors.detection import Detection, Detector, Gray, Picture, Strength
 from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
 from zv.edge.detectors.thinning import maxima
 
@@ -28,7 +29,7 @@ INTEGERS: Final = 30000
 """The integer that stands for strength 1 in 16 bits."""
 
 RIDGE_SIGMA: Final = 2.0
-"""Smoothing before the ridges' directions are taken, pixels of the half-size picture."""
+"""Smoothing before the ridges' directions are taken, pixels of the map."""
 
 STAGES: Final = ("magnitude", "direction", "suppressed", "thresholded")
 """The steps of these detectors; smoothing takes place at several scales and is not shown."""
@@ -62,41 +63,59 @@ def across(strength: Strength) -> tuple[Strength, Strength]:
     return np.asarray(right, np.float32), np.asarray(down, np.float32)
 
 
-def threshold_for(density: float, thresholds: Sequence[float]) -> float:
-    """Return the threshold that gives a wanted density of edges on an average picture.
+@dataclass(frozen=True, slots=True)
+class RidgeDetector(Detector):
+    """Finds the ridges of a map of strengths from 0 to 1, which a subclass makes of a picture.
 
-    Args:
-        density: Wanted share of edge pixels, percent.
-        thresholds: Those that gave 0, 1, 2, ... percent on average over BSDS500's training images,
-            falling.
-    """
-    return float(np.interp(density, np.arange(len(thresholds)), thresholds))
-
-
-class RidgeDetection(Detection):
-    """The edges of one picture as the ridges of a map of strengths from 0 to 1.
-
-    Args:
-        picture: (height, width, 3) uint8, BGR.
-        threshold: Strength from which on a ridge is an edge.
+    Attributes:
+        thresholds: Strengths from which on ridges are 0, 1, 2, ... percent of the pixels, on
+            average over BSDS500's training images; falling.
+        density: Wanted share of edge pixels, percent of an average picture. A fixed threshold
+            belongs to it: a plain wall has fewer edges and a tree has more.
     """
 
-    def __init__(self, picture: Picture, threshold: float) -> None:
-        self._picture = picture
-        self._threshold = threshold
+    density: float = 3.5
+
+    wants: ClassVar = "bgr"
+    stages: ClassVar[tuple[str, ...]] = STAGES
+    thresholds: ClassVar[Sequence[float]]
+
+    @property
+    def full_scale(self) -> float:
+        """The largest strength that is possible."""
+        return 1.0
+
+    @property
+    def threshold(self) -> float:
+        """The strength from which on a ridge is an edge."""
+        return float(np.interp(self.density, np.arange(len(self.thresholds)), self.thresholds))
 
     @abstractmethod
     def strengths(self, picture: Picture) -> Strength:
-        """Return the strengths of a picture at half its size, rounded up: float32, 0 to 1."""
+        """Return the strengths of a picture in BGR at a reduced size: float32, 0 to 1."""
+
+    def detect(self, picture: Picture) -> RidgeDetection:
+        """Return the edges of a picture in BGR, (height, width, 3) uint8."""
+        return RidgeDetection(self, picture)
+
+
+class RidgeDetection(Detection):
+    """The edges of one picture as the ridges of its map of strengths, and the steps."""
+
+    def __init__(self, detector: RidgeDetector, picture: Picture) -> None:
+        self._detector = detector
+        self._picture = picture
 
     @cached_property
     def _ridges(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
         """Strength times the direction across the ridge, as ``cv2.Canny`` takes gradients."""
-        strength = self.strengths(self._picture)
+        strength = self._detector.strengths(self._picture)
         size = self._picture.shape[1::-1]
         full = cv2.resize(strength, size, interpolation=cv2.INTER_LINEAR)
         # Bilinear maps have their tops at every other pixel, which makes jagged, broken lines.
-        full = cv2.GaussianBlur(full, (5, 5), 1)
+        sigma = size[0] / strength.shape[1] / 2
+        side = 2 * round(2 * sigma) + 1
+        full = cv2.GaussianBlur(full, (side, side), sigma)
         gx, gy = (
             cv2.multiply(
                 full,
@@ -112,14 +131,16 @@ class RidgeDetection(Detection):
     @cached_property
     def edges(self) -> Gray:
         """The edge map, (height, width) uint8: 0 or 255."""
-        least = self._threshold * INTEGERS
+        least = self._detector.threshold * INTEGERS
         return np.asarray(cv2.Canny(*self._ridges, least, least, L2gradient=True), np.uint8)
 
-    @cached_property
+    @property
     def magnitude(self) -> Strength:
         """The strength of each pixel before thinning, (height, width) float32, 0 to 1."""
         gx, gy = (component.astype(np.float32) for component in self._ridges)
-        return np.asarray(cv2.magnitude(gx, gy) * np.float32(1 / INTEGERS), np.float32)
+        size = cv2.magnitude(gx, gy, gx)
+        size *= 1 / INTEGERS
+        return np.asarray(size, np.float32)
 
     @cached_property
     def strength(self) -> Strength:
@@ -129,9 +150,10 @@ class RidgeDetection(Detection):
     @property
     def stages(self) -> Mapping[str, Callable[[], Picture]]:
         """The steps, each computed when it is called."""
+        least = self._detector.threshold
         return {
             "magnitude": lambda: as_gray(self.magnitude, 1.0),
             "direction": lambda: as_hue(*self._ridges, as_gray(self.magnitude, 1.0)),
             "suppressed": lambda: as_gray(self.strength, 1.0),
-            "thresholded": lambda: in_two_grays(self.strength, self._threshold, self._threshold),
+            "thresholded": lambda: in_two_grays(self.strength, least, least),
         }

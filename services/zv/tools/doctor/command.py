@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, RouterUnreachable
 from zenoh_vision.transport.connection import Connection
-from zenoh_vision.transport.endpoints import local_endpoint
-from zv.launcher.launch_file import Plan, read_launch_file, remapped_cameras
 from zv.tools.doctor import network, streams
+from zv.tools.doctor.expected import Expectation, expectation
 from zv.tools.doctor.finding import Diagnosis, Finding
 from zv.tools.doctor.machine import device_findings, file_findings
 from zv.tools.doctor.messages import MessageCheck
@@ -29,20 +25,21 @@ def run(options: DoctorOptions, connection: Connection, output: Output) -> None:
         RouterUnreachable: There is no router, and nothing else failed.
         ExpectationNotMet: Something else failed.
     """
-    plan = expected_plan(options)
-    if plan is not None:
-        connection = _of_plan(connection, plan)
+    expected = expectation(options, connection)
+    if expected is not None:
+        connection = expected.connection
     diagnosis = Diagnosis(output)
     diagnosis.add(file_findings(options.files, connection.zenoh_config))
     diagnosis.add(device_findings())
     failed_here = diagnosis.failed
     try:
         with ToolSession(connection) as session:
-            check_network(session, options.for_, diagnosis, plan)
+            check_network(session, options.for_, diagnosis, expected)
             if session.stopping:
                 return
     except RouterUnreachable as error:
         said, _, remedy = str(error).partition("; ")
+        remedy = (expected and expected.router_remedy) or remedy
         diagnosis.add([Finding("FAIL", "router", said, remedy)])
         if not failed_here:
             raise RouterUnreachable(diagnosis.summary) from None
@@ -53,33 +50,11 @@ def run(options: DoctorOptions, connection: Connection, output: Output) -> None:
     output.note(diagnosis.summary)
 
 
-def expected_plan(options: DoctorOptions) -> Plan | None:
-    """Return the expected launch file with its cameras renamed; None if none is given.
-
-    Raises:
-        ConfigurationError: It is wrong, or there is something to rename but no file.
-    """
-    if options.expect is not None:
-        return read_launch_file(Path(options.expect), remapped_cameras(options.remap))
-    if options.remap:
-        raise ConfigurationError("--remap renames cameras of a launch file: give --expect too")
-    return None
-
-
-def _of_plan(connection: Connection, plan: Plan) -> Connection:
-    """Return the connection with what the launch file states where it has the default."""
-    default = Connection()
-    connect, namespace = connection.connect, connection.namespace
-    if connect == default.connect:
-        listened = plan.listen and local_endpoint(plan.listen)
-        connect = plan.connection.get("connect") or listened or connect
-    if namespace == default.namespace:
-        namespace = plan.connection.get("namespace", namespace)
-    return replace(connection, connect=connect, namespace=namespace)
-
-
 def check_network(
-    session: ToolSession, for_s: float, diagnosis: Diagnosis, plan: Plan | None = None
+    session: ToolSession,
+    for_s: float,
+    diagnosis: Diagnosis,
+    expected: Expectation | None = None,
 ) -> None:
     """Observe the network for a time and check what was seen."""
     messages = MessageCheck(session)
@@ -89,8 +64,8 @@ def check_network(
     diagnosis.add(network.router_findings(seen, session.connection.connect))
     diagnosis.add(network.memory_findings(seen))
     diagnosis.add(network.namespace_findings(session, seen))
-    if plan is not None:
-        diagnosis.add(network.expected_findings(seen, plan))
+    if expected is not None:
+        diagnosis.add(expected.findings(seen))
     if not seen.nodes:
         if seen.others:
             diagnosis.add(streams.camera_findings(seen))

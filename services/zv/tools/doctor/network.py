@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version as installed
@@ -12,8 +11,7 @@ from zenoh_vision.error_text import similar_names
 from zenoh_vision.health.fleet import SILENT_S
 from zenoh_vision.health.node_state import ClockOffset, NodeState
 from zenoh_vision.node.announcement import installed_version
-from zv.launcher.launch_file import Plan, PlannedProgram
-from zv.tools.doctor.finding import Finding, Verdict, or_ok
+from zv.tools.doctor.finding import Finding, or_ok
 from zv.tools.doctor.observation import Observation
 from zv.tools.shared.discovery import other_namespaces
 from zv.tools.shared.nodes import NO_ANSWER, duration, place
@@ -98,33 +96,6 @@ def name_findings(seen: Observation) -> list[Finding]:
     count = len(seen.nodes)
     nodes = f"{count} node{'s' if count > 1 else ''}"
     return or_ok(problems, "names", f"{nodes}, all with different names")
-
-
-def expected_findings(seen: Observation, plan: Plan) -> list[Finding]:
-    """Find the nodes of a launch file that do not run.
-
-    A program need not be a node: whether one that announces none runs is unknown here.
-    """
-    announced = {each.name for each in seen.nodes}
-    running = {each.name for each in seen.nodes if each.description is not None}
-    problems = []
-    for node in plan.nodes:
-        if node.name in running:
-            continue
-        if isinstance(node, PlannedProgram) and node.name not in announced:
-            level: Verdict = "WARN"
-            said = f"{node.name} of {plan.place} announces no node: not checked"
-            remedy = "if it should, see its log; zv up shows whether the program runs"
-        else:
-            level = "FAIL"
-            said = f"{node.name} of {plan.place} does not run"
-            remedy = (
-                "see why in the log of what was to start it; "
-                f"zv up {shlex.quote(plan.place)} starts all its nodes"
-            )
-        problems.append(Finding(level, "expected", said, remedy, (node.name,)))
-    count = len(plan.nodes)
-    return or_ok(problems, "expected", f"all {count} nodes of {plan.place} run")
 
 
 def answer_findings(seen: Observation) -> list[Finding]:

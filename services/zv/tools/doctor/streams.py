@@ -211,7 +211,8 @@ def _why_stale(seen: Observation, node: NodeState) -> str:
         cameras = {c for n in seen.cameras() if n.description for c in n.description.cameras}
         there = sorted(cameras | {each.camera for each in seen.others})
         which = f"cameras here: {', '.join(there)}" if there else "there is no camera"
-        return f"nobody publishes {key}, {which}; start one or choose another with --camera"
+        either = f"{key} or {twin}" if twin in subscribed else key
+        return f"nobody publishes {either}, {which}; start one or choose another with --camera"
     return "its camera is running: see the lines about it"
 
 

@@ -130,6 +130,12 @@ class Discovery:
         return f"nothing arrived on {pattern}, although {by} publishes {shown}{more}"
 
 
+def waiting_for(silence: str) -> str:
+    """Return what a tool that goes on notes about the keys on which nothing arrived."""
+    mark = "" if silence.endswith("?") else ";"
+    return f"{silence}{mark} waiting for it (Ctrl-C ends it, --for 5s limits it)"
+
+
 def discover(session: ToolSession) -> Discovery:
     """Query all nodes and routers."""
     asked = [keys.node_key(session.namespace, "*"), ROUTERS]

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.settings import Argument, Letter
 from zv.tools.shared.options import SECONDS, ToolOptions
 
@@ -16,7 +17,7 @@ STDOUT = "-"
 
 def _known_form(name: str) -> str:
     if name != STDOUT and PurePath(name).suffix.lower() not in SUFFIXES:
-        raise ValueError(f"a file name ends in {', '.join(SUFFIXES)}; - is standard output")
+        raise ValueError("its ending names no format")
     return name
 
 
@@ -28,7 +29,8 @@ class SnapshotOptions(ToolOptions):
         str,
         Letter("o"),
         AfterValidator(_known_form),
-        Field(description="file, FILE.jpg or FILE.png; - is standard output"),
+        Form(f"a name that ends in {', '.join(SUFFIXES)}; or -"),
+        Field(description="file to write; - is standard output"),
     ]
     draw: Annotated[
         bool, Field(description="draw the tracks or the centroid of the same frame on the picture")

@@ -15,7 +15,7 @@ from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadEr
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE, type_of
+from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE, UNCOMPRESSED, type_of
 from zenoh_vision.messages import Centroid, Header, Tracks
 from zenoh_vision.stream.frame_intake import snapshot_of
 from zenoh_vision.stream.sample import Sample
@@ -82,8 +82,10 @@ class Picture:
         Raises:
             ConfigurationError: A JPEG cannot represent it.
         """
-        mime = RAW_IMAGE if is_raw(self.sample) else self.frame.mime
-        form = form_of(output, default=PNG if mime == RAW_IMAGE else mime)
+        mime = RAW_IMAGE if is_raw(self.sample) else self.sample.encoding
+        if mime not in UNCOMPRESSED:
+            mime = self.frame.mime
+        form = form_of(output, default=PNG if mime in UNCOMPRESSED else mime)
         if form == JPEG and self._has_16_bits(mime):
             raise ConfigurationError(
                 f"{self.sample.key} has 16 bits per channel, which a JPEG cannot represent: "
@@ -110,7 +112,8 @@ def checked(sample: Sample) -> Picture:
         ExpectationNotMet: The picture or its header is damaged.
     """
     raw = is_raw(sample)
-    if not raw and not sample.deleted and codecs.picture_type(bytes(sample.payload)) is None:
+    known = raw or sample.deleted or sample.encoding == BITS
+    if not known and codecs.picture_type(bytes(sample.payload)) is None:
         kind = type_of(sample.encoding)
         raise ConfigurationError(
             f"{sample.key} carries {sample.encoding if kind == '-' else kind}, no picture; "

@@ -9,13 +9,14 @@ from typing import Any, Self
 
 import zenoh
 
+from zenoh_vision.error_text import suggestion
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.keys import schema_name_of, type_of
 from zenoh_vision.messages import MESSAGES
 from zenoh_vision.stream.buffer import Buffer, queue
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import POLL_S
-from zv.tools.shared.discovery import discover
+from zv.tools.shared.discovery import discover, waiting_for
 from zv.tools.shared.message_types import MessageType, foreign_types, known_type
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
@@ -39,8 +40,6 @@ MAX_TYPES = 10
 """How many types of messages on one key are looked up: each may take a query."""
 QUERY_AFTER_S = 1.0
 """After this long without a message the newest one is queried, as it may be sent only once."""
-
-WAITING = "waiting for it (Ctrl-C ends it, --for 5s limits it)"
 
 
 def run(options: EchoOptions, connection: Connection, output: Output) -> None:
@@ -108,7 +107,7 @@ def _samples(
             if not waiting.filled:
                 yield from newest
                 if not newest and for_s is None:
-                    output.note(f"{discover(session).nothing_on(pattern)}; {WAITING}")
+                    output.note(waiting_for(discover(session).nothing_on(pattern)))
 
 
 class _Printer:
@@ -307,7 +306,8 @@ def _check_fields(
     for name in missing:
         path = name.split(".")
         if always or not known & {*path[:1], *(path[1:2] if path[0] in _own_names(sample) else [])}:
+            near = suggestion(name, known, before="; ")
             raise ConfigurationError(
-                f"--field {name}: {sample.key} ({sample.kind}) has no such field; "
+                f"--field {name}: {sample.key} ({sample.kind}) has no such field{near}; "
                 f"available there: {', '.join(fields)}"
             )

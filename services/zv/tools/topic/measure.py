@@ -14,7 +14,7 @@ from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.topics import COMPRESSED
 from zenoh_vision.transport.connection import Connection
 from zv.status.display import Display
-from zv.tools.shared.discovery import discover, intersect
+from zv.tools.shared.discovery import discover, intersect, waiting_for
 from zv.tools.shared.output import Output, view_of
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.topic.options import BwOptions, DelayOptions, HzOptions
@@ -185,7 +185,7 @@ def _run(
             _watch(measure, options.window, session, monitor, patterns, output)
             return
         with output.display() as display:
-            found, seconds = _measure_once(measure, duration_s, session, monitor)
+            found, seconds = _measure_once(measure, duration_s, session, monitor, output)
             _show(display, measure, found)
         if monitor.left_out:
             output.note(TOO_MANY)
@@ -228,11 +228,10 @@ def _watch(
                 output.note(
                     "the router is back" if connected else "the router is gone; waiting for it"
                 )
-            if not found and connected and not explained and now_s - begun_s > SILENT_S:
+            if connected and not explained and now_s - begun_s >= SILENT_S:
                 explained = True
-                known = discover(session)
-                for pattern in patterns:
-                    output.note(f"{known.nothing_on(pattern)}; waiting")
+                for silence in _silent(session, found, patterns):
+                    output.note(waiting_for(silence))
             _show(display, measure, found)
 
 
@@ -257,10 +256,18 @@ def _within(
 
 
 def _measure_once(
-    measure: Measure, duration_s: float, session: ToolSession, monitor: StreamMonitor
+    measure: Measure,
+    duration_s: float,
+    session: ToolSession,
+    monitor: StreamMonitor,
+    output: Output,
 ) -> tuple[list[Measurement], float]:
     """Measure each stream from the first message on; also return the duration in seconds."""
-    session.wait(session.connection.timeout_s or duration_s, until=monitor.received_any)
+    longest_s = session.connection.timeout_s or duration_s
+    session.wait(min(SILENT_S, longest_s), until=monitor.received_any)
+    if longest_s > SILENT_S and not monitor.received_any() and not session.stopping:
+        output.note(f"nothing arrived yet; waiting up to {longest_s:g} s")
+        session.wait(longest_s - SILENT_S, until=monitor.received_any)
     begin_s = time.monotonic()
     if monitor.received_any():
         session.wait(duration_s)

@@ -15,7 +15,7 @@ from typing import Any
 import zenoh
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.keys import JSON, RAW_IMAGE, schema_name_of
+from zenoh_vision.keys import JSON, UNCOMPRESSED, schema_name_of
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES, unpack
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES
@@ -56,7 +56,7 @@ class Received:
     @property
     def is_picture(self) -> bool:
         """Whether it is a picture, compressed or raw."""
-        return self.encoding.startswith("image/") or self.encoding == RAW_IMAGE
+        return self.encoding.startswith("image/") or self.encoding in UNCOMPRESSED
 
     @property
     def kind(self) -> str:
@@ -76,7 +76,7 @@ def received(sample: zenoh.Sample, *, payload: bool = True) -> Received:
     if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
         attachment = None
     encoding, size = str(sample.encoding), len(sample.payload)
-    picture = encoding.startswith("image/") or encoding == RAW_IMAGE
+    picture = encoding.startswith("image/") or encoding in UNCOMPRESSED
     whole = payload and size <= MAX_MESSAGE_BYTES and not (picture and attachment is not None)
     return Received(
         str(sample.key_expr),
@@ -143,13 +143,13 @@ def _picture_fields(sample: Received, header: dict[str, Any] | None) -> dict[str
     width = height = None
     if header is not None:
         width, height = header.get("width"), header.get("height")
-    elif sample.payload is not None and sample.encoding != RAW_IMAGE:
+    elif sample.payload is not None and sample.encoding not in UNCOMPRESSED:
         from zenoh_vision.image.codecs import picture_size  # imports OpenCV: a fifth of a second
 
         with suppress(PayloadError):
             width, height = picture_size(sample.payload)
     return {
-        "format": "raw" if sample.encoding == RAW_IMAGE else sample.encoding.partition("/")[2],
+        "format": UNCOMPRESSED.get(sample.encoding) or sample.encoding.partition("/")[2],
         "width": width,
         "height": height,
         "encoding": None if header is None else header.get("encoding"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import cv2
@@ -14,14 +15,19 @@ Subtractor = Literal["mog2", "knn"]
 Image = NDArray[np.uint8]
 
 HISTORY = 500
-BACKGROUND_RATIO = 0.9
+BACKGROUND_RATIO = 0.5
+"""So the background is the value that a pixel has had most of the time, not a mean of two."""
+
 SHADOW_RATIO = 0.5
 """A pixel that is darker than the background by at most this factor, in its colour, is a shadow."""
 
-KNN_SCALE = 16.0
-"""OpenCV's defaults for the squared distances of the two models, 400 and 25, have this ratio."""
+LEAST_VARIANCE, FIRST_VARIANCE, MOST_VARIANCE = 4.0, 15.0, 75.0
+"""Of a pixel's noise, the sum over its colours, square grey levels."""
 
-LEARN_EVERY_S = 0.5
+MEDIAN_DEVIATION = 0.6745
+"""Half of the values of a normal distribution are within this, in standard deviations."""
+
+LEARN_EVERY_S = 1.0
 SETTLING_S = 1.0
 FORCED_RATE = 0.5
 FORCED_STEPS = 4
@@ -31,11 +37,16 @@ FORCED_STEPS = 4
 class BackgroundModel:
     """A model of the background that learns by time, not by frames.
 
-    The foreground is measured with learning rate 0, and the model learns in separate steps. So the
-    result does not depend on the frame rate, and most frames cost less.
+    The background is learned in steps of a second, so the result does not depend on the frame
+    rate. Each frame is compared with the background picture. A pixel is foreground if its distance
+    in colour is beyond its own limit, which follows the noise that is seen there, unless it is as
+    dark as a shadow on the background would be.
 
-    Source: Z. Zivkovic, F. van der Heijden, "Efficient adaptive density estimation per image pixel
-    for the task of background subtraction", 2006, as OpenCV implements it (MOG2 and KNN).
+    Sources: Z. Zivkovic, F. van der Heijden, "Efficient adaptive density estimation per image pixel
+    for the task of background subtraction", 2006, as OpenCV implements it (MOG2 and KNN), for the
+    background; A. Manzanera, J. Richefeu, "A new motion detection algorithm based on
+    sigma-delta background estimation", 2007, for the limits; T. Horprasert et al., "A statistical
+    approach for real-time robust background subtraction and shadow detection", 1999.
 
     Args:
         subtractor: The model of a pixel: a mixture of Gaussians, or the nearest samples.
@@ -50,8 +61,12 @@ class BackgroundModel:
             self._model = cv2.createBackgroundSubtractorMOG2()
             self._model.setBackgroundRatio(BACKGROUND_RATIO)
         self._model.setHistory(HISTORY)
-        self._model.setShadowThreshold(SHADOW_RATIO)
-        self._picture: Image | None = None
+        self._model.setDetectShadows(False)
+        self._limits: Image = np.zeros((0, 0, 3), np.uint8)
+        self._deviations = 0.0
+        self.adjust(25.0, detect_shadows=True)
+        self._picture: Image = np.zeros((0, 0, 3), np.uint8)
+        self._stale = False
         self._started_ns: int | None = None
         self._learned_ns = 0
 
@@ -62,26 +77,56 @@ class BackgroundModel:
 
     def adjust(self, var_threshold: float, *, detect_shadows: bool) -> None:
         """Set the squared distance, in standard deviations, above which a pixel is foreground."""
-        if isinstance(self._model, cv2.BackgroundSubtractorMOG2):
-            self._model.setVarThreshold(var_threshold)
-        else:
-            self._model.setDist2Threshold(var_threshold * KNN_SCALE)
-        self._model.setDetectShadows(detect_shadows)
+        deviations = math.sqrt(var_threshold)
+        if self._limits.size:
+            scale = deviations / self._deviations
+            self._limits = np.asarray(cv2.convertScaleAbs(self._limits, alpha=scale), np.uint8)
+        self._deviations = deviations
+        self._detect_shadows = detect_shadows
 
     def start(self, picture: Image, stamp_ns: int) -> None:
         """Forget everything and take a picture, (height, width, 3) uint8 BGR, as background."""
-        self._model.apply(picture, learningRate=1.0)
-        self._picture = None
+        self.replace(picture)
+        self._limits = np.full_like(picture, self._limit(FIRST_VARIANCE))
         self._started_ns = self._learned_ns = stamp_ns
 
     def replace(self, picture: Image) -> None:
         """Take another picture as background, without starting the fast learning again."""
         self._model.apply(picture, learningRate=1.0)
-        self._picture = None
+        self._picture, self._stale = picture.copy(), False
 
     def foreground(self, picture: Image) -> Image:
-        """Return what differs: (height, width) uint8, 255 foreground, 127 shadow, 0 background."""
-        return np.asarray(self._model.apply(picture, learningRate=0.0), np.uint8)
+        """Return what differs and is no shadow: (height, width) uint8 of 0 and 255."""
+        background, limits = self.picture(), self._limits
+        beyond = cv2.subtract(cv2.absdiff(picture, background), limits)
+        same = cv2.inRange(beyond, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        # Single pixels that differ are noise; the few others are looked at closely.
+        places = np.flatnonzero(cv2.medianBlur(same, 3) == 0)
+        shown, expected, allowed = (
+            _taken(each, places).astype(np.float32) for each in (picture, background, limits)
+        )
+        allowed_square = _dot(allowed, allowed)
+        difference = shown - expected
+        found = _dot(difference, difference) > allowed_square
+        if self._detect_shadows:
+            ratio = _dot(shown, expected) / np.maximum(_dot(expected, expected), 1.0)
+            tint = np.asarray(shown - ratio[:, np.newaxis] * expected, np.float32)
+            dark = (ratio >= SHADOW_RATIO) & (ratio <= 1.0)
+            found &= ~(dark & (_dot(tint, tint) < allowed_square * ratio * ratio))
+        mask = np.zeros(picture.shape[:2], np.uint8)
+        mask.reshape(-1)[places[found]] = 255
+        return mask
+
+    def alike_at(
+        self, places: NDArray[np.intp], one: Image, others: Sequence[Image]
+    ) -> NDArray[np.bool_]:
+        """Return at which of some pixels, by their numbers, pictures differ by mere noise."""
+        limits, values = (_taken(each, places).astype(np.int16) for each in (self._limits, one))
+        alike = np.ones(len(places), np.bool_)
+        for other in others:
+            near = np.abs(values - _taken(other, places)) <= limits
+            alike &= near[:, 0] & near[:, 1] & near[:, 2]
+        return alike
 
     def learn(self, picture: Image, stamp_ns: int, known: Image | None, time_s: float) -> None:
         """Learn from a picture if it is time for that.
@@ -103,8 +148,31 @@ class BackgroundModel:
         rate = 1.0 - math.exp(-elapsed_s / time_s)
         if age_s <= SETTLING_S:
             rate = max(rate, elapsed_s / (2 * age_s))
+        self._learn_noise(picture, known)
         self._apply(picture, known, rate)
         self._learned_ns = stamp_ns
+
+    def _learn_noise(self, picture: Image, known: Image | None) -> None:
+        """Move each limit by one grey level towards the multiple of the median deviation.
+
+        What is farther off than twice the limit is no noise, but an object or its shadow.
+        """
+        limits = self._limits
+        off = np.asarray(cv2.absdiff(picture, self.picture()), np.uint8)
+        near = np.asarray(cv2.compare(off, cv2.add(limits, limits), cv2.CMP_LE), np.uint8)
+        if known is not None:
+            free = cv2.bitwise_not(known)
+            near &= np.asarray(cv2.merge((free, free, free)), np.uint8)
+        wanted = cv2.convertScaleAbs(off, alpha=self._deviations / MEDIAN_DEVIATION)
+        more = np.asarray(cv2.compare(wanted, limits, cv2.CMP_GT), np.uint8)
+        # Unsigned numbers of 8 bits throughout, as the time for others is ten times as long.
+        moved = limits + (more & np.uint8(2)) - np.uint8(1)
+        least, most = self._limit(LEAST_VARIANCE), self._limit(MOST_VARIANCE)
+        cv2.copyTo(np.clip(moved, np.uint8(least), np.uint8(most)), near, limits)
+
+    def _limit(self, variance: float) -> int:
+        """Return the limit of one colour for a variance of all three."""
+        return min(255, round(self._deviations * math.sqrt(variance / 3)))
 
     def learn_at_once(self, picture: Image, where: Image) -> None:
         """Make what a picture shows the background, where ``where``, (height, width), is not 0."""
@@ -121,10 +189,24 @@ class BackgroundModel:
         else:  # KNN learns what it is told to be foreground, so it gets the background there
             cv2.copyTo(self.picture(), known, picture := picture.copy())
             self._model.apply(picture, learningRate=rate)
-        self._picture = None
+        self._stale = True
 
     def picture(self) -> Image:
         """Return the background, (height, width, 3) uint8 BGR; not to be modified."""
-        if self._picture is None:
-            self._picture = np.asarray(self._model.getBackgroundImage(), np.uint8)
+        if self._stale:
+            found = np.asarray(self._model.getBackgroundImage(), np.uint8)
+            if self.subtractor == "knn":  # it is black where the samples do not agree yet
+                black = cv2.inRange(found, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+                cv2.copyTo(self._picture, black, found)
+            self._picture, self._stale = found, False
         return self._picture
+
+
+def _taken(picture: Image, places: NDArray[np.intp]) -> Image:
+    """Return the colours of some pixels, by their numbers, (n, 3)."""
+    return picture.reshape(-1, 3).take(places, axis=0)
+
+
+def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the product of each row of one (n, 3) with that of another."""
+    return np.asarray((one * other) @ np.ones(3, np.float32), np.float32)

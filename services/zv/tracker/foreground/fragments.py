@@ -20,9 +20,12 @@ SMOOTHING = np.array([0.25, 0.5, 0.25])
 THIN = 0.03
 """Rows and columns at the ends of a region with less than this share of the fullest are cut."""
 
+THINNEST = 2.5
+"""Regions whose mean thickness is less, in pixels, are edges that shook, tapes or wires."""
+
 
 def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> list[Fragment]:
-    """Return the connected regions of a mask without their thin ends.
+    """Return the connected regions of a mask without their thin ends, and without thin ones.
 
     Args:
         mask: (height, width) uint8, 255 on the foreground, else 0.
@@ -33,18 +36,19 @@ def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> l
     found = []
     for contour in contours:
         x, y, width, height = cv2.boundingRect(contour)
-        if width * height < min_area:
+        least = max(min_area, THINNEST * max(width, height))
+        if width * height < least:
             continue
         region = mask[y : y + height, x : x + width]
-        area = float(cv2.countNonZero(region))
-        if not min_area <= area <= max_area:
-            continue
         columns = _profile(region, 0)
+        area = float(columns.sum()) / 255
+        if not least <= area <= max_area:
+            continue
         for first, end in _cuts(columns, height):
             left, right = _full(columns[first:end])
             part = region[:, first:end]
             top, bottom = _full(_profile(part, 1) if end - first < width else _profile(region, 1))
-            own = float(columns[first:end].sum())
+            own = float(columns[first:end].sum()) / 255
             found.append(Fragment(x + first + left, y + top, x + first + right, y + bottom, own))
     return found
 
@@ -56,19 +60,21 @@ def _cuts(columns: NDArray[np.int32], height: int) -> list[tuple[int, int]]:
     between two heads.
 
     Args:
-        columns: Number of foreground pixels in each column.
+        columns: 255 times the number of foreground pixels in each column.
         height: Of the region.
     """
     width = len(columns)
     narrow = max(3, round(NARROW * height))
-    if width < 2 * narrow:
+    if width <= 2 * narrow:
         return [(0, width)]
+    if columns[narrow : width - narrow].min() > VALLEY * columns.max():
+        return [(0, width)]  # as for most objects, without looking closer
     smooth = np.convolve(columns, SMOOTHING, mode="same")
     before = np.maximum.accumulate(smooth)
     after = np.maximum.accumulate(smooth[::-1])[::-1]
     peaks = np.minimum(before, after)
     inside = slice(narrow, width - narrow)
-    depth = np.where(peaks > TALL * height, smooth / np.maximum(peaks, 1), 1.0)[inside]
+    depth = np.where(peaks > TALL * 255 * height, smooth / np.maximum(peaks, 1), 1.0)[inside]
     if not depth.size or depth.min() > VALLEY:
         return [(0, width)]
     cut = narrow + int(np.argmin(depth))
@@ -79,12 +85,14 @@ def _cuts(columns: NDArray[np.int32], height: int) -> list[tuple[int, int]]:
 
 
 def _profile(region: NDArray[np.uint8], axis: int) -> NDArray[np.int32]:
-    """Return the number of pixels in each column (axis 0) or row (1)."""
-    sums = cv2.reduce(region, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S)
-    return np.asarray(sums.ravel() // 255, np.int32)
+    """Return 255 times the number of pixels in each column (axis 0) or row (1)."""
+    return np.asarray(cv2.reduce(region, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel(), np.int32)
 
 
 def _full(profile: NDArray[np.int32]) -> tuple[int, int]:
     """Return the first and the end of the columns or rows that are not thin."""
-    enough = np.flatnonzero(profile >= THIN * profile.max())
+    least = THIN * profile.max()
+    if profile[0] >= least and profile[-1] >= least:
+        return 0, len(profile)
+    enough = np.flatnonzero(profile >= least)
     return int(enough[0]), int(enough[-1]) + 1

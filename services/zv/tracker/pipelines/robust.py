@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
-from zv.tracker.foreground.ghosts import is_ghost
 from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.track import Box, Track
@@ -26,11 +25,6 @@ LEAST_PART = 0.25
 
 LARGER = 1.25
 """The main track changes only to one whose box is larger by this factor."""
-
-GHOST_FRAMES = 2
-GHOST_EVERY = 3
-GHOST_SPEED = 0.5
-"""Sides per second; what moves faster is no ghost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,9 +128,6 @@ class RobustTracker:
         self.mask = mask
         self.detections = [self._detection(each) for each in fragments]
         self.tracks = self._tracker.update(fragments, stamp_ns, Scene(picture, mask))
-        if not self.parameters.foreground.frozen:
-            with self._lock:
-                self._forget_ghosts(picture, mask)
         self._choose_main()
         return self.tracks
 
@@ -194,32 +185,6 @@ class RobustTracker:
             round(fragment.height * scale),
         )
         return box, fragment.area * scale * scale
-
-    def _forget_ghosts(self, picture: Image, mask: Image) -> None:
-        """Learn at once what is the place of something that has left, and end its track."""
-        assert self._detector is not None
-        assert self._tracker is not None
-        for target in list(self._tracker.targets):
-            if (
-                target.hits < 2
-                or target.seen_ns != self._tracker.now_ns
-                or (target.grouped_ns == self._tracker.now_ns)
-            ):
-                continue
-            if target.hits % GHOST_EVERY:
-                continue
-            if target.speed > GHOST_SPEED:
-                target.ghost = 0
-                continue
-            box = target.box
-            whole = int(box.left), int(box.top), int(box.width) + 1, int(box.height) + 1
-            if is_ghost(picture, self._detector.background.picture(), mask, whole):
-                target.ghost += 1
-            else:
-                target.ghost = 0
-            if target.ghost >= GHOST_FRAMES:
-                self._detector.learn_box(picture, box)
-                self._tracker.drop(target.id)
 
     def _choose_main(self) -> None:
         areas = {

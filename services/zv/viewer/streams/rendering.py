@@ -108,9 +108,11 @@ class EncodedPicture:
 
 
 def original(frame: Frame, options: RenderOptions) -> EncodedPicture | None:
-    """Return a frame's bytes unchanged as its picture; None if they are raw or must change."""
+    """Return a frame's bytes unchanged as its picture; None if they must be made or change."""
     header = frame.header
-    if kind_of(frame.key).raw or not options.unchanged(frame.mime, header.width, header.height):
+    if kind_of(frame.key).raw or not frame.is_compressed:
+        return None
+    if not options.unchanged(frame.mime, header.width, header.height):
         return None
     if frame.is_deep and options.depth != "original":
         return None
@@ -147,7 +149,8 @@ def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture
     if options.invert:
         pixels = cast("Pixels", np.ascontiguousarray(pixels[::-1, ::-1]))
     if as_png:
-        payload = codecs.encode_png(pixels)
+        unmixed = size == (header.width, header.height)
+        payload = codecs.encode_png(pixels, bilevel=frame.bilevel and unmixed)
     else:
         payload = codecs.encode_jpeg(pixels, shown, options.quality or quality)
     picture = EncodedPicture(frame.key, header, payload, PNG if as_png else JPEG, *size)

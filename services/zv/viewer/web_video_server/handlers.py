@@ -75,12 +75,16 @@ class WebVideoServer:
     async def stream(self, request: web.Request) -> web.StreamResponse:
         """Send a stream as multipart/x-mixed-replace until the client disconnects."""
         query, key = self._parse(request)
-        if key not in self._system.streams:
-            with suppress(PayloadError):  # data arrives, although it is not a picture
-                if await self._registry.snapshot(key, query.options) is None:
-                    raise self._not_found(query.topic)
         with self._budget.taken(request.remote, key, query.options):
-            return await self._send(request, self._registry.pictures(key, query.options))
+            feed = self._registry.pictures(key, query.options)
+            try:
+                if key not in self._system.streams:
+                    with suppress(PayloadError):  # data arrives, although it is not a picture
+                        if await self._registry.snapshot(key, query.options) is None:
+                            raise self._not_found(query.topic)
+                return await self._send(request, feed)
+            finally:
+                feed.close()
 
     async def _send(self, request: web.Request, feed: PictureFeed) -> web.StreamResponse:
         parts = parts_for(request.headers)
@@ -96,8 +100,6 @@ class WebVideoServer:
         except ConnectionError:
             if request.transport is not None:
                 request.transport.abort()
-        finally:
-            feed.close()
         return response
 
     async def snapshot(self, request: web.Request) -> web.Response:

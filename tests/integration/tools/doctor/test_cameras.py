@@ -138,4 +138,4 @@ def test_who_waits_for_both_where_nobody_publishes_either_is_told_of_the_cameras
     silence = {"level": 3, "message": "no frame"}
     stand("tracker_r1", namespace="empty", subscribes=keys, health=silence)
     ((_, _, remedy),) = Diagnosis(shared.endpoint, "empty").of("health")
-    assert remedy.startswith(f"nobody publishes {keys[0]}, cameras here: front")
+    assert remedy.startswith(f"nobody publishes {' or '.join(keys)}, cameras here: front")

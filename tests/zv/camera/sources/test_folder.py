@@ -47,6 +47,7 @@ def test_images_come_in_natural_order_and_on_time(tmp_path: Path):
         ("a.png", noise(5, 7, depth=np.uint16), "mono16"),
         ("a.tiff", noise(5, 7, depth=np.uint16), "mono16"),
         ("a.pgm", noise(5, 7, depth=np.uint16), "mono16"),
+        ("a.tif", noise(5, 7).astype(np.float32), "32FC1"),
         ("a.png", noise(5, 7, 3), "bgr8"),
         ("a.BMP", noise(5, 7, 3), "bgr8"),
         ("a.ppm", noise(5, 7, 3), "bgr8"),

@@ -395,3 +395,28 @@ def test_changing_a_picture_does_not_change_the_scene() -> None:
     scene.render(90)[:] = 0
     scene.background()[:] = 0
     assert digest(scene, 90) == before
+
+
+def test_a_depth_camera_sees_the_room_and_each_object_at_its_distance():
+    scene = Scene(640, 480, RATE_HZ, noise=0.0)
+    background, _ = Scene(640, 480, RATE_HZ, noise=0.0, objects=0).depth(0)
+    # The floor is at 2 m * (1 - 0.22) / (y / 480 - 0.22), with y the middle of a row.
+    assert background[479, 0] == round(2000 * 0.78 / (479.5 / 480 - 0.22))
+    assert background[300, 639] == round(2000 * 0.78 / (300.5 / 480 - 0.22))
+    assert (background[:241] == background[0, 0]).all()  # the wall
+    assert (np.diff(background[240:, 0].astype(int)) < 0).all()
+
+    depth, truth = scene.depth(100)
+    nearer = depth < background
+    assert (depth[~nearer] == background[~nearer]).all()
+    for track in truth:
+        x, y, width, height = track.box
+        assert nearer[y : y + height, x : x + width].any()
+    assert nearer.sum() <= sum(track.area for track in truth)
+
+
+def test_the_noise_of_a_depth_camera_is_4_mm_for_each_grey_level():
+    still, noisy = (Scene(320, 240, RATE_HZ, noise=noise, objects=0) for noise in (0.0, 2.0))
+    difference = noisy.depth(7)[0].astype(int) - still.depth(7)[0]
+    assert abs(difference.mean()) < 0.2
+    assert difference.std() == pytest.approx(8.0, rel=0.05)

@@ -290,3 +290,24 @@ def test_a_closed_source_says_that_nothing_is_due() -> None:
     assert opened.next_due_s() == 0.0
     opened.close()
     assert opened.next_due_s() is None
+
+
+def test_the_scene_changes_between_colours_and_depth_while_it_is_open():
+    now = [Conditions(10.0)]
+    opened = SyntheticSource((96, 72), 5, lambda: now[0])
+    coloured = taken(opened, 1)[0]
+    now[0] = Conditions(10.0, depth=True)
+    deep = taken(opened, 1)[0]
+    assert (coloured.encoding, pixels_of(coloured).dtype) == ("bgr8", np.uint8)
+    assert (deep.encoding, pixels_of(deep).dtype) == ("16UC1", np.uint16)
+    assert (pixels_of(deep) == Scene(96, 72, 10.0, 5).depth(1)[0]).all()
+    assert deep.truth == Scene(96, 72, 10.0, 5).truth(1)
+
+
+def test_a_frozen_picture_of_depth_is_a_new_one_after_the_change_to_colours():
+    now = [Conditions(10.0, faults=parse_faults("frozen@0+5"), depth=True)]
+    opened = SyntheticSource((96, 72), 5, lambda: now[0])
+    first, second = taken(opened, 2)
+    assert (pixels_of(first) == pixels_of(second)).all()
+    now[0] = Conditions(10.0, faults=now[0].faults)
+    assert pixels_of(taken(opened, 1)[0]).dtype == np.uint8

@@ -8,9 +8,11 @@ import pytest
 from scipy import ndimage
 
 from tests.support.pictures.encoded import smooth
+from zv.edge.detectors import zero_crossings
 from zv.edge.detectors.gradient import Prewitt, Roberts, Scharr, Sobel
-from zv.edge.detectors.haralick import Haralick, fit
-from zv.edge.detectors.laplacian_of_gaussian import LaplacianOfGaussian
+from zv.edge.detectors.haralick import Haralick, crossings_of, fit
+from zv.edge.detectors.laplacian_of_gaussian import LaplacianOfGaussian, derivatives
+from zv.edge.detectors.zero_crossings import ZeroCrossingDetector, thin_strength
 
 GRAY = np.asarray(cv2.cvtColor(smooth(60, 50, detail=6), cv2.COLOR_BGR2GRAY), np.uint8)
 REAL = GRAY.astype(np.float64)
@@ -60,9 +62,38 @@ def test_a_slope_of_2_per_pixel_is_16_for_every_operator(kind: type):
 
 @pytest.mark.parametrize("sigma", [0.5, 1.4, 3.0])
 def test_the_laplacian_of_gaussian_is_that_of_scipy(sigma: float):
-    found = LaplacianOfGaussian(sigma=sigma).detect(GRAY)
+    response, gx, gy = derivatives(GRAY, sigma)
     expected = ndimage.gaussian_laplace(REAL, sigma, mode="nearest")
-    assert found.response == pytest.approx(expected, abs=2e-3)
+    assert response == pytest.approx(expected, abs=2e-3)
+    for found, order in ((gx, (0, 1)), (gy, (1, 0))):
+        expected = ndimage.gaussian_filter(REAL, sigma, order, mode="nearest")
+        assert found == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("sigma", [8.0, 13.0, 20.0])
+def test_a_wide_laplacian_of_gaussian_is_that_of_scipy_within_1_percent(sigma: float):
+    """It is interpolated between the pixels of a reduced picture."""
+    scene = cv2.resize(GRAY, (131, 117), interpolation=cv2.INTER_CUBIC)
+    expected = ndimage.gaussian_laplace(scene.astype(float), sigma, mode="nearest")
+    response, _, _ = derivatives(np.asarray(scene, np.uint8), sigma)
+    assert response == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    "detector",
+    [Haralick(), Haralick(window=11), LaplacianOfGaussian(), LaplacianOfGaussian(sigma=13)],
+    ids=repr,
+)
+def test_strips_are_worked_on_as_the_whole_picture_is(
+    detector: ZeroCrossingDetector, monkeypatch: pytest.MonkeyPatch
+):
+    tall = np.asarray(cv2.resize(GRAY, (40, 500), interpolation=cv2.INTER_CUBIC), np.uint8)
+    whole = detector.detect(tall)
+    monkeypatch.setattr(zero_crossings, "STRIP_PIXELS", 0)
+    parts = detector.detect(tall)
+    assert parts.strength == pytest.approx(whole.strength, abs=1e-3)
+    assert (whole.strength > 0).sum() > 100
+    assert np.abs(parts.stages["magnitude"]().astype(int) - whole.stages["magnitude"]()).max() <= 1
 
 
 def test_the_slope_of_a_zero_crossing_is_that_of_the_formula():
@@ -104,21 +135,17 @@ def test_the_crossing_of_a_cubic_is_found_exactly():
     t = np.arange(17, 25) - 20.25
     cubic = 100 + 12 * t - t**3
     # Sixteen rows of real numbers: the fit takes any pixels, and rounding would hide the test.
-    facets = fit(np.tile(cubic, (16, 1)).astype(np.float32), 5)  # type: ignore[arg-type]
-    found = Haralick(sigma=0).detect(GRAY)
-    found.__dict__["facets"] = facets
-    distance, slope = found.crossing
-    assert distance[8, 3] == pytest.approx(0.25, abs=1e-3)
-    assert slope[8, 3] == pytest.approx(12, abs=1e-3)
-    assert np.flatnonzero(found.strength[8, 2:6]).tolist() == [1]
-    assert found.strength[8, 3] == pytest.approx(8 * 12, abs=0.01)
+    found = crossings_of(fit(np.tile(cubic, (16, 1)).astype(np.float32), 5))  # type: ignore[arg-type]
+    strength = thin_strength(found)
+    assert found.distance[8, 3] == pytest.approx(0.25, abs=1e-3)
+    assert np.flatnonzero(strength[8, 2:6]).tolist() == [1]
+    assert strength[8, 3] == pytest.approx(8 * 12, abs=0.01)
 
 
 def test_a_valley_of_the_slope_is_no_edge():
     """f(x) = 100 + t + t^3: the slope is smallest at t = 0, where the second derivative rises."""
     t = np.arange(-4, 5).astype(float)
     cubic = np.tile(100 + t + t**3, (16, 1))
-    found = Haralick(sigma=0).detect(GRAY)
-    found.__dict__["facets"] = fit(cubic.astype(np.float32), 5)  # type: ignore[arg-type]
-    assert np.isinf(found.crossing[0][8, 4])
-    assert found.strength[8, 4] == 0
+    found = crossings_of(fit(cubic.astype(np.float32), 5))  # type: ignore[arg-type]
+    assert np.isinf(found.distance[8, 4])
+    assert thin_strength(found)[8, 4] == 0

@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.pictures.encoded import STILL, damaged, scene
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
-from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE
+from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.sample import Sample
 from zv.tools.snapshot.picture import Picture, checked
@@ -85,6 +85,20 @@ def test_a_png_saved_as_jpeg_looks_the_same():
 def test_raw_pixels_become_a_lossless_png(encoding, pixels, expected, output):
     raw = np.ascontiguousarray(pixels).tobytes()
     assert np.array_equal(seen(picture(RAW_IMAGE, raw, encoding).file(output, 90)), expected)
+
+
+@pytest.mark.parametrize("output", ["a.png", "-"])
+def test_packed_bits_become_a_lossless_png_of_0_and_255(output):
+    edges = (COLOUR[:, :, 0] > 128).astype(np.uint8)
+    packed = np.packbits(edges, axis=1).tobytes()  # 320 columns, so that no row is padded
+    assert np.array_equal(seen(picture(BITS, packed, "mono8").file(output, 90)), 255 * edges)
+
+
+def test_packed_bits_become_a_jpeg():
+    edges = np.zeros((240, 320), np.uint8)
+    edges[:, 160:] = 1
+    file = picture(BITS, np.packbits(edges, axis=1).tobytes(), "mono8").file("a.jpg", 95)
+    assert np.array_equal(seen(file) > 128, edges > 0)
 
 
 def test_raw_pixels_become_a_jpeg():

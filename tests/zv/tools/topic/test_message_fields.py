@@ -34,13 +34,21 @@ def test_a_message_is_its_fields():
     assert fields_of(received, header=False) == {"x": 1, "box": [1, 2]}
 
 
-def test_a_picture_is_its_header_format_and_size_without_its_bytes():
+@pytest.mark.parametrize(
+    ("mime", "name"),
+    [
+        ("image/jpeg", "jpeg"),
+        ("application/octet-stream;vision.Image.v1", "raw"),
+        ("application/octet-stream;vision.Bits.v1", "bits"),
+    ],
+)
+def test_a_picture_is_its_header_format_and_size_without_its_bytes(mime, name):
     found = fields_of(
-        Received("k", "image/jpeg", msgpack.packb({**HEADER, "encoding": "bgr8"}), None, 1234)
+        Received("k", mime, msgpack.packb({**HEADER, "encoding": "bgr8"}), None, 1234)
     )
     assert found == {
         "header": {**HEADER, "encoding": "bgr8"},
-        "format": "jpeg",
+        "format": name,
         "width": 8,
         "height": 6,
         "encoding": "bgr8",

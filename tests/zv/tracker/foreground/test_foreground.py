@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from zv.tracker.foreground.background import BackgroundModel
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
-from zv.tracker.foreground.ghosts import is_ghost
+from zv.tracker.foreground.ghosts import GhostFinder, picture_share
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import region_mask
 from zv.tracker.tracking.fragment import Fragment
@@ -120,12 +121,51 @@ def test_a_shadow_is_left_out():
     assert found.update(shadow, 60 * TENTH, [])[0].any()
 
 
-def test_a_ghost_has_its_outline_in_the_background():
+def test_the_outline_of_a_ghost_is_an_edge_of_the_background_however_faint():
     mask = np.zeros((120, 160), np.uint8)
     mask[40:80, 60:80] = 255
-    box = 60, 40, 20, 40
-    assert is_ghost(backdrop(), with_object(), mask, box)
-    assert not is_ghost(with_object(), backdrop(), mask, box)
+    box = Fragment(60, 40, 80, 80, 800)
+    faint = cv2.addWeighted(backdrop(), 0.9, with_object(), 0.1, 0)
+    for remembered in (with_object(), np.asarray(faint, np.uint8)):
+        assert picture_share(backdrop(), remembered, mask, mask, box) < 0.1
+        assert picture_share(remembered, backdrop(), mask, mask, box) > 0.9
+    surrounded = cv2.dilate(mask, np.ones((15, 15), np.uint8))
+    assert picture_share(backdrop(), with_object(), np.asarray(surrounded), mask, box) == 1
+
+
+def test_a_ghost_is_found_beside_what_left_it_and_what_stands_is_none():
+    model, finder = BackgroundModel(), GhostFinder()
+    model.start(with_object(60), 0)
+    found: list[int] = []
+    for k in range(12):
+        picture = with_object(min(20, 4 * k))  # it stood there before, and now walks and stands
+        mask = model.foreground(picture)
+        mask[50:54, 40:60] = 255  # so that both are one region
+        ghosts = finder.update(picture, model, mask, k * TENTH) if finder.due(k * TENTH) else None
+        if ghosts is not None:
+            found.append(k)
+            assert np.count_nonzero(ghosts[40:80, 60:80]) > 780
+            assert not ghosts[:, :36].any()
+    assert found == [9]  # the fourth test, one each 0.3 s
+
+
+def test_who_stood_at_the_start_and_left_is_forgotten_within_a_second():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(60):
+        mask, _ = found.update(with_object(60 if k < 28 else 100), k * TENTH, [])
+        if k >= 40:
+            assert not mask[:, :95].any()
+            assert np.count_nonzero(mask[40:80, 100:120]) > 700
+
+
+def test_who_stands_still_in_the_first_seconds_after_walking_is_not_learned():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(60):
+        x = min(60, 4 * k)
+        known = [Fragment(x, 40, x + 20, 80, 800)] if k > 12 else []
+        mask, _ = found.update(with_object(x), k * TENTH, known)
+    assert np.count_nonzero(mask[40:80, 60:80]) > 700
+    assert np.abs(found.background.picture().astype(int) - backdrop()).max() < 8
 
 
 def test_a_background_in_another_light_is_that_of_the_picture():
@@ -152,3 +192,44 @@ def test_fragments_have_limits_of_their_area():
     mask = np.zeros((100, 200), np.uint8)
     mask[10:14, 10:14] = mask[30:50, 30:50] = mask[10:90, 100:180] = 255
     assert [f.area for f in fragments_of(mask, 100, 1000)] == [400]
+
+
+def test_another_threshold_applies_at_once():
+    found = learned()
+    assert found.update(with_object(), 60 * TENTH, [])[0].any()
+    found.adjust(ForegroundParameters(var_threshold=10_000))
+    assert not found.update(with_object(), 61 * TENTH, [])[0].any()
+    found.adjust(ForegroundParameters(var_threshold=25))
+    assert found.update(with_object(), 62 * TENTH, [])[0].any()
+
+
+def test_a_line_is_no_object():
+    mask = np.zeros((100, 200), np.uint8)
+    mask[10:12, 10:150] = mask[50:90, 50] = 255
+    mask[30:50, 170:175] = 255
+    assert [(f.left, f.right) for f in fragments_of(mask, 10, 1e9)] == [(170, 175)]
+
+
+def test_the_limit_of_a_pixel_follows_its_noise():
+    found, rng = ForegroundDetector(ForegroundParameters(learning_s=5.0)), np.random.default_rng(3)
+    for k in range(100):
+        noise = np.zeros((120, 160, 3))
+        noise[:, 80:] = rng.normal(0, 5, (120, 80, 3))
+        noisy = np.clip(backdrop() + noise, 0, 255).astype(np.uint8)
+        mask, _ = found.update(noisy, k * TENTH, [])
+        assert not mask.any()
+    lighter = noisy.astype(int)
+    lighter[50:70, 20:40] += 12
+    lighter[50:70, 110:130] += 12
+    mask, _ = found.update(np.clip(lighter, 0, 255).astype(np.uint8), 100 * TENTH, [])
+    assert np.count_nonzero(mask[:, :80]) > 380  # beyond the noise of this half
+    assert np.count_nonzero(mask[:, 80:]) < 40
+
+
+def test_a_known_object_of_nearly_the_colour_of_the_background_is_not_learned_as_noise():
+    found = learned()
+    pale = backdrop()
+    pale[40:80, 60:80] += 9
+    for k in range(60, 160):
+        mask, _ = found.update(pale, k * TENTH, [Fragment(62, 42, 78, 78, 600)])
+    assert np.count_nonzero(mask[40:80, 60:80]) > 700  # also beside the box, which is too small

@@ -191,6 +191,21 @@ def test_edges_as_jpeg_are_grey():
     assert codecs.decode_jpeg(picture.payload, "mono8")[10].min() > 230
 
 
+def test_packed_bits_become_a_png_of_one_bit_and_only_on_a_render_thread():
+    """``original`` is called on the event loop, so it must not encode."""
+    edges = np.zeros((48, 64), np.uint8)
+    edges[20] = 255
+    header = frame(edges, "mono8").header
+    bits = Frame(header, pixels=edges, key="vision/front/edges/compressed", bilevel=True)
+    assert original(bits, RenderOptions()) is None
+    found = render(bits, RenderOptions(), 80)
+    assert (found.mime, found.payload[24]) == ("image/png", 1)  # bit depth
+    assert np.array_equal(decoded(found), edges)
+    smaller = render(bits, RenderOptions(32), 80)
+    assert 0 < decoded(smaller)[10, 0] < 255  # half of each pixel
+    assert original(frame(edges, "mono8", "image/png"), RenderOptions()) is not None
+
+
 def test_a_broken_picture_is_refused():
     good = frame(halves(), "bgr8")
     broken = Frame(good.header, compressed=good.compressed[:200])

@@ -1,0 +1,41 @@
+"""A frame takes no more memory than the setting ``max_pixels`` says."""
+
+from __future__ import annotations
+
+import re
+import tracemalloc
+
+import cv2
+import numpy as np
+import pytest
+
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zv.edge.finding import EdgesOfFrame
+from zv.edge.settings import EdgeSettings
+
+WIDTH, HEIGHT = 1200, 1000
+
+
+@pytest.mark.parametrize("detector", ["canny", "sobel", "haralick", "colour"])
+def test_map_and_steps_of_a_frame_take_the_memory_that_is_stated(detector: str):
+    coarse = np.random.default_rng(0).integers(0, 256, (40, 48, 3)).astype(np.uint8)
+    picture = np.asarray(
+        cv2.resize(coarse, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST), np.uint8
+    )
+    header = Header(
+        camera="a", epoch=0, seq=0, stamp_ns=0, width=WIDTH, height=HEIGHT, encoding="bgr8"
+    )
+    settings = EdgeSettings.model_validate({"detector": detector})
+    stated = re.search(r"(\d+) bytes a pixel", EdgeSettings.model_fields["max_pixels"].description)
+    assert stated
+    tracemalloc.start()  # OpenCV's results are NumPy's memory, which it follows
+    try:
+        found = EdgesOfFrame(Frame(header, pixels=picture), settings)
+        assert found.edges.any()
+        for make in found.stages.values():
+            make()
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < int(stated[1]) * WIDTH * HEIGHT
