@@ -66,7 +66,8 @@ def draw_tracks(
         cv2.rectangle(picture, (x, y), (x + width - 1, y + height - 1), color, thickness)
         cv2.circle(picture, (round(track.x), round(track.y)), 3, color, -1)
         place = (x, y - 5 if y > 20 else y + height + 15)
-        cv2.putText(picture, str(track.id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, color, 2)
+        for ink, width in (((0, 0, 0), 5), (color, 2)):  # legible on any ground
+            cv2.putText(picture, str(track.id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, ink, width)
     return picture
 
 
