@@ -14,8 +14,8 @@ from zv.tracker.tracking.track import Track
 TRAIL_S = 3.0
 MAX_POINTS = 200
 LOST_COLOR = (160, 160, 160)
-HUE_STEP = 67
-"""Between the hues of successive ids, of 180: neighbours in time differ well."""
+HUE_STEP = 111.25
+"""Between the hues of successive ids, of 180: the golden section keeps any few in a row apart."""
 
 Point = tuple[int, int]
 
@@ -66,7 +66,8 @@ def draw_tracks(
         cv2.rectangle(picture, (x, y), (x + width - 1, y + height - 1), color, thickness)
         cv2.circle(picture, (round(track.x), round(track.y)), 3, color, -1)
         place = (x, y - 5 if y > 20 else y + height + 15)
-        cv2.putText(picture, str(track.id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, color, 2)
+        for ink, width in (((0, 0, 0), 5), (color, 2)):  # legible on any ground
+            cv2.putText(picture, str(track.id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, ink, width)
     return picture
 
 
