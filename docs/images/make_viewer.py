@@ -9,6 +9,7 @@ repository, with Debian's chromium installed:
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import socket
@@ -18,20 +19,32 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
+import msgpack
 import numpy as np
+import zenoh
 from playwright.sync_api import Page, sync_playwright
+from zenoh.handlers import RingChannel
 
 TARGET = Path(__file__).parent / "viewer.png"
 IMAGE = "vision/front/image/compressed"
 EDGES = "vision/front/edges/compressed"
-SIZE = {"width": 1280, "height": 660}
+SIZE = {"width": 1440, "height": 720}
+RATE_HZ = 10
+"""Of the camera: low enough that a busy machine loses no frame."""
+
+ZONE = "belt 400,250 630,250 630,470 400,470"
+LINE = "gate 230,250 230,470"
 LEVELS = 64
 """Of each colour: the textures of the room make a picture of 256 too large for a README."""
 
-SHOWN_FRAME = 420
+SHOWN_FRAME = 14 * RATE_HZ
+LEAST_TRACKS = 3
 LIVE = f"""() => document.querySelectorAll(".pane[data-step=true][data-live=true]").length === 2
     && document.querySelector("canvas.picture").dataset.overlay === "joined"
-    && Number(document.querySelector("canvas.picture").dataset.seq) >= {SHOWN_FRAME}"""
+    && Number(document.querySelector("canvas.picture").dataset.seq) >= {SHOWN_FRAME}
+    && !Number(document.getElementById("health-count").textContent)
+    && Number.parseFloat(document.getElementById("figure-rate").textContent) > {0.9 * RATE_HZ}"""
+"""The frame is there, and the machine is quiet: figures of a busy one would misinform."""
 
 
 def main() -> None:
@@ -43,8 +56,8 @@ def main() -> None:
     with ExitStack() as stack, sync_playwright() as playwright:
         for command in (
             ["router", "--listen", endpoint],
-            ["camera", "--connect", endpoint, "--noise", "0"],
-            ["tracker", "--connect", endpoint],
+            ["camera", "--connect", endpoint, "--noise", "0", "--rate", str(RATE_HZ)],
+            ["tracker", "--connect", endpoint, "--zones", ZONE, "--lines", LINE],
             ["edge", "--connect", endpoint],
         ):
             _start(stack, command)
@@ -54,13 +67,20 @@ def main() -> None:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         page = browser.new_page(viewport=SIZE, color_scheme="dark")
         page.goto(f"{address}#{IMAGE}+{EDGES}")
-        _keep(page)
+        _keep(page, endpoint)
         browser.close()
 
 
-def _keep(page: Page) -> None:
+def _keep(page: Page, endpoint: str) -> None:
     page.keyboard.press("e")
-    page.wait_for_function(LIVE, timeout=60_000)
+    config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+    states: list[str] = []
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
+        newest = session.declare_subscriber("vision/front/tracks", RingChannel(1))
+        while len(states) < LEAST_TRACKS or set(states) != {"confirmed"}:
+            page.wait_for_function(LIVE, timeout=120_000)
+            tracks = msgpack.unpackb(newest.recv().payload.to_bytes())["tracks"]
+            states = [track["state"] for track in tracks]
     shown = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
     step = 256 // LEVELS
     coarse = (shown // step * step).astype(np.uint8)
