@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks.quality.tracker.room import Room
 from benchmarks.quality.tracker.scenes import Actor, Scene, Waypoint
 
 RED_GREY = ((60, 50, 160), (88, 84, 80))
@@ -121,4 +122,9 @@ def noise() -> Scene:
     )
 
 
-SCENARIOS = (crossing, stopping, returning, shadow, lighting, noise)
+def room() -> Room:
+    """Four of the synthetic camera's scene, which cross, stand, leave and return at once."""
+    return Room()
+
+
+SCENARIOS = (crossing, stopping, returning, shadow, lighting, noise, room)
