@@ -44,8 +44,9 @@ def as_hue(gx: NDArray[Any], gy: NDArray[Any], brightness: Gray) -> Picture:
     yellow-green down, cyan to the left, violet up.
     """
     degrees = cv2.phase(gx.astype(np.float32), gy.astype(np.float32), angleInDegrees=True)
-    half = np.multiply(degrees, np.float32(0.5), out=degrees)
-    hue = np.asarray(np.rint(half, out=half), np.uint8)
+    halves = np.asarray(degrees, np.float32)
+    halves *= 0.5
+    hue = np.asarray(np.rint(halves, out=halves), np.uint8)
     hue[hue == 180] = 0
     full = np.full_like(hue, 255)
     return np.asarray(cv2.cvtColor(cv2.merge([hue, full, brightness]), cv2.COLOR_HSV2BGR), np.uint8)

@@ -138,8 +138,7 @@ class RidgeDetection(Detection):
     def magnitude(self) -> Strength:
         """The strength of each pixel before thinning, (height, width) float32, 0 to 1."""
         gx, gy = (component.astype(np.float32) for component in self._ridges)
-        size = cv2.magnitude(gx, gy, gx)
-        return np.asarray(np.multiply(size, np.float32(1 / INTEGERS), out=size), np.float32)
+        return np.multiply(cv2.magnitude(gx, gy, gx), np.float32(1 / INTEGERS), out=gx)
 
     @cached_property
     def strength(self) -> Strength:
