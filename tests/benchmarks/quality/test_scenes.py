@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.quality.tracker.room import Room
 from benchmarks.quality.tracker.scenarios import SCENARIOS, crossing, returning
 from benchmarks.quality.tracker.scenes import HEIGHT, WIDTH, Actor, Scene, cut, visible
+from zv.camera.synthetic.scene import Scene as SyntheticScene
 
 STANDS = Actor(1, (((0.0, 100.0, 200.0), (1.0, 110.0, 200.0)),), size=(30, 80))
 
@@ -80,7 +82,10 @@ def test_light_brightens_the_whole_picture():
     assert ratio == pytest.approx(1.4, abs=0.01)
 
 
-@pytest.mark.parametrize("make", SCENARIOS, ids=lambda make: make.__name__)
+PLAYED = [make for make in SCENARIOS if isinstance(make(), Scene)]
+
+
+@pytest.mark.parametrize("make", PLAYED, ids=lambda make: make.__name__)
 def test_a_scene_begins_empty_and_all_its_objects_leave(make):
     scene = make()
     assert scene.truth(0.0) == ({}, [])
@@ -105,3 +110,15 @@ def test_stamps_follow_the_rate_and_pictures_repeat():
         400_000_000,
     ]
     assert (next(scene.shots(5.0)()).bgr == shots[0].bgr).all()
+
+
+def test_the_room_has_each_visible_object_either_in_its_truth_or_ignored():
+    room = Room(duration_s=10.0)
+    shots = list(room.shots(1.0)())
+    scene = SyntheticScene(WIDTH, HEIGHT, 1.0, room.seed)
+    for shot in shots:
+        present = {one.id: one.box for one in scene.truth(shot.index)}
+        assert shot.truth.items() <= present.items()
+        assert len(shot.truth) + len(shot.ignored) == len(present)
+    assert any(shot.ignored for shot in shots)
+    assert any(len(shot.truth) > 1 for shot in shots)
