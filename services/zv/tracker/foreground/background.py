@@ -21,6 +21,9 @@ BACKGROUND_RATIO = 0.5
 SHADOW_RATIO = 0.5
 """A pixel that is darker than the background by at most this factor, in its colour, is a shadow."""
 
+SHADOW = 127
+"""Marks a shadow."""
+
 LEAST_VARIANCE, FIRST_VARIANCE, MOST_VARIANCE = 4.0, 15.0, 75.0
 """Of a pixel's noise, the sum over its colours, square grey levels."""
 
@@ -96,7 +99,7 @@ class BackgroundModel:
         self._picture, self._stale = picture.copy(), False
 
     def foreground(self, picture: Image) -> Image:
-        """Return what differs and is no shadow: (height, width) uint8 of 0 and 255."""
+        """Return what differs: (height, width) uint8, 255 foreground, 127 shadow, 0 background."""
         background, limits = self.picture(), self._limits
         beyond = cv2.subtract(cv2.absdiff(picture, background), limits)
         same = cv2.inRange(beyond, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -108,13 +111,14 @@ class BackgroundModel:
         allowed_square = _dot(allowed, allowed)
         difference = shown - expected
         found = _dot(difference, difference) > allowed_square
+        marks = np.where(found, np.uint8(255), np.uint8(0))
         if self._detect_shadows:
             ratio = _dot(shown, expected) / np.maximum(_dot(expected, expected), 1.0)
             tint = np.asarray(shown - ratio[:, np.newaxis] * expected, np.float32)
             dark = (ratio >= SHADOW_RATIO) & (ratio <= 1.0)
-            found &= ~(dark & (_dot(tint, tint) < allowed_square * ratio * ratio))
+            marks[found & dark & (_dot(tint, tint) < allowed_square * ratio * ratio)] = SHADOW
         mask = np.zeros(picture.shape[:2], np.uint8)
-        mask.reshape(-1)[places[found]] = 255
+        mask.reshape(-1)[places] = marks
         return mask
 
     def alike_at(

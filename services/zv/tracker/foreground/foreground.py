@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.tracker.foreground.background import BackgroundModel, Subtractor
+from zv.tracker.foreground.background import SHADOW, BackgroundModel, Subtractor
 from zv.tracker.foreground.ghosts import GhostFinder
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import Polygon, region_mask
@@ -22,6 +22,9 @@ CHANGED_SHARE = 0.25
 
 SAME_TEXTURE = 0.5
 RELIT_SHARE = 0.5
+SAME_CHANGE_S = 1.0
+"""Light that changes again so soon is still the same change, such as a cloud that comes."""
+
 MOVED_S = 0.5
 """After so long with most of the picture different, the background is learned anew."""
 
@@ -88,6 +91,7 @@ class ForegroundDetector:
         self._early_ns = 0
         self._medians = 0
         self._differs_ns: int | None = None
+        self._relit_ns: int | None = None
         self._ghosts = GhostFinder()
 
     def update(
@@ -115,13 +119,14 @@ class ForegroundDetector:
             return np.zeros((height, width), np.uint8), False
         known_mask = _boxes_mask(known, (height, width))
         silent = (stamp_ns - self._started_ns) / 1e9 < SILENT_S
-        mask, changed = self._cleaned(self.background.foreground(picture)), False
+        marked, changed = self.background.foreground(picture), False
+        mask = _cleaned(marked)
         if not self._parameters.frozen:
             self._learn_start(picture, stamp_ns, known_mask)
             if silent:
                 known_mask = None
-            elif cv2.countNonZero(mask) > CHANGED_SHARE * mask.size:
-                mask, changed = self._adapt(picture, stamp_ns, mask, known_mask)
+            elif cv2.countNonZero(marked) > CHANGED_SHARE * marked.size:
+                mask, changed = self._adapt(picture, stamp_ns, marked, known_mask)
             else:
                 self._differs_ns = None
             if self._ghosts.due(stamp_ns):
@@ -169,19 +174,22 @@ class ForegroundDetector:
                 self._early = []
 
     def _adapt(
-        self, picture: Image, stamp_ns: int, mask: Image, known: Image | None
+        self, picture: Image, stamp_ns: int, marked: Image, known: Image | None
     ) -> tuple[Image, bool]:
-        """Fit the background to a picture that differs from it nearly everywhere."""
+        """Fit the background to a picture that differs from it nearly everywhere.
+
+        Less light makes all of the picture a shadow, so shadows count as different here.
+        """
         if self._differs_ns is None:
             self._differs_ns = stamp_ns
-        before = self.background.picture()
-        if same_texture(before, picture, mask) > SAME_TEXTURE:
+        before, mask = self.background.picture(), _cleaned(marked)
+        if same_texture(before, picture, marked) > SAME_TEXTURE:
             self.background.replace(relit(before, picture, known))
-            adapted = self._cleaned(self.background.foreground(picture))
-            if cv2.countNonZero(adapted) < RELIT_SHARE * cv2.countNonZero(mask):
+            adapted = self.background.foreground(picture)
+            if cv2.countNonZero(adapted) < RELIT_SHARE * cv2.countNonZero(marked):
                 self._differs_ns = None
                 self._early, self._medians = [], len(START_S)
-                return adapted, True
+                return _cleaned(adapted), self._is_new(stamp_ns)
             self.background.replace(before)
         if (stamp_ns - self._differs_ns) / 1e9 >= MOVED_S and (
             cv2.countNonZero(mask) > 2 * CHANGED_SHARE * mask.size
@@ -190,10 +198,16 @@ class ForegroundDetector:
             return np.zeros_like(mask), True
         return mask, False
 
-    @staticmethod
-    def _cleaned(marked: Image) -> Image:
-        """Return the foreground without single pixels."""
-        return np.asarray(cv2.medianBlur(marked, 3), np.uint8)
+    def _is_new(self, stamp_ns: int) -> bool:
+        """Return whether a change of the light is another one than that of the frames before."""
+        before, self._relit_ns = self._relit_ns, stamp_ns
+        return before is None or not 0 <= stamp_ns - before < SAME_CHANGE_S * 1e9
+
+
+def _cleaned(marked: Image) -> Image:
+    """Return the foreground without shadows and single pixels."""
+    _, mask = cv2.threshold(marked, SHADOW, 255, cv2.THRESH_BINARY)
+    return np.asarray(cv2.medianBlur(mask, 3), np.uint8)
 
 
 def _middle(pictures: Sequence[Image]) -> Image:

@@ -79,17 +79,29 @@ def test_nothing_is_learned_while_frozen():
     assert np.count_nonzero(mask) > 700
 
 
-def test_another_light_is_recognised_and_survived_with_the_object_in_it():
+@pytest.mark.parametrize("gain", [1.5, 0.7])
+def test_another_light_is_recognised_and_survived_with_the_object_in_it(gain: float):
     found = learned()
     found.update(with_object(), 60 * TENTH, [])
-    brighter = np.clip(with_object() * 1.5, 0, 255).astype(np.uint8)
+    other = np.clip(with_object() * gain, 0, 255).astype(np.uint8)
     changes = 0
     for k in range(61, 71):
-        mask, changed = found.update(brighter, k * TENTH, [Fragment(60, 40, 80, 80, 800)])
+        mask, changed = found.update(other, k * TENTH, [Fragment(60, 40, 80, 80, 800)])
         changes += changed
     assert changes == 1
     assert np.count_nonzero(mask[40:80, 60:80]) > 600
     assert np.count_nonzero(mask) < 900
+
+
+def test_a_cloud_that_comes_within_a_second_is_one_change():
+    found = learned()
+    changes = 0
+    for k in range(25):
+        darker = (backdrop() * max(0.6, 1 - 0.04 * k)).astype(np.uint8)
+        mask, changed = found.update(darker, (60 + k) * TENTH, [])
+        changes += changed
+        assert not mask.any()
+    assert changes == 1
 
 
 def test_another_view_is_learned_anew_within_a_second():
