@@ -28,8 +28,11 @@ from benchmarks.quality.tracker.sequence import (
 from tests.support.pictures.belt import Belt
 
 VIDEO, TRUTH = "vtest.avi", "pets_s2l1_gt_first265.txt"
-HELD_BACK = 179
-"""Pictures 179 to 264 (rows 180 to 265) are for validation: nothing is tuned on them."""
+LATER_FROM = 179
+EARLIER, LATER = f"1 to {LATER_FROM}", f"{LATER_FROM + 1} to 265"
+"""The parts of vtest. Constants are chosen by the earlier frames, but the later ones' scores were
+seen, and some rules chosen with them: no part is untouched.
+"""
 
 LATE_STARTS = (40, 80, 120)
 DROPPED = 0.3
@@ -76,8 +79,8 @@ def measure_vtest(options: argparse.Namespace) -> None:
     for name in METHODS:
         scorer = comparison.scorers[name]
         row(name, "all", *cells(scorer.score(), tracks=name != "tutorial"))
-        row("", "tuning", *cells(scorer.score(end=HELD_BACK), tracks=name != "tutorial"))
-        row("", "held back", *cells(scorer.score(first=HELD_BACK), tracks=name != "tutorial"))
+        row("", EARLIER, *cells(scorer.score(end=LATER_FROM), tracks=name != "tutorial"))
+        row("", LATER, *cells(scorer.score(first=LATER_FROM), tracks=name != "tutorial"))
     draw(options, "vtest", shots, comparison)
 
 
@@ -97,8 +100,8 @@ def measure_variants(_: argparse.Namespace) -> None:
     for name, variant in variants.items():
         scorer = compare(variant, tutorial=False).scorers["robust"]
         row(name, "all", *cells(scorer.score()))
-        row("", "tuning", *cells(scorer.score(end=HELD_BACK)))
-        row("", "held back", *cells(scorer.score(first=HELD_BACK)))
+        row("", EARLIER, *cells(scorer.score(end=LATER_FROM)))
+        row("", LATER, *cells(scorer.score(first=LATER_FROM)))
 
 
 def measure_scenes(options: argparse.Namespace) -> None:
@@ -171,8 +174,8 @@ def measure_wire(_: argparse.Namespace) -> None:
     scorer, processed = wire.over_the_wire(files[0], truth)
     title("zv camera into zv tracker, 10 Hz", "part", *HEADINGS)
     row(f"{processed} of {max(truth) + 1} frames processed", "all", *cells(scorer.score()))
-    row("", "tuning", *cells(scorer.score(end=HELD_BACK)))
-    row("", "held back", *cells(scorer.score(first=HELD_BACK)))
+    row("", EARLIER, *cells(scorer.score(end=LATER_FROM)))
+    row("", LATER, *cells(scorer.score(first=LATER_FROM)))
 
 
 MEASUREMENTS: dict[str, Callable[[argparse.Namespace], None]] = {
