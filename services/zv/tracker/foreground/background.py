@@ -83,7 +83,9 @@ class BackgroundModel:
         deviations = math.sqrt(var_threshold)
         if self._limits.size:
             scale = deviations / self._deviations
-            self._limits = np.asarray(cv2.convertScaleAbs(self._limits, alpha=scale), np.uint8)
+            limits = np.asarray(cv2.convertScaleAbs(self._limits, alpha=scale), np.uint8)
+            self._deviations = deviations
+            np.clip(limits, *self._limits_allowed(), out=self._limits)
         self._deviations = deviations
         self._detect_shadows = detect_shadows
 
@@ -171,12 +173,15 @@ class BackgroundModel:
         more = np.asarray(cv2.compare(wanted, limits, cv2.CMP_GT), np.uint8)
         # Unsigned numbers of 8 bits throughout, as the time for others is ten times as long.
         moved = limits + (more & np.uint8(2)) - np.uint8(1)
-        least, most = self._limit(LEAST_VARIANCE), self._limit(MOST_VARIANCE)
-        cv2.copyTo(np.clip(moved, np.uint8(least), np.uint8(most)), near, limits)
+        cv2.copyTo(np.clip(moved, *self._limits_allowed()), near, limits)
+
+    def _limits_allowed(self) -> tuple[np.uint8, np.uint8]:
+        """Return the least and the largest limit of one colour."""
+        return np.uint8(self._limit(LEAST_VARIANCE)), np.uint8(self._limit(MOST_VARIANCE))
 
     def _limit(self, variance: float) -> int:
-        """Return the limit of one colour for a variance of all three."""
-        return min(255, round(self._deviations * math.sqrt(variance / 3)))
+        """Return the limit of one colour for a variance of all three: 1 to 255 grey levels."""
+        return min(255, max(1, round(self._deviations * math.sqrt(variance / 3))))
 
     def learn_at_once(self, picture: Image, where: Image) -> None:
         """Make what a picture shows the background, where ``where``, (height, width), is not 0."""

@@ -130,7 +130,7 @@ class ForegroundDetector:
             else:
                 self._differs_ns = None
             if self._ghosts.due(stamp_ns):
-                self._forget_ghosts(picture, stamp_ns, mask)
+                self._forget_ghosts(picture, stamp_ns, mask, known_mask)
             self.background.learn(picture, stamp_ns, known_mask, self._parameters.learning_s)
         if silent:
             return np.zeros((height, width), np.uint8), False
@@ -138,10 +138,14 @@ class ForegroundDetector:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
         return mask, changed
 
-    def _forget_ghosts(self, picture: Image, stamp_ns: int, mask: Image) -> None:
-        """Learn at once what is the place of something that has left."""
+    def _forget_ghosts(
+        self, picture: Image, stamp_ns: int, mask: Image, known: Image | None
+    ) -> None:
+        """Learn at once what is the place of something that has left, but no known object."""
         ghosts = self._ghosts.update(picture, self.background, mask, stamp_ns)
         if ghosts is not None:
+            if known is not None:
+                ghosts = np.asarray(cv2.subtract(ghosts, known), np.uint8)
             self.background.learn_at_once(picture, ghosts)
             for seen in self._early:
                 cv2.copyTo(picture, ghosts, seen)

@@ -40,6 +40,21 @@ def test_objects_that_cross_are_found_where_they_are_and_keep_their_ids():
     assert by_direction[-1] == pytest.approx((470 - 4 * 109, 106, 25, 70), abs=4)
 
 
+def test_a_plain_object_that_stops_before_a_rough_background_stays_for_as_long_as_it_stands():
+    rng = np.random.default_rng(0)
+    rough = np.kron(rng.integers(60, 200, (60, 80)), np.ones((4, 4))).astype(np.int16)
+    robust = RobustTracker()
+    seen = []
+    for k in range(110):  # enters at 4 s, and stands from 6.8 s on
+        picture = np.repeat(rough[..., np.newaxis], 3, 2)
+        right = min(8 * (k - 40), 220)
+        picture[80:180, max(0, right - 40) : max(0, right)] = 130
+        noisy = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+        tracks = robust.update(noisy, k * TENTH)
+        seen.append(any(each.state == "confirmed" for each in tracks))
+    assert all(seen[68:])
+
+
 def test_a_reduced_picture_gives_coordinates_of_the_full_one():
     robust = RobustTracker()
     for k in range(70):
