@@ -20,6 +20,9 @@ KEEPS_DEPTH = (
     "the source delivers 16 bits (%s), published as 8; --encoding mono16 keeps them, "
     "16UC1 publishes them as depth in millimetres"
 )
+KEEPS_METRES = (
+    "the source delivers depth in metres (%s), published as 8 bits; --encoding 32FC1 keeps it"
+)
 
 
 def run(
@@ -78,9 +81,12 @@ def run(
             for captured in capture.frames(stopping, report):
                 if delivered is None:
                     delivered = captured.picture.encoding
-                    check(captured.revision.settings)
+                    if captured.revision.number == 0:  # what was set since may only drop frames
+                        check(captured.revision.settings)
                     if delivered in DEEP and captured.revision.settings.encoding not in DEEP:
-                        log.warning(KEEPS_DEPTH, delivered)
+                        log.warning(
+                            KEEPS_METRES if delivered == "32FC1" else KEEPS_DEPTH, delivered
+                        )
                 publish(node, converter, captured, latch)
 
 

@@ -98,11 +98,8 @@ def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan
         node = (
             _planned(path, place, table) if table.command is None else _program(path, place, table)
         )
-        if node.name in (other.name for other in nodes):
-            raise ConfigurationError(
-                f"{path}: node[{index}]: there is already a {node.name}; allowed: each service "
-                "once per camera"
-            )
+        for other in nodes:
+            _check_two(place, node, other)
         nodes.append(node)
     stated = {"namespace": tables.namespace, "connect": tables.router.connect}
     return Plan(
@@ -112,6 +109,30 @@ def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan
         router_config=_beside(path, f"{path}: router.zenoh_config", tables.router.zenoh_config),
         nodes=tuple(nodes),
     )
+
+
+def _check_two(
+    place: str, node: PlannedNode | PlannedProgram, other: PlannedNode | PlannedProgram
+) -> None:
+    """Raise ConfigurationError if two nodes would publish the same keys, or have the same name."""
+    if (
+        isinstance(node, PlannedNode)
+        and isinstance(other, PlannedNode)
+        and node.service == other.service
+        and SERVICES[node.service].of_camera
+    ):
+        ours, theirs = (cameras_of(getattr(each.settings, "camera")) for each in (node, other))  # noqa: B009 - of these services
+        if not ours or not theirs or set(ours) & set(theirs):
+            both = ", ".join(sorted(set(ours) & set(theirs))) or "all cameras"
+            raise ConfigurationError(
+                f"{place}: there is already a {node.service} for {both}; allowed: each service "
+                "once per camera"
+            )
+    if node.name == other.name:
+        raise ConfigurationError(
+            f"{place}: there is already a node called {node.name}; allowed: another name, or one "
+            f"{node.name} for all its cameras"
+        )
 
 
 def remapped_cameras(texts: Sequence[str]) -> dict[str, str]:

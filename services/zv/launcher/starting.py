@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import shlex
 import socket
 from dataclasses import replace
 from importlib import resources
@@ -197,7 +198,9 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
     head = "; published keys, for any Zenoh program:" if keys else ""
     lines.insert(0, f"router: {connection.connect} ({whose}){head}")
     if keys:
-        told = [key for key in keys if key.endswith(CENTROID.name)] or keys  # a picture tells less
-        lines.append(f"for example: zv topic echo {told[-1]} --connect {connection.connect}")
+        # A picture tells less, and a shell would expand a pattern.
+        told = max(keys, key=lambda key: ("*" not in key, key.endswith(CENTROID.name)))
+        example = shlex.join(["zv", "topic", "echo", told, "--connect", connection.connect])
+        lines.append(f"for example: {example}")
     lines += (f"viewer, view only: {address}" for address in addresses(plan, view_only=True))
     return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -21,6 +23,7 @@ from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
 from zv.camera.service import run
 from zv.camera.settings import CameraSettings
+from zv.camera.sources.base import Picture
 
 ENCODINGS = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8")
 RAW = "vision/front/image"
@@ -188,3 +191,40 @@ def test_a_camera_of_colours_takes_no_encoding_of_depth_at_its_start_or_later(
     wish = msgpack.packb("16UC1")
     (answer,) = client.get("@vision/param/camera_front/encoding", payload=wish)
     assert msgpack.unpackb(answer.err.payload.to_bytes())["error"] == refused
+
+
+def test_an_encoding_set_before_the_first_picture_drops_frames_and_ends_no_camera(
+    router, client, tmp_path
+):
+    may_read = threading.Event()
+
+    class Slow:
+        """A source whose first picture comes when the test says so, and whose second is none."""
+
+        description, live, rate_hz = "slow", False, 30.0
+
+        def __init__(self) -> None:
+            self.pictures = [Picture("bgr8", WIDTH, HEIGHT, pixels=scene(7))]
+
+        def read(self) -> Picture | None:
+            assert may_read.wait(30)
+            return self.pictures.pop() if self.pictures else None
+
+        def close(self) -> None:
+            may_read.set()
+
+    settings = CameraSettings(source=str(tmp_path), stall_after=60)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
+    health = Listener(client, "@vision/diagnostics/camera_front")
+    with ThreadPoolExecutor(1) as beside:
+        running = beside.submit(run, settings, connection, lambda *_: Slow())
+        wish = msgpack.packb("16UC1")
+        key = "@vision/param/camera_front/encoding"
+        (answer,) = wait_until(lambda: list(client.get(key, payload=wish)))
+        assert answer.ok, answer.err.payload.to_bytes()
+        may_read.set()
+        running.result(30)
+    dropped = [
+        each.body["counters"].get("dropped.unsupported_encoding") for each in health.messages
+    ]
+    assert dropped[-1] == 1

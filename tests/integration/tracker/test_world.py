@@ -17,7 +17,7 @@ from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.calibration.ros_yaml import write_calibration
-from zenoh_vision.messages import Prediction, Refusal, TrackEvent, Tracks
+from zenoh_vision.messages import Header, Prediction, Refusal, TrackEvent, Tracks
 
 RATE_HZ = 15
 FIELD_MM = Belt.length_mm
@@ -84,10 +84,16 @@ def test_tracks_have_places_events_their_times_and_queries_get_predictions(
     def belt_s(stamp_ns: int) -> float:
         """Return the belt's time at a stamp, from the pictures before and after: their pace may
         not be even."""
-        heads = [Tracks.from_bytes(message.payload).header for message in tracks.messages]
-        stamps = [each.stamp_ns for each in heads]
-        times = [belt.time_s(each.seq) for each in heads]
-        assert stamps[0] <= stamp_ns <= stamps[-1]
+
+        def heads() -> list[Header]:
+            return [Tracks.from_bytes(message.payload).header for message in tracks.messages]
+
+        # A prediction may be answered before the tracks of its frame have arrived here.
+        wait_until(lambda: heads()[-1].stamp_ns >= stamp_ns)
+        found = heads()
+        stamps = [each.stamp_ns for each in found]
+        times = [belt.time_s(each.seq) for each in found]
+        assert stamps[0] <= stamp_ns
         return float(np.interp(stamp_ns, stamps, times))
 
     def pace(stamp_ns: int) -> float:

@@ -108,7 +108,7 @@ def test_the_keys_of_each_camera_of_a_tracker_are_shown(
         ('[[node]]\nservice = "camra"\n', ["node[0].service = 'camra'", "mean 'camera'?"]),
         ('[[node]]\nservice = "router"\n', ["node[0]", "'router'"]),
         (NODE + "restart = 1\n", ["node[0].restart", "1"]),
-        (NODE + NODE, ["node[1]", "camera_front"]),
+        (NODE + NODE, ["node[1]", "already a camera for front"]),
         (NODE + "settings = { qualty = 3 }\n", ["settings", "'qualty'", "did you mean 'quality'"]),
         (NODE + "settings = { quality = 300 }\n", ["quality = 300", "1 to 100"]),
         (NODE + 'settings = { quality = "3" }\n', ["quality = '3'"]),

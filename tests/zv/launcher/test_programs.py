@@ -204,8 +204,22 @@ def test_a_wrong_remapping_is_refused(tmp_path, table, flags, said):
 
 def test_two_cameras_cannot_become_one(tmp_path):
     two = '[[node]]\nservice = "camera"\ncamera = "back"\n'
-    with pytest.raises(ConfigurationError, match="already a camera_back"):
+    with pytest.raises(ConfigurationError, match="already a camera for back"):
         read_launch_file(launch(tmp_path, THREE + two), {"front": "back"})
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "said"),
+    [
+        ("left", "left,right", "already a tracker for left"),
+        ("left", "*", "already a tracker for all cameras"),
+        ("left,right", "front,back", "already a node called tracker"),
+    ],
+)
+def test_two_trackers_do_not_serve_one_camera(tmp_path, one, other, said):
+    two = "".join(f'[[node]]\nservice = "tracker"\ncamera = "{each}"\n' for each in (one, other))
+    with pytest.raises(ConfigurationError, match=said):
+        read_launch_file(launch(tmp_path, two))
 
 
 # Processes

@@ -96,9 +96,9 @@ def reduction(sigma: float) -> int:
 def derivatives(picture: Gray, sigma: float) -> tuple[Field, Field, Field]:
     """Return the Laplacian of a picture smoothed by a Gaussian, and its gradient.
 
-    With a large ``sigma`` they are taken of the picture reduced by means of squares, whose variance
-    the Gaussian has less, and interpolated between its pixels. The time then does not
-    grow with ``sigma``.
+    With a large ``sigma`` they are taken of the picture reduced by averaging blocks of pixels, with
+    a Gaussian that is narrower by the blocks' variance, and interpolated between its pixels. The
+    time then does not grow with ``sigma``.
 
     Args:
         picture: (height, width) uint8; it continues with its outermost pixels.

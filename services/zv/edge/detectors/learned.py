@@ -23,9 +23,9 @@ MULTIPLE: Final = 16
 """The network halves the size four times."""
 
 MOST_PIXELS: Final = 256 * 192
-"""What the network gets of a picture at half its size, or of a large one a quarter of its width and
-height. It learned from 240 x 160 pixels: in larger pictures boundaries are as far apart, but over
-more pixels, so that fewer pixels show it what it knows, in less time."""
+"""Pixels that the network gets, where half to a quarter of the picture's width and height gives so
+many. It was trained with 240 x 160 pixels; boundaries of a larger picture are farther apart in
+pixels than it knows, so a reduced picture is better and takes less time."""
 
 SIZES: Final = 2
 """Numbers of picture sizes whose buffers are kept, megabytes each."""

@@ -48,7 +48,6 @@ class Target:
         stacked_ns: Since when it is on top of an older one in a group, or below; None if it is not.
         clear_ns: When some of the foreground was last clearly its own.
         alone_s: For how long it was seen alone, complete, away from the border of the picture.
-        ghost: How often it was taken for a ghost.
         full: Whether it was ever seen away from the border of the picture.
         shown: Its own foreground in this frame, if that seems to be all of it.
         appearance: What it looks like.
@@ -74,7 +73,6 @@ class Target:
     stacked_ns: int | None = None
     clear_ns: int = 0
     alone_s: float = 0.0
-    ghost: int = 0
     full: bool = False
     shown: Fragment | None = None
     appearance: Appearance = field(default_factory=Appearance)

@@ -147,10 +147,6 @@ class Tracker:
             and target.missing_s(self.now_ns) < SHOWN_S
         ]
 
-    def drop(self, number: int) -> None:
-        """End a track, such as one of a ghost."""
-        self._targets.drop(number)
-
     def _track(self, target: Target) -> Track:
         scale, box = self._scale, target.shown or target.box
         missing_s = target.missing_s(self.now_ns)
