@@ -69,9 +69,7 @@ PREDICTION = Topic(
     "prediction", msgpack_of(Prediction.schema_name), Prediction, delivery="message", by_query=True
 )
 EDGES = Topic("edges/compressed", PNG)
-CONTOURS = Topic(
-    "edges/contours", msgpack_of(Contours.schema_name), Contours, delivery="message", lazy=True
-)
+CONTOURS = Topic("edges/contours", msgpack_of(Contours.schema_name), Contours, lazy=True)
 EDGE_STAGES: Final = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
 
 TOPICS: Final = {

@@ -50,7 +50,7 @@ TABLE = {
     "edges/contours": (
         "vision/front/edges/contours",
         "application/msgpack;vision.Contours.v1",
-        "message",
+        "frame",
         True,
     ),
     "truth": ("vision/front/truth", "application/msgpack;vision.Tracks.v1", "message", False),

@@ -22,6 +22,11 @@ WAIT_BEFORE_CLOSE_US = 1_000_000
 """How long the router waits for a client that reads nothing. Zenoh's 5 s outlive the lease, and
 closing that client's link then blocks all other clients until the wait is over."""
 
+MESSAGE_QUEUE = "transport/link/tx/queue/size/interactive_high"
+MESSAGE_BATCHES = 16
+"""Batches of 64 kB of messages that wait for a client, the most that Zenoh allows. In its 2 the
+messages of 2 s fit; a frozen client then blocked the streams of all others, second after second."""
+
 RUNTIME = "ZENOH_RUNTIME"
 """Environment variable with the threads of Zenoh; there is no setting for them in its files."""
 
@@ -72,6 +77,7 @@ def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
         "connect/retry": RETRY,
         "scouting/delay": 0,
         WAIT_BEFORE_CLOSE: WAIT_BEFORE_CLOSE_US,
+        MESSAGE_QUEUE: MESSAGE_BATCHES,
         MAX_MESSAGE_SIZE: MAX_MESSAGE_BYTES,
     }
     return _checked(config, defaults, "router", zenoh_config)

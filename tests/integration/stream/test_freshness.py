@@ -189,6 +189,25 @@ def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
     assert longest_s < 1.5
 
 
+@pytest.mark.quiet
+def test_a_reader_of_everything_that_freezes_holds_up_nobody(router, client, service, tmp_path):
+    program = ROOT / "tests/support/containers/listener.py"
+    for name in ("camera", "tracker", "edge"):
+        service(name, *(("--width", 320, "--height", 240) if name == "camera" else ()))
+    wait_for_nodes(client, "camera_front", "tracker_front", "edge_front")
+    names = ("image/compressed", "centroid", "edges/compressed")
+    arrived = [Listener(client, f"vision/front/{name}") for name in names]
+    with Program([program, router.endpoint, "vision/front/**"], tmp_path, "reader") as reader:
+        wait_until(lambda: reader.output.count("\n") > 500)
+        begun_s = time.monotonic()
+        os.kill(reader.process.pid, signal.SIGSTOP)
+        threading.Event().wait(FROZEN_S)
+        reader.process.kill()
+    for each in arrived:
+        times = [begun_s, *(message.at_s for message in each.since(begun_s)), time.monotonic()]
+        assert max(b - a for a, b in pairwise(times)) < 0.7
+
+
 def test_no_frame_older_than_max_age_is_seen(client, service):
     service("tracker", "--max-age", 0.2)
     wait_for_nodes(client, "tracker_front")
