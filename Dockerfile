@@ -10,7 +10,7 @@ WORKDIR /build
 RUN python3 -m venv /opt/pip && /opt/pip/bin/pip install --no-cache-dir --upgrade 'pip>=25.1' hatchling \
     && python3 -m venv --without-pip /opt/venv
 COPY pyproject.toml constraints.txt ./
-RUN python3 -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"], sep="\n")' \
+RUN python3 -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; print(*p["dependencies"], *p["optional-dependencies"]["shm"], sep="\n")' \
         >requirements.txt \
     && /opt/pip/bin/pip --python /opt/venv/bin/python install --no-cache-dir \
         -c constraints.txt -r requirements.txt \

@@ -32,12 +32,12 @@ check: $(VENV)/.dev
 # Tests marked `quiet` measure times: they run after the others, one at a time. Both runs are made;
 # status 5 means that ARGS selected no test in one of them.
 define run_tests
-$(BIN)/pytest -m "not compose and not quiet" -n 4 --dist loadfile --no-loadscope-reorder $(1); others=$$?; \
+$(BIN)/pytest -m "not compose and not quiet" -n 5 --dist loadfile --no-loadscope-reorder $(1); others=$$?; \
 	$(BIN)/pytest -m quiet $(2); quiet=$$?; \
 	case "$$others $$quiet" in "0 0"|"0 5"|"5 0") ;; *) exit 1 ;; esac
 endef
 
-## tests: pytest, four at a time, since most tests wait; then the `quiet` ones (ARGS=... to select)
+## tests: pytest, five at a time, since most tests wait; then the `quiet` ones (ARGS=... to select)
 tests: $(VENV)/.dev
 	@$(call run_tests,$(ARGS),$(ARGS))
 
@@ -80,6 +80,12 @@ screenshots: $(VENV)/.dev
 clean:
 	rm -rf $(VENV) dist build
 
+# Frames go through shared memory where its library has a wheel; without it they go as JPEG.
+define install_shm
+@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	--only-binary iceoryx2 -e '.[shm]' || echo "no wheel of iceoryx2 here: frames go as JPEG" >&2
+endef
+
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "Python 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.12" >&2; exit 1; }
@@ -87,11 +93,13 @@ $(VENV)/bin/python:
 
 $(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(install_shm)
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . --group dev
+	$(install_shm)
 	@touch $@ $(VENV)/.runtime
 
 $(VENV)/.quality: pyproject.toml constraints.txt | $(VENV)/bin/python

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+from collections.abc import Callable
 
 import cv2
 
@@ -19,8 +20,10 @@ from benchmarks import (
     tools,
     tracker,
     viewer,
+    ways,
 )
 from benchmarks.material import VIDEO, frames
+from benchmarks.peers import comparison, report
 from benchmarks.quality.data import found
 
 SIZES = ((768, 576), (1920, 1080))
@@ -32,30 +35,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=15, help="of each measurement")
     parser.add_argument("--memory-minutes", type=float, default=0, help="watch memory so long")
     parser.add_argument("--cameras", type=int, default=8, help="in the fleet")
-    parser.add_argument("--only-tools", action="store_true", help="measure the tools, no more")
-    parser.add_argument("--only-viewer", action="store_true", help="measure the viewer, no more")
-    parser.add_argument("--only-painted", action="store_true", help="measure to the painted pixel")
-    parser.add_argument("--only-tracker", action="store_true", help="measure the tracker, no more")
-    parser.add_argument("--only-edges", action="store_true", help="measure the edge detectors")
+    for name in PARTS:
+        parser.add_argument(f"--only-{name}", action="store_true", help=PARTS[name].__doc__)
+    parser.add_argument("--page", action="store_true", help="write docs/performance.md with it")
     options = parser.parse_args()
-    alone = options.only_edges or (
-        options.only_tools or options.only_viewer or options.only_painted or options.only_tracker
-    )
+    chosen = [name for name in PARTS if getattr(options, f"only_{name}")]
     cv2.setNumThreads(1)
     print(f"# {platform.machine()}, Python {platform.python_version()}, OpenCV {cv2.__version__}")
-    if not alone:
-        measure_services(options)
-    if options.only_edges or not alone:
-        for size in ((640, 480), *SIZES):
-            show(f"{size[0]}x{size[1]}, edges of a frame", edges.measure(*size))
-    if options.only_tools or not alone:
-        measure_tools(options.seconds)
-    if options.only_viewer or not alone:
-        measure_viewer(options)
-    if options.only_painted or not alone:
-        measure_painted(options.seconds)
-    if options.only_tracker or not alone:
-        measure_tracker(options.seconds)
+    for name in chosen or PARTS:
+        PARTS[name](options)
 
 
 def measure_services(options: argparse.Namespace) -> None:
@@ -80,14 +68,26 @@ def measure_services(options: argparse.Namespace) -> None:
         show("memory", fleet.cameras(1, 30.0, options.memory_minutes * 60))
 
 
-def measure_tools(seconds: float) -> None:
+def measure_ways(options: argparse.Namespace) -> None:
+    """Measure frames through shared memory, as raw pixels and as JPEG."""
+    for size in SIZES:
+        show(f"{size[0]}x{size[1]}, ways of a frame", ways.measure(*size, options.seconds))
+
+
+def measure_edges(_: argparse.Namespace) -> None:
+    """Measure the edge detectors."""
+    for size in ((640, 480), *SIZES):
+        show(f"{size[0]}x{size[1]}, edges of a frame", edges.measure(*size))
+
+
+def measure_tools(options: argparse.Namespace) -> None:
     """Measure what the tools cost beside the least that a program can do."""
     width, height = SIZES[1]
     name = f"tools, {tools.STREAMS} streams of {width}x{height}"
-    show(name, tools.cpu_beside_bare(width, height, stream.RATE_HZ, seconds))
-    show("zv topic echo of one camera's centroids", tools.cpu_of_echo(seconds))
-    show("watching four nodes", tools.cpu_of_watching(seconds))
-    show("parameter set to first frame with it", parameters.set_to_frame(seconds))
+    show(name, tools.cpu_beside_bare(width, height, stream.RATE_HZ, options.seconds))
+    show("zv topic echo of one camera's centroids", tools.cpu_of_echo(options.seconds))
+    show("watching four nodes", tools.cpu_of_watching(options.seconds))
+    show("parameter set to first frame with it", parameters.set_to_frame(options.seconds))
     show("zv snapshot, start to file, s", tools.snapshot())
 
 
@@ -100,28 +100,49 @@ def measure_viewer(options: argparse.Namespace) -> None:
         show(f"{name}, clients that come and go", viewer.memory(options.memory_minutes * 60))
 
 
-def measure_painted(seconds: float) -> None:
+def measure_painted(options: argparse.Namespace) -> None:
     """Measure when a browser paints what a camera captured."""
     reason = painted.why_not()
     if reason:
         print(f"# capture to painted pixel: not measured: {reason}", flush=True)
         return
     name = f"{viewer.WIDTH}x{viewer.HEIGHT} at {painted.RATE_HZ:g} Hz, capture to painted pixel"
-    show(name, painted.capture_to_painted(seconds * painted.SHARE))
+    show(name, painted.capture_to_painted(options.seconds * painted.SHARE))
 
 
-def measure_tracker(seconds: float) -> None:
+def measure_tracker(options: argparse.Namespace) -> None:
     """Measure the robust pipeline beside the tutorial's, and trackers of large frames."""
     if found(VIDEO):
-        show("tracker, 768x576, CPU with decode", tracker.cpu_beside_tutorial(2 * seconds))
+        show("tracker, 768x576, CPU with decode", tracker.cpu_beside_tutorial(2 * options.seconds))
     name = f"{tracker.CAMERAS} cameras of {tracker.WIDTH}x{tracker.HEIGHT}, a tracker each"
     for pipeline in ("tutorial", "robust"):
-        show(name, tracker.large_cameras(seconds, pipeline))
+        show(name, tracker.large_cameras(options.seconds, pipeline))
+
+
+def measure_peers(options: argparse.Namespace) -> None:
+    """Compare capture to decoded frame with other systems."""
+    rows = comparison.compare(options.seconds * comparison.SHARE)
+    for size in comparison.SIZES:
+        print(f"\n{report.table(rows, size)}", flush=True)
+    if options.page:
+        report.write_page(rows)
 
 
 def show(name: str, figures: object) -> None:
     """Print one block of figures."""
     print(f"{name}: {json.dumps(figures, indent=2)}", flush=True)
+
+
+PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "services": measure_services,
+    "ways": measure_ways,
+    "edges": measure_edges,
+    "tools": measure_tools,
+    "viewer": measure_viewer,
+    "painted": measure_painted,
+    "tracker": measure_tracker,
+    "peers": measure_peers,
+}
 
 
 if __name__ == "__main__":

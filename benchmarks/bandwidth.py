@@ -19,6 +19,7 @@ from zenoh_vision.errors import VisionError
 from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import open_source
+from zv.camera.sources.base import Picture
 from zv.camera.synthetic.scene import Scene
 
 SIZES = ("320x240", "640x480", "1280x720", "1920x1080", "3840x2160")
@@ -44,10 +45,14 @@ def material(source: str) -> list[NDArray[np.uint8]]:
     settings = CameraSettings(source=source)
     opened = open_source(settings, lambda: settings)
     pictures = islice(iter(opened.read, None), 0, FRAMES * APART, APART)
-    return [
-        decode_jpeg(picture.jpeg, "bgr8") if picture.pixels is None else picture.pixels
-        for picture in pictures
-    ]
+    return [pixels_of(picture) for picture in pictures]
+
+
+def pixels_of(picture: Picture) -> NDArray[np.uint8]:
+    """Return the pixels of a picture, decoded or converted if it came without."""
+    if picture.planar is not None:
+        return picture.planar.bgr()
+    return decode_jpeg(picture.jpeg, "bgr8") if picture.pixels is None else picture.pixels
 
 
 def kilobytes(pictures: Sequence[NDArray[np.uint8]]) -> list[float]:

@@ -1,6 +1,7 @@
 """A subscriber in a process of its own: decodes each frame and notes its age.
 
-ENDPOINT FRAMES: prints one line of JSON with the ages (ms), the seconds and CPU time they took.
+ENDPOINT FRAMES [TRANSPORT]: prints one line of JSON with the ages (ms), the seconds and CPU time
+they took.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from typing import Any
 
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
@@ -18,9 +20,11 @@ WARM_UP = 30
 def main() -> None:
     """Receive the given number of frames and report."""
     wanted = int(sys.argv[2])
+    transport: Any = (*sys.argv, "jpeg")[3]
     ages: list[float] = []
     with Node("bench", connection=Connection(connect=sys.argv[1])) as node:
-        for count, frame in enumerate(node.frames("image/compressed", want="bgr")):
+        frames = node.frames("image/compressed", want="bgr", transport=transport)
+        for count, frame in enumerate(frames):
             now_ns = time.time_ns()
             if count == WARM_UP:
                 cpu_s, start_s = time.process_time(), time.monotonic()

@@ -18,9 +18,7 @@ try:
 except (IndexError, ValueError):
     sys.exit("usage: python examples/pick_from_belt.py LINE PICK_X [tcp/127.0.0.1:7447]")
 endpoint = sys.argv[3] if len(sys.argv) > 3 else "tcp/127.0.0.1:7447"
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
 
 
 def ask(session: zenoh.Session, track: int, at_ns: int) -> dict | None:
@@ -36,10 +34,10 @@ def ask(session: zenoh.Session, track: int, at_ns: int) -> dict | None:
 
 
 try:
-    session = zenoh.open(config)
+    session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:
     sys.exit(f"no router at {endpoint}; start one: zv router")
-with suppress(KeyboardInterrupt), session:
+with suppress(KeyboardInterrupt, BrokenPipeError), session:
     subscriber = session.declare_subscriber("vision/front/events")
     for sample in subscriber:
         event = msgpack.unpackb(sample.payload.to_bytes())

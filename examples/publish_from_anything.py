@@ -38,15 +38,20 @@ def header_of(jpeg, epoch, seq):
 
 arguments = sys.argv[1:]
 with_header = "--header" in arguments
-files = [text for text in arguments if text.endswith((".jpg", ".jpeg"))]
 endpoint = next((text for text in arguments if text.startswith("tcp/")), "tcp/127.0.0.1:7447")
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-config.insert_json5("transport/shared_memory/enabled", "false")
-jpegs = itertools.cycle(map(Path.read_bytes, map(Path, files))) if files else drawn_pictures()
+files = [text for text in arguments if text not in ("--header", endpoint)]
 try:
-    session = zenoh.open(config)
+    given = [Path(file).read_bytes() for file in files]
+except OSError as error:
+    sys.exit(f"{error.filename}: {error.strerror}")
+jpegs = itertools.cycle(given) if given else drawn_pictures()
+config = {
+    "mode": "client",
+    "connect": {"endpoints": [endpoint]},
+    "transport": {"shared_memory": {"enabled": False}},
+}
+try:
+    session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:
     sys.exit(f"no router at {endpoint}; start one: zv router")
 with suppress(KeyboardInterrupt), session:

@@ -12,11 +12,9 @@ import zenoh
 given = sys.argv[1:] + [None] * 3
 endpoint = given[1] or "tcp/127.0.0.1:7447"
 key = given[2] or "vision/front/image/compressed"
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
 try:
-    session = zenoh.open(config)
+    session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:
     sys.exit(f"no router at {endpoint}; start one: zv router")
 with session:

@@ -18,8 +18,8 @@ try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:
     sys.exit(f"no router at {endpoint}; start one: zv router")
-with suppress(KeyboardInterrupt), session:  # a ring of 1 keeps the newest sample only
-    subscriber = session.declare_subscriber("vision/front/centroid", RingChannel(1))
+with suppress(KeyboardInterrupt, BrokenPipeError), session:
+    subscriber = session.declare_subscriber("vision/front/centroid", RingChannel(1))  # the newest
     for sample in subscriber:
         found = msgpack.unpackb(sample.payload.to_bytes())
         who, seq = found["header"]["camera"], found["header"]["seq"]

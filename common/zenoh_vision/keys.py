@@ -23,10 +23,17 @@ UNCOMPRESSED: Final = {RAW_IMAGE: "raw", BITS: "bits"}
 for each."""
 JSON: Final = "application/json"
 
-Transport = Literal["auto", "raw", "jpeg"]
-"""Which of a camera's two keys a consumer subscribes to. ``jpeg``: that of the compressed frames,
-JPEG or PNG. ``raw``: that of the raw pixels. ``auto``: the compressed ones if they flow, else the
-raw ones."""
+Way = Literal["shm", "jpeg", "raw"]
+"""How a frame came: through shared memory, or over Zenoh, compressed (JPEG or PNG) or raw."""
+
+Transport = Literal["auto", "shm", "raw", "jpeg"]
+"""Which way a consumer takes a camera's frames. ``jpeg``: the key of the compressed frames, JPEG or
+PNG. ``raw``: that of the raw pixels. ``shm``: shared memory. ``auto``: shared memory if camera and
+consumer have it in common, else the compressed frames if they flow, else the raw ones."""
+
+TRANSPORT_VARIABLE: Final = "ZV_TRANSPORT"
+"""Environment variable: the transport of every consumer that is told none, and whether a camera
+offers shared memory: with ``auto`` and ``shm``."""
 
 
 def msgpack_of(schema_name: str) -> str:
@@ -77,6 +84,11 @@ def node_key(namespace: str, node: str) -> str:
 def diagnostics_key(namespace: str, node: str) -> str:
     """Return the key of a node's health."""
     return f"@{namespace}/diagnostics/{node}"
+
+
+def shared_memory_key(namespace: str, camera: str, machine: str, offer: str) -> str:
+    """Return the key of a camera's offer of its frames in shared memory; each may be ``*``."""
+    return f"@{namespace}/shm/{camera}/{machine}/{offer}"
 
 
 def parameter_key(namespace: str, node: str, name: str) -> str:

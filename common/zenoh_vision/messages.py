@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
 from pydantic import Field, model_validator
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.message_codec import Message
+from zenoh_vision.message_codec import Message, unpack
 
 MAX_BOUNDS = 100
 MAX_COUNT = 2**64 - 1
@@ -79,6 +79,21 @@ class Header(Message):
         """
         try:
             return super().from_bytes(payload)
+        except PayloadError as error:
+            raise PayloadError("bad_header", error.detail) from None
+
+    @classmethod
+    def arrived(cls, payload: bytes, received_ns: int) -> Self:
+        """Decode the attachment of an image that arrived at a time, which becomes part of it.
+
+        Raises:
+            PayloadError: ``bad_header``.
+        """
+        try:
+            fields = unpack(payload)
+            if isinstance(fields, dict) and type(fields.get("received_ns")) in (int, type(None)):
+                fields["received_ns"] = received_ns
+            return cls.from_map(fields)
         except PayloadError as error:
             raise PayloadError("bad_header", error.detail) from None
 
@@ -300,12 +315,17 @@ class Diagnostics(Message):
     latency_histogram_ms: Annotated[
         Histogram | None, Field(description="latencies since the start, cumulative")
     ] = None
+    transport: Annotated[
+        str | None,
+        Field(description="how its frames come: shm, jpeg or raw; several with commas between"),
+    ] = None
 
     def to_map(self) -> dict[str, Any]:
-        """Return the map on the wire, without the histogram if there is none."""
+        """Return the map on the wire, without a histogram and a transport if there is none."""
         fields = self.model_dump()
-        if self.latency_histogram_ms is None:
-            del fields["latency_histogram_ms"]
+        for name in ("latency_histogram_ms", "transport"):
+            if fields[name] is None:
+                del fields[name]
         return fields
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,7 @@ def test_the_trackers_pipelines_are_not_measured_but_its_large_cameras_are(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     monkeypatch.setattr(bench.tracker, "large_cameras", lambda seconds, pipeline: pipeline)
-    bench.measure_tracker(0.1)
+    bench.measure_tracker(argparse.Namespace(seconds=0.1))
     said = capsys.readouterr().out
     assert "not measured: vtest.avi" in said
     assert "tutorial" in said

@@ -58,6 +58,20 @@ def test_subscribe_prints_centroids_and_ends_with_ctrl_c(system: str, tmp_path: 
     assert numbers == sorted(set(numbers))
 
 
+def test_subscribe_ends_silently_when_nobody_reads_its_output_any_more(system: str):
+    with subprocess.Popen(
+        [sys.executable, EXAMPLES / "subscribe.py", system],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        assert program.stdout.readline().startswith(b"front ")
+        program.stdout.close()  # as `| head -1` does
+        assert (program.wait(START_S), program.stderr.read()) == (0, b"")
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:1", "tcp/nonsense"])
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
@@ -67,10 +81,18 @@ def test_subscribe_prints_centroids_and_ends_with_ctrl_c(system: str, tmp_path: 
         ("pick_from_belt.py", ["gate", "600"]),
     ],
 )
-def test_without_a_router_an_example_says_so_in_one_line(name: str, arguments: list[str]):
-    done = run_once(name, *arguments, "tcp/127.0.0.1:1")
-    assert done.stderr == "no router at tcp/127.0.0.1:1; start one: zv router\n"
+def test_without_a_router_an_example_says_so_in_one_line(
+    name: str, arguments: list[str], endpoint: str
+):
+    done = run_once(name, *arguments, endpoint)
+    assert done.stderr == f"no router at {endpoint}; start one: zv router\n"
     assert (done.returncode, done.stdout) == (1, "")
+
+
+def test_publish_from_anything_names_a_file_that_it_cannot_read(tmp_path: Path):
+    done = run_once("publish_from_anything.py", tmp_path / "none.jpg")
+    assert done.stderr == f"{tmp_path / 'none.jpg'}: No such file or directory\n"
+    assert done.returncode == 1
 
 
 def test_subscribe_is_about_ten_lines_and_imports_nothing_of_ours():

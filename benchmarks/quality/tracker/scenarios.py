@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks.quality.tracker.leaves import Leaves
 from benchmarks.quality.tracker.room import Room
 from benchmarks.quality.tracker.scenes import Actor, Scene, Waypoint
 
@@ -122,9 +123,22 @@ def noise() -> Scene:
     )
 
 
+def leaves() -> Leaves:
+    """Three pass a tree whose leaves sway in gusts, and a screen that flickers."""
+    return Leaves(
+        "leaves, screen",
+        35.0,
+        (
+            Actor(1, (across(9.0, 17.0, 240),), colours=RED_GREY),
+            Actor(2, (across(15.0, 23.0, 340, back=True),), colours=BLUE_BLACK),
+            Actor(3, (across(22.0, 32.0, 270),), colours=WHITE_BROWN),
+        ),
+    )
+
+
 def room() -> Room:
     """Four of the synthetic camera's scene, which cross, stand, leave and return at once."""
     return Room()
 
 
-SCENARIOS = (crossing, stopping, returning, shadow, lighting, noise, room)
+SCENARIOS = (crossing, stopping, returning, shadow, lighting, noise, leaves, room)

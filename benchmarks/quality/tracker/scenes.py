@@ -96,7 +96,7 @@ class Scene:
 
     def picture(self, time_s: float) -> NDArray[np.uint8]:
         """Return the picture at a time without noise, (HEIGHT, WIDTH, 3) uint8, a new array."""
-        bgr = self._wall.copy()
+        bgr = self.backdrop(time_s)
         present = self._present(time_s)
         for actor, box in present:
             if actor.shadow is not None:
@@ -108,6 +108,10 @@ class Scene:
             bgr[y : y + height, x : x + width] = self._column
         gain = self.light(time_s)
         return bgr if gain == 1.0 else cv2.convertScaleAbs(bgr, alpha=gain)  # type: ignore[return-value]
+
+    def backdrop(self, _: float) -> NDArray[np.uint8]:
+        """Return the scene without actors at a time, a new array."""
+        return self._wall.copy()
 
     def truth(self, time_s: float) -> tuple[dict[int, Box], list[Box]]:
         """Return the boxes by id at a time, cut at the border; and those of hidden objects."""

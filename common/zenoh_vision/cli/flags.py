@@ -120,9 +120,10 @@ def _parameter(model: type[Settings], name: str) -> click.Parameter:
         text += _in_brackets(help_words(model, name))
     if model.env_prefix:
         text += f" [env: {model.env_prefix}{name.upper()}]"
-    if field.annotation is bool:
-        return _switch(model, name, text)
     marks = {type(mark): mark for mark in field.metadata}
+    letters = [f"-{marks[Letter].letter}"] if Letter in marks else []
+    if field.annotation is bool:
+        return _switch(model, name, text, letters)
     several = get_origin(field.annotation) is tuple
     attributes: dict[str, Any] = {
         # The environment or a file may set what no flag does; ``load_settings`` tells.
@@ -136,7 +137,6 @@ def _parameter(model: type[Settings], name: str) -> click.Parameter:
         metavar = metavar if field.is_required() else f"[{metavar}]"
         metavar += "..." if several else ""
         return click.Argument([name], metavar=metavar, nargs=-1 if several else 1, **attributes)
-    letters = [f"-{marks[Letter].letter}"] if Letter in marks else []
     names = [name, flag_of(name), *letters]
     metavar = "DURATION" if is_duration(model, name) else name.rstrip("_").upper()
     return click.Option(names, metavar=metavar, multiple=several, **attributes)
@@ -146,11 +146,12 @@ def _in_brackets(words: str) -> str:
     return f" ({words})" if words else ""
 
 
-def _switch(model: type[Settings], name: str, text: str) -> click.Option:
+def _switch(model: type[Settings], name: str, text: str, letters: list[str]) -> click.Option:
     """Return the option of a boolean field: two flags, if the environment may set the opposite."""
     yes = flag_of(name)
     no = f"--no-{yes[2:]}"
     if model.env_prefix:
         return click.Option([name, f"{yes}/{no}"], is_flag=True, default=None, help=text)
     value = not model.model_fields[name].default
-    return click.Option([name, yes if value else no], flag_value=value, default=None, help=text)
+    names = [name, yes if value else no, *letters]
+    return click.Option(names, flag_value=value, default=None, help=text)

@@ -18,13 +18,18 @@ from zenoh_vision.cli.flags import (
     parameters_of,
     sections,
 )
+from zenoh_vision.cli.processors import ProcessorSettings
 from zenoh_vision.config.settings import Settings, load_settings
 from zenoh_vision.host.lifeline import end_with_parent
 from zenoh_vision.transport.connection import Connection
 
 S = TypeVar("S", bound=Settings)
 
-TAKEN = ("config", "debug", "help", *ConnectionSettings.model_fields)
+TAKEN = (
+    *("config", "debug", "help"),
+    *ConnectionSettings.model_fields,
+    *ProcessorSettings.model_fields,
+)
 """Names of flags that every service has."""
 
 DOCSTRING_SECTION = re.compile(r"\n\s*\n(Args|Attributes|Raises|Returns):\n.*", re.DOTALL)
@@ -65,6 +70,8 @@ def service_command(
         end_with_parent()
         log_to_stderr(debug)
         connection = connection_from(flags)
+        limits = {each: flags.pop(each) for each in ProcessorSettings.model_fields}
+        load_settings(ProcessorSettings, flags=limits).apply()
         given = {each: flags.pop(each) for each in file_model.model_fields} if file_model else {}
         settings = load_settings(model, flags=flags, config=config)
         if (
@@ -77,9 +84,10 @@ def service_command(
             run(settings, connection)
 
     headings = dict(sections([*parameters_of(model), CONFIG]))
+    connection = headings.popitem()
     if file_model is not None:
-        connection = headings.popitem()
-        headings |= {"Files, without a router": parameters_of(file_model), **dict([connection])}
+        headings["Files, without a router"] = parameters_of(file_model)
+    headings |= {**dict([connection]), "Processors": parameters_of(ProcessorSettings)}
     return Command(name, call, headings, text, examples)
 
 

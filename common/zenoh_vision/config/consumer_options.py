@@ -8,14 +8,18 @@ from pydantic import Field
 
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
-from zenoh_vision.keys import Transport
+from zenoh_vision.config.settings import Shared
+from zenoh_vision.keys import TRANSPORT_VARIABLE, Transport
 
 FrameTransport = Annotated[
     Transport,
     Field(
-        description="key of the frames. jpeg: the compressed ones, JPEG or PNG; raw: the raw "
-        "pixels; auto: the compressed ones if they flow, else the raw pixels"
+        description="way of the frames. shm: shared memory of one machine; jpeg: the compressed "
+        "ones over the network, JPEG or PNG; raw: the raw pixels over the network; auto: shared "
+        "memory if camera and service have it in common, else the compressed ones if they flow, "
+        "else the raw pixels"
     ),
+    Shared(TRANSPORT_VARIABLE),
     Live(),
 ]
 MaxAge = Annotated[

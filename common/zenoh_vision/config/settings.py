@@ -73,6 +73,16 @@ class Letter:
     letter: str
 
 
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """Marks an option that several programs have, set for all of them by one variable.
+
+    The variable with a program's own prefix overrides it.
+    """
+
+    variable: str
+
+
 class Settings(BaseModel):
     """Base of a set of options. Each has a default, a description, and a range if any."""
 
@@ -175,8 +185,13 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
     Raises:
         ConfigurationError: A variable with the model's prefix names no option.
     """
-    found: dict[str, Any] = {}
     prefix = model.env_prefix
+    found: dict[str, Any] = {
+        name: os.environ[mark.variable]
+        for name, field in model.model_fields.items()
+        for mark in field.metadata
+        if isinstance(mark, Shared) and prefix and os.environ.get(mark.variable)
+    }
     for variable, text in os.environ.items() if prefix else ():
         if not variable.startswith(prefix) or not text:
             continue
@@ -191,6 +206,14 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
     return found
 
 
+def variable_of(model: type[Settings], name: str) -> str:
+    """Return the environment variable that sets an option now: its own, or one that is shared."""
+    own = f"{model.env_prefix}{name.upper()}"
+    marks = (mark for mark in model.model_fields[name].metadata if isinstance(mark, Shared))
+    shared = next((mark.variable for mark in marks), own)
+    return own if os.environ.get(own) else shared
+
+
 def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, typed: bool) -> None:
     """Check the values of one source, so that the error can name it; TOML is typed, not text."""
     for name in values:
@@ -199,7 +222,7 @@ def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, type
 
     def shown(name: str) -> str:
         if place == "environment":
-            return f"{model.env_prefix}{name.upper()}"
+            return variable_of(model, name)
         return option_name(model, name) if place == "command line" else name
 
     try:

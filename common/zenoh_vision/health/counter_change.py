@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-NOT_LOST = ("no_subscriber", "unwatched", "unread")
-"""Drop reasons that are not losses, since nobody wanted these frames."""
+NOT_LOST = ("no_subscriber", "unwatched", "unread", "duplicate")
+"""Drop reasons that are not losses: nobody wanted these frames, or they came another way too."""
 
 MISSED = "missed"
 """Counter outside the balance: frames that never arrived, known from gaps in their numbers."""

@@ -29,12 +29,16 @@ class Health:
 
     Attributes:
         namesake: What is wrong about another node of the same name; empty if there is none.
+        remark: What is as it was asked for, but worth to be said; empty if there is nothing.
+        shared_memory: Why frames cannot go through shared memory that should; empty if they can.
     """
 
     def __init__(self, node: str, counters: FrameCounters) -> None:
         self.latency = LatencyMonitor()
         self.rates = RateMonitor(counters.arrived)
         self.namesake = ""
+        self.remark = ""
+        self.shared_memory = ""
         self._node = node
         self._counters = counters
         log = logging.getLogger(node)
@@ -105,7 +109,13 @@ class Health:
             rate_hz=self.latency.rate_hz(now_s),
             latency_ms=self.latency.percentiles(now_s),
             latency_histogram_ms=self.latency.histogram(),
+            transport=self._transport(),
         )
+
+    def _transport(self) -> str | None:
+        """Return how the frames of all inputs come; None before the first."""
+        states = [state for watched in self.inputs for state in watched.states()]
+        return ",".join(sorted({state.way for state in states if state.way})) or None
 
     def _stuck(self) -> str:
         alive_s = self._loop_alive_s
@@ -114,9 +124,8 @@ class Health:
 
     def _judge(self, now_s: float, wall_ns: int, counters: dict[str, int]) -> tuple[int, str]:
         """Return the most serious level, and all messages."""
-        found: list[tuple[int, str]] = [self._report]
-        if self.namesake:
-            found.append((Level.WARN, self.namesake))
+        found: list[tuple[int, str]] = [self._report, (Level.OK, self.remark)]
+        found += [(Level.WARN, words) for words in (self.namesake, self.shared_memory) if words]
         if stuck := self._stuck():
             found.append((Level.ERROR, stuck))
         if self._report[0] == Level.OK:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from collections import deque
 from typing import Final
 
 import cv2
@@ -38,6 +39,12 @@ _MARKER: Final = re.compile(rb"\xff([^\x00\x01\xd0-\xd7\xff])")
 _START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN = 0xD8, 0xD9, 0xDA
 _FRAME_HEADERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
+MAX_KNOWN: Final = 8
+MAX_KNOWN_BYTES: Final = 4096
+_known_heads: deque[tuple[bytes, tuple[int, int]]] = deque(maxlen=MAX_KNOWN)
+"""What the last JPEGs that were checked begin with, up to the coded data, and their sizes. All
+pictures of a camera begin with the same bytes, on which alone the checks depend."""
+
 
 def picture_type(picture: bytes) -> str | None:
     """Return the Zenoh encoding of a JPEG or PNG by its first bytes; None if it is neither."""
@@ -62,7 +69,12 @@ def encode_jpeg(pixels: Pixels, encoding: str, quality: int) -> bytes:
 
 
 def decode_jpeg(
-    jpeg: bytes, encoding: str, least: tuple[int, int] = (0, 0), *, strict: bool = True
+    jpeg: bytes,
+    encoding: str,
+    least: tuple[int, int] = (0, 0),
+    *,
+    strict: bool = True,
+    target: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.uint8]:
     """Return the pixels of a JPEG in an 8-bit encoding.
 
@@ -73,11 +85,13 @@ def decode_jpeg(
             libjpeg's scales, multiples of 1/8, that has them, which is faster. 0 for full size.
         strict: Whether a flaw that libjpeg could repair is an error too, so that a damaged
             picture is not taken for an intact one.
+        target: Memory of the size of the pixels, to which they are written.
 
     Raises:
         PayloadError: ``corrupt``, in libjpeg's words, or ``too_large``: too many scans.
     """
-    check_scans(jpeg)
+    if _known_size(jpeg) is None:
+        check_scans(jpeg)
     try:
         pixels = simplejpeg.decode_jpeg(
             jpeg,
@@ -85,16 +99,21 @@ def decode_jpeg(
             min_width=least[0],
             min_height=least[1],
             strict=strict,
+            buffer=target,
         )
     except ValueError as error:
         raise PayloadError("corrupt", str(error)) from None
     return pixels[:, :, 0] if pixels.shape[2] == 1 else pixels  # type: ignore[no-any-return]
 
 
-def check_scans(jpeg: bytes) -> None:
+def check_scans(jpeg: bytes) -> int | None:
     """Check how often a JPEG's scans go over its pixels, by its segments, without decoding.
 
     It costs microseconds, as the coded data is searched only if several scans are possible.
+
+    Returns:
+        Where the header of its only scan ends: what follows is not a part of the check. None if
+        several scans are possible.
 
     Raises:
         PayloadError: ``too_large``.
@@ -104,7 +123,7 @@ def check_scans(jpeg: bytes) -> None:
     while found := _MARKER.search(jpeg, position):
         marker, start = found[1][0], found.end()
         if marker == _END_OF_IMAGE:
-            return
+            return None
         body = jpeg[start + 2 : start + 8]
         if marker in _FRAME_HEADERS and len(body) == 6:
             height, width, components = struct.unpack(">xHHB", body)
@@ -113,13 +132,15 @@ def check_scans(jpeg: bytes) -> None:
         elif marker == _START_OF_SCAN:
             scans += 1
             if scans == 1 and sequential and body[:1] == bytes([components]):
-                return  # it holds all components, so libjpeg reads no other
+                # It holds all components, so libjpeg reads no other.
+                return start + int.from_bytes(jpeg[start : start + 2])
             if scans > MAX_SCANS or scans * pixels > MAX_SCAN_PIXELS:
                 most = min(MAX_SCANS, MAX_SCAN_PIXELS // max(1, pixels))
                 raise PayloadError("too_large", f"a JPEG of over {most} scans of {pixels} pixels")
         position = start
         if marker != _START_OF_IMAGE:
             position += max(2, int.from_bytes(jpeg[start : start + 2]))
+    return None
 
 
 def encode_png(pixels: Pixels, *, bilevel: bool = False) -> bytes:
@@ -203,16 +224,29 @@ def picture_size(picture: bytes) -> tuple[int, int]:
         raise PayloadError("empty", "no bytes")
     if len(picture) > MAX_COMPRESSED_BYTES:
         raise PayloadError("too_large", f"{len(picture)} bytes, at most {MAX_COMPRESSED_BYTES}")
+    if (known := _known_size(picture)) is not None:
+        return known
+    head_end = None
     if picture.startswith(JPEG_START):
         try:
             height, width, *_ = simplejpeg.decode_jpeg_header(picture)
         except ValueError as error:
             raise PayloadError("corrupt", str(error)) from None
-        check_scans(picture)
+        head_end = check_scans(picture)
     elif picture.startswith(PNG_START) and picture[12:16] == b"IHDR" and len(picture) > 24:
         width, height = struct.unpack(">II", picture[16:24])
     else:
         raise PayloadError("not_an_image", f"neither JPEG nor PNG, starts with {picture[:8]!r}")
     if not 0 < width * height <= MAX_PIXELS:
         raise PayloadError("too_large", f"{width}x{height} pixels, at most {MAX_PIXELS} in all")
+    if head_end is not None and head_end <= MAX_KNOWN_BYTES:
+        _known_heads.appendleft((picture[:head_end], (width, height)))
     return width, height
+
+
+def _known_size(picture: bytes) -> tuple[int, int] | None:
+    """Return the size of a JPEG that begins exactly as one that was checked; else None."""
+    for head, size in tuple(_known_heads):  # other threads may add to it
+        if picture.startswith(head):
+            return size
+    return None

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.depth import RangeFinder, ValueRange, eight_bits
 from zenoh_vision.image.pixel_formats import Pixels
+from zenoh_vision.image.planar import PlanarPicture
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Header
 
@@ -29,6 +30,7 @@ class Frame:
         header: Its identity; ``header.encoding`` is the format of ``pixels``.
         pixels: (height, width[, channels]) in that encoding, if it is made from pixels.
         compressed: JPEG, or PNG for 16 bits, if it is made from a compressed picture.
+        planar: Planes of luma and chroma, if it is made from them; in colour, 8 bits.
         finder: Finds the range of 16-bit values that becomes 8 bits; None for the whole range.
         quality: JPEG quality, 1 to 100, if it must be encoded.
         key: The key on which it arrived; empty if it was made in this process.
@@ -49,14 +51,15 @@ class Frame:
         *,
         pixels: Pixels | None = None,
         compressed: bytes | None = None,
+        planar: PlanarPicture | None = None,
         quality: int = 80,
         key: str = "",
         borrowed: bool = False,
         bilevel: bool = False,
         finder: RangeFinder | None = None,
     ) -> None:
-        if (pixels is None) == (compressed is None):
-            raise ValueError("a frame is made from either pixels or a compressed picture")
+        if [pixels is None, compressed is None, planar is None].count(False) != 1:
+            raise ValueError("a frame is made from either pixels, planes or a compressed picture")
         pixel_formats.encoding_named(header.encoding)
         self.header = header
         self.key = key
@@ -66,6 +69,7 @@ class Frame:
         self._encoding = header.encoding or ""
         self._pixels = pixels
         self._compressed = compressed
+        self._planar = planar
         self._quality = quality
         self._is_deep = (
             self._encoding in pixel_formats.DEEP
@@ -158,7 +162,10 @@ class Frame:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
         with self._lock:
-            if self._pixels is None:
+            if self._pixels is None and self._planar is not None:
+                bgr = self._planar.bgr()
+                self._pixels = pixel_formats.convert(bgr, "bgr8", self._encoding)
+            elif self._pixels is None:
                 self._pixels = self._decode(self._encoding)
             return self._pixels
 
@@ -181,7 +188,7 @@ class Frame:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
         with self._lock:
-            jpeg = self._compressed
+            jpeg = None if self._planar is not None else self._compressed
             if self._pixels is None and jpeg is not None and jpeg.startswith(codecs.JPEG_START):
                 return codecs.decode_jpeg(jpeg, encoding, (width, height))
             return self._eight_bits(encoding)
@@ -191,6 +198,26 @@ class Frame:
         """Pixel rows in ``header.encoding`` without padding."""
         return pixel_formats.to_raw(self.pixels, self._encoding)
 
+    def copy_raw(self, target: NDArray[np.uint8]) -> None:
+        """Write the pixel rows in ``header.encoding`` to memory of their size.
+
+        A JPEG that was not decoded yet is decoded into it, and not kept.
+
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        with self._lock:
+            jpeg = None if self._planar is not None else self._compressed
+            shallow = self._encoding not in pixel_formats.DEEP
+            if self._pixels is None and jpeg is not None and shallow:
+                size = (self.header.width, self.header.height)
+                if jpeg.startswith(codecs.JPEG_START) and codecs.picture_size(jpeg) == size:
+                    codecs.decode_jpeg(jpeg, self._encoding, target=target)
+                    return
+            pixels = self.pixels
+        known = pixel_formats.ENCODINGS[self._encoding]
+        np.copyto(target.view(known.dtype).reshape(pixels.shape), pixels)
+
     def form(self, name: Form) -> Pixels:
         """Return ``pixels``, ``bgr`` or ``gray`` by its name."""
         if name == "bgr":
@@ -198,6 +225,8 @@ class Frame:
         return self.gray if name == "gray" else self.pixels
 
     def _encode(self) -> bytes:
+        if self._planar is not None:
+            return self._planar.jpeg(self._quality)
         assert self._pixels is not None
         depth = self.depth
         if depth is not None:
@@ -219,7 +248,7 @@ class Frame:
         if depth is not None:
             gray = eight_bits(depth, self.value_range)
             return np.asarray(pixel_formats.convert(gray, "mono8", encoding), np.uint8)
-        if self._pixels is None and self._compressed is not None:
+        if self._pixels is None and self._planar is None and self._compressed is not None:
             return np.asarray(self._decode(encoding), np.uint8)
         return np.asarray(pixel_formats.convert(self.pixels, self._encoding, encoding), np.uint8)
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, TypeVar, cast
+import os
+from typing import Any, Protocol, TypeVar, cast, get_args
 
 from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.image.frame import Frame, Want
-from zenoh_vision.keys import Transport
+from zenoh_vision.keys import TRANSPORT_VARIABLE, Transport
 from zenoh_vision.node.inputs import Input
 from zenoh_vision.node.inputs import Owner as InputOwner
+from zenoh_vision.node.shm_input import SharedMemoryInput
 from zenoh_vision.node.transport_switch import TransportSwitch
+from zenoh_vision.shm.machine import why_impossible
 from zenoh_vision.stream.buffer import Buffering
 from zenoh_vision.stream.frame_intake import FrameIntake
 from zenoh_vision.topics import COMPRESSED, RAW, Topic
@@ -42,8 +46,12 @@ def frame_input(
 
     Raises:
         ValueError: The transport does not fit the topic.
+        ConfigurationError: It is shared memory, which this process cannot use, or the environment
+            names a transport that does not exist.
     """
     namespace = node.connection.namespace
+    if transport is None and topic is COMPRESSED and camera != "*" and buffering.per_key:
+        transport = told_transport()
     if transport is not None and (topic is not COMPRESSED or camera == "*"):
         raise ValueError(f"transport {transport!r} needs {COMPRESSED.name} of one camera")
     raw_key = None if transport is None else RAW.key(namespace, camera)
@@ -58,8 +66,17 @@ def frame_input(
     )
     switch = None
     if transport is not None and raw_key is not None:
-        switch = TransportSwitch(node.link, intake, raw_key)
-        switch.follow(_setting(node.parameters, "transport", transport))
+        memory = None
+        first = _setting(node.parameters, "transport", transport)
+        if not (why := why_impossible()):
+            memory = SharedMemoryInput(node.link, namespace, camera, intake, raw_key)
+        elif first == "shm":
+            raise ConfigurationError(f"transport = shm: {why}; allowed here: auto, raw, jpeg")
+        # A queue needs every frame, and in shared memory only the newest waits.
+        switch = TransportSwitch(
+            node.link, intake, raw_key, memory, memory_by_itself=buffering.per_key
+        )
+        switch.follow(first)
 
     def take(timeout_s: float) -> Frame | None:
         revision = None if node.parameters is None else node.parameters.active
@@ -75,6 +92,22 @@ def frame_input(
         return frame
 
     return Input(node, intake, take, switch)
+
+
+def told_transport() -> Transport | None:
+    """Return the transport that the environment names for all inputs; None if it names none.
+
+    Raises:
+        ConfigurationError: It names one that does not exist.
+    """
+    told = os.environ.get(TRANSPORT_VARIABLE) or None
+    known = get_args(Transport)
+    if told is not None and told not in known:
+        raise ConfigurationError(
+            f"environment: {TRANSPORT_VARIABLE} = {told!r} is not allowed; allowed: "
+            f"{', '.join(known)}"
+        )
+    return cast("Transport | None", told)
 
 
 def _setting(parameters: ParameterStore[Any] | None, name: str, default: T) -> T:

@@ -80,6 +80,9 @@ class NamesakeMonitor:
             self._seen_s = now_s
         if self._seen_s is None:
             return
+        if not self._link.connected:
+            self._seen_s = now_s  # silence means nothing while no other node can be heard
+            return
         if now_s - self._seen_s > SILENT_S:
             self._seen_s = self._asked_s = None
             self._others = ()

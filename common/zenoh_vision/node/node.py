@@ -71,7 +71,7 @@ class Node:
     Attributes:
         stopping: Whether a stop was requested.
         inputs: Its open inputs.
-        publish, publish_picture, withdraw, header: Those of its ``Outputs``.
+        publish, publish_picture, header: Those of its ``Outputs``.
         publish_frame, publish_captured: Those of its ``OwnFrames``.
 
     Raises:
@@ -106,7 +106,6 @@ class Node:
         self.own_frames = OwnFrames(self, self._camera)
         self.publish = self.outputs.publish
         self.publish_picture = self.outputs.publish_picture
-        self.withdraw = self.outputs.withdraw
         self.publish_frame = self.own_frames.publish_frame
         self.publish_captured = self.own_frames.publish_captured
         self.header = self.outputs.header
@@ -131,6 +130,7 @@ class Node:
             opening.callback(signals.release)
             self._link = Link(self.connection, self._give_up_waiting, lambda: self.stopping)
             opening.callback(self._link.close)
+            opening.callback(self.outputs.close)
             self._server = server = QueryServer()
             self._declare(self._link, server)
             server.start()
@@ -215,13 +215,16 @@ class Node:
             borrow: Frames may be views of memory that the transport lends, valid until the next
                 is asked for; ``Frame.keep`` copies one.
             max_pixels: Larger frames are dropped as ``too_large`` before they are decoded.
-            transport: ``auto``: the camera's compressed frames if they flow, else its raw pixels;
-                ``jpeg`` or ``raw``: only these. If the node has a setting ``transport``, that
-                holds instead. None: the topic alone; another value needs the topic
-                ``image/compressed`` of one camera.
+            transport: ``auto``: the camera's frames in shared memory if both are on one machine
+                and have the extra ``shm``, else the compressed ones if they flow, else the raw
+                pixels; ``shm``, ``jpeg`` or ``raw``: only these. If the node has a setting
+                ``transport``, that holds instead. None: what ``ZV_TRANSPORT`` in the environment
+                says, else the topic alone. It needs the topic ``image/compressed`` of one camera,
+                and what the environment says is also left aside if frames wait in a queue.
 
         Raises:
             ValueError: The node does not serve the camera, or the transport does not fit the topic.
+            ConfigurationError: The transport is ``shm``, which this process cannot use.
         """
         return frame_input(
             self,

@@ -12,6 +12,7 @@ from zenoh_vision.keys import JPEG, RAW_IMAGE
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Header, Stamped
 from zenoh_vision.node.query_server import QueryServer
+from zenoh_vision.node.shm_offer import SharedMemoryOffer, may_offer
 from zenoh_vision.topics import COMPRESSED, RAW, Topic, topic_named
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.publisher import Outgoing, StreamPublisher, encoded_picture
@@ -44,6 +45,8 @@ class Outputs:
         self._cameras = tuple(cameras)
         self._publishers: dict[tuple[str, str], StreamPublisher] = {}
         self._new_publisher: Callable[[Topic, str], StreamPublisher] | None = None
+        self._new_offer: Callable[[str], SharedMemoryOffer] | None = None
+        self._offers: dict[str, SharedMemoryOffer] = {}
 
     @property
     def keys(self) -> list[str]:
@@ -57,6 +60,8 @@ class Outputs:
             return StreamPublisher(link, topic, topic.key(namespace, camera), server.queue)
 
         self._new_publisher = publisher
+        if may_offer():
+            self._new_offer = lambda camera: SharedMemoryOffer(link, namespace, camera)
         for camera, topics in self._topics.items():
             self._declare(camera, topics)
 
@@ -79,6 +84,18 @@ class Outputs:
             if not topic.by_query
         }
         self._publishers = {**self._publishers, **new}  # other threads may iterate over the old one
+        if self._new_offer is not None and {COMPRESSED, RAW} & set(topics):
+            self._offers[camera] = self._new_offer(camera)
+
+    @property
+    def shared_memory_failure(self) -> str:
+        """Why frames cannot be offered in shared memory now; empty if they can, or never were."""
+        return "; ".join(filter(None, (offer.failure for offer in self._offers.values())))
+
+    def close(self) -> None:
+        """Withdraw what is offered in shared memory; the session's end does the rest."""
+        for offer in self._offers.values():
+            offer.close()
 
     def header(self, frame: Frame, encoding: str | None = None) -> Header:
         """Return the header of a result: the frame's identity, this node's name and revision."""
@@ -153,36 +170,44 @@ class Outputs:
 
         publisher.offer(make)
 
-    def withdraw(self, topic: Topic | str, *, camera: str | None = None) -> None:
-        """Answer no more queries with what was published, until something is again.
+    def publish_frame(
+        self, frame: Frame, may_send: Callable[[Frame], bool] = lambda _: True
+    ) -> bool:
+        """Publish a camera's own frame: in shared memory, compressed and raw, each if wanted.
 
         Args:
-            topic: A topic that the node publishes.
-            camera: Of which camera, if the node serves several.
-        """
-        self._publisher(topic, self._camera(camera)).withdraw()
-
-    def publish_frame(self, frame: Frame) -> bool:
-        """Publish a camera's own frame, compressed and raw, each if declared and subscribed to.
+            frame: The frame.
+            may_send: Tells whether to send it compressed; called only if someone subscribes to
+                that.
 
         Returns:
-            Whether someone subscribes to either.
+            Whether someone takes it in any of these ways.
 
         Raises:
             ValueError: The node publishes neither of this camera.
             PayloadError: The pixels cannot be encoded.
         """
-        attachment = frame.header.to_bytes()
         camera = frame.header.camera
         declared = self._frame_topics(camera)
         forms = {
             COMPRESSED: lambda: Outgoing(
                 frame.compressed, frame.mime, frame.compressed_header.to_bytes()
             ),
-            RAW: lambda: Outgoing(frame.raw, RAW_IMAGE, attachment),
+            RAW: lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes()),
         }
-        found = [self._publisher(topic, camera).offer(forms[topic]) for topic in declared]
-        return any(found)
+        offer = self._offers.get(camera)
+        shared, is_decoded_for_it = False, frame.is_compressed
+        if offer is not None and not is_decoded_for_it:  # first, as it takes the least time
+            shared = offer.write(frame)
+        found = []
+        for topic in declared:
+            publisher = self._publisher(topic, camera)
+            if topic == COMPRESSED and publisher.wanted and not may_send(frame):
+                continue
+            found.append(publisher.offer(forms[topic]))
+        if offer is not None and is_decoded_for_it:
+            shared = offer.write(frame)
+        return any(found) or shared
 
     def check_camera(self, camera: str) -> None:
         """Check that frames of a camera can be published.

@@ -125,22 +125,40 @@ class OwnFrames:
             node.parameters.activate()
         return subscribed
 
-    def publish_pending(self, frame: Frame) -> bool:
+    def publish_pending(
+        self, frame: Frame, may_send: Callable[[Frame], bool] = lambda _: True
+    ) -> bool:
         """Publish a frame that was counted as captured, and count what became of it.
 
+        Args:
+            frame: The frame.
+            may_send: Tells whether the budget of bandwidth allows to send it compressed; called
+                only if someone subscribes to that. A frame that nobody gets for that reason is
+                dropped as ``over_budget``.
+
         Returns:
-            Whether someone subscribes.
+            Whether someone gets it.
         """
         node = self._node
+        withheld = False
+
+        def allowed(frame: Frame) -> bool:
+            nonlocal withheld
+            withheld = not may_send(frame)
+            return not withheld
+
         try:
-            subscribed = node.outputs.publish_frame(frame)
+            subscribed = node.outputs.publish_frame(frame, allowed)
         except PayloadError as error:
             node.drop(error)
             return False
         if subscribed:
             node.counters.finish()
+        elif withheld:
+            node.counters.drop("over_budget")
         else:
             node.counters.drop("no_subscriber")
+        node.health.shared_memory = node.outputs.shared_memory_failure
         node.health.done(frame.header.stamp_ns)
         return subscribed
 

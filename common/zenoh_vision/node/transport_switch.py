@@ -1,4 +1,4 @@
-"""Subscribes to a camera's frames by the key on which they flow: compressed, else raw pixels."""
+"""Takes a camera's frames the way they flow: shared memory, else compressed, else raw pixels."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import zenoh
 
 from zenoh_vision.keys import Transport
+from zenoh_vision.node.shm_input import SharedMemoryInput
 from zenoh_vision.stream.frame_intake import FrameIntake
 from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.subscriber import subscribe
@@ -18,52 +19,80 @@ of our own takes to start, which then makes no raw pixels in vain."""
 
 
 class TransportSwitch:
-    """The subscriptions of one input, to the compressed frames of a camera, the raw ones, or both.
+    """The ways of one input to a camera's frames: two keys and shared memory, as many as it needs.
 
-    With ``auto`` the compressed key is always subscribed to, which costs nothing while nobody
-    publishes on it. Raw pixels are ten times as large, and a camera that has both makes each only
-    for subscribers: they are subscribed to only while nothing compressed arrives. Once a compressed
+    With ``auto`` the compressed key is subscribed to, which costs nothing while nobody publishes on
+    it. If frames flow through shared memory, that subscription ends, so that the camera need not
+    encode them. Raw pixels over Zenoh are ten times as large, and a camera that has both makes each
+    only for subscribers: they are subscribed to only while nothing else arrives. Once a compressed
     frame arrives, they are unsubscribed from. The routers' list of publishers would tell sooner
     which of the two is published, but Zenoh 1.10 can hang a router that is asked for it while a
     publisher is being declared. ``follow`` does not wait for the network.
 
     Args:
         link: To the router.
-        intake: Takes the samples of both keys; its ``key`` is the compressed one.
+        intake: Takes the samples of all ways; its ``key`` is the compressed one.
         raw_key: Key of the raw pixels.
+        memory: The camera's frames in shared memory; None if this process cannot take them.
+        memory_by_itself: Whether ``auto`` takes them too.
     """
 
-    def __init__(self, link: Link, intake: FrameIntake, raw_key: str) -> None:
+    def __init__(
+        self,
+        link: Link,
+        intake: FrameIntake,
+        raw_key: str,
+        memory: SharedMemoryInput | None = None,
+        *,
+        memory_by_itself: bool = True,
+    ) -> None:
         self._link = link
         self._intake = intake
         self._raw_key = raw_key
+        self._memory = memory
+        self._memory_transports = ("auto", "shm") if memory_by_itself else ("shm",)
         self._subscriptions: dict[str, Declaration[zenoh.Subscriber[Any]]] = {}
         self._falls_back = False
 
     def follow(self, transport: Transport) -> None:
         """Subscribe and unsubscribe as a transport and what has arrived need it."""
-        compressed, raw = transport != "raw", transport == "raw"
+        if self._memory is not None:
+            self._memory.follow(wanted=transport in self._memory_transports)
+        wanted = {self._intake.key: transport == "jpeg", self._raw_key: transport == "raw"}
         if transport == "auto":
-            self._follow_what_flows(time.monotonic_ns())
-            raw = self._falls_back
-        wanted = {self._intake.key: compressed, self._raw_key: raw}
+            wanted = self._by_what_flows(time.monotonic_ns())
         for key, is_wanted in wanted.items():
             if is_wanted and key not in self._subscriptions:
                 self._subscriptions[key] = subscribe(self._link, self._intake, key)
             elif not is_wanted and key in self._subscriptions:
                 self._subscriptions.pop(key).undeclare()
-        self._intake.keys = tuple(key for key, is_wanted in wanted.items() if is_wanted)
-        taken = {self._intake.key: transport != "raw", self._raw_key: transport != "jpeg"}
-        self._intake.awaited = tuple(key for key, is_taken in taken.items() if is_taken)
+        # Frames in shared memory are those of the compressed key, whoever lists what a node takes.
+        keys = tuple(key for key, is_wanted in wanted.items() if is_wanted)
+        self._intake.keys = keys or (self._intake.key,)
+        self._intake.awaited = {
+            "auto": (self._intake.key, self._raw_key),
+            "jpeg": (self._intake.key,),
+            "raw": (self._raw_key,),
+            "shm": (f"{self._raw_key} in shared memory",),
+        }[transport]
 
     def undeclare(self) -> None:
-        """End all subscriptions."""
+        """End all ways."""
+        if self._memory is not None:
+            self._memory.close()
         while self._subscriptions:
             self._subscriptions.popitem()[1].undeclare()
 
-    def _follow_what_flows(self, now_ns: int) -> None:
+    def _by_what_flows(self, now_ns: int) -> dict[str, bool]:
+        """Return which keys ``auto`` needs."""
         key, since_ns = self._intake.newest
-        if now_ns - since_ns >= SILENT_NS:
+        flows = now_ns - since_ns < SILENT_NS
+        if not flows:
             self._falls_back = True
         elif key != self._raw_key:
             self._falls_back = False
+        receiving = self._memory is not None and self._memory.receiving
+        if flows and receiving and self._intake.way == "shm":
+            self._falls_back = False
+            return {self._intake.key: False, self._raw_key: False}
+        return {self._intake.key: True, self._raw_key: self._falls_back}

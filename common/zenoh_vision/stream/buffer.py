@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from zenoh_vision.stream.notifier import Notifier
+
 T = TypeVar("T")
 
 
@@ -79,11 +81,12 @@ class Buffer(Generic[T]):
         self,
         buffering: Buffering,
         dropped: Callable[[T], None],
-        filled: threading.Condition | None = None,
+        filled: Notifier | None = None,
     ) -> None:
         self._buffering = buffering
         self._dropped = dropped
-        self._filled = filled or threading.Condition()
+        self._filled = filled or Notifier()
+        self._lock = threading.Lock()
         self._lanes: dict[tuple[str, bool], _Lane[T]] = {}
         self._number = 0
 
@@ -91,7 +94,7 @@ class Buffer(Generic[T]):
         """Add an item of so many bytes; drop the oldest of its lane while that is full."""
         per_key = self._buffering.per_key
         lane_key = (key, unverified) if per_key else ("", False)  # a queue keeps the order
-        with self._filled:
+        with self._lock:
             self._number += 1
             lane = self._lanes.setdefault(lane_key, _Lane())
             replaced = []
@@ -103,21 +106,25 @@ class Buffer(Generic[T]):
             # A newer item takes the position of the one that it replaces.
             turn = replaced[0][0] if replaced and per_key else self._number
             lane.append(turn, size, item)
-            self._filled.notify_all()
+        self._filled.notify()
         for _, oldest in replaced:
             self._dropped(oldest)
 
     @property
     def filled(self) -> bool:
         """Whether an item waits."""
-        with self._filled:
-            return bool(self._lanes)
+        return bool(self._lanes)
 
     def take(self, timeout_s: float) -> T | None:
-        """Return an item of the key that waits longest, a verified one first; None if none came."""
-        with self._filled:
-            if not self._filled.wait_for(lambda: self._lanes, timeout_s):
-                return None
+        """Return an item of the key that waits longest, a verified one first.
+
+        None if none came, or another thread took it.
+        """
+        if not self._filled.wait_for(lambda: self._lanes, timeout_s):
+            return None
+        with self._lock:
+            if not self._lanes:
+                return None  # another thread took it
             key = min(self._lanes, key=lambda lane: self._lanes[lane].items[0][0])[0]
             lane_key = (key, False) if (key, False) in self._lanes else (key, True)
             lane = self._lanes[lane_key]
@@ -127,9 +134,6 @@ class Buffer(Generic[T]):
             return item
 
 
-def wait_for_any(
-    filled: threading.Condition, buffers: Sequence[Buffer[Any]], timeout_s: float
-) -> None:
-    """Wait until one of the buffers that share a condition has an item, or the time-out."""
-    with filled:  # a Condition's lock is re-entrant
-        filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)
+def wait_for_any(filled: Notifier, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
+    """Wait until one of the buffers that share a notifier has an item, or the time-out."""
+    filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)

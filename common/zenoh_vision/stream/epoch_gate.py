@@ -107,6 +107,8 @@ class EpochGate:
     ) -> Header:
         """Return the header that came with a picture, or one created on its arrival.
 
+        It has the time of arrival.
+
         Args:
             attachment: The header's bytes; None from a publisher that sends bare pictures.
             size: Width and height by the picture's own header; None for raw pixels.
@@ -124,7 +126,7 @@ class EpochGate:
             if not is_name(self._camera):
                 raise PayloadError("no_header", "a bare picture on a key that names no camera")
             return self._made_up(size, received_ns, now_ns, encoding)
-        header = Header.from_bytes(attachment)
+        header = Header.arrived(attachment, received_ns)
         if header.camera != self._camera:
             raise PayloadError(
                 "wrong_camera", f"header of {header.camera} on a key of {self._camera}"
@@ -270,6 +272,7 @@ class EpochGate:
                 width=size[0],
                 height=size[1],
                 encoding=encoding,
+                received_ns=received_ns,
                 assumed=True,
             )
 

@@ -14,6 +14,7 @@ from zenoh_vision.image.bits import bits_size, unpack_bits
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.frame import Frame, Want
 from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES, MAX_PIXELS
+from zenoh_vision.keys import Way
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffering, latest
 from zenoh_vision.stream.epoch_gate import SILENCE_NS, EpochGate
@@ -40,6 +41,9 @@ class KeyStream:
     missed: int = 0
     late_since_ns: int | None = None
     finder: RangeFinder = field(default_factory=RangeFinder)
+    way: Way = "jpeg"
+    seq: int = -1  # of the newest arrival, and its epoch
+    epoch: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +80,7 @@ class FrameIntake(Intake[Arrival, Frame]):
 
     Attributes:
         awaited: The keys on one of which the first frame may arrive.
+        way: How the newest frame arrived; None before the first.
         depth_limits: Lowest and highest of the 16-bit values that become 8 bits, each None for
             automatic; None for the whole range, as cv_bridge does.
     """
@@ -96,6 +101,7 @@ class FrameIntake(Intake[Arrival, Frame]):
         self._raw = raw
         self._raw_key = raw_key
         self.awaited: tuple[str, ...] = (key,)
+        self.way: Way | None = None
         self._newest_key: str | None = None
         self.depth_limits: tuple[int | None, int | None] | None = None
         self._borrow = borrow
@@ -173,6 +179,7 @@ class FrameIntake(Intake[Arrival, Frame]):
                     stream.late_since_ns,
                     stream.gate.offset_ns,
                     stream=name,
+                    way=stream.way,
                 )
                 for name, stream in sorted(self._streams.items())
             ]
@@ -207,12 +214,17 @@ class FrameIntake(Intake[Arrival, Frame]):
         with self._lock:
             stream = self._streams.get(key) or KeyStream(EpochGate(keys.camera_of(key)))
             header = checked_header(sample, stream.gate, self._max_pixels, raw=raw)
+            way: Way = "shm" if sample.shared else "raw" if raw else "jpeg"
+            if _came_already(stream, way, header, now_ns):
+                raise PayloadError("duplicate", f"frame {header.seq} came another way")
             unverified, missed = stream.gate.admit(header, now_ns)
             self._enter(key, stream, now_ns)
             stream.number += 1
             stream.missed += missed
             stream.since_ns = self._since_ns = now_ns
             stream.key = self._newest_key = sample.key
+            stream.way = self.way = way
+            stream.epoch, stream.seq = header.epoch, header.seq
             arrival = Arrival(sample, stream, header, unverified, stream.number, stream.missed)
         if missed:
             self._counters.note("missed", missed)
@@ -237,6 +249,17 @@ class FrameIntake(Intake[Arrival, Frame]):
             del self._streams[key]
 
 
+def _came_already(stream: KeyStream, way: Way, header: Header, now_ns: int) -> bool:
+    """Tell whether a frame, or a later one, came another way before.
+
+    Only processes of this user can write to shared memory, so nobody else can keep frames away by
+    what came from there; what came from the network counts only for the very same frame.
+    """
+    if way == stream.way or header.epoch != stream.epoch or now_ns - stream.since_ns >= SILENCE_NS:
+        return False
+    return header.seq == stream.seq or (header.seq < stream.seq and stream.way == "shm")
+
+
 def picture_limit(max_pixels: int, *, raw: bool) -> SizeLimit:
     """Return the limit of the bytes of a picture with so many pixels."""
     return SizeLimit(max_pixels * MAX_PIXEL_BYTES) if raw else PICTURE_LIMIT
@@ -255,13 +278,9 @@ def checked_header(
     payload = sample.payload
     bits = sample.encoding == keys.BITS
     size = None if raw or bits else codecs.picture_size(bytes(payload))
-    header = gate.identify(
-        sample.attachment,
-        size,
-        sample.received_ns,
-        sample.arrived_ns,
-        codecs.stored_encoding(bytes(payload[: codecs.PNG_HEAD])),
-    )
+    bare = sample.attachment is None
+    encoding = codecs.stored_encoding(bytes(payload[: codecs.PNG_HEAD])) if bare else ""
+    header = gate.identify(sample.attachment, size, sample.received_ns, sample.arrived_ns, encoding)
     if header.width * header.height > max_pixels:
         raise PayloadError(
             "too_large", f"{header.width}x{header.height} pixels, at most {max_pixels} in all"
@@ -280,7 +299,7 @@ def checked_header(
             raise PayloadError("wrong_size", f"{len(payload)} bytes instead of {expected}")
     else:
         pixel_formats.encoding_named(header.encoding)
-    return header.model_copy(update={"received_ns": sample.received_ns})
+    return header
 
 
 def frame_of(
@@ -298,9 +317,9 @@ def frame_of(
         return Frame(mono, pixels=pixels, key=sample.key, bilevel=True)
     if not raw:
         return Frame(header, compressed=bytes(sample.payload), key=sample.key, finder=finder)
-    payload = sample.payload if borrow else bytes(sample.payload)
+    payload = sample.payload if borrow or sample.shared else bytes(sample.payload)
     rows = pixel_formats.from_raw(payload, header.encoding or "", header.width, header.height)
-    borrowed = isinstance(payload, memoryview)
+    borrowed = isinstance(payload, memoryview) and not sample.shared
     return Frame(header, pixels=rows, key=sample.key, borrowed=borrowed, finder=finder)
 
 

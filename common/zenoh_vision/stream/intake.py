@@ -14,10 +14,12 @@ from typing import Generic, TypeVar
 
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.keys import Way
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES
 from zenoh_vision.stream.buffer import Buffer, Buffering, latest
 from zenoh_vision.stream.counters import FrameCounters
+from zenoh_vision.stream.notifier import Notifier
 from zenoh_vision.stream.sample import MESSAGE_LIMIT, RAW_LIMIT, Sample, SizeLimit
 
 Item = TypeVar("Item")
@@ -34,6 +36,7 @@ class InputState:
         late_since_ns: Since when every frame has been stale; None if the last one was not.
         offset_ns: The least ``now - stamp`` of the last minute; None if unknown.
         stream: Stays the same while the key changes, for a stream that has two; empty for the key.
+        way: How the last frame arrived; None before the first.
     """
 
     key: str
@@ -41,6 +44,7 @@ class InputState:
     late_since_ns: int | None = None
     offset_ns: int | None = None
     stream: str = ""
+    way: Way | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +61,7 @@ class Consumer:
     counters: FrameCounters
     dropped: Callable[[PayloadError], None]
     arrived: Callable[[], None] = lambda: None
-    filled: threading.Condition = field(default_factory=threading.Condition)
+    filled: Notifier = field(default_factory=Notifier)
 
 
 class Intake(ABC, Generic[Waiting, Item]):
@@ -116,7 +120,8 @@ class Intake(ABC, Generic[Waiting, Item]):
             item, unverified = self._check(sample)
         except PayloadError as error:
             self._discard(sample, error.reason)
-            self._dropped(error)
+            if error.reason != "duplicate":  # a frame came in two ways, which is no fault
+                self._dropped(error)
             return
         stream = self._stream_key(sample.key)
         self.buffer.put((sample, item), stream, unverified=unverified, size=size)

@@ -144,10 +144,6 @@ class StreamPublisher:
         )
         return True
 
-    def withdraw(self) -> None:
-        """Keep nothing for queries any more."""
-        self._kept.clear()
-
     def answer(self, query: zenoh.Query) -> None:
         """Reply with the newest payloads, oldest first; no reply if there is none yet.
 

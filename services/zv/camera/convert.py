@@ -55,11 +55,11 @@ class Converter:
             check_depth(picture.encoding, wanted)
         except ParameterRefused as refused:  # a folder may mix pictures of both kinds
             raise PayloadError("unsupported_encoding", refused.error) from None
-        unchanged = flip == "none" and wanted != "mono16"
-        if wanted == "mono8" and picture.encoding != "mono8":
-            unchanged = False
+        unchanged = is_unchanged(picture, wanted, flip)
         if picture.jpeg is not None and unchanged and self._is_valid(picture.jpeg, header.epoch):
             return Frame(header, compressed=picture.jpeg)
+        if picture.planar is not None and unchanged and wanted not in pixel_formats.DEEP:
+            return Frame(header, planar=picture.planar, quality=quality)
         return Frame(header, pixels=_pixels(picture, wanted, flip), quality=quality)
 
     def _is_valid(self, jpeg: bytes, epoch: int) -> bool:
@@ -73,9 +73,18 @@ class Converter:
         return True
 
 
+def is_unchanged(picture: Picture, wanted: str, flip: str) -> bool:
+    """Tell whether a JPEG of a picture is that of the frame, too."""
+    if wanted == "mono8" and picture.encoding != "mono8":
+        return False
+    return flip == "none" and wanted != "mono16"
+
+
 def _pixels(picture: Picture, wanted: str, flip: str) -> Pixels:
     pixels, encoding = picture.pixels, picture.encoding
-    if pixels is None:
+    if picture.planar is not None:
+        pixels = picture.planar.bgr()
+    elif pixels is None:
         encoding = "mono8" if wanted in ("mono8", "mono16") else "bgr8"
         # Flaws that libjpeg can repair are accepted in a webcam's JPEG.
         pixels = codecs.decode_jpeg(picture.jpeg or b"", encoding, strict=False)

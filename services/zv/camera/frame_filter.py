@@ -61,6 +61,8 @@ class FrameFilter:
 def _equal(one: Picture, other: Picture) -> bool:
     if one.jpeg is not None and other.jpeg is not None:
         return one.jpeg == other.jpeg
+    if one.planar is not None and other.planar is not None:
+        return one.planar.equals(other.planar)
     if one.pixels is None or other.pixels is None or one.pixels.shape != other.pixels.shape:
         return False
     row = one.pixels.shape[0] // 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 
 from zenoh_vision import Connection, Header, Level, Node, ParameterStore, PayloadError, Tracks
 from zenoh_vision.calibration.camera_model import CalibrationFault
@@ -14,6 +15,7 @@ from zv.camera.convert import Converter, check_depth, mirrored
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import OpenSource, expected_rate, open_source
+from zv.camera.stream_limit import StreamLimit
 from zv.registry import published_by
 
 KEEPS_DEPTH = (
@@ -76,7 +78,7 @@ def run(
         description = capture.open()
         with node:
             log.info("%s", description)
-            converter = Converter()
+            converter, limit = Converter(), StreamLimit()
             latch = None if calibration is None else CalibrationLatch(calibration, settings.flip)
             for captured in capture.frames(stopping, report):
                 if delivered is None:
@@ -87,17 +89,23 @@ def run(
                         log.warning(
                             KEEPS_METRES if delivered == "32FC1" else KEEPS_DEPTH, delivered
                         )
-                publish(node, converter, captured, latch)
+                publish(node, converter, captured, limit, latch)
 
 
 def publish(
     node: Node,
     converter: Converter,
     captured: CapturedFrame,
+    limit: StreamLimit,
     latch: CalibrationLatch | None = None,
 ) -> None:
     """Publish one captured frame, its calibration and ground truth; count the outcome."""
-    picture, settings = captured.picture, captured.revision.settings
+    settings = captured.revision.settings
+    try:
+        picture, quality = limit.fit(captured, time.monotonic())
+    except PayloadError as error:
+        node.drop(error)
+        return
     header = Header(
         camera=node.camera,
         epoch=captured.epoch,
@@ -116,12 +124,13 @@ def publish(
         tracks = mirrored(picture.truth, settings.flip, picture.width, picture.height)
         node.publish("truth", Tracks(header=truth_header, tracks=tracks))
     try:
-        frame = converter.frame(header, picture, flip=settings.flip, quality=settings.quality)
+        frame = converter.frame(header, picture, flip=settings.flip, quality=quality)
     except PayloadError as error:
         node.drop(error)
         return
     frame.revision = captured.revision
-    node.own_frames.publish_pending(frame)
+    node.own_frames.publish_pending(frame, limit.may_send)
+    node.health.remark = limit.words
 
 
 def send_calibration(node: Node, latch: CalibrationLatch, header: Header, flip: str) -> None:

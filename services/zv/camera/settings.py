@@ -88,6 +88,17 @@ class CameraSettings(ServiceSettings):
         Live(),
     ] = "bgr8"
     quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality"), Live()] = 80
+    max_kbps: Annotated[
+        int | None,
+        Field(
+            ge=10,
+            le=1_000_000,
+            description="limit of what image/compressed takes of a link, 1000 bit/s; not set: no "
+            "limit. First the quality falls, to 30, then the size, to a half and a quarter of each "
+            "side, then the rate",
+        ),
+        Live("kbit/s"),
+    ] = None
     flip: Annotated[
         Literal["none", "horizontal", "vertical", "both"],
         Field(description="mirror the picture; both rotates it by 180 degrees"),

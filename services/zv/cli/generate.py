@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 from zenoh_vision.cli.command import Command, Group
 from zenoh_vision.cli.errors import FAULT_STATUS
 from zenoh_vision.cli.flags import ConnectionSettings, ToolConnectionSettings, parameters_of
+from zenoh_vision.cli.processors import ProcessorSettings
 from zenoh_vision.config.constraints import allowed, toml_line, toml_value
 from zenoh_vision.config.parameters import live_fields
 from zenoh_vision.config.settings import Settings, flag_of
@@ -137,6 +138,7 @@ def configuration_page() -> str:
         CONFIGURATION,
         _options("Every command", ConnectionSettings),
         "A [tool](tools.md) waits 5 s for a router unless `--timeout` says otherwise.\n",
+        _options("Every service", ProcessorSettings),
         *(_options(f"`zv {command_of(service)}`", model_of(service)) for service in SERVICES),
         LAUNCH_FILE,
         _keys("Top level", LaunchTables),
@@ -180,8 +182,12 @@ def _default(field: FieldInfo) -> str:
 
 # docs/cli.md
 
-CONNECTIONS = {"Connection": ConnectionSettings, "Connection of tools": ToolConnectionSettings}
-"""The options for the connection, which most commands have, so they are listed once."""
+SHARED: dict[str, type[Settings]] = {
+    "Connection": ConnectionSettings,
+    "Connection of tools": ToolConnectionSettings,
+    "Processors": ProcessorSettings,
+}
+"""The options that many commands have, so they are listed once."""
 
 COMMAND_LINE = """# Command line
 
@@ -216,7 +222,7 @@ def command_page() -> str:
     """Return docs/cli.md."""
     found = entries()
     parts = [COMMAND_LINE, _contents(found), "## Exit status\n", _statuses()]
-    shared = {_parameters(parameters_of(model)): title for title, model in CONNECTIONS.items()}
+    shared = {_parameters(parameters_of(model)): title for title, model in SHARED.items()}
     parts += [f"## {title}\n\n{table}" for table, title in shared.items()]
     parts += [_chapter(words, command, shared) for words, command in found.items()]
     return "\n".join(parts)
@@ -253,10 +259,12 @@ def _chapter(words: str, command: Command | Group, shared: dict[str, str]) -> st
         return "\n".join([*parts, ", ".join(f"[{n}](#{_anchor(n)})" for n in names) + "\n"])
     usage = " ".join([words, *command.collect_usage_pieces(click.Context(command))])
     parts.append(f"```text\n{usage}\n```\n")
-    for parameters in command.sections.values():
-        table = _parameters(parameters)
-        title = shared.get(table)
-        parts.append(f"Options for the router: [{title}](#{_anchor(title)}).\n" if title else table)
+    tables = [_parameters(each) for each in command.sections.values()]
+    parts += [table for table in tables if table not in shared]
+    titles = [shared[table] for table in tables if table in shared]
+    if titles:
+        links = ", ".join(f"[{title}](#{_anchor(title)})" for title in titles)
+        parts.append(f"Further options: {links}.\n")
     return "\n".join(parts)
 
 

@@ -20,8 +20,7 @@ from zenoh_vision.image.files import decode_image, images_in, is_turned
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import encoding_of
 from zenoh_vision.messages import Header
-from zv.edge.detectors.available import DETECTORS
-from zv.edge.detectors.detection import Gray
+from zv.edge.detectors.detection import STAGES, Gray
 from zv.edge.detectors.rendering import as_sixteen_bits
 from zv.edge.file_options import FileOptions
 from zv.edge.finding import EdgesOfFrame
@@ -52,14 +51,14 @@ class Job:
     stages: Path | None
     strength: Path | None
 
-    def results(self, stages: Sequence[str]) -> Iterator[tuple[str, Path]]:
-        """Yield the flag and the file of each result, of a detector with these steps."""
+    def results(self) -> Iterator[tuple[str, Path]]:
+        """Yield the flag and the file of each result."""
         if self.out is not None:
             yield "--out", self.out
         if self.strength is not None:
             yield "--strength", self.strength
         if self.stages is not None:
-            for name in (*stages, FINAL):
+            for name in (*STAGES, FINAL):
                 yield "--stages", stage_file(self.stages, name)
 
 
@@ -123,11 +122,11 @@ def planned(settings: EdgeSettings, options: FileOptions) -> list[Job]:
             check_suffix("--out", out, MAP_SUFFIXES)
         if strength is not None:
             check_suffix("--strength", strength, (".png",))
-    check_places(jobs, DETECTORS[settings.detector].stages)
+    check_places(jobs)
     return jobs
 
 
-def check_places(jobs: Sequence[Job], stages: Sequence[str]) -> None:
+def check_places(jobs: Sequence[Job]) -> None:
     """Check that no result is written over an image or over another result.
 
     Raises:
@@ -135,7 +134,7 @@ def check_places(jobs: Sequence[Job], stages: Sequence[str]) -> None:
     """
     taken = {identity(job.image): f"{job.image} of --image" for job in jobs}
     for job in jobs:
-        for flag, place in job.results(stages):
+        for flag, place in job.results():
             other = taken.setdefault(identity(place), f"{place} of {flag}")
             if other != f"{place} of {flag}":
                 raise ConfigurationError(f"{flag} would overwrite {other}; name another place")

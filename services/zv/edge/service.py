@@ -60,12 +60,8 @@ def publish(node: Node, frame: Frame, found: EdgesOfFrame, settings: EdgeSetting
     )
     stages = found.stages
     for name in EDGE_STAGES:
-        topic = f"edges/{name}/compressed"
-        if name in stages:
-            encoding = "bgr8" if name in COLOURED else "mono8"
-            node.publish_picture(topic, frame, stages[name], encoding=encoding)
-        else:
-            node.withdraw(topic)  # the step of the detector before
+        encoding = "bgr8" if name in COLOURED else "mono8"
+        node.publish_picture(f"edges/{name}/compressed", frame, stages[name], encoding=encoding)
     node.publish("edges/contours", partial(contours_of, node, frame, found))
 
 

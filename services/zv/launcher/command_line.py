@@ -43,12 +43,14 @@ class CommandLine:
     folder: Path | None = None
 
 
-def zv_command_line(words: Sequence[str], secrets: Mapping[str, str] | None = None) -> CommandLine:
+def zv_command_line(
+    words: Sequence[str], variables: Mapping[str, str] | None = None
+) -> CommandLine:
     """Return the command line that starts a command of ``zv`` with this interpreter.
 
     Args:
         words: The command and its arguments.
-        secrets: Variables to add to the inherited ones.
+        variables: To add to the inherited ones.
     """
     environment = _without_resolved()
     if ROOT.name not in ("site-packages", "dist-packages"):  # a checkout, perhaps not installed
@@ -57,7 +59,7 @@ def zv_command_line(words: Sequence[str], secrets: Mapping[str, str] | None = No
         )
     # -P: do not import from a folder named zv in the working directory.
     return CommandLine(
-        (sys.executable, "-P", "-m", "zv", *words), {**environment, **(secrets or {})}
+        (sys.executable, "-P", "-m", "zv", *words), {**environment, **(variables or {})}
     )
 
 

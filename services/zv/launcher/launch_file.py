@@ -36,12 +36,14 @@ class PlannedNode:
 
     Attributes:
         name: ``{service}_{camera}``, or ``{service}`` of one that serves several or all cameras.
+        variables: Environment variables that the launch file sets.
     """
 
     name: str
     service: str
     settings: Settings
     restart: bool
+    variables: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +219,8 @@ def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
     )
     cameras = _cameras_of(table)
     name = f"{table.service}_{cameras[0]}" if len(cameras) == 1 else table.service
-    return PlannedNode(name, table.service, settings, table.restart)
+    variables = table.processor_variables()
+    return PlannedNode(name, table.service, settings, table.restart, variables)
 
 
 def _program(path: Path, place: str, table: NodeTable) -> PlannedProgram:
@@ -252,7 +255,7 @@ def _program(path: Path, place: str, table: NodeTable) -> PlannedProgram:
     return PlannedProgram(
         name,
         (program, *table.command[1:], *program_flags(options)),
-        table.env,
+        {**table.processor_variables(), **table.env},
         folder,
         table.restart,
     )

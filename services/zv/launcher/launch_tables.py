@@ -8,6 +8,7 @@ from typing import Annotated, Any, NoReturn
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from zenoh_vision.cli.processors import Affinity, Nice, ProcessorSettings, Threads
 from zenoh_vision.config.constraints import allowed_and_default, unknown_key, wrong_value
 from zenoh_vision.config.settings import CameraName, CameraNames, Text, read_toml
 from zenoh_vision.errors import ConfigurationError
@@ -109,6 +110,15 @@ class NodeTable(Table):
         ),
     ] = None
     restart: Annotated[bool, Field(description="restart the process when it dies")] = True
+    threads: Threads = 1
+    nice: Nice = 0
+    affinity: Affinity = None
+
+    def processor_variables(self) -> dict[str, str]:
+        """Return the variables that give a service what the table says of processors."""
+        limits = self.model_fields_set & ProcessorSettings.model_fields.keys()
+        prefix = ProcessorSettings.env_prefix
+        return {f"{prefix}{name.upper()}": str(getattr(self, name)) for name in sorted(limits)}
 
 
 class LaunchTables(Table):

@@ -206,7 +206,7 @@ class System:
             flags += ["--zenoh-config", self._connection.zenoh_config]
         return Child(
             node.name,
-            zv_command_line(flags, secrets),
+            zv_command_line(flags, {**secrets, **node.variables}),
             restart=node.restart,
             finishes=node.service == "camera",
             say=self.display.say,

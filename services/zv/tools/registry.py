@@ -102,7 +102,7 @@ TOOLS: Final[dict[str, Tool]] = {
         """zv topic pub vision/front/centroid '{"x": 1, "y": 2, "box": null, "area": null}'""",
         "The key determines the type that the message is checked against. Each message gets a "
         "new header: epoch, number and stamp cannot be given. The first message waits up to a "
-        "second for a subscriber, with --wait-for N for so many without limit.",
+        "second for a subscriber; with --once or --wait-for N as long as it takes.",
         json=False,
         completes=("key", ""),
     ),

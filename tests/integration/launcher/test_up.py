@@ -228,6 +228,19 @@ def test_a_node_that_is_stuck_is_shown_as_silent(tmp_path):
         program.lines(r"tracker_front +silent for \d+ s .*")
 
 
+def test_a_node_has_the_niceness_of_its_table_and_no_other_has_it(tmp_path):
+    file = Path(some_of(tmp_path, "camera", "edge"))
+    file.write_text(f"{file.read_text()}nice = 19\n")  # in the last table
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    if own == 19:
+        pytest.skip("these tests have the highest niceness already")
+    with up(tmp_path, str(file), "--listen", free_endpoint()) as program:
+        wait_for_children(program, "camera", "edge", "router")
+        nodes = {service_of(p): p for p in children(program)}
+        wait_until(lambda: nodes["edge"].nice() == 19)
+        assert nodes["camera"].nice() == nodes["router"].nice() == own
+
+
 def test_it_ends_with_all_its_processes_when_nobody_reads_its_lines(tmp_path):
     file = some_of(tmp_path, "camera")
     command = [sys.executable, "-m", "zv", "up", file, "--plain", "--listen", free_endpoint()]

@@ -35,7 +35,12 @@ def health(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     file = tmp_path / "health"
     monkeypatch.setattr(
         "tests.support.processes.environment",
-        lambda: {**os.environ, "PYTHONPATH": os.getcwd(), "ZV_HEALTH_FILE": str(file)},
+        lambda: {
+            **os.environ,
+            "PYTHONPATH": os.getcwd(),
+            "ZV_HEALTH_FILE": str(file),
+            "ZV_VIEWER_PORT": "0",  # somebody may use the default one
+        },
     )
     return file
 

@@ -102,6 +102,22 @@ def test_a_nodes_own_report_that_comes_back_over_its_former_session_is_no_other_
     assert health.namesake == ""
 
 
+def test_without_a_router_the_silence_of_the_other_node_does_not_mean_that_it_is_gone(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(namesake, "SILENT_S", -1.0)  # any silence is long enough
+    watched, health = monitor()
+    health.namesake = "another node is called seer"
+    watched._seen_s = 0.0
+    link: Any = SimpleNamespace(connected=False)
+    watched._link = link
+    watched.check()
+    assert (health.namesake, caplog.messages) == ("another node is called seer", [])
+    link.connected = True
+    watched.check()
+    assert (health.namesake, caplog.messages) == ("", ["no other node is called seer any more"])
+
+
 @pytest.mark.parametrize("payload", [b"", b"\xc1", b"\x81\xa4node\xa4seer"])
 def test_what_is_no_report_is_no_other_node(payload: bytes) -> None:
     watched, health = monitor()

@@ -18,6 +18,7 @@ from zenoh_vision.image.codecs import encode_png
 from zenoh_vision.transport import publisher
 
 COMPRESSED = "vision/front/image/compressed"
+RAW = "vision/front/image"
 PIXELS = np.full((48, 64, 3), 90, np.uint8)
 FRAME_HEADER = Header(
     camera="front", epoch=1, seq=0, stamp_ns=1, width=64, height=48, encoding="bgr8"
@@ -66,6 +67,28 @@ def test_what_nobody_subscribes_to_is_counted_so_and_kept_for_a_snapshot(client,
     assert balance(diagnostics.counters) == 0
     assert diagnostics.level == Level.OK
     assert diagnostics.latency_ms.p50 is not None
+
+
+def test_a_frame_over_the_budget_is_counted_so_but_its_raw_pixels_are_sent(client, connection):
+    topics = ["image/compressed", "image"]
+    pictures = Listener(client, COMPRESSED)
+    with Node("camera", connection=connection, publishes=topics) as node:
+        wait_until(lambda: node.outputs._publisher("image/compressed", "front").wanted)
+        frame = node.publish_captured(PIXELS)
+        pictures.wait_for(1)
+        for _ in range(2):
+            node.counters.arrive()
+            assert not node.own_frames.publish_pending(frame, lambda _: False)
+        withheld = node.counters.snapshot()
+        raw = Listener(client, RAW)
+        wait_until(lambda: node.outputs._publisher("image", "front").wanted)
+        node.counters.arrive()
+        assert node.own_frames.publish_pending(frame, lambda _: False)
+        raw.wait_for(1)
+        counted = node.counters.snapshot()
+        assert len(pictures.messages) == 1
+    assert withheld == {"captured": 3, "published": 1, "dropped.over_budget": 2, "pending": 0}
+    assert counted == {"captured": 4, "published": 2, "dropped.over_budget": 2, "pending": 0}
 
 
 def test_a_source_that_was_opened_again_begins_a_new_epoch_at_0(connection):

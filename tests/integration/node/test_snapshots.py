@@ -109,13 +109,12 @@ def test_diagnostics_answer_with_the_newest_as_well(client, service):
     assert newest(client, "@vision/diagnostics/tracker_front").payload == published.payload
 
 
-@pytest.mark.quiet
 def test_a_camera_that_nobody_listens_to_says_that_it_published_nothing(client, service):
     service("camera", "--rate", 20, *SMALL)
     health = Listener(client, "@vision/diagnostics/camera_front")
     unheard = health.wait_for(2)[-1].body["counters"]
     assert unheard["published"] == 0
-    assert unheard["dropped.no_subscriber"] >= 15
+    assert unheard["dropped.no_subscriber"] == unheard["captured"] - unheard["pending"] > 0
     listener = Listener(client, "vision/front/image/compressed")
     listener.wait_for(15)
     health.wait_for(1, after_s=time.monotonic())

@@ -251,7 +251,9 @@ def check_health(node: str, message: Message) -> None:
     assert set(body) == {
         *("node", "stamp_ns", "level", "message", "uptime_s", "counters", "rate_hz"),
         *("latency_ms", "latency_histogram_ms"),
+        *(() if node == "camera_front" else ("transport",)),
     }
+    assert body.get("transport") in ({None} if node == "camera_front" else {"shm", "jpeg"})
     assert body["node"] == node
     # A machine that is too busy for 20 Hz is warned of, rightly.
     assert body["level"] == 0 or " Hz " in body["message"], body["message"]

@@ -267,10 +267,13 @@ def test_each_reason_is_logged_once_per_burst(client, service):
     system.gained(3 * len(sends))
     reasons = {reason for _, reason in BAD.values()}
     for node, program in system.programs.items():
-        lines = [line for line in program.complaints.splitlines() if "WARNING" in line]
+        said = [  # but that a busy machine makes it slower than its stream
+            line for line in program.complaints.splitlines() if "than its stream" not in line
+        ]
+        lines = [line for line in said if "WARNING" in line]
         logged = [line.split("dropped a sample, ")[1].split(":")[0] for line in lines]
         assert sorted(logged) == sorted(reasons), (node, lines)
-        (other,) = set(program.complaints.splitlines()) - {*lines}
+        (other,) = set(said) - {*lines}
         assert "connected to the router at" in other
         assert program.output == ""
 

@@ -25,8 +25,8 @@ REASONS = (
 
 def test_counters_balance_in_every_health_message_beside_a_rogue_publisher(client, quick_service):
     quick_service("camera", "--rate", 40, "--width", 320, "--height", 240)
-    quick_service("tracker")
-    quick_service("edge")
+    quick_service("tracker", "--transport", "jpeg")  # nobody else can write to shared memory
+    quick_service("edge", "--transport", "jpeg")
     wait_for_nodes(client, *NODES)
     health = {node: Listener(client, f"@vision/diagnostics/{node}") for node in NODES}
     listeners = [Listener(client, "vision/front/tracked/compressed")]

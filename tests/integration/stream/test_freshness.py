@@ -20,8 +20,10 @@ from tests.support.processes import ROOT, Program
 from tests.support.publishing import Paced, PlainCamera
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision.node.node import Node
+from zenoh_vision.shm.machine import why_impossible
 from zenoh_vision.transport.connection import Connection
 
+WAYS = ("jpeg",) if why_impossible() else ("jpeg", "shm")
 SMALL = ("--width", 320, "--height", 240)
 SECONDS = 4
 """Of these a queue would hold up a consumer of 5 Hz for 3.3 s: 25 of 30 frames a second wait."""
@@ -34,7 +36,8 @@ READERS = 16
 
 
 @pytest.mark.quiet
-def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, service):
+@pytest.mark.parametrize("transport", WAYS)
+def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, service, transport):
     service("camera", "--rate", 30, *SMALL)
     wait_for_nodes(client, "camera_front")
     health = {
@@ -46,7 +49,9 @@ def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, se
     work = threading.Event()
     connection = Connection(connect=router.endpoint, timeout_s=5)
     with Node("slow", connection=connection) as node:
-        for frame in in_time(node, node.frames("image/compressed", want="bgr"), SECONDS):
+        frames = node.frames("image/compressed", want="bgr", transport=transport)
+        for frame in in_time(node, frames, SECONDS):
+            assert way_of(node) == transport
             ages_ms.append((time.time_ns() - frame.header.stamp_ns) / 1e6)
             seen.append((frame.header.epoch, frame.header.seq))
             work.wait(0.2)
@@ -103,6 +108,30 @@ def test_a_tracker_that_was_frozen_for_3_s_goes_on_with_fresh_frames(client, qui
     assert lost + counters.get("missed", 0) >= len(unseen) > 0
 
 
+@pytest.mark.quiet
+@pytest.mark.skipif("shm" not in WAYS, reason=why_impossible() or "-")
+def test_a_tracker_that_was_frozen_goes_on_with_fresh_frames_from_shared_memory(
+    client, quick_service
+):
+    tracker = quick_service("tracker", "--transport", "shm")
+    quick_service("camera", "--rate", 30, *SMALL)
+    centroids = Listener(client, "vision/front/centroid")
+    centroids.wait_for(15)
+    os.kill(tracker.process.pid, signal.SIGSTOP)
+    threading.Event().wait(3.0)  # the length of the freeze is what is tested
+    os.kill(tracker.process.pid, signal.SIGCONT)
+    resumed_s = time.monotonic()
+    after = centroids.wait_for(30, after_s=resumed_s)
+    sent = [message for message in after if message.header["done_ns"] / 1e9 > wall(resumed_s)]
+    assert sent[0].at_s - resumed_s < 2
+    assert [message for message in sent if message.age_s > 0.5] == []
+    numbers = [message.header["seq"] for message in centroids.messages]
+    assert numbers == sorted(set(numbers))
+    health = newest(client, "@vision/diagnostics/tracker_front")
+    assert health.body["transport"] == "shm"
+    assert balance(health.body["counters"]) == 0
+
+
 def camera_seqs(camera: PlainCamera, since_s: float, until_s: float) -> set[int]:
     """Return the numbers of the frames that were sent between two monotonic times."""
     return {seq for seq, at_s in camera.sent_s.items() if since_s < at_s < until_s}
@@ -110,6 +139,11 @@ def camera_seqs(camera: PlainCamera, since_s: float, until_s: float) -> set[int]
 
 def fresher(client, stamp_ns: int) -> bool:
     return newest(client, "@vision/diagnostics/tracker_front").body["stamp_ns"] > stamp_ns
+
+
+def way_of(node: Node) -> str | None:
+    """Return how the newest frame of a node's only input came."""
+    return next(iter(node.inputs)).intake.way  # type: ignore[attr-defined]
 
 
 def wall(at_s: float) -> float:
@@ -215,7 +249,7 @@ def test_no_frame_older_than_max_age_is_seen(client, service):
     camera = PlainCamera(client)
     with camera.at(30):
         centroids.wait_for(15)
-    overwritten = counters_now(client).get("dropped.overwritten", 0)
+    before = counters_after(client, centroids, camera.seq - 1)
     queue_s = threading.Event()
     last_stamp_ns = time.time_ns()
     queue_s.wait(0.6)  # for so long nothing came through: what comes then has waited in a queue
@@ -226,21 +260,23 @@ def test_no_frame_older_than_max_age_is_seen(client, service):
 
     with camera.at(30, send_late):
         wait_until(lambda: len(late) >= 5)
-    fresh = camera.send()
-    wait_until(lambda: fresh in {message.header["seq"] for message in centroids.messages})
+    after = counters_after(client, centroids, camera.send())
     assert not set(late) & {message.header["seq"] for message in centroids.messages}
-
-    def all_counted() -> dict[str, int] | None:
-        """Return the counters of a report that was made after the last frame."""
-        counters = counters_now(client)
-        replaced = counters.get("dropped.overwritten", 0) - overwritten
-        return counters if counters.get("dropped.stale", 0) + replaced >= len(late) else None
-
-    counters = wait_until(all_counted)
-    replaced = counters.get("dropped.overwritten", 0) - overwritten
-    assert counters["dropped.stale"] + replaced == len(late)
-    assert counters["dropped.stale"] >= 1
+    dropped = {
+        reason: after.get(f"dropped.{reason}", 0) - before.get(f"dropped.{reason}", 0)
+        for reason in ("stale", "overwritten")
+    }
+    assert dropped["stale"] + dropped["overwritten"] == len(late)
+    assert dropped["stale"] >= 1
 
 
-def counters_now(client) -> dict[str, int]:
-    return newest(client, "@vision/diagnostics/tracker_front").body["counters"]
+def counters_after(client, centroids: Listener, seq: int) -> dict[str, int]:
+    """Return the counters of a report that was made after a frame, and all before it, were used."""
+    wait_until(lambda: seq in {message.header["seq"] for message in centroids.messages})
+    used_ns = time.time_ns()
+
+    def reported() -> dict[str, int] | None:
+        body = newest(client, "@vision/diagnostics/tracker_front").body
+        return body["counters"] if body["stamp_ns"] > used_ns else None
+
+    return wait_until(reported)

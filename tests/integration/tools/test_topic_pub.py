@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
 import time
 from pathlib import Path
@@ -11,9 +12,11 @@ import msgpack
 import numpy as np
 import pytest
 import zenoh
+from pydantic import ValidationError
 
 from tests.support.listening import Listener, open_client
 from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg
+from tests.support.processes import run_program
 from tests.support.publishing import (
     CENTROID,
     JPEG,
@@ -94,6 +97,36 @@ def test_pub_waits_for_as_many_subscribers_as_it_is_told_to(client, endpoint, zv
         for listener in listeners:
             assert listener.wait_for(1)
     assert f"waiting for 2 subscribers on {key}; there are 1" in capsys.readouterr().err
+
+
+def test_pub_once_sends_one_message_however_late_its_subscriber_comes(
+    client, zv, monkeypatch, capsys
+):
+    monkeypatch.setattr(pub, "MATCH_S", 0.0)  # what is sent without a subscriber is sent at once
+    listeners: list[Listener] = []
+    later = threading.Timer(0.5, lambda: listeners.append(Listener(client, "other/once")))
+    later.start()
+    zv(
+        PubOptions(
+            key="other/once", data='{"error": "x", "allowed": "y"}', type_="refusal", once=True
+        )
+    )
+    later.join()
+    assert len(listeners[0].wait_for(1)) == 1
+    assert "waiting for a subscriber on other/once\n" in capsys.readouterr().err
+
+
+def test_pub_takes_the_letter_of_ros_for_once():
+    # Refused for the reason that --once gives, so -1 is --once.
+    done = run_program([sys.executable, "-m", "zv", "topic", "pub", "-1", "a/b", "{}", "--rate=5"])
+    assert done.returncode == 2
+    assert "--once sends one message" in done.stderr
+
+
+@pytest.mark.parametrize("other", [{"rate": 10}, {"count": 2}, {"count": 1}])
+def test_pub_once_takes_no_other_number_of_messages(other):
+    with pytest.raises(ValidationError, match="--once sends one message"):
+        PubOptions(key=KEY, data="{}", once=True, **other)
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -96,10 +96,10 @@ def test_tracks_have_places_events_their_times_and_queries_get_predictions(
         assert stamps[0] <= stamp_ns
         return float(np.interp(stamp_ns, stamps, times))
 
-    def pace(stamp_ns: int) -> float:
-        """Return how fast the belt's time went in the second before a stamp: 1, if the machine
+    def pace(stamp_ns: int, for_s: float = 1.0) -> float:
+        """Return how fast the belt's time went in the time before a stamp: 1, if the machine
         keeps up."""
-        return belt_s(stamp_ns) - belt_s(stamp_ns - 1_000_000_000)
+        return (belt_s(stamp_ns) - belt_s(stamp_ns - round(for_s * 1e9))) / for_s
 
     assert prediction.world is not None
     assert prediction.world_velocity is not None
@@ -107,7 +107,11 @@ def test_tracks_have_places_events_their_times_and_queries_get_predictions(
     ahead_s = (prediction.stamp_ns - newest_ns) / 1e9 * pace(newest_ns)
     true_mm = belt.positions(belt_s(newest_ns) + ahead_s)[0]
     assert prediction.world == pytest.approx((true_mm.x_mm, true_mm.y_mm), abs=0.03 * FIELD_MM)
-    assert prediction.world_velocity == pytest.approx((160 * pace(newest_ns), 0), abs=10)
+    # On a busy machine the pace changes while the tracker still averages over the one before.
+    paces = [pace(newest_ns, for_s) for for_s in (0.3, 0.5, 1.0)]
+    along, across = prediction.world_velocity
+    assert 160 * min(paces) - 10 <= along <= 160 * max(paces) + 10
+    assert across == pytest.approx(0, abs=10)
 
     crossed = wait_until(
         lambda: [e for e in events.messages if e.body["event"] == "line_crossed"], START_S + 10

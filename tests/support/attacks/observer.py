@@ -32,7 +32,8 @@ def _most_back_s() -> float:
     """Return how long costly pictures may keep good ones away: 2 s, on a slow machine up to 3 s.
 
     After the silence that the rule asks for, a node may still be at work on the costliest picture
-    and on the one that waited behind it. Measured before the attacks, in this process.
+    and on the one that waited behind it. Measured in this process, beside what the machine is busy
+    with, so to be called before an attack.
     """
     picture = np.frombuffer(deep(4, 2304, 4096), np.uint8)
     begun_s = time.perf_counter()
@@ -54,7 +55,6 @@ class Observer:
 
     def __init__(self, endpoint: str, port: int, token: str = "") -> None:
         self._port, self._token = port, token
-        self._slowest_s = _most_back_s()
         self._shown: list[Seen] = []
         self._ended = threading.Event()
         self._closing = ExitStack()
@@ -91,8 +91,8 @@ class Observer:
         return found
 
     def most_back_s(self, attack: Attack) -> float:
-        """Return how long after an attack good frames may be away."""
-        return self._slowest_s if attack.is_costly else BACK_S
+        """Return how long after an attack, which has not begun, good frames may be away."""
+        return _most_back_s() if attack.is_costly else BACK_S
 
     def health(self) -> dict[str, Diagnostics]:
         """Return the next report of each node itself; it is valid, and its counters balance."""

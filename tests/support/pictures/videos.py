@@ -13,6 +13,8 @@ from av.audio.frame import AudioFrame
 from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
+from zv.camera.sources.base import Picture
+
 WIDTH, HEIGHT = 64, 48
 TICK = Fraction(1, 1000)
 
@@ -110,3 +112,11 @@ def with_orientation(jpeg: bytes, orientation: int, order: str = "little") -> by
     tiff = mark + number(42, 2) + number(8, 4) + number(1, 2) + entry + bytes(4)
     body = b"Exif\0\0" + tiff
     return jpeg[:2] + b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body + jpeg[2:]
+
+
+def shown(picture: Picture) -> NDArray[np.generic]:
+    """Return the pixels of a source's picture, converted if it came as planes."""
+    if picture.planar is not None:
+        return picture.planar.bgr()
+    assert picture.pixels is not None
+    return picture.pixels

@@ -9,6 +9,7 @@ import pytest
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health import health as health_module
 from zenoh_vision.health.health import Health
+from zenoh_vision.keys import Way
 from zenoh_vision.messages import Level
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.intake import InputState
@@ -53,9 +54,10 @@ class Input:
 
     since_s: float
     key: str = "vision/front/image/compressed"
+    way: Way | None = None
 
     def states(self) -> list[InputState]:
-        return [InputState(self.key, int(self.since_s * 1e9))]
+        return [InputState(self.key, int(self.since_s * 1e9), way=self.way)]
 
 
 @pytest.fixture
@@ -120,3 +122,24 @@ def test_a_key_is_silent_since_one_listens_to_it_and_not_since_the_node_began(ca
     watched.since_s = 3703.0
     assert camera.run(1, 0) == (Level.OK, "ok")
     assert camera.run(5, 0) == (Level.STALE, f"no frame on {watched.key} for 6 s")
+
+
+def test_the_ways_of_all_inputs_are_said_once_each(camera: Camera):
+    assert camera.health.diagnostics().transport is None
+    for way in (None, "shm", "jpeg", "shm"):
+        camera.health.watch(Input(since_s=100.0, way=way))
+    assert camera.health.diagnostics().transport == "jpeg,shm"
+
+
+def test_that_shared_memory_fails_is_a_warning(camera: Camera):
+    camera.health.shared_memory = "no room"
+    assert camera.run(1, 0) == (Level.WARN, "no room")
+
+
+def test_a_remark_is_said_without_a_level_of_its_own():
+    health = Health("camera_front", FrameCounters("captured", "published"))
+    health.remark = "max_kbps = 800: fewer frames"
+    said = health.diagnostics()
+    assert (said.level, said.message) == (Level.OK, "max_kbps = 800: fewer frames")
+    health.remark = ""
+    assert health.diagnostics().message == "ok"

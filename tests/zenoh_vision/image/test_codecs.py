@@ -219,3 +219,38 @@ def test_a_jpeg_is_decoded_at_the_smallest_scale_that_is_large_enough():
     assert (int(half[100, 50, 0]), int(half[100, 300, 0])) == (0, 200)
     assert codecs.decode_jpeg(jpeg, "mono8", (70, 50)).shape == (60, 80)  # an eighth is enough
     assert codecs.decode_jpeg(jpeg, "mono8", (9999, 9999)).shape == (480, 640)
+
+
+def test_the_size_of_pictures_that_begin_alike_is_read_once(monkeypatch: pytest.MonkeyPatch):
+    first, second = (codecs.encode_jpeg(noise("bgr8"), "bgr8", 71) for _ in range(2))
+    assert codecs.picture_size(first) == (31, 17)
+    monkeypatch.setattr(codecs, "check_scans", None)
+    assert codecs.picture_size(second) == (31, 17)
+    assert codecs.decode_jpeg(second, "bgr8").shape == (17, 31, 3)
+
+
+def test_pictures_that_begin_alike_but_are_of_another_size_have_their_own():
+    for size in ((31, 17), (17, 31), (31, 18), (31, 17)):
+        assert codecs.picture_size(codecs.encode_jpeg(noise("bgr8", *size), "bgr8", 71)) == size
+
+
+@pytest.mark.parametrize(
+    "options",
+    [(cv2.IMWRITE_JPEG_PROGRESSIVE, 1), (cv2.IMWRITE_JPEG_QUALITY, 80)],
+    ids=["progressive", "one scan"],
+)
+def test_only_a_picture_of_one_scan_is_known_by_its_beginning(options: tuple[int, int]):
+    jpeg = cv2.imencode(".jpg", noise("bgr8", 33, 19), options)[1].tobytes()
+    codecs.picture_size(jpeg)
+    is_known = any(jpeg.startswith(head) for head, _ in codecs._known_heads)
+    assert is_known is (options[0] != cv2.IMWRITE_JPEG_PROGRESSIVE)
+
+
+def test_few_beginnings_are_kept_and_no_large_one():
+    for width in range(1, 40):
+        codecs.picture_size(codecs.encode_jpeg(noise("bgr8", width, 8), "bgr8", 80))
+    assert len(codecs._known_heads) == codecs.MAX_KNOWN
+    jpeg = codecs.encode_jpeg(noise("bgr8", 41, 8), "bgr8", 80)
+    long = jpeg[:2] + b"\xff\xfe" + (5002).to_bytes(2) + bytes(5000) + jpeg[2:]  # a comment
+    assert codecs.picture_size(long) == (41, 8)
+    assert not any(long.startswith(head) for head, _ in codecs._known_heads)

@@ -11,8 +11,18 @@ from tests.support.intakes import JPEG, PIXELS, Taker, sample
 from zenoh_vision.node import transport_switch
 from zenoh_vision.node.transport_switch import TransportSwitch
 
-COMPRESSED, RAW = "vision/r1/image/compressed", "vision/r1/image"
+COMPRESSED, RAW, SHM = "vision/r1/image/compressed", "vision/r1/image", "shared memory"
 S = 10**9
+
+
+class Memory:
+    """The frames in shared memory, which a camera offers while ``receiving``."""
+
+    def __init__(self) -> None:
+        self.receiving = self.wanted = False
+
+    def follow(self, *, wanted: bool) -> None:
+        self.wanted = wanted
 
 
 class System:
@@ -27,7 +37,9 @@ class System:
         self.now_ns = self.intake.newest[1]  # when it was opened
         self._seq = 0
         link: Any = None
-        self._switch = TransportSwitch(link, self.intake, RAW)
+        self.memory = Memory()
+        memory: Any = self.memory
+        self._switch = TransportSwitch(link, self.intake, RAW, memory)
 
     def _subscribe(self, _link: object, _intake: object, key: str) -> Any:
         self.subscribed.add(key)
@@ -39,7 +51,10 @@ class System:
         if came:
             self._seq += 1
             payload = JPEG if came == COMPRESSED else PIXELS.tobytes()
-            self.intake.receive(sample(self._seq, payload, came, arrived_ns=self.now_ns))
+            shared, key = came == SHM, RAW if came == SHM else came
+            self.intake.receive(
+                sample(self._seq, payload, key, arrived_ns=self.now_ns, shared=shared)
+            )
         self._switch.follow(transport)
         return set(self.subscribed)
 
@@ -93,3 +108,41 @@ def test_raw_frames_that_flow_are_kept_until_a_compressed_one_comes(system):
     for _ in range(5):
         assert system.after(2.9, came=RAW) == {COMPRESSED, RAW}
     assert system.after(0.1, came=COMPRESSED) == {COMPRESSED}
+
+
+def test_compressed_frames_are_taken_until_one_came_through_shared_memory(system):
+    assert system.after(0) == {COMPRESSED}
+    assert system.memory.wanted
+    system.memory.receiving = True
+    assert system.after(1) == {COMPRESSED}
+    assert system.after(0, came=COMPRESSED) == {COMPRESSED}
+    assert system.after(0, came=SHM) == set()
+    assert system.intake.keys == (COMPRESSED,)
+    for _ in range(3):
+        assert system.after(2.9, came=SHM) == set()
+
+
+def test_they_are_taken_again_at_once_when_the_offer_goes_and_when_nothing_comes_for_3_s(system):
+    system.memory.receiving = True
+    assert system.after(1, came=SHM) == set()
+    system.memory.receiving = False
+    assert system.after(0) == {COMPRESSED}
+    system.memory.receiving = True
+    assert system.after(0, came=SHM) == set()
+    assert system.after(2.9) == set()
+    assert COMPRESSED in system.after(0.1)
+
+
+@pytest.mark.parametrize(("transport", "keys"), [("raw", {RAW}), ("jpeg", {COMPRESSED})])
+def test_shared_memory_is_left_alone_if_another_way_is_told(system, transport, keys):
+    system.memory.receiving = True
+    system.after(1, came=SHM)
+    assert system.after(0, transport) == keys
+    assert not system.memory.wanted
+
+
+def test_shared_memory_alone_subscribes_to_nothing_else_however_long_nothing_comes(system):
+    assert system.after(0, "shm") == set()
+    assert system.after(9, "shm") == set()
+    assert system.memory.wanted
+    assert [state.key for state in system.intake.states()] == [f"{RAW} in shared memory"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgpack
 import pytest
 
 from tests.support.library import NOW_NS, header, seen
@@ -26,7 +27,7 @@ def identify(
 
 
 def test_the_header_that_came_is_the_identity():
-    assert identify(EpochGate("front"), header(3)) == header(3)
+    assert identify(EpochGate("front"), header(3)) == header(3, received_ns=NOW_NS)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +58,19 @@ def test_a_header_that_cannot_be_right_is_refused(
 )
 def test_a_clock_that_is_off_is_normal(off_s: float):
     found = header(stamp_ns=NOW_NS + int(off_s * 1e9))
-    assert identify(EpochGate("front"), found) == found
+    assert identify(EpochGate("front"), found).stamp_ns == found.stamp_ns
+
+
+def test_the_time_of_arrival_is_the_receivers_own():
+    found = identify(EpochGate("front"), header(3, received_ns=5), now_ns=NOW_NS + 7)
+    assert found.received_ns == NOW_NS + 7
+
+
+def test_a_time_of_arrival_that_is_none_makes_the_header_bad():
+    attachment = msgpack.packb({**header(3).to_map(), "received_ns": "soon"})
+    with pytest.raises(PayloadError, match="received_ns") as caught:
+        EpochGate("front").identify(attachment, SIZE, NOW_NS, 0)
+    assert caught.value.reason == "bad_header"
 
 
 def test_an_attachment_that_is_no_header_is_refused():
@@ -67,12 +80,12 @@ def test_an_attachment_that_is_no_header_is_refused():
 
 
 def test_raw_pixels_have_no_size_of_their_own_to_compare():
-    assert identify(EpochGate("front"), header(3), size=None) == header(3)
+    assert identify(EpochGate("front"), header(3), size=None) == header(3, received_ns=NOW_NS)
 
 
 def test_a_bare_picture_gets_an_identity_that_says_it_was_made_up():
     made_up = identify(EpochGate("front"), None)
-    assert made_up == header(0, epoch=NOW_NS, assumed=True)
+    assert made_up == header(0, epoch=NOW_NS, received_ns=NOW_NS, assumed=True)
 
 
 def test_bare_pictures_are_one_epoch_in_order():

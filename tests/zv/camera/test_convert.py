@@ -13,6 +13,7 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import DISTANCES
+from zenoh_vision.image.planar import PlanarPicture
 from zenoh_vision.messages import Header, Track
 from zv.camera.convert import Converter, mirrored
 from zv.camera.sources.base import Picture
@@ -242,3 +243,29 @@ def test_the_values_of_16_bits_become_millimetres_and_metres_as_they_are():
 def test_grey_levels_and_colours_are_never_published_as_depth(picture):
     with pytest.raises(PayloadError, match="encoding = 16UC1 is depth, but the source delivers"):
         converted(picture, "16UC1")
+
+
+def planar(bgr: Any) -> PlanarPicture:
+    grey = (np.full((48, 64), 100, np.uint8), *(np.full((24, 32), 128, np.uint8),) * 2)
+    return PlanarPicture(grey, full_range=True, to_bgr=lambda: bgr)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "flip", "is_encoded_from_planes"),
+    [
+        ("bgr8", "none", True),
+        ("rgba8", "none", True),
+        ("bgr8", "both", False),
+        ("mono8", "none", False),
+        ("mono16", "none", False),
+    ],
+)
+def test_planes_are_encoded_unless_they_must_change(
+    encoding: str, flip: str, is_encoded_from_planes: bool
+):
+    found = converted(Picture("bgr8", 64, 48, planar=planar(SCENE)), encoding, flip)
+    assert born_as_pixels(found) is not is_encoded_from_planes
+    expected = pixel_formats.convert(FLIPS[flip](SCENE), "bgr8", encoding)
+    assert np.array_equal(found.pixels, expected)
+    if is_encoded_from_planes:
+        assert np.abs(codecs.decode_jpeg(found.compressed, "mono8").astype(int) - 100).max() <= 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from zenoh_vision.image.planar import PlanarPicture
 from zv.camera.frame_filter import FrameFilter
 from zv.camera.sources.base import Picture
 
@@ -20,6 +21,11 @@ def pixels(change: tuple[int, int, int] | None = None, like: np.ndarray = NOISE)
 
 def packet(jpeg: bytes) -> Picture:
     return Picture("bgr8", 12, 10, jpeg=jpeg)
+
+
+def planar(red: int = 128) -> Picture:
+    planes = (NOISE[:, :, 0], NOISE[:5, :6, 1], np.full((5, 6), red, np.uint8))
+    return Picture("bgr8", 12, 10, planar=PlanarPicture(planes, full_range=True, to_bgr=NOISE.copy))
 
 
 def test_the_first_picture_repeats_nothing():
@@ -42,6 +48,9 @@ def test_the_first_picture_repeats_nothing():
         (packet(b"\xff\xd8one"), packet(b"\xff\xd8two"), False),
         (packet(b"\xff\xd8one"), pixels(), False),
         (pixels(), packet(b"\xff\xd8one"), False),
+        (planar(), planar(), True),
+        (planar(), planar(129), False),
+        (planar(), pixels(), False),
     ],
     ids=[
         "equal",
@@ -54,6 +63,9 @@ def test_the_first_picture_repeats_nothing():
         "other packets",
         "packet, then pixels",
         "pixels, then packet",
+        "equal planes",
+        "other planes",
+        "planes, then pixels",
     ],
 )
 def test_only_an_exactly_equal_picture_is_a_repeat(one: Picture, other: Picture, same: bool):

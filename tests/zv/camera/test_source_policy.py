@@ -21,6 +21,7 @@ OTHER: dict[str, Any] = {
     "loop": True,
     "encoding": "mono8",
     "quality": 5,
+    "max_kbps": 800,
     "flip": "both",
     "stall_after": 1.0,
     "frozen_after": 1.0,

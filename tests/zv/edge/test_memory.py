@@ -11,13 +11,14 @@ import pytest
 
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
+from zv.edge.detectors.available import DETECTORS
 from zv.edge.finding import EdgesOfFrame
 from zv.edge.settings import EdgeSettings
 
 WIDTH, HEIGHT = 1200, 1000
 
 
-@pytest.mark.parametrize("detector", ["canny", "sobel", "haralick", "colour"])
+@pytest.mark.parametrize("detector", DETECTORS)
 def test_map_and_steps_of_a_frame_take_the_memory_that_is_stated(detector: str):
     coarse = np.random.default_rng(0).integers(0, 256, (40, 48, 3)).astype(np.uint8)
     picture = np.asarray(

@@ -45,6 +45,30 @@ def test_the_default_file_names_a_camera_a_tracker_and_an_edge_detector():
 NODES = ("camera", "tracker", "edge")
 
 
+def test_a_node_is_given_what_it_may_take_of_the_processors(tmp_path: Path):
+    limits = 'threads = 2\nnice = 5\naffinity = "0-1"\n'
+    (node,) = read_launch_file(launch(tmp_path, NODE + limits)).nodes
+    assert node.variables == {"ZV_THREADS": "2", "ZV_NICE": "5", "ZV_AFFINITY": "0-1"}
+    (program,) = read_launch_file(
+        launch(tmp_path, f'{NODE}command = "sh"\n{limits}env = {{ A = "1", ZV_NICE = "7" }}\n')
+    ).nodes
+    assert program.variables == {**node.variables, "ZV_NICE": "7", "A": "1"}
+    (unlimited,) = read_launch_file(launch(tmp_path, NODE)).nodes
+    assert unlimited.variables == {}
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("nice = 20", "node[0].nice = 20 is not allowed (above 19); allowed: a whole number from"),
+        ("threads = -1", "node[0].threads = -1 is not allowed (below 0)"),
+        ('affinity = "1-0"', "node[0].affinity = '1-0' is not allowed (1-0 ends before it begins)"),
+    ],
+)
+def test_a_wrong_limit_of_the_processors_is_refused(tmp_path: Path, line: str, said: str):
+    assert said in complaint(launch(tmp_path, f"{NODE}{line}\n"))
+
+
 def test_two_cameras_differ_in_name_and_scene():
     plan = read_launch_file(ROOT / "configs" / "two-cameras.toml")
     assert {node.name for node in plan.nodes} == {

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import threading
 import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import av
 import numpy as np
@@ -18,11 +19,13 @@ from av.packet import Packet
 from av.stream import Disposition, Stream
 from av.video.format import VideoFormat
 from av.video.frame import VideoFrame
-from av.video.reformatter import VideoReformatter
+from av.video.reformatter import ColorRange, VideoReformatter
 from av.video.stream import VideoStream
+from numpy.typing import NDArray
 
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
 from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_RAW_BYTES
+from zenoh_vision.image.planar import PlanarForm, PlanarPicture, Planes, are_even
 from zv.camera.sources.base import Picture, picture_of
 from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
 
@@ -33,6 +36,10 @@ DEFAULT_RATE_HZ: Final = 25.0
 MAX_BLOCK_BYTES: Final = MAX_RAW_BYTES + (1 << 20)
 """The largest block of memory that libav may take: the largest picture, with padding. A packet
 without an end, of a server that sends no boundary, would otherwise grow until the time-out."""
+
+PLANAR: Final = frozenset({"yuv420p", "yuvj420p"})
+BT_601: Final = frozenset({2, 5, 6})  # not stated, BT.470 BG, SMPTE 170M
+"""Colour spaces of JPEG; libav takes a stream that states none for one of these."""
 
 TEXT_DECODERS: Final = frozenset({"ansi", "bintext", "xbin", "idf"})
 """Codecs with which libav draws any text file as a picture of a terminal."""
@@ -124,6 +131,8 @@ class AvStream:
         self._is_mjpeg = context.name == "mjpeg"
         self._frames: deque[VideoFrame] = deque()
         self._reformatter = VideoReformatter()
+        self._converting = threading.Lock()  # pixels may be asked for on other threads
+        self._asked: set[PlanarForm] = set()
         self._warned = False
         rate = self._stream.average_rate or self._stream.guessed_rate
         self.rate_hz = float(rate) if rate else None
@@ -184,20 +193,36 @@ class AvStream:
     def _decoded(self, frame: VideoFrame) -> Picture:
         """Return a decoded frame, upright, as a picture.
 
-        Grey pictures keep their depth (9 to 15 bits are scaled up to 16); alpha is kept. All
-        others are converted to BGR by the stream's colour space and range; if the stream states
-        neither, the result equals OpenCV's.
+        Planes that a JPEG can store are left as they are. Grey pictures keep their depth (9 to 15
+        bits are scaled up to 16); alpha is kept. All others are converted to BGR by the stream's
+        colour space and range; if the stream states neither, the result equals OpenCV's.
         """
-        wanted = _pixel_format(frame.format)
-        converted = self._reformatter.reformat(
-            frame, format=wanted, src_color_range=frame.color_range, threads=1
+        due_s = self._due_s(frame.time)
+        planes = _planes(frame)
+        if planes is None:
+            return picture_of(self._pixels(frame), due_s=due_s)
+        planar = PlanarPicture(
+            planes,
+            full_range=_is_full_range(frame),
+            to_bgr=lambda: self._pixels(frame),
+            asked=lambda form: self._asked.add(form),  # to the set of that time
         )
+        forms, self._asked = tuple(self._asked), set()
+        planar.prepare(forms)  # ahead of time: what was asked for of the pictures before
+        return Picture("bgr8", *planar.size, planar=planar, due_s=due_s)
+
+    def _pixels(self, frame: VideoFrame) -> NDArray[Any]:
+        wanted = _pixel_format(frame.format)
+        with self._converting:
+            converted = self._reformatter.reformat(
+                frame, format=wanted, src_color_range=frame.color_range, threads=1
+            )
         pixels = converted.to_ndarray()
         if frame.rotation % 90 == 0 and frame.rotation % 360:
             pixels = np.rot90(pixels, frame.rotation // 90)
         if converted is frame or not pixels.flags.c_contiguous:
             pixels = pixels.copy()  # the decoder may still need its own
-        return picture_of(pixels, due_s=self._due_s(frame.time))
+        return pixels
 
 
 def _pixel_format(source: VideoFormat) -> str:
@@ -208,6 +233,27 @@ def _pixel_format(source: VideoFormat) -> str:
     if source.has_palette or source.is_rgb or len(components) != 1:
         return "bgr24"
     return "gray16le" if components[0].bits > 8 else "gray"
+
+
+def _planes(frame: VideoFrame) -> Planes | None:
+    """Return the planes of a frame as a JPEG can store them; None if its colours are others."""
+    if frame.format.name not in PLANAR or frame.colorspace not in BT_601 or frame.rotation % 360:
+        return None
+    if not are_even(frame.height, frame.width):
+        return None
+    if any(plane.line_size < plane.width for plane in frame.planes):  # rows from bottom to top
+        return None
+    luma, blue, red = (
+        np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[
+            : plane.height, : plane.width
+        ]
+        for plane in frame.planes
+    )
+    return luma, blue, red
+
+
+def _is_full_range(frame: VideoFrame) -> bool:
+    return frame.format.name == "yuvj420p" or frame.color_range == ColorRange.JPEG
 
 
 def _video_stream(container: InputContainer) -> VideoStream:

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Detection, Detector, Gray, Picture, Strength
+from zv.edge.detectors.detection import Detector, Gray, Picture, Strength
 from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
+from zv.edge.detectors.smoothing import SmoothedDetection
 from zv.edge.detectors.thinning import hysteresis, maxima
 
 ONE_SIDED_GAIN: Final = {3: 4, 5: 48, 7: 640}
@@ -23,14 +24,6 @@ GAIN_DIVISOR: Final = {3: 1, 5: 1, 7: 16}
 
 LARGEST_L2_THRESHOLD: Final = 32767
 """``cv2.Canny`` takes larger thresholds for this one, with ``l2``, after that division."""
-
-
-def smooth(gray: Gray, sigma: float) -> Gray:
-    """Return a grey picture after a Gaussian filter of ``sigma`` pixels; 0: the picture itself.
-
-    At the border the picture continues as its mirror image without the outermost row.
-    """
-    return gray if sigma == 0 else np.asarray(cv2.GaussianBlur(gray, (0, 0), sigma), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,26 +59,17 @@ class Canny(Detector):
         return CannyDetection(self, picture)
 
 
-class CannyDetection(Detection):
+class CannyDetection(SmoothedDetection[Canny]):
     """The edges of one picture, by ``cv2.Canny`` itself, and its steps.
 
     The steps are computed apart from the edge map, which costs nothing unless they are asked for:
     hysteresis of ``suppressed`` gives the edge map bit for bit (``edges_by_steps``).
     """
 
-    def __init__(self, canny: Canny, picture: Gray) -> None:
-        self._canny = canny
-        self._picture = picture
-
-    @cached_property
-    def smoothed(self) -> Gray:
-        """(height, width) uint8 after the Gaussian."""
-        return smooth(self._picture, self._canny.sigma)
-
     @cached_property
     def edges(self) -> Gray:
         """(height, width) uint8, 0 or 255."""
-        canny = self._canny
+        canny = self._detector
         edges = cv2.Canny(
             self.smoothed,
             canny.low,
@@ -102,7 +86,7 @@ class CannyDetection(Detection):
         At the border the picture continues with its outermost pixels. 8-bit pixels give at most
         1020 with aperture 3, 12240 with 5 and 10200 with 7, divided by 16: nothing saturates.
         """
-        side = self._canny.aperture
+        side = self._detector.aperture
         scale = 1 / GAIN_DIVISOR[side]
         gx, gy = (
             cv2.Sobel(
@@ -121,13 +105,13 @@ class CannyDetection(Detection):
     def magnitude(self) -> Strength:
         """The gradient's magnitude, (height, width) float32, in the unit of the thresholds."""
         gx, gy = (derivative.astype(np.float32) for derivative in self.gradient)
-        size = cv2.magnitude(gx, gy) if self._canny.l2 else np.abs(gx) + np.abs(gy)
-        return np.asarray(size * np.float32(GAIN_DIVISOR[self._canny.aperture]), np.float32)
+        size = cv2.magnitude(gx, gy) if self._detector.l2 else np.abs(gx) + np.abs(gy)
+        return np.asarray(size * np.float32(GAIN_DIVISOR[self._detector.aperture]), np.float32)
 
     @cached_property
     def strength(self) -> Strength:
         """The magnitude where it is a maximum along the gradient's direction, else 0."""
-        return np.where(maxima(*self.gradient, l2=self._canny.l2) > 0, self.magnitude, 0)
+        return np.where(maxima(*self.gradient, l2=self._detector.l2) > 0, self.magnitude, 0)
 
     @cached_property
     def edges_by_steps(self) -> Gray:
@@ -135,7 +119,7 @@ class CannyDetection(Detection):
 
         Integers are compared, as in ``cv2.Canny``: the thresholds' squares with ``l2``.
         """
-        canny, (gx, gy) = self._canny, self.gradient
+        canny, (gx, gy) = self._detector, self.gradient
         low, high = (value / GAIN_DIVISOR[canny.aperture] for value in (canny.low, canny.high))
         x, y = gx.astype(np.int64), gy.astype(np.int64)
         if canny.l2:
@@ -152,11 +136,13 @@ class CannyDetection(Detection):
         """The five steps, each computed when it is called."""
         return {
             "smoothed": lambda: self.smoothed,
-            "magnitude": lambda: as_gray(self.magnitude, self._canny.full_scale),
+            "magnitude": lambda: as_gray(self.magnitude, self._detector.full_scale),
             "direction": self._direction,
-            "suppressed": lambda: as_gray(self.strength, self._canny.full_scale),
-            "thresholded": lambda: in_two_grays(self.strength, self._canny.low, self._canny.high),
+            "suppressed": lambda: as_gray(self.strength, self._detector.full_scale),
+            "thresholded": lambda: in_two_grays(
+                self.strength, self._detector.low, self._detector.high
+            ),
         }
 
     def _direction(self) -> Picture:
-        return as_hue(*self.gradient, as_gray(self.magnitude, self._canny.full_scale))
+        return as_hue(*self.gradient, as_gray(self.magnitude, self._detector.full_scale))

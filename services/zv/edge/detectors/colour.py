@@ -11,24 +11,25 @@ import numpy as np
 from zv.edge.detectors.detection import Picture, Strength
 from zv.edge.detectors.ridges import RidgeDetector, half_size
 
-LIGHTNESS_WEIGHT: Final = 0.12
+LIGHTNESS_WEIGHT: Final = 0.08
 """Of squared differences of lightness; those of a and b weigh 1. Objects differ by colour, while
 shadows and texture differ by lightness."""
 
-FLOOR: Final = 6.0
+FLOOR: Final = 40.0
 """Added to the mean difference of the picture, so that the noise of an empty one stays weak."""
 
-FINE_WEIGHT: Final = np.float32(1.5)
-"""Of the difference at the finest scale; those at the other two weigh 1."""
+FINE_WEIGHT: Final = np.float32(2.0)
+"""Of the difference at the finest scale; that at the middle one weighs 1."""
 
-MOST_OF_COARSE: Final = np.float32(1.5)
-"""What the finest scale counts at most, over the coarsest: what it alone sees is texture."""
+COARSE_WEIGHT: Final = np.float32(0.5)
+"""Of the difference at the coarsest scale. It is taken between pixels that are twice as far apart,
+and thus twice as large."""
 
-SURROUNDINGS: Final = 121
-"""Side of the square around a pixel whose mean counts half of that of the picture, pixels of the
+SURROUNDINGS: Final = 61
+"""Side of the square around a pixel whose mean counts as much as that of the picture, pixels of the
 half-size picture: a boundary in a calm part stands out more than one among texture."""
 
-THRESHOLDS: Final = (1.0, 0.541, 0.496, 0.463, 0.436, 0.411, 0.388, 0.365, 0.341, 0.313, 0.259)
+THRESHOLDS: Final = (1.0, 0.61, 0.535, 0.477, 0.428, 0.384, 0.344, 0.303, 0.261, 0.219, 0.179)
 """Those of ``python -m benchmarks.quality edges --thresholds --detectors colour``."""
 
 
@@ -36,11 +37,11 @@ THRESHOLDS: Final = (1.0, 0.541, 0.496, 0.463, 0.436, 0.411, 0.388, 0.365, 0.341
 class Colour(RidgeDetector):
     """Boundaries where colour changes over 2 to 8 pixels, thinned along their ridges.
 
-    The half-size picture in CIE L*a*b* is smoothed at three scales. At each scale the strength is
-    the root of the length of the Sobel gradient summed over the three channels (S. Di Zenzo, "A
-    note on the gradient of a multi-image", 1986), in which lightness weighs little. The scales'
-    weighted sum is divided by the average of two means, over the picture and over the surroundings,
-    plus a floor; of the result x, the strength is x / (1 + x).
+    The half-size picture in CIE L*a*b* is smoothed at three scales. At each scale the difference
+    is the length of the Sobel gradient summed over the three channels (S. Di Zenzo, "A note on the
+    gradient of a multi-image", 1986), in which lightness weighs little. The scales' weighted sum is
+    divided by the average of two means, over the picture and over the surroundings, plus a floor;
+    of the result x, the strength is x / (1 + x).
     """
 
     thresholds: ClassVar = THRESHOLDS
@@ -53,26 +54,30 @@ class Colour(RidgeDetector):
             difference(nearly_gaussian(quarter)), lab.shape[1::-1], interpolation=cv2.INTER_LINEAR
         )
         fine = difference(np.asarray(cv2.GaussianBlur(lab, (5, 5), 1), np.uint8))
-        total = FINE_WEIGHT * np.minimum(fine, MOST_OF_COARSE * coarse)
+        total = np.asarray(FINE_WEIGHT * fine, np.float32)
         total += difference(nearly_gaussian(lab))
-        total += coarse
-        usual = cv2.blur(total, (SURROUNDINGS, SURROUNDINGS))
+        total += COARSE_WEIGHT * np.asarray(coarse, np.float32)
+        usual = np.asarray(cv2.blur(total, (SURROUNDINGS, SURROUNDINGS)), np.float32)
         usual += np.float32(total.mean() + 2 * FLOOR)
         total *= 2
         return np.asarray(total / (total + usual), np.float32)
 
+    def seen(self, picture: Picture) -> Picture:
+        """Return the picture at the middle one of the three scales, in BGR."""
+        return nearly_gaussian(half_size(picture))
 
-def nearly_gaussian(lab: Picture) -> Picture:
+
+def nearly_gaussian(picture: Picture) -> Picture:
     """Return a picture after two means of 5 x 5, which have the variance of a Gaussian of 2."""
-    return np.asarray(cv2.blur(cv2.blur(lab, (5, 5)), (5, 5)), np.uint8)
+    return np.asarray(cv2.blur(cv2.blur(picture, (5, 5)), (5, 5)), np.uint8)
 
 
 def difference(lab: Picture) -> Strength:
-    """Return the root of the gradient's length, (height, width) float32."""
+    """Return the length of the gradient, (height, width) float32."""
     dx = cv2.Sobel(lab, cv2.CV_32F, 1, 0)
     dy = cv2.Sobel(lab, cv2.CV_32F, 0, 1)
     squares = np.zeros(lab.shape, np.float32)
     cv2.accumulateSquare(dx, squares)
     cv2.accumulateSquare(dy, squares)
     squared = cv2.transform(squares, np.array([[LIGHTNESS_WEIGHT, 1, 1]], np.float32))
-    return np.asarray(np.sqrt(np.sqrt(squared)), np.float32)
+    return np.asarray(np.sqrt(squared), np.float32)

@@ -52,7 +52,7 @@ class Detection(ABC):
     @property
     @abstractmethod
     def stages(self) -> Mapping[str, Callable[[], Picture]]:
-        """The steps by their names, a subset of ``STAGES``; each call computes one picture.
+        """The steps by their names, all of ``STAGES``; each call computes one picture.
 
         Pictures are uint8: (height, width) grey, or (height, width, 3) in BGR order.
         """
@@ -64,11 +64,9 @@ class Detector(ABC):
     Attributes:
         wants: The form of the pictures that ``detect`` takes: ``gray`` (height, width) or ``bgr``
             (height, width, 3), uint8.
-        stages: Names of the steps that its detections have, in their order.
     """
 
     wants: ClassVar[Literal["gray", "bgr"]] = "gray"
-    stages: ClassVar[tuple[str, ...]] = STAGES
 
     @property
     @abstractmethod

@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.canny import smooth
-from zv.edge.detectors.detection import Detection, Detector, Gray, Picture, Strength
+from zv.edge.detectors.detection import Detector, Gray, Picture, Strength
 from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
+from zv.edge.detectors.smoothing import SmoothedDetection
 from zv.edge.detectors.thinning import maxima
 
 SOBEL_GAIN: Final = 8
@@ -121,17 +121,8 @@ class Scharr(GradientDetector):
     operator = SCHARR
 
 
-class GradientDetection(Detection):
+class GradientDetection(SmoothedDetection[GradientDetector]):
     """The edges of one picture by a gradient operator, and the steps."""
-
-    def __init__(self, detector: GradientDetector, picture: Gray) -> None:
-        self._detector = detector
-        self._picture = picture
-
-    @cached_property
-    def smoothed(self) -> Gray:
-        """(height, width) uint8 after the Gaussian."""
-        return smooth(self._picture, self._detector.sigma)
 
     @cached_property
     def gradient(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:

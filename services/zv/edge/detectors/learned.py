@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.edge.detectors.detection import Picture, Strength
-from zv.edge.detectors.ridges import RidgeDetector, half_size
+from zv.edge.detectors.ridges import RidgeDetector
 
 MULTIPLE: Final = 16
 """The network halves the size four times."""
 
-MOST_PIXELS: Final = 256 * 192
-"""Pixels that the network gets, where half to a quarter of the picture's width and height gives so
-many. It was trained with 240 x 160 pixels; boundaries of a larger picture are farther apart in
-pixels than it knows, so a reduced picture is better and takes less time."""
+MOST_PIXELS: Final = 40_000
+"""Pixels that the network gets, about, where a half to a quarter of the picture's width and height
+gives so many. It was trained with 240 x 160 pixels; boundaries of a larger picture are farther
+apart in pixels than it knows, so a reduced picture is as good and takes less time."""
 
 SIZES: Final = 2
 """Numbers of picture sizes whose buffers are kept, megabytes each."""
@@ -39,25 +39,36 @@ class Learned(RidgeDetector):
     with boundaries weighted up by its training; lines are thinned along their ridges.
     """
 
-    thresholds: ClassVar = (1.0, 0.615, 0.446, 0.3, 0.193, 0.122, 0.076, 0.045, 0.025, 0.013, 0.005)
+    margin: ClassVar = 3
+    thresholds: ClassVar = (1.0, 0.608, 0.426, 0.27, 0.164, 0.096, 0.055, 0.03, 0.015, 0.007, 0.002)
 
     def strengths(self, picture: Picture) -> Strength:
         """Return the probabilities of a picture at a reduced size: float32, 0 to 1."""
-        small = reduced(half_size(picture))
-        height, width = small.shape[:2]
-        down, right = -height % MULTIPLE, -width % MULTIPLE
-        padded = cv2.copyMakeBorder(small, 0, down, 0, right, cv2.BORDER_REPLICATE)
-        return NETWORK.probabilities(network_planes(np.asarray(padded, np.uint8)))[:height, :width]
+        return NETWORK.probabilities(network_planes(self.seen(picture)))
+
+    def seen(self, picture: Picture) -> Picture:
+        """Return the picture at the network's size, in BGR."""
+        return reduced(picture)
 
 
-def reduced(half: Picture) -> Picture:
-    """Return a picture at half its size as it is, or with fewer pixels, down to a quarter."""
-    height, width = half.shape[:2]
-    factor = min(1.0, max(0.5, (MOST_PIXELS / (height * width)) ** 0.5))
-    if factor == 1:
-        return half
-    size = round(width * factor), round(height * factor)
-    return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+def network_size(height: int, width: int) -> tuple[int, int]:
+    """Return height and width of what the network gets of a picture.
+
+    They are multiples of 16: rows and columns that were added to a picture would be seen as a part
+    of it, with boundaries of their own.
+    """
+    factor = min(0.5, max(0.25, (MOST_PIXELS / (height * width)) ** 0.5))
+    rows, columns = (round(side * factor / MULTIPLE) for side in (height, width))
+    return max(rows, 1) * MULTIPLE, max(columns, 1) * MULTIPLE
+
+
+def reduced(picture: Picture) -> Picture:
+    """Return a picture at the network's size, (height, width, 3) uint8."""
+    height, width = network_size(*picture.shape[:2])
+    # Interpolation takes the mean of two pixels a side; before it, that of an odd number is taken.
+    side = 2 * round((picture.shape[1] / width - 1.3) / 2) + 1
+    smooth = cv2.blur(picture, (side, side)) if side > 1 else picture
+    return np.asarray(cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def network_planes(picture: Picture) -> NDArray[np.float32]:

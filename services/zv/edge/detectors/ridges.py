@@ -31,9 +31,6 @@ INTEGERS: Final = 30000
 RIDGE_SIGMA: Final = 2.0
 """Smoothing before the ridges' directions are taken, pixels of the map."""
 
-STAGES: Final = ("magnitude", "direction", "suppressed", "thresholded")
-"""The steps of these detectors; smoothing takes place at several scales and is not shown."""
-
 
 def half_size(picture: Picture) -> Picture:
     """Return a picture at half its size, rounded up, each pixel the mean of those it covers."""
@@ -72,12 +69,14 @@ class RidgeDetector(Detector):
             average over BSDS500's training images; falling.
         density: Wanted share of edge pixels, percent of an average picture. A fixed threshold
             belongs to it: a plain wall has fewer edges and a tree has more.
+        margin: Width of the frame of pixels without edges around a picture, at most a sixteenth of
+            its smaller side. A network responds to the end of the picture itself.
     """
 
     density: float = 3.5
 
     wants: ClassVar = "bgr"
-    stages: ClassVar[tuple[str, ...]] = STAGES
+    margin: ClassVar[int] = 0
     thresholds: ClassVar[Sequence[float]]
 
     @property
@@ -93,6 +92,10 @@ class RidgeDetector(Detector):
     @abstractmethod
     def strengths(self, picture: Picture) -> Strength:
         """Return the strengths of a picture in BGR at a reduced size: float32, 0 to 1."""
+
+    @abstractmethod
+    def seen(self, picture: Picture) -> Picture:
+        """Return what ``strengths`` looks at, in BGR, of any size."""
 
     def detect(self, picture: Picture) -> RidgeDetection:
         """Return the edges of a picture in BGR, (height, width, 3) uint8."""
@@ -132,7 +135,22 @@ class RidgeDetection(Detection):
     def edges(self) -> Gray:
         """The edge map, (height, width) uint8: 0 or 255."""
         least = self._detector.threshold * INTEGERS
-        return np.asarray(cv2.Canny(*self._ridges, least, least, L2gradient=True), np.uint8)
+        return self._inside(np.asarray(cv2.Canny(*self._ridges, least, least, L2gradient=True)))
+
+    def _inside(self, thin: Gray) -> Gray:
+        """Return a map of thin lines with the margin set to 0."""
+        margin = min(self._detector.margin, min(thin.shape) // 16)
+        inside = np.zeros_like(thin)
+        part = tuple(slice(margin, side - margin) for side in thin.shape)
+        inside[part] = thin[part]
+        return inside
+
+    @property
+    def smoothed(self) -> Gray:
+        """What the detector looks at, in grey, at the picture's size."""
+        seen = cv2.cvtColor(self._detector.seen(self._picture), cv2.COLOR_BGR2GRAY)
+        size = self._picture.shape[1::-1]
+        return np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
     @property
     def magnitude(self) -> Strength:
@@ -143,13 +161,15 @@ class RidgeDetection(Detection):
     @cached_property
     def strength(self) -> Strength:
         """The strength on the ridges, else 0, (height, width) float32."""
-        return np.where(maxima(*self._ridges, l2=True) > 0, self.magnitude, np.float32(0))
+        ridges = self._inside(maxima(*self._ridges, l2=True))
+        return np.where(ridges > 0, self.magnitude, np.float32(0))
 
     @property
     def stages(self) -> Mapping[str, Callable[[], Picture]]:
         """The steps, each computed when it is called."""
         least = self._detector.threshold
         return {
+            "smoothed": lambda: self.smoothed,
             "magnitude": lambda: as_gray(self.magnitude, 1.0),
             "direction": lambda: as_hue(*self._ridges, as_gray(self.magnitude, 1.0)),
             "suppressed": lambda: as_gray(self.strength, 1.0),

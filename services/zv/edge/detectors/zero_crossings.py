@@ -19,9 +19,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.canny import smooth
-from zv.edge.detectors.detection import Detection, Detector, Gray, Picture, Strength
+from zv.edge.detectors.detection import Detector, Gray, Picture, Strength
 from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
+from zv.edge.detectors.smoothing import SmoothedDetection
 from zv.edge.detectors.thinning import maxima
 
 Field = NDArray[np.float32]
@@ -94,17 +94,8 @@ class ZeroCrossingDetector(Detector):
         return ZeroCrossingDetection(self, picture)
 
 
-class ZeroCrossingDetection(Detection):
+class ZeroCrossingDetection(SmoothedDetection[ZeroCrossingDetector]):
     """The edges of one picture where a second derivative is 0, and the steps."""
-
-    def __init__(self, detector: ZeroCrossingDetector, picture: Gray) -> None:
-        self._detector = detector
-        self._picture = picture
-
-    @cached_property
-    def smoothed(self) -> Gray:
-        """(height, width) uint8 after the Gaussian."""
-        return smooth(self._picture, self._detector.sigma)
 
     @cached_property
     def strength(self) -> Strength:

@@ -54,6 +54,9 @@ REMEDIES: Final = {
     "given_up": Remedy(
         "the source stalls: check its cable or network, or wait longer", "stall_after", 2.0
     ),
+    "over_budget": Remedy(
+        "max_kbps is too low for its rate: allow more, or lower the rate", "max_kbps", 1.5
+    ),
     "region_outside": Remedy("no pixel of the region is in the frame: set another", "region"),
     "bad_calibration": Remedy("make the camera's file again with zv calibrate"),
     "out_of_order": Remedy(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import keyword
 import shlex
+import shutil
+import sys
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -42,10 +44,12 @@ def run(options: ServiceOptions, _connection: Connection, output: Output) -> Non
         written = write(name, folder)
     except OSError as error:
         raise SourceError(f"{error.filename or folder}: {error.strerror or error}") from None
+    python = _python()
     commands = {
-        "python -m pytest": "runs its test; if there is no pytest: pip install pytest",
+        f"{python} -m pip install pytest": "is needed once, unless pytest is there",
+        f"{python} -m pytest": "runs its test",
         "zv up launch.toml": "starts it, with a router, a camera and the viewer",
-        f"python {name}.py --help": "shows its options",
+        f"{python} {name}.py --help": "shows its options",
     }
     width = max(map(len, commands))
     output.result(
@@ -95,6 +99,15 @@ def write(name: str, folder: Path) -> list[Path]:
         path.write_text(Template((templates / template).read_text()).substitute(words))
         written.append(path)
     return written
+
+
+def _python() -> str:
+    """Return the command of the Python that has this library: behind pipx not that of the path."""
+    found = shutil.which("python")
+    ours = Path(sys.executable)
+    if found is not None and Path(found).parent.resolve() == ours.parent.resolve():
+        return "python"
+    return shlex.quote(str(ours))
 
 
 def _is_module(name: str) -> bool:

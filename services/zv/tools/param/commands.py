@@ -129,7 +129,8 @@ def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
         Path(options.output).write_text(toml_file(found), encoding="utf-8")
     except OSError as error:
         raise SourceError(f"{options.output}: {error.strerror or error}") from None
-    output.note(f"{len(found.parameters)} parameters written to {options.output}")
+    many = "parameter" if len(found.parameters) == 1 else "parameters"
+    output.note(f"{len(found.parameters)} {many} written to {options.output}")
 
 
 def load(options: LoadOptions, connection: Connection, output: Output) -> None:

@@ -150,6 +150,11 @@ class PubOptions(ToolOptions):
             "not set: one, for up to a second",
         ),
     ] = None
+    once: Annotated[
+        bool,
+        Letter("1"),
+        Field(description="send one message as soon as a program subscribes, and end"),
+    ] = False
     type_: Annotated[
         str | None,
         Field(
@@ -166,6 +171,12 @@ class PubOptions(ToolOptions):
         ),
         Form("WIDTHxHEIGHT"),
     ] = None
+
+    @model_validator(mode="after")
+    def _once_is_alone(self) -> Self:
+        if self.once and (self.count is not None or self.rate is not None):
+            raise ValueError("--once sends one message, so it takes neither --count nor --rate")
+        return self
 
     @model_validator(mode="after")
     def _count_has_a_rate(self) -> Self:

@@ -91,8 +91,9 @@ def _send(
     payload.sample(0, epoch)  # report errors in it first
     if others := discover(session).nodes_publishing(key):
         output.note(f"{', '.join(others)} also publishes on {key}: subscribers get both")
-    if options.wait_for is not None:
-        _wait_for(session, key, options.wait_for, output)
+    wanted = options.wait_for or (1 if options.once else None)
+    if wanted is not None:
+        _wait_for(session, key, wanted, output)
     elif session.wait(MATCH_S, until=matched) and not matched():
         output.note(f"no subscriber on {key} within {MATCH_S:g} s: sending anyway")
     if session.stopping:
@@ -132,7 +133,9 @@ def _wait_for(session: ToolSession, key: str, wanted: int, output: Output) -> No
                 f"the router does not tell who subscribes to {key}: its admin space is off"
             )
         if count != told:
-            output.note(f"waiting for {wanted} subscribers on {key}; there are {count}")
+            whom = "a subscriber" if wanted == 1 else f"{wanted} subscribers"
+            there = "" if wanted == 1 else f"; there are {count}"
+            output.note(f"waiting for {whom} on {key}{there}")
             told = count
         session.wait(WAIT_POLL_S)
 

@@ -78,6 +78,11 @@ class BackgroundModel:
         """Whether it has not seen a picture yet."""
         return self._started_ns is None
 
+    @property
+    def limits(self) -> Image:
+        """How far each value may be off, (height, width, 3) uint8; not to be modified."""
+        return self._limits
+
     def adjust(self, var_threshold: float, *, detect_shadows: bool) -> None:
         """Set the squared distance, in standard deviations, above which a pixel is foreground."""
         deviations = math.sqrt(var_threshold)

@@ -13,6 +13,7 @@ from zv.tracker.foreground.background import SHADOW, BackgroundModel, Subtractor
 from zv.tracker.foreground.ghosts import GhostFinder
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import Polygon, region_mask
+from zv.tracker.foreground.restless import RestlessPixels
 from zv.tracker.tracking.fragment import Fragment
 
 Image = NDArray[np.uint8]
@@ -93,6 +94,7 @@ class ForegroundDetector:
         self._differs_ns: int | None = None
         self._relit_ns: int | None = None
         self._ghosts = GhostFinder()
+        self._restless = RestlessPixels()
 
     def update(
         self, picture: Image, stamp_ns: int, known: Sequence[Fragment]
@@ -119,7 +121,7 @@ class ForegroundDetector:
             return np.zeros((height, width), np.uint8), False
         known_mask = _boxes_mask(known, (height, width))
         silent = (stamp_ns - self._started_ns) / 1e9 < SILENT_S
-        marked, changed = self.background.foreground(picture), False
+        marked, changed = self._marked(picture, stamp_ns, known_mask), False
         mask = _cleaned(marked)
         if not self._parameters.frozen:
             self._learn_start(picture, stamp_ns, known_mask)
@@ -130,7 +132,7 @@ class ForegroundDetector:
             else:
                 self._differs_ns = None
             if self._ghosts.due(stamp_ns):
-                self._forget_ghosts(picture, stamp_ns, mask, known_mask)
+                self._forget_ghosts(picture, stamp_ns, marked, known_mask)
             self.background.learn(picture, stamp_ns, known_mask, self._parameters.learning_s)
         if silent:
             return np.zeros((height, width), np.uint8), False
@@ -138,14 +140,20 @@ class ForegroundDetector:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
         return mask, changed
 
+    def _marked(self, picture: Image, stamp_ns: int, known: Image | None) -> Image:
+        """Return the foreground and its shadows, without usual colours of restless pixels."""
+        marked = self.background.foreground(picture)
+        if not self._parameters.frozen:
+            self._restless.learn(picture, marked, known, stamp_ns, self.background.picture())
+        self._restless.leave_out(picture, self.background.limits, marked)
+        return marked
+
     def _forget_ghosts(
-        self, picture: Image, stamp_ns: int, mask: Image, known: Image | None
+        self, picture: Image, stamp_ns: int, marked: Image, known: Image | None
     ) -> None:
-        """Learn at once what is the place of something that has left, but no known object."""
-        ghosts = self._ghosts.update(picture, self.background, mask, stamp_ns)
+        """Learn at once what is the place of something that has left."""
+        ghosts = self._ghosts.update(picture, self.background, marked, known, stamp_ns)
         if ghosts is not None:
-            if known is not None:
-                ghosts = np.asarray(cv2.subtract(ghosts, known), np.uint8)
             self.background.learn_at_once(picture, ghosts)
             for seen in self._early:
                 cv2.copyTo(picture, ghosts, seen)
@@ -192,6 +200,7 @@ class ForegroundDetector:
             adapted = self.background.foreground(picture)
             if cv2.countNonZero(adapted) < RELIT_SHARE * cv2.countNonZero(marked):
                 self._differs_ns = None
+                self._restless.forget_colours()
                 self._early, self._medians = [], len(START_S)
                 return _cleaned(adapted), self._is_new(stamp_ns)
             self.background.replace(before)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.tracker.foreground.background import BackgroundModel
+from zv.tracker.foreground.background import SHADOW, BackgroundModel
 from zv.tracker.foreground.fragments import fragments_of
 from zv.tracker.tracking.fragment import Fragment
 
@@ -18,7 +18,10 @@ TEST_EVERY_S = 0.25
 STILL_PICTURES = 3
 """A pixel is still if it is alike in so many pictures before, one from each test."""
 
-LEAST_AREA = 40.0
+KNOWN_TIMES = 4
+"""So many tests in a row must find a ghost where an object is known to be."""
+
+LEAST_AREA = 10.0
 """Of a ghost, pixels."""
 
 GHOST_SHARE = 0.3
@@ -26,6 +29,9 @@ GHOST_SHARE = 0.3
 
 FREE_SHARE = 0.5
 """Least share of the outline of a still region beside which there is no foreground."""
+
+SIDE = 7
+"""What is on a side of the outline is looked at in a square of so many pixels."""
 
 BAND = np.ones((5, 5), np.uint8)
 """The outline is so wide, since a mask ends a pixel or two beside the edge that causes it."""
@@ -39,40 +45,63 @@ class GhostFinder:
 
     def __init__(self) -> None:
         self._before: list[Image] = []
+        self._times: Image | None = None
         self._tested_ns: int | None = None
 
     def due(self, stamp_ns: int) -> bool:
         """Return whether it is time for a test; stamps that go backwards start anew."""
         if self._tested_ns is not None and stamp_ns < self._tested_ns:
-            self._before, self._tested_ns = [], None
+            self._before, self._times, self._tested_ns = [], None, None
         return self._tested_ns is None or stamp_ns - self._tested_ns >= TEST_EVERY_S * 1e9
 
     def update(
-        self, picture: Image, model: BackgroundModel, mask: Image, stamp_ns: int
+        self,
+        picture: Image,
+        model: BackgroundModel,
+        marked: Image,
+        known: Image | None,
+        stamp_ns: int,
     ) -> Image | None:
         """Test a frame, and return where its ghosts are, (height, width), not 0; None for nowhere.
+
+        A ghost that is followed as an object must be found several times in a row.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
             model: Of the background.
-            mask: (height, width) uint8 of 0 and 255.
+            marked: (height, width) uint8, 255 foreground, 127 shadow, else 0.
+            known: (height, width) uint8, not 0 where an object is known to be; None for nowhere.
             stamp_ns: When it was taken.
         """
         before, self._tested_ns = self._before, stamp_ns
         self._before = [*before[1 - STILL_PICTURES :], picture.copy()]
         if len(before) < STILL_PICTURES:
             return None
-        places = np.flatnonzero(mask > 0)
+        places = np.flatnonzero(_cleaned(marked, SHADOW))
         places = places[model.alike_at(places, picture, before)]
-        still = np.zeros_like(mask)
+        still = np.zeros_like(marked)
         still.reshape(-1)[places] = 255
-        still = np.asarray(cv2.medianBlur(still, 3), np.uint8)
-        ghosts = np.zeros_like(mask)
+        # Holes are where an object has the background's colour by chance.
+        still, mask = (
+            np.asarray(cv2.morphologyEx(each, cv2.MORPH_CLOSE, BAND), np.uint8)
+            for each in (cv2.medianBlur(still, 3), _cleaned(marked, 0))
+        )
+        ghosts = np.zeros_like(marked)
         for region in fragments_of(still, LEAST_AREA, math.inf):
             if picture_share(picture, model.picture(), mask, still, region) < GHOST_SHARE:
                 inside = _cut(region, 0)
                 ghosts[inside] = still[inside]
-        return np.asarray(cv2.dilate(ghosts, BAND), np.uint8) if ghosts.any() else None
+        ghosts = self._sure(np.asarray(cv2.dilate(ghosts, BAND), np.uint8), known)
+        return ghosts if ghosts.any() else None
+
+    def _sure(self, ghosts: Image, known: Image | None) -> Image:
+        """Return the ghosts outside of known objects, and those that were found often enough."""
+        if self._times is None:
+            self._times = np.zeros_like(ghosts)
+        self._times = np.where(ghosts > 0, np.minimum(self._times, 254) + 1, 0).astype(np.uint8)
+        if known is None:
+            return ghosts
+        return np.where((known == 0) | (self._times >= KNOWN_TIMES), ghosts, np.uint8(0))
 
 
 def picture_share(
@@ -82,9 +111,10 @@ def picture_share(
 
     Across the outline the difference of picture and background has a step. It is one of the
     picture, if something is there that the background does not have, or one of the background, if
-    that remembers something that has left. The step's gradient is the difference of both pictures'
-    gradients, so the projection of the picture's gradient onto it, divided by its square, is the
-    picture's share, and the rest is the background's.
+    that remembers something that has left. The step is the difference of both pictures' steps, so
+    the projection of the picture's step onto it, divided by its square, is the picture's share,
+    and the rest is the background's. The steps are those of the mean colours and of their variation
+    on both sides, so that a plain object before a rough background is not mistaken for a ghost.
 
     Args:
         picture: (height, width, 3) uint8 BGR.
@@ -96,18 +126,47 @@ def picture_share(
     Returns:
         1 if most of the region is surrounded by other foreground, so that nothing can be said.
     """
-    cut = _cut(box, BAND.shape[0])
+    cut = _cut(box, SIDE)
     around, free = _outline(still[cut]), _outline(mask[cut])
     outline = around & free
     if np.count_nonzero(outline) < FREE_SHARE * np.count_nonzero(around):
         return 1.0
-    own = total = 0.0
-    for dx in (0, 1):
-        shown = cv2.Sobel(picture[cut], cv2.CV_32F, dx, 1 - dx)[outline]
-        step = shown - cv2.Sobel(background[cut], cv2.CV_32F, dx, 1 - dx)[outline]
-        own += float(np.vdot(shown, step))
-        total += float(np.vdot(step, step))
-    return own / total if total > 0 else 1.0
+    inside, outside = still[cut] > 0, mask[cut] == 0
+    shown = _step(picture[cut], inside, outside, outline)
+    step = shown - _step(background[cut], inside, outside, outline)
+    total = float(np.vdot(step, step))
+    return float(np.vdot(shown, step)) / total if total > 0 else 1.0
+
+
+def _step(
+    picture: Image,
+    inside: NDArray[np.bool_],
+    outside: NDArray[np.bool_],
+    where: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """Return the differences of what is nearby on both sides of an outline, (n, 6).
+
+    They are those of the means and of the standard deviations of the three colours.
+    """
+    found = []
+    for side in (inside, outside):
+        weights = side.astype(np.float32)
+        colours = picture * weights[:, :, np.newaxis]
+        counts, sums, squares = (
+            cv2.boxFilter(each, cv2.CV_32F, (SIDE, SIDE), normalize=False)[where]
+            for each in (weights, colours, colours * picture)
+        )
+        counts = np.maximum(counts, 1.0)[:, np.newaxis]
+        means = sums / counts
+        deviations = np.sqrt(np.maximum(squares / counts - means * means, 0.0))
+        found.append(np.concatenate([means, deviations], axis=1))
+    return np.asarray(found[0] - found[1], np.float32)
+
+
+def _cleaned(marked: Image, above: int) -> Image:
+    """Return which pixels have a higher mark, 0 or 255, without single ones."""
+    _, mask = cv2.threshold(marked, above, 255, cv2.THRESH_BINARY)
+    return np.asarray(cv2.medianBlur(mask, 3), np.uint8)
 
 
 def _outline(region: Image) -> NDArray[np.bool_]:

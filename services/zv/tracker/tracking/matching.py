@@ -104,7 +104,14 @@ class Matcher:
         elif self._targets.since_s(target.parted_ns) >= PARTED_S:
             self._split(target, parts)
             return
+        if target.grouped_ns is not None and not self._near_another(target):
+            target.grouped_ns = None  # what it shows now is all of it
         self._measure(target, owned, alone=parts is None)
+
+    def _near_another(self, target: Target) -> bool:
+        """Return whether another object, that may be hidden, is expected in the target's box."""
+        others = [each.box for each in self._targets.all if each is not target]
+        return bool(others) and association.overlaps([target.box], others).max() > 0
 
     def _follow_several(self, members: list[Target], owned: list[Fragment]) -> None:
         """Correct objects that claim the same fragments."""

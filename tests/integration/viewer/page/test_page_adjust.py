@@ -82,13 +82,16 @@ def test_a_picture_is_turned_and_stretched_and_keeps_its_coordinates_and_values(
     tab.page.fill("#range-high", "110")
     tab.page.keyboard.press("Tab")
     _wait_for_colour(tab, (24, 54), 128)  # 10 of 20
+    assert tab.page.is_enabled("#colour-map")
+    server.show(CAMERA, _png(np.dstack([grey, grey, 0 * grey])), _header(8, encoding="bgr8"))
+    tab.wait("document.querySelector('#colour-map').disabled")  # of a picture in colours
     tab.page.click("#adjust-menu [data-by=mirror]")
     before = len(server.watches(CAMERA))
     tab.page.reload()
     wait_until(lambda: _now(tab) and len(server.watches(CAMERA)) > before)
     kept = json.loads(tab.page.evaluate("localStorage.getItem('zv.orientations')"))
     assert kept == {"front": "270m"}
-    server.show(CAMERA, _png(grey), _header(8))
+    server.show(CAMERA, _png(grey), _header(9))
     _wait_for_colour(tab, (24, 54), 128)
 
 

@@ -20,8 +20,11 @@ from tests.support.pictures.videos import (
     make_sound,
     make_video,
     noise,
+    shown,
 )
 from zenoh_vision.errors import SourceError
+from zenoh_vision.image import codecs
+from zenoh_vision.image.planar import PlanarPicture
 from zv.camera.sources import libav
 from zv.camera.sources.base import Picture
 from zv.camera.sources.libav import Timeline
@@ -39,7 +42,7 @@ def pictures(path: Path) -> list[Picture]:
 
 
 def mean(picture: Picture) -> float:
-    return float(picture.pixels.mean())
+    return float(shown(picture).mean())
 
 
 def test_every_picture_comes_once_and_in_order(tmp_path: Path):
@@ -113,17 +116,69 @@ def test_lossless_pixels_come_out_exactly_with_depth_and_channels(
     )
     first, second = pictures(path)
     assert (first.encoding, first.width, first.height) == (encoding, WIDTH, HEIGHT)
-    assert first.pixels.dtype == frame.dtype
-    assert np.array_equal(first.pixels, frame)
-    assert np.array_equal(second.pixels, frame[::-1])
+    assert shown(first).dtype == frame.dtype
+    assert np.array_equal(shown(first), frame)
+    assert np.array_equal(shown(second), frame[::-1])
 
 
 def test_an_odd_width_needs_no_padding(tmp_path: Path):
     frame = noise(33, 51, 3)
     path = make_video(tmp_path / "a.mkv", codec="ffv1", pixel_format="bgr0", frames=[frame])
     (picture,) = pictures(path)
-    assert picture.pixels.flags.c_contiguous
-    assert np.array_equal(picture.pixels, frame)
+    assert shown(picture).flags.c_contiguous
+    assert np.array_equal(shown(picture), frame)
+
+
+@pytest.mark.parametrize("tags", [{}, {"color_range": 2}, {"colorspace": 6}])
+def test_a_jpeg_of_a_videos_planes_has_the_colours_of_its_pixels(
+    tmp_path: Path, tags: dict[str, int]
+):
+    smooth = cv2.GaussianBlur(colour_bars(), (0, 0), 4)
+    path = make_video(tmp_path / "a.mkv", codec="ffv1", frames=[smooth], tags=tags)
+    (picture,) = pictures(path)
+    assert picture.planar is not None
+    by_planes = decoded(picture.planar.jpeg(95)).astype(int)
+    by_pixels = decoded(codecs.encode_jpeg(shown(picture), "bgr8", 95))
+    difference = np.abs(by_planes - by_pixels)
+    assert difference.mean() < 1.6
+    assert difference.max() <= 8
+
+
+@pytest.mark.parametrize(
+    ("size", "pixel_format", "tags"),
+    [
+        ((48, 63), "yuv420p", {}),
+        ((47, 64), "yuv420p", {}),
+        ((48, 64), "yuv422p", {}),
+        ((48, 64), "yuv444p", {}),
+        ((48, 64), "yuv420p10le", {}),
+        ((48, 64), "yuv420p", {"colorspace": 1}),  # BT.709, which no JPEG has
+    ],
+)
+def test_planes_that_no_jpeg_can_store_are_converted(
+    tmp_path: Path, size: tuple[int, int], pixel_format: str, tags: dict[str, int]
+):
+    frame = colour_bars(size[1], size[0])
+    path = make_video(
+        tmp_path / "a.mkv", codec="ffv1", pixel_format=pixel_format, frames=[frame], tags=tags
+    )
+    (picture,) = pictures(path)
+    assert picture.planar is None
+    assert picture.pixels.shape == (*size, 3)
+
+
+def test_forms_that_were_asked_for_are_prepared_for_the_next_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    prepared = []
+    monkeypatch.setattr(PlanarPicture, "prepare", lambda _, forms: prepared.append(set(forms)))
+    source = VideoSource(make_video(tmp_path / "a.avi"))
+    source.read().planar.jpeg(80)
+    source.read().planar.bgr()
+    source.read()
+    source.read()
+    source.close()
+    assert prepared == [set(), {"planes"}, {"bgr"}, set()]
 
 
 def test_changing_a_picture_does_not_spoil_the_next(tmp_path: Path):
@@ -138,8 +193,8 @@ def test_changing_a_picture_does_not_spoil_the_next(tmp_path: Path):
     source = VideoSource(path)
     for expected in untouched:
         picture = source.read()
-        assert np.array_equal(picture.pixels, expected.pixels)
-        picture.pixels[:] = 77
+        assert np.array_equal(shown(picture), shown(expected))
+        shown(picture)[:] = 77
     source.close()
 
 
@@ -197,7 +252,7 @@ def test_an_mjpeg_file_without_huffman_tables_gets_them(tmp_path: Path):
 
 def test_a_turned_video_is_shown_upright_as_opencv_shows_it(tmp_path: Path):
     path = make_video(tmp_path / "a.mp4", frames=[colour_bars()], options={"movflags": "faststart"})
-    upright = pictures(path)[0].pixels
+    upright = shown(pictures(path)[0])
     data = path.read_bytes()
     # The 3x3 matrix of the track header in 16.16 (last column 2.30): a turn by 90 degrees.
     identity = struct.pack(">9i", 1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
@@ -206,9 +261,9 @@ def test_a_turned_video_is_shown_upright_as_opencv_shows_it(tmp_path: Path):
     path.write_bytes(data[:track] + data[track:].replace(identity, turn, 1))
     (picture,) = pictures(path)
     assert (picture.width, picture.height) == (HEIGHT, WIDTH)
-    assert np.array_equal(picture.pixels, np.rot90(upright, -1))
+    assert np.array_equal(shown(picture), np.rot90(upright, -1))
     _, opencv = cv2.VideoCapture(str(path)).read()
-    assert np.array_equal(picture.pixels, opencv)
+    assert np.array_equal(shown(picture), opencv)
 
 
 def test_a_name_with_a_colon_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -224,7 +279,7 @@ def test_a_file_that_is_cut_short_gives_what_is_there_and_ends(tmp_path: Path):
     given = pictures(path)
     assert 8 <= len(given) <= 14
     for picture, expected in zip(given[:8], whole, strict=False):
-        assert np.array_equal(picture.pixels, expected.pixels)
+        assert np.array_equal(shown(picture), shown(expected))
 
 
 def test_a_damaged_mjpeg_packet_is_left_out_with_a_warning(
@@ -302,7 +357,7 @@ def test_real_video_is_equal_to_what_opencv_reads_to_the_pixel_and_in_time(
     for _ in range(frames):
         picture = source.read()
         _, expected = capture.read()
-        assert np.array_equal(picture.pixels, expected)
+        assert np.array_equal(shown(picture), expected)
         assert picture.due_s * 1e3 == pytest.approx(capture.get(cv2.CAP_PROP_POS_MSEC), abs=1)
     assert source.read() is None
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from tests.support.pictures.analytic_edges import Step, judge
 from zv.edge.detectors.available import DETECTORS
 from zv.edge.detectors.canny import Canny
+from zv.edge.detectors.detection import STAGES
+from zv.edge.detectors.learned import network_size
 
 NAMES = sorted(name for name, kind in DETECTORS.items() if kind.wants == "bgr")
 RED, GREEN = (0, 0, 200), (0, 102, 0)
@@ -88,7 +90,7 @@ def test_pictures_of_any_size_give_maps_of_that_size(name: str, size: tuple[int,
     found = DETECTORS[name]().detect(picture)
     assert found.edges.shape == found.strength.shape == size
     assert set(np.unique(found.edges)) <= {0, 255}
-    assert tuple(found.stages) == DETECTORS[name].stages
+    assert tuple(found.stages) == STAGES
     for stage in found.stages.values():
         assert stage().shape[:2] == size
     assert np.array_equal(picture, before)
@@ -102,3 +104,28 @@ def test_the_same_picture_gives_the_same_edges(name: str):
     first = detector.detect(picture).strength
     assert not detector.detect(other).edges.any()
     assert np.array_equal(first, detector.detect(picture).strength)
+
+
+def test_learned_marks_no_edge_along_the_border_of_a_picture():
+    random = np.random.default_rng(4)
+    coarse = random.integers(0, 256, (9, 12, 3)).astype(np.uint8)
+    picture = np.asarray(cv2.resize(coarse, (192, 144), interpolation=cv2.INTER_CUBIC), np.uint8)
+    found = DETECTORS["learned"](density=10.0).detect(picture)
+    for kept in (found.edges, found.strength):
+        assert kept[3:-3, 3:-3].any()
+        assert np.count_nonzero(kept) == np.count_nonzero(kept[3:-3, 3:-3])
+
+
+@pytest.mark.parametrize(
+    ("size", "expected"),
+    [
+        ((321, 481), (160, 240)),  # half, 160.5 x 240.5
+        ((480, 640), (176, 224)),  # 40,000 pixels of this shape are 173.2 x 230.9
+        ((1080, 1920), (272, 480)),  # a quarter, 270 x 480
+        ((1, 9), (16, 16)),
+    ],
+)
+def test_the_network_gets_whole_squares_of_16_pixels(
+    size: tuple[int, int], expected: tuple[int, int]
+):
+    assert network_size(*size) == expected

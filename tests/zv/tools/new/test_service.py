@@ -35,6 +35,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / NAME
 
 
+def test_it_names_its_own_python_where_that_of_the_path_is_another(tmp_path: Path):
+    (tmp_path / "bin").mkdir()
+    other = tmp_path / "bin" / "python"
+    other.write_text("#!/bin/sh\n")
+    other.chmod(0o755)
+    ours = Path(sys.executable)
+    for demo, path, called in (("a", other.parent, str(ours)), ("b", ours.parent, "python")):
+        command = [ours, "-m", "zv", "new", "service", NAME, "--folder", demo]
+        done = run_program(command, folder=tmp_path, PATH=str(path))
+        assert f"\n  {called} -m pytest " in done.stdout, done.stdout + done.stderr
+        assert f"\n  {called} {NAME}.py --help " in done.stdout
+
+
 def test_its_own_test_passes_where_it_stands(folder: Path):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     done = run_program(command, folder=folder)

@@ -153,7 +153,8 @@ def test_a_ghost_is_found_beside_what_left_it_and_what_stands_is_none():
         picture = with_object(min(20, 4 * k))  # it stood there before, and now walks and stands
         mask = model.foreground(picture)
         mask[50:54, 40:60] = 255  # so that both are one region
-        ghosts = finder.update(picture, model, mask, k * TENTH) if finder.due(k * TENTH) else None
+        now_ns = k * TENTH
+        ghosts = finder.update(picture, model, mask, None, now_ns) if finder.due(now_ns) else None
         if ghosts is not None:
             found.append(k)
             assert np.count_nonzero(ghosts[40:80, 60:80]) > 780
@@ -168,6 +169,16 @@ def test_who_stood_at_the_start_and_left_is_forgotten_within_a_second():
         if k >= 40:
             assert not mask[:, :95].any()
             assert np.count_nonzero(mask[40:80, 100:120]) > 700
+
+
+def test_a_ghost_that_is_followed_as_an_object_is_forgotten_within_3_s():
+    found, box = ForegroundDetector(ForegroundParameters()), Fragment(60, 40, 80, 80, 800)
+    for k in range(60):
+        found.update(with_object(60), k * TENTH, [])
+    for k in range(60, 90):
+        mask, _ = found.update(backdrop(), k * TENTH, [box])
+        assert mask.any() or k > 62
+    assert not mask.any()
 
 
 def test_who_stands_still_in_the_first_seconds_after_walking_is_not_learned():

@@ -108,3 +108,15 @@ def test_two_tracks_of_one_object_that_something_had_divided_become_one():
     assert len(found[25]) == 2
     assert [track.id for track in found[-1]] == [1]
     assert found[-1][0].box == pytest.approx((20 + 2 * 89, 10, 24, 100), abs=4)
+
+
+def test_a_box_that_was_too_large_shrinks_as_soon_as_no_other_object_is_near():
+    frames: list[Painted] = []
+    for k in range(80):  # at 20 Hz
+        small = (250 - 5 * k, 100, 14, 14)  # passes the large one until 1.9 s
+        large = (60 + k / 2, 20, 90 if k < 44 else 30, 90)
+        frames.append([(large, RED), (small, BLUE)])
+    found = tracked(frames)
+    width, height = found[44 + 20][0].box[2:]
+    assert height == pytest.approx(90, abs=8)
+    assert width < 30 + 60 * 0.37 + 5  # 63 % of the way within 0.7 s, here 1 s

@@ -103,9 +103,32 @@ test("pictures of several streams are released together", () => {
 
 test("a picture waits longer for those that stand beside it", () => {
   const { joiner } = practised([CAMERA, MASK], []);
+  joiner.offer(MASK, header(9), "mask 9", 600); // it is not silent
+  joiner.offer(CAMERA, header(10), "picture 10", 700);
+  assert.equal(joiner.take(700 + 11 * FRAME_MS), null);
+  assert.deepEqual(joiner.take(700 + 12 * FRAME_MS).missing, [MASK]);
+});
+
+test("while whole frames come, a frame without one of its pictures is not shown", () => {
+  // A mask at a third of the camera's rate: the one of 12 says that 10 and 11 have none.
+  const { joiner, dropped } = practised([CAMERA, MASK], []);
   joiner.offer(CAMERA, header(10), "picture 10", 100);
-  assert.equal(joiner.take(100 + 11 * FRAME_MS), null);
-  assert.deepEqual(joiner.take(100 + 12 * FRAME_MS).missing, [MASK]);
+  joiner.offer(CAMERA, header(11), "picture 11", 133);
+  joiner.offer(MASK, header(12), "mask 12", 140);
+  assert.equal(joiner.take(140), null);
+  assert.deepEqual(dropped, ["picture 10", "picture 11"]);
+  joiner.offer(CAMERA, header(12), "picture 12", 166);
+  assert.deepEqual([...joiner.take(166).items.values()], ["mask 12", "picture 12"]);
+});
+
+test("after a second without a whole frame, pictures are shown without those beside them", () => {
+  const { joiner } = practised([CAMERA, MASK], []);
+  joiner.offer(CAMERA, header(10), "picture 10", 998);
+  joiner.offer(MASK, header(11), "mask 11", 999);
+  assert.equal(joiner.take(999), null);
+  joiner.offer(CAMERA, header(12), "picture 12", 1000);
+  joiner.offer(MASK, header(13), "mask 13", 1000);
+  assert.deepEqual(joiner.take(1000).missing, [MASK]);
 });
 
 test("a new epoch begins with its first picture, whatever its numbers", () => {

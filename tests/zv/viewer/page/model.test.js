@@ -1,7 +1,9 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { overlayStreams, pictureStreams, stepKeys, StreamStatistics, topicName } from "./model/streams.js";
+import {
+  isStep, overlayStreams, pictureStreams, staysBare, stepKeys, StreamStatistics, topicName,
+} from "./model/streams.js";
 import { System } from "./model/system.js";
 import { Events } from "./transport/connection.js";
 
@@ -77,6 +79,21 @@ test("the steps of the edge detector stand between the camera's picture and the 
     "v/front/edges/smoothed/compressed", "v/front/edges/compressed"]);
   assert.deepEqual(stepKeys(streams.filter((one) => !one.topic.includes("smoothed")), "front"), []);
   assert.deepEqual(stepKeys(streams, "side"), []);
+});
+
+test("a step is told from the picture and the edges", () => {
+  const stepsOf = ["image", "edges", "edges/smoothed", "edges/thresholded", "tracked"]
+    .filter((topic) => isStep({ kind: "picture", topic: `${topic}/compressed` }));
+  assert.deepEqual(stepsOf, ["edges/smoothed", "edges/thresholded"]);
+});
+
+test("boxes stay away from a step, and from the edges beside one", () => {
+  const [image, edges, step] = ["image", "edges", "edges/smoothed"]
+    .map((topic) => ({ kind: "picture", topic: `${topic}/compressed` }));
+  assert.equal(staysBare(step, [step]), true);
+  assert.equal(staysBare(edges, [image, edges, step]), true);
+  assert.equal(staysBare(edges, [image, edges]), false);
+  assert.equal(staysBare(image, [image, edges, step]), false);
 });
 
 test("overlays are the centroid and all tracks of the same camera", () => {

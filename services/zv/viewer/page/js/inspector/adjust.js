@@ -97,6 +97,7 @@ export class Adjust {
 	draw(toned) {
 		this.toned = toned;
 		const { histogram, range, values } = toned;
+		byId("colour-map").disabled = values?.isGrey === false; // it has colours of its own
 		if (!this.isOpen || !histogram) return;
 		const canvas = byId("histogram");
 		const { width, height } = canvas;

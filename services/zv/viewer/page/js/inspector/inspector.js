@@ -2,7 +2,7 @@
 // and below it age, rate, losses, size and frame number.
 
 import { saveDrawn, saveOriginal } from "../export/saving.js";
-import { pictureStreams, stepKeys, topicName } from "../model/streams.js";
+import { pictureStreams, staysBare, stepKeys, topicName } from "../model/streams.js";
 import { watchOptions } from "../model/transfer.js";
 import { byId, setData, setText } from "../ui/elements.js";
 import { number } from "../ui/format.js";
@@ -196,6 +196,9 @@ export class Inspector extends PaneGrid {
 
 	/** The overlay of a pane: nothing if the tracker has already drawn on the picture. */
 	overlayOf({ stream }) {
+		if (staysBare(stream, this.panes.map((pane) => pane.stream)) && !this.editor.isActive) {
+			return { keys: [], trails: null, shapes: null };
+		}
 		const keys = topicName(stream) === "tracked" ? [] : this.feed.messages;
 		const { trails, shapes, overlayOn } = this.menus;
 		const counts = this.frame.items.get(this.feed.messages.find((key) => key.endsWith("/tracks")));
@@ -218,9 +221,8 @@ export class Inspector extends PaneGrid {
 		const wait = 2 * joiner.frameTime;
 		const reason = lag > wait
 			? ` – they come ${number(lag, 0)} ms after it, it waits ${number(wait, 0)} ms` : "";
-		const names = missing.map((key) => key.split("/").at(-1)).join(" and ");
-		return (complete ? `overlay on ${complete} of ${shown.length} frames`
-			: `without ${names || "overlay"}`) + reason;
+		if (complete) return `overlay on ${complete} of ${shown.length} frames${reason}`;
+		return `without ${missing.map((key) => key.split("/").at(-1)).join(" and ") || "overlay"}${reason}`;
 	}
 
 	tick() {

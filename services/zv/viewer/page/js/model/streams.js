@@ -51,6 +51,16 @@ export function stepKeys(streams, camera) {
 	return ["image", ...STAGES, "edges"].map(keyOf).filter(Boolean);
 }
 
+/** Whether a stream is a step of the edge detector. */
+export function isStep(stream) {
+	return STAGES.includes(topicName(stream));
+}
+
+/** Whether boxes would cover what is to be seen: on a step, and on the edges shown beside one. */
+export function staysBare(stream, shown) {
+	return isStep(stream) || (topicName(stream) === "edges" && shown.some(isStep));
+}
+
 /** The streams with boxes or a centroid of one camera, those of the tracker first. */
 export function overlayStreams(streams, camera) {
 	return streams

@@ -47,6 +47,7 @@ export class HealthPanel {
 	fill(row, node) {
 		const { level, message } = this.stateOf(node);
 		const { diagnostics, rate: hz, p50, p99, lost } = this.system.report(node.node) ?? {};
+		const way = diagnostics?.transport ? `, transport: ${diagnostics.transport}` : "";
 		const uptime = diagnostics ? `, up ${duration(1000 * diagnostics.uptime_s)}` : "";
 		const texts = {
 			level,
@@ -55,7 +56,7 @@ export class HealthPanel {
 			p99: number(p99, 1),
 			lost: diagnostics ? count(lost) : "–",
 			message: message || "well",
-			about: `${node.service} ${node.version} on ${node.host}, process ${node.pid}${uptime}`,
+			about: `${node.service} ${node.version} on ${node.host}, process ${node.pid}${uptime}${way}`,
 		};
 		for (const [name, text] of Object.entries(texts)) setText(row[name], text);
 		setData(row.element, { level });

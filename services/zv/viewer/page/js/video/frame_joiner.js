@@ -93,7 +93,8 @@ export class FrameJoiner {
 	follow(pictures, messages, now) {
 		this.drop(() => true);
 		this.lead = pictures[0] ?? null;
-		this.hasOthers = pictures.length > 1;
+		this.pictures = pictures;
+		this.togetherAt = now; // when a frame with all pictures was last taken
 		this.parts = new Map([...pictures.slice(1), ...messages].map((key) =>
 			[key, { at: now, epoch: null, seq: -1, lag: null }]));
 		this.arrivals = new Map(); // id of a frame -> when its leading picture came
@@ -166,7 +167,8 @@ export class FrameJoiner {
 			?? waiting.findLast((one) => this.isOver(one, now));
 		if (!frame) return null;
 		const missing = this.missing(frame);
-		const isWanted = !missing.length || !this.onlyComplete;
+		if (this.hasPictures(frame)) this.togetherAt = now;
+		const isWanted = !missing.length || !(this.onlyComplete || this.isTorn(frame, now));
 		if (isWanted) this.frames.delete(frame.id);
 		this.taken = frame.seq;
 		this.drop((one) => one.epoch === frame.epoch && one.seq <= frame.seq);
@@ -190,9 +192,18 @@ export class FrameJoiner {
 		return [...this.parts.keys()].filter((key) => !frame.items.has(key));
 	}
 
+	/** Tell whether a frame lacks a picture although others, in the last second, had all. */
+	isTorn(frame, now) {
+		return !this.hasPictures(frame) && now - this.togetherAt < longestSilence(this.frameTime);
+	}
+
+	hasPictures(frame) {
+		return this.pictures.every((key) => frame.items.has(key));
+	}
+
 	/** How long a frame waits for its parts, ms. */
 	get patience() {
-		const isTogether = this.onlyComplete || this.hasOthers;
+		const isTogether = this.onlyComplete || this.pictures.length > 1;
 		return (isTogether ? PATIENCE_TOGETHER_FRAMES : PATIENCE_FRAMES) * this.frameTime;
 	}
 

@@ -1,0 +1,57 @@
+"""The options for processors, which every service has."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import AfterValidator, Field
+
+from zenoh_vision.config.constraints import Form
+from zenoh_vision.config.settings import Settings, Text
+from zenoh_vision.host.processors import processors_of, use_processors
+
+
+def _checked(text: str) -> str:
+    processors_of(text)
+    return text
+
+
+Threads = Annotated[
+    int,
+    Field(ge=0, le=256, description="threads that an OpenCV call may use; 0: one per processor"),
+]
+Nice = Annotated[
+    int,
+    Field(ge=-20, le=19, description="niceness: a higher one gets less of a busy machine"),
+]
+Affinity = Annotated[
+    Text | None,
+    AfterValidator(lambda text: text if text is None else _checked(text)),
+    Field(description="processors that the process may run on; not set: all"),
+    Form("processors such as 0,2-3"),
+]
+
+
+class ProcessorSettings(Settings):
+    """What a service may take of the processors of its machine.
+
+    One thread by default: OpenCV's threads wait actively for each other, so that a call on two
+    takes more processor time than on one, and several services share a machine.
+    """
+
+    env_prefix: ClassVar[str] = "ZV_"
+    env_shared: ClassVar[bool] = True
+
+    threads: Threads = 1
+    nice: Nice = 0
+    affinity: Affinity = None
+
+    def apply(self) -> None:
+        """Limit this process to them.
+
+        Raises:
+            ConfigurationError: The machine does not allow it.
+        """
+        use_processors(
+            self.threads, self.nice, processors_of(self.affinity) if self.affinity else ()
+        )

@@ -1,0 +1,124 @@
+"""Pictures as planes of luma and chroma: what a video decoder delivers, and what a JPEG stores.
+
+A JPEG of such a picture needs neither the conversion to BGR nor the one back, which cost more than
+a quarter of its encoding.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import cv2
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+Plane = NDArray[np.uint8]
+Planes = tuple[Plane, Plane, Plane]
+PlanarForm = Literal["planes", "bgr"]
+
+BLACK = 16
+"""Of the limited range, in which videos store luma as 16 to 235 and chroma as 16 to 240."""
+LUMA_SCALE = 255 / 219
+CHROMA_SCALE = 255 / 224
+LUMA_OFFSET = -0.5  # rounds down, as libav's conversion to BGR does
+CHROMA_OFFSET = 128 - 112 * CHROMA_SCALE
+
+
+class PlanarPicture:
+    """A decoded picture of BT.601 in 4:2:0; its forms are made on demand, each at most once.
+
+    Safe to use from several threads.
+
+    Args:
+        planes: Luma (height, width), both even; blue and red chroma, half as high and wide;
+            uint8. Not modified, and kept.
+        full_range: Whether black is 0 and white 255, as in a JPEG; else they are 16 and 235.
+        to_bgr: Makes the pixels, (height, width, 3).
+        asked: Called with each form that is asked for, so that it can be prepared for the next
+            picture.
+
+    Raises:
+        ValueError: A side is odd, of which libjpeg 3.1 makes a wrong last row.
+    """
+
+    def __init__(
+        self,
+        planes: Planes,
+        *,
+        full_range: bool,
+        to_bgr: Callable[[], NDArray[np.uint8]],
+        asked: Callable[[PlanarForm], None] = lambda _: None,
+    ) -> None:
+        if not are_even(*planes[0].shape):
+            raise ValueError(f"planes of {planes[0].shape}: both sides must be even")
+        self.stored = planes
+        self._full: Planes | None = planes if full_range else None
+        self._bgr: NDArray[np.uint8] | None = None
+        self._to_bgr = to_bgr
+        self._asked = asked
+        self._lock = threading.Lock()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, pixels."""
+        height, width = self.stored[0].shape
+        return width, height
+
+    def prepare(self, forms: Sequence[PlanarForm]) -> None:
+        """Make forms that will probably be asked for."""
+        for form in forms:
+            if form == "planes":
+                self._full_range()
+            else:
+                self._pixels()
+
+    def bgr(self) -> NDArray[np.uint8]:
+        """Return the pixels, (height, width, 3); read-only."""
+        self._asked("bgr")
+        return self._pixels()
+
+    def jpeg(self, quality: int) -> bytes:
+        """Return the picture as a JPEG of this quality, 1 to 100."""
+        self._asked("planes")
+        jpeg: bytes = simplejpeg.encode_jpeg_yuv_planes(*self._full_range(), quality=quality)
+        return jpeg
+
+    def equals(self, other: PlanarPicture) -> bool:
+        """Tell whether another picture has the same planes."""
+        if self.size != other.size:
+            return False
+        row = self.stored[0].shape[0] // 2
+        if not np.array_equal(self.stored[0][row], other.stored[0][row]):
+            return False  # one row is nearly always enough to tell them apart
+        return all(map(np.array_equal, self.stored, other.stored))
+
+    def _pixels(self) -> NDArray[np.uint8]:
+        with self._lock:
+            if self._bgr is None:
+                self._bgr = self._to_bgr()
+            return self._bgr
+
+    def _full_range(self) -> Planes:
+        with self._lock:
+            if self._full is None:
+                luma, blue, red = self.stored
+                self._full = (
+                    _scaled(luma, LUMA_SCALE, LUMA_OFFSET),
+                    _scaled(blue, CHROMA_SCALE, CHROMA_OFFSET),
+                    _scaled(red, CHROMA_SCALE, CHROMA_OFFSET),
+                )
+            return self._full
+
+
+def are_even(height: int, width: int) -> bool:
+    """Tell whether planes of this size can be encoded."""
+    return height % 2 == 0 == width % 2
+
+
+def _scaled(plane: Plane, scale: float, offset: float) -> Plane:
+    """Return a plane of limited range in full range; values below or above it are clipped."""
+    above_black = cv2.subtract(plane, BLACK)  # type: ignore[call-overload]
+    return np.asarray(cv2.convertScaleAbs(above_black, alpha=scale, beta=offset), np.uint8)

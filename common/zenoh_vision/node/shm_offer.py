@@ -1,0 +1,123 @@
+"""A camera's frames in shared memory: offered by a liveliness token, written while someone asks."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.shm.machine import SharedMemoryError, machine_identity, why_impossible
+from zenoh_vision.shm.writer import FrameWriter
+from zenoh_vision.transport.link import Declaration, Link
+
+log = logging.getLogger(__name__)
+
+AGAIN_S = 10.0
+"""After a failure the next offer is made after this time."""
+
+
+def may_offer() -> bool:
+    """Tell whether this process can offer shared memory, and is not told to do without."""
+    told = os.environ.get(keys.TRANSPORT_VARIABLE) or "auto"
+    return told in ("auto", "shm") and not why_impossible()
+
+
+class SharedMemoryOffer:
+    """Offers the frames of one camera to the processes of this machine.
+
+    Args:
+        link: To the router.
+        namespace: First chunk of the keys.
+        camera: Whose frames.
+
+    Attributes:
+        failure: Why it cannot offer them now; empty if it does.
+    """
+
+    def __init__(self, link: Link, namespace: str, camera: str) -> None:
+        self.failure = ""
+        self._link = link
+        self._namespace = namespace
+        self._camera = camera
+        self._writer: FrameWriter | None = None
+        self._declared: list[Declaration[Any]] = []
+        self._demand: Declaration[zenoh.Publisher] | None = None
+        self._again_s = 0.0
+        self._closed = False
+        self._lock = threading.Lock()  # it is closed by another thread than writes
+        self._make()
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a process of this machine takes the frames."""
+        demand = self._demand
+        return demand is not None and bool(demand.current.matching_status.matching)  # type: ignore[attr-defined]
+
+    def write(self, frame: Frame) -> bool:
+        """Write a frame if someone takes it; withdraw the offer if that is not possible.
+
+        Returns:
+            Whether it was written.
+
+        Raises:
+            PayloadError: The picture cannot be decoded.
+        """
+        with self._lock:
+            if self._closed:
+                return False
+            if self._writer is None and time.monotonic() >= self._again_s:
+                self._make()
+            if self._writer is None or not self.wanted:
+                return False
+            try:
+                written = self._writer.write(frame)
+            except SharedMemoryError as error:
+                self._fail(error)
+                return False
+            if written and self.failure:
+                log.info("frames of %s come through shared memory again", self._camera)
+                self.failure = ""
+            return written
+
+    def close(self) -> None:
+        """Withdraw the offer and release the memory."""
+        with self._lock:
+            self._closed = True
+            self._withdraw()
+
+    def _make(self) -> None:
+        offer = f"{time.time_ns():016x}{os.urandom(4).hex()}"
+        key = keys.shared_memory_key(self._namespace, self._camera, machine_identity(), offer)
+        try:
+            self._writer = FrameWriter(offer)
+        except SharedMemoryError as error:
+            self._fail(error)
+            return
+        self._demand = self._link.declare(lambda session: session.declare_publisher(key))
+        token = self._link.declare(lambda session: session.liveliness().declare_token(key))
+        self._declared = [self._demand, token]
+
+    def _fail(self, error: SharedMemoryError) -> None:
+        words = f"no frames of {self._camera} through shared memory: {error}"
+        if words != self.failure:
+            log.warning("%s; consumers get JPEG; trying again every %g s", words, AGAIN_S)
+        self.failure = words
+        self._again_s = time.monotonic() + AGAIN_S
+        self._withdraw()
+
+    def _withdraw(self) -> None:
+        self._demand = None
+        declared, self._declared = self._declared, []
+        for each in declared:
+            with suppress(zenoh.ZError):  # the session is being closed
+                each.undeclare()
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None

@@ -1,0 +1,110 @@
+"""Writes the frames of one camera to shared memory."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import mmap
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.pixel_formats import raw_size
+from zenoh_vision.shm.channel import LEAST_FREE, iceoryx_errors, open_channel
+from zenoh_vision.shm.doorbell import Doorbell
+from zenoh_vision.shm.machine import FULL, SharedMemoryError, free_bytes
+
+MADV_POPULATE_WRITE = 23
+HEADER_ROOM = 1024
+"""Bytes beside the pixels for the header, rounded up so that memory need not be made again."""
+
+
+class FrameWriter:
+    """Sends frames to the readers of one offer; used by one thread.
+
+    Args:
+        offer: Its name; nothing else is made of it before the first frame.
+
+    Raises:
+        SharedMemoryError: The doorbell cannot be made.
+    """
+
+    def __init__(self, offer: str) -> None:
+        self._offer = offer
+        self._bell = Doorbell.create(offer)
+        self._node: Any = None
+        self._service: Any = None
+        self._publisher: Any = None
+        self._room = 0
+        self._reserved: set[int] = set()
+        self._madvise = ctypes.CDLL(None, use_errno=True).madvise
+
+    def write(self, frame: Frame) -> bool:
+        """Send a frame, if there is a reader; waits for nobody.
+
+        Returns:
+            Whether a reader gets it.
+
+        Raises:
+            SharedMemoryError: There is no memory for it.
+            PayloadError: The picture cannot be decoded.
+        """
+        header = frame.header
+        attachment = header.to_bytes()
+        size = raw_size(header.encoding, header.width, header.height)
+        with iceoryx_errors():
+            self._make_room(size + len(attachment))
+            if not self._service.dynamic_config.number_of_subscribers:
+                return False
+            loan = self._publisher.loan_slice_uninit(size + len(attachment))
+            address = loan.payload().as_ptr()
+            self._reserve(address, size + len(attachment))
+            memory = _array(address, size + len(attachment))
+            frame.copy_raw(memory[:size])
+            memory[size:] = np.frombuffer(attachment, np.uint8)
+            lengths = loan.user_header().contents
+            lengths.pixels, lengths.attachment = size, len(attachment)
+            readers = int(loan.assume_init().send())
+        self._bell.ring()
+        return readers > 0
+
+    def close(self) -> None:
+        """Release the memory; readers that hold views keep theirs."""
+        self._publisher = self._service = self._node = None
+        self._bell.close()
+
+    def _make_room(self, size: int) -> None:
+        if self._publisher is not None and size <= self._room:
+            return
+        if free_bytes() < size + LEAST_FREE:
+            raise SharedMemoryError(FULL)
+        if self._service is None:
+            self._node, self._service = open_channel(self._offer)
+        self._publisher = None  # there may be one at a time
+        self._room = size + HEADER_ROOM
+        builder = self._service.publisher_builder().initial_max_slice_len(self._room)
+        self._publisher = builder.max_loaned_samples(1).create()
+        self._reserved.clear()
+
+    def _reserve(self, address: int, size: int) -> None:
+        """Make sure that memory can be written to, once for each piece that is used in turn."""
+        if address in self._reserved:
+            return
+        start = address - address % mmap.PAGESIZE
+        length = ctypes.c_size_t(address + self._room - start)
+        if self._madvise(ctypes.c_void_p(start), length, MADV_POPULATE_WRITE):
+            old_kernel = ctypes.get_errno() == errno.EINVAL  # before Linux 5.14
+            if not old_kernel or free_bytes() < size + LEAST_FREE:
+                raise SharedMemoryError(FULL)
+        # iceoryx2 writes the head of the next piece when that is loaned, before it is reserved.
+        after = ctypes.c_void_p(start + length.value + -length.value % mmap.PAGESIZE)
+        failed = self._madvise(after, ctypes.c_size_t(mmap.PAGESIZE), MADV_POPULATE_WRITE)
+        if failed and ctypes.get_errno() not in (errno.EINVAL, errno.ENOMEM):  # the last piece
+            raise SharedMemoryError(FULL)
+        self._reserved.add(address)
+
+
+def _array(address: int, size: int) -> NDArray[np.uint8]:
+    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(address))

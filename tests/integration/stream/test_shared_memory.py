@@ -1,0 +1,238 @@
+"""Frames between processes of one machine go through shared memory, by themselves."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import threading
+import uuid
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import pytest
+import zenoh
+from pydantic import Field
+
+from tests.support.listening import balance, newest, wait_for_nodes
+from tests.support.waiting import in_time, wait_until
+from zenoh_vision import Connection, Frame, Level, Live, Node, ServiceSettings, queue
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.keys import Transport
+from zenoh_vision.node.shm_offer import may_offer
+from zenoh_vision.shm.machine import MEMORY, why_impossible
+from zenoh_vision.shm.writer import FrameWriter
+
+pytestmark = pytest.mark.skipif(bool(why_impossible()), reason=why_impossible() or "-")
+
+COMPRESSED_KEY, RAW_KEY = "vision/front/image/compressed", "vision/front/image"
+SMALL = ("--width", 320, "--height", 240)
+
+
+class TakerSettings(ServiceSettings):
+    env_prefix: ClassVar[str] = "ZV_TAKER_"
+
+    transport: Annotated[Transport, Field(description="way of the frames"), Live()] = "auto"
+
+
+@pytest.fixture
+def taker(router) -> Iterator[Node]:
+    connection = Connection(router.endpoint, timeout_s=10)
+    with Node("taker", connection=connection, parameters=TakerSettings()) as node:
+        yield node
+
+
+def subscribed(client: zenoh.Session, key: str) -> bool:
+    """Tell whether somebody subscribes to a key."""
+    with client.declare_publisher(key) as publisher:
+        return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
+
+
+def change(node: Node, transport: str) -> None:
+    assert node.parameters is not None
+    node.parameters.change({"transport": transport})
+
+
+def way_of(node: Node) -> str | None:
+    return next(iter(node.inputs)).intake.way  # type: ignore[attr-defined]
+
+
+def identities(frames: Iterator[Frame], count: int) -> list[tuple[int, int]]:
+    headers = [next(frames).header for _ in range(count)]
+    return [(header.epoch, header.seq) for header in headers]
+
+
+def test_frames_come_through_shared_memory_and_nobody_asks_for_jpeg(client, service, taker):
+    camera = service("camera", *SMALL)
+    frames = in_time(taker, iter(taker.frames(transport="auto")))
+    next(frame for frame in frames if frame.key == RAW_KEY)
+    assert way_of(taker) == "shm"
+    next(frame for frame in frames if not subscribed(client, COMPRESSED_KEY))
+    seen = identities(frames, 30)
+    assert seen == sorted(set(seen))
+    assert not subscribed(client, RAW_KEY)
+    counters = newest(client, "@vision/diagnostics/camera_front").body["counters"]
+    assert balance(counters) == 0
+    assert counters["published"] > 0, camera.output
+
+
+def test_no_frame_comes_twice_or_out_of_order_while_the_way_changes(client, service, taker):
+    service("camera", *SMALL, "--rate", 60)
+    frames = in_time(taker, iter(taker.frames(transport="auto")), 60)
+    seen, ways = [], []
+    for wanted, transport in [("shm", "auto"), ("jpeg", "jpeg"), ("raw", "raw")] * 3:
+        change(taker, transport)
+        for frame in frames:
+            seen.append((frame.header.epoch, frame.header.seq))
+            if way_of(taker) == wanted:
+                break
+        seen += identities(frames, 10)
+        ways.append(way_of(taker))
+    assert ways == ["shm", "jpeg", "raw"] * 3
+    assert seen == sorted(set(seen))
+    counters = taker.counters.snapshot()
+    assert balance(counters) == 0
+    assert set(counters) <= {
+        *("received", "processed", "pending", "missed"),
+        *("dropped.duplicate", "dropped.overwritten", "dropped.stale"),  # stale: a busy machine
+    }
+
+
+def test_a_camera_that_is_killed_and_started_again_is_seen_again(client, service, taker):
+    camera = service("camera", *SMALL)
+    frames = in_time(taker, iter(taker.frames(transport="auto")), 60)
+    for _ in range(3):
+        next(frame for frame in frames if way_of(taker) == "shm")
+        epoch = identities(frames, 5)[-1][0]
+        os.kill(camera.process.pid, signal.SIGKILL)
+        camera = service("camera", *SMALL)
+        next(frame for frame in frames if frame.header.epoch > epoch)
+    next(frame for frame in frames if way_of(taker) == "shm")
+    wait_until(nothing_is_left_over)
+
+
+def nothing_is_left_over() -> bool:
+    """Let another offer begin and end, then look for what dead ones left; other tests kill too."""
+    FrameWriter(f"next{uuid.uuid4().hex[:8]}").close()
+    return not any(map(is_left_over, bells()))
+
+
+def bells() -> list[Path]:
+    return list(MEMORY.glob(f"zenoh_vision_{os.getuid()}/*.bell"))
+
+
+def is_left_over(bell: Path) -> bool:
+    """Tell whether the process that made a doorbell is dead: the kernel released its lock."""
+    with suppress(FileNotFoundError), bell.open("r+b") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return bell.exists()
+    return False
+
+
+def test_a_camera_that_stalls_is_missed_and_seen_again(client, service, taker):
+    camera = service("camera", *SMALL)
+    frames = in_time(taker, iter(taker.frames(transport="auto")), 60)
+    next(frame for frame in frames if way_of(taker) == "shm")
+    os.kill(camera.process.pid, signal.SIGSTOP)
+    said: list[str] = []
+
+    def watch() -> None:
+        wait_until(lambda: taker.health.diagnostics().level == Level.STALE)
+        said.append(taker.health.diagnostics().message)
+        os.kill(camera.process.pid, signal.SIGCONT)
+
+    watching = threading.Thread(target=watch, daemon=True)
+    watching.start()
+    next(frame for frame in frames if said)
+    watching.join()
+    assert "no frame on" in said[0]
+    next(frame for frame in frames if way_of(taker) == "shm")
+    seen = identities(frames, 10)
+    assert seen == sorted(set(seen))
+
+
+def test_the_router_may_go_and_come_back(client, router, service, taker):
+    service("camera", *SMALL)
+    frames = in_time(taker, iter(taker.frames(transport="auto")), 60)
+    next(frame for frame in frames if way_of(taker) == "shm")
+    router.kill()
+    router.start()
+    since = taker.counters.snapshot()["processed"]
+    seen = identities(frames, 40)
+    assert seen == sorted(set(seen))
+    next(frame for frame in frames if way_of(taker) == "shm")
+    assert taker.counters.snapshot()["processed"] > since
+
+
+def test_shm_alone_takes_nothing_else_and_says_what_it_waits_for(client, service, taker):
+    change(taker, "shm")
+    frames = in_time(taker, iter(taker.frames(transport="shm")))
+    service("camera", *SMALL)
+    assert next(frames).key == RAW_KEY
+    assert way_of(taker) == "shm"
+    assert not subscribed(client, COMPRESSED_KEY)
+    (waiting,) = taker.inputs
+    assert waiting.intake.awaited == (f"{RAW_KEY} in shared memory",)  # type: ignore[attr-defined]
+
+
+def test_the_environment_is_the_transport_of_inputs_that_are_told_none(
+    monkeypatch, service, router
+):
+    monkeypatch.setenv("ZV_TRANSPORT", "auto")
+    service("camera", *SMALL)
+    with Node("plain", connection=Connection(router.endpoint, timeout_s=10)) as node:
+        frames = in_time(node, iter(node.frames("image/compressed")))
+        next(frame for frame in frames if frame.key == RAW_KEY)
+        assert way_of(node) == "shm"
+        every = node.frames("image/compressed", buffering=queue(5))
+        assert not any("shm" in key for key in every.intake.awaited)
+        monkeypatch.setenv("ZV_TRANSPORT", "smh")
+        with pytest.raises(ConfigurationError, match=r"ZV_TRANSPORT = 'smh'.*auto, shm, raw, jpeg"):
+            node.frames("image/compressed")
+
+
+def test_a_queue_takes_every_frame_over_the_network(service, taker):
+    service("camera", *SMALL)
+    frames = in_time(taker, iter(taker.frames(transport="auto", buffering=queue(100))))
+    for _ in range(30):
+        next(frames)
+        assert way_of(taker) == "jpeg"
+
+
+@pytest.mark.parametrize("told", ["jpeg", "raw"])
+def test_a_camera_that_is_told_so_offers_no_shared_memory(monkeypatch, told):
+    assert may_offer()
+    monkeypatch.setenv("ZV_TRANSPORT", told)
+    assert not may_offer()
+
+
+def test_a_remote_consumer_beside_a_local_one_gets_jpeg(client, service, taker):
+    service("camera", *SMALL)
+    pictures: list[bytes] = []
+    with client.declare_subscriber(
+        COMPRESSED_KEY, lambda sample: pictures.append(sample.payload.to_bytes())
+    ):
+        frames = in_time(taker, iter(taker.frames(transport="auto")))
+        next(frame for frame in frames if way_of(taker) == "shm")
+        next(frame for frame in frames if len(pictures) > 20)
+    assert all(picture.startswith(b"\xff\xd8") for picture in pictures)
+
+
+def test_the_tracker_and_the_edge_detector_take_it_too(client, service):
+    service("camera", *SMALL)
+    service("tracker")
+    service("edge")
+    wait_for_nodes(client, "camera_front", "tracker_front", "edge_front")
+    wait_until(lambda: not subscribed(client, COMPRESSED_KEY))
+    for node in ("tracker_front", "edge_front"):
+        before = newest(client, f"@vision/diagnostics/{node}").body["counters"]["processed"]
+        wait_until(
+            lambda node=node, before=before: (
+                newest(client, f"@vision/diagnostics/{node}").body["counters"]["processed"] > before
+            )
+        )

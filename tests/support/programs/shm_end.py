@@ -1,0 +1,51 @@
+"""One side of shared memory until it is killed: ``write OFFER`` or ``read OFFER``, small frames."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.messages import Header
+from zenoh_vision.shm.reader import FrameReader
+from zenoh_vision.shm.writer import FrameWriter
+
+
+def write(offer: str, width: int = 320, height: int = 240) -> None:
+    """Write frames, and print the number of each."""
+    writer = FrameWriter(offer)
+    pixels = np.full((height, width, 3), 7, np.uint8)
+    for seq in range(10**9):
+        header = Header(
+            camera="front",
+            epoch=1,
+            seq=seq,
+            stamp_ns=time.time_ns(),
+            width=width,
+            height=height,
+            encoding="bgr8",
+        )
+        writer.write(Frame(header, pixels=pixels))
+        print(seq, flush=True)
+        time.sleep(0.01)
+
+
+def read(offer: str) -> None:
+    """Print the number of each frame that arrives; keep the last ones."""
+    kept = []
+
+    def receive(sample: object) -> None:
+        kept.append(sample)
+        del kept[:-2]
+        print(len(kept), flush=True)
+
+    reader = FrameReader(offer, "vision/front/image", receive)
+    while not reader.failure:
+        time.sleep(0.1)
+    sys.exit(reader.failure)
+
+
+if __name__ == "__main__":
+    {"write": write, "read": read}[sys.argv[1]](sys.argv[2])

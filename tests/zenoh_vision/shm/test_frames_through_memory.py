@@ -1,0 +1,187 @@
+"""Frames through shared memory: intact, the newest, in memory that lasts as long as its views."""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.support.waiting import wait_until
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.pixel_formats import ENCODINGS
+from zenoh_vision.messages import Header
+from zenoh_vision.stream.buffer import latest
+from zenoh_vision.stream.counters import FrameCounters
+from zenoh_vision.stream.frame_intake import FrameIntake
+from zenoh_vision.stream.intake import Consumer
+from zenoh_vision.stream.sample import Sample
+
+pytest.importorskip("iceoryx2")
+
+from zenoh_vision.shm.channel import VIEWS
+from zenoh_vision.shm.machine import SharedMemoryError
+from zenoh_vision.shm.reader import FrameReader
+from zenoh_vision.shm.writer import FrameWriter
+
+KEY = "vision/front/image"
+WIDTH, HEIGHT = 64, 48
+
+
+def a_header(seq: int, encoding: str = "bgr8", width: int = WIDTH, height: int = HEIGHT) -> Header:
+    return Header(
+        camera="front",
+        epoch=1,
+        seq=seq,
+        stamp_ns=time.time_ns(),
+        width=width,
+        height=height,
+        encoding=encoding,
+        node="camera_front",
+        revision=0,
+    )
+
+
+def filled(seq: int, value: int, width: int = WIDTH, height: int = HEIGHT) -> Frame:
+    pixels = np.full((height, width, 3), value, np.uint8)
+    return Frame(a_header(seq, width=width, height=height), pixels=pixels)
+
+
+class Way:
+    """A writer, a reader and what has arrived."""
+
+    def __init__(self) -> None:
+        self.offer = f"test{uuid.uuid4().hex[:12]}"
+        self.arrived: list[Sample] = []
+        self.writer = FrameWriter(self.offer)
+        self.reader = FrameReader(self.offer, KEY, self.arrived.append)
+        wait_until(lambda: self.reader.ready or self.reader.failure)
+        assert not self.reader.failure
+
+    def send(self, frame: Frame) -> Sample:
+        """Write a frame and return the sample that arrives."""
+        before = len(self.arrived)
+        self.writer.write(frame)
+        wait_until(lambda: len(self.arrived) > before)
+        return self.arrived[-1]
+
+    def close(self) -> None:
+        self.reader.close()
+        self.writer.close()
+
+
+@pytest.fixture
+def way() -> Iterator[Way]:
+    found = Way()
+    yield found
+    found.close()
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_pixels_of_every_encoding_arrive_unchanged_with_their_header(way, encoding):
+    known = ENCODINGS[encoding]
+    shape = (HEIGHT, WIDTH) if known.channels == 1 else (HEIGHT, WIDTH, known.channels)
+    pixels = np.random.default_rng(1).integers(0, 250, shape).astype(known.dtype)
+    sample = way.send(Frame(a_header(7, encoding), pixels=pixels))
+    assert Header.from_bytes(sample.attachment).seq == 7
+    assert np.array_equal(np.frombuffer(sample.payload, known.dtype).reshape(shape), pixels)
+    assert sample.shared
+
+
+def test_a_jpeg_arrives_as_the_pixels_that_it_decodes_to(way):
+    picture = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+    jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
+    sample = way.send(Frame(a_header(0), compressed=jpeg))
+    expected = Frame(a_header(0), compressed=jpeg).pixels
+    assert bytes(sample.payload) == expected.tobytes()
+
+
+def test_pixels_with_gaps_between_rows_arrive_without(way):
+    whole = np.arange(HEIGHT * WIDTH * 6, dtype=np.uint8).reshape(HEIGHT, WIDTH * 2, 3)
+    sample = way.send(Frame(a_header(0), pixels=whole[:, ::2]))
+    assert bytes(sample.payload) == whole[:, ::2].tobytes()
+
+
+def test_what_arrives_cannot_be_written_to(way):
+    payload = way.send(filled(0, 1)).payload
+    assert isinstance(payload, memoryview)
+    assert payload.readonly
+    assert not np.frombuffer(payload, np.uint8).flags.writeable
+
+
+def test_kept_frames_stay_as_they_are_however_many_and_do_not_end_the_stream(way):
+    kept = [way.send(filled(seq, seq)) for seq in range(4 * VIEWS)]
+    for seq, sample in enumerate(kept):
+        assert set(bytes(sample.payload)) == {seq}
+    copies = [sample for sample in kept if isinstance(sample.payload, bytes)]
+    assert len(copies) == len(kept) - (VIEWS - 1)
+
+
+def test_views_that_nothing_refers_to_are_lent_again(way):
+    for seq in range(4 * VIEWS):
+        assert isinstance(way.send(filled(seq, seq)).payload, memoryview)
+        way.arrived.clear()
+
+
+def test_a_view_outlives_the_reader_and_the_writer(way):
+    sample = way.send(filled(0, 9))
+    pixels = np.frombuffer(sample.payload, np.uint8)
+    way.arrived.clear()
+    del sample
+    way.close()
+    assert set(pixels.tolist()) == {9}
+    way.writer, way.reader = FrameWriter(way.offer), way.reader
+
+
+def test_a_larger_frame_follows_a_smaller_one(way):
+    way.send(filled(0, 1))
+    sample = way.send(filled(1, 2, 640, 480))
+    assert len(sample.payload) == 640 * 480 * 3
+
+
+def test_a_slow_consumer_sees_the_newest_frame_and_its_losses_are_counted(way):
+    way.reader.close()
+    counters = FrameCounters()
+    intake = FrameIntake(KEY, Consumer(counters, lambda _: None), latest, raw=True)
+    reader = FrameReader(way.offer, KEY, intake.receive)
+    wait_until(lambda: reader.ready)
+    way.writer.write(filled(0, 0))
+    assert intake.take(5, "pixels", None) is not None  # a frame before it verifies an epoch
+    counters.finish()
+    for seq in range(1, 20):
+        way.writer.write(filled(seq, seq))
+    seen = []
+    while (frame := intake.take(0.3, "pixels", None)) is not None:
+        seen.append(frame.header.seq)
+        counters.finish()
+        assert set(np.unique(frame.pixels)) == {frame.header.seq}
+    assert seen[-1] == 19
+    found = counters.snapshot()
+    assert found["received"] == found["processed"] + found.get("dropped.overwritten", 0)
+    assert found["received"] + found.get("missed", 0) == 20
+    reader.close()
+    intake.close()
+
+
+def test_a_reader_of_an_offer_that_is_not_in_this_memory_says_so():
+    reader = FrameReader("nobody", KEY, lambda _: None)
+    wait_until(lambda: reader.failure)
+    assert "nobody" in reader.failure
+    reader.close()
+
+
+def test_a_waiting_reader_holds_up_no_other_thread(way):
+    done = threading.Event()
+    threading.Thread(target=done.set).start()  # cannot start while a thread keeps the interpreter
+    began_s = time.process_time()
+    assert done.wait(20)
+    assert time.process_time() - began_s < 0.05
+
+
+def test_two_writers_of_one_offer_are_refused(way):
+    with pytest.raises(SharedMemoryError, match="exists"):
+        FrameWriter(way.offer)

@@ -1,0 +1,107 @@
+"""Either side may be killed at any time: the other goes on, and nothing is left over."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import uuid
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import ROOT, environment
+from tests.support.waiting import wait_until
+
+pytest.importorskip("iceoryx2")
+
+from zenoh_vision.shm.machine import MEMORY
+from zenoh_vision.shm.reader import FrameReader
+from zenoh_vision.shm.writer import FrameWriter
+
+TIMES = 3
+
+
+class Side:
+    """One side of shared memory in a process of its own, until it is killed."""
+
+    def __init__(self, side: str, offer: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.support.programs.shm_end", side, offer],
+            stdout=subprocess.PIPE,
+            cwd=ROOT,
+            env=environment(),
+        )
+        assert self._process.stdout is not None
+        self._output = self._process.stdout
+        self.pid = self._process.pid
+
+    def goes_on(self, frames: int = 3) -> None:
+        """Wait until it has written or received more frames."""
+        for _ in range(frames):
+            assert self._output.readline(), f"it ended: {self._process.wait()}"
+
+    def kill(self) -> None:
+        os.kill(self.pid, signal.SIGKILL)
+        self._process.wait()
+        self._output.close()
+
+
+def test_a_killed_reader_leaves_the_writer_going_and_a_new_one_receives():
+    offer = f"kill{uuid.uuid4().hex[:8]}"
+    writer = Side("write", offer)
+    try:
+        writer.goes_on()
+        for _ in range(TIMES):
+            reader = Side("read", offer)
+            reader.goes_on()
+            reader.kill()
+            writer.goes_on()
+    finally:
+        writer.kill()
+    assert_all_is_removed(offer)
+
+
+def test_a_killed_writer_leaves_views_intact_and_its_files_are_removed_by_the_next():
+    for _ in range(TIMES):
+        offer = f"kill{uuid.uuid4().hex[:8]}"
+        side = Side("write", offer)
+        side.goes_on()
+        arrived = []
+        reader = FrameReader(offer, "vision/front/image", arrived.append)
+        wait_until(lambda arrived=arrived, reader=reader: arrived or reader.failure)
+        side.kill()
+        assert set(bytes(arrived[-1].payload)) == {7}
+        reader.close()
+    assert_all_is_removed(offer)
+
+
+def assert_all_is_removed(offer: str) -> None:
+    """Let another offer begin and end, then look for what is left of a dead one."""
+    next_offer = f"next{uuid.uuid4().hex[:8]}"
+    writer = FrameWriter(next_offer)
+    reader = FrameReader(next_offer, "vision/front/image", lambda _: None)
+    wait_until(lambda: reader.ready or reader.failure)
+    reader.close()
+    writer.close()
+    assert not [path for path in MEMORY.rglob("*.bell") if offer in path.name]
+    # Nodes of living processes of other tests stay; each dead one had its lock released.
+    wait_until(lambda: not dead_nodes(), 10)
+
+
+def dead_nodes() -> list[Path]:
+    """Return the owner locks of iceoryx2's nodes that no process holds."""
+    locks = MEMORY.glob(f"zenoh_vision_{os.getuid()}/nodes/*.node_monitor_owner_lock")
+    return [lock for lock in locks if not held(lock)]
+
+
+def held(lock: Path) -> bool:
+    """Tell whether a process has a file open, by /proc."""
+    for descriptor in Path("/proc").glob("[0-9]*/fd/*"):
+        try:
+            if descriptor.readlink() == lock:
+                return True
+        except OSError:
+            continue
+    return False
