@@ -116,7 +116,6 @@ def test_after_the_routers_death_under_load_all_flows_are_back_within_1_s(
         listener.wait_for(20, 10, answers_s)
     images = watch.streams["image/compressed"].messages
     counters = newest(client, "@vision/diagnostics/camera_front").body["counters"]
-    print("IMG", [(m.header["seq"], round(m.at_s-killed_s,3)) for m in images], counters, killed_s, answers_s)
     check_gap(images, counters, killed_s, answers_s)
     for listener in watch.streams.values():
         numbers = [message.header["seq"] for message in listener.messages]
@@ -168,7 +167,8 @@ def check_gap(
     lost = sum(gaps([message.header["seq"] for message in part]) for part in (before, after))
     assert lost <= elsewhere + ON_THE_WAY, (counters, seen)
     gap_s = (after[0].header["stamp_ns"] - before[-1].header["stamp_ns"]) / 1e9
-    assert gap_s < answers_s - killed_s + BACK_S, (counters, seen)
+    period_s = 1 / RATE_HZ  # by which the last frame before may be older than the router's end
+    assert gap_s < period_s + answers_s - killed_s + BACK_S, (counters, seen)
 
 
 def gaps(numbers: list[int]) -> int:
