@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.listening import Listener, Message, ask, newest, wait_for_nodes
+from tests.support.listening import Listener, Message, ask, balance, newest, wait_for_nodes
 from tests.support.pictures.encoded import HEIGHT, WIDTH, scene
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import wait_until
@@ -114,7 +114,11 @@ def test_a_camera_that_nobody_listens_to_says_that_it_published_nothing(client, 
     health = Listener(client, "@vision/diagnostics/camera_front")
     unheard = health.wait_for(2)[-1].body["counters"]
     assert unheard["published"] == 0
-    assert unheard["dropped.no_subscriber"] == unheard["captured"] - unheard["pending"] > 0
+    assert unheard["dropped.no_subscriber"] > 0
+    # A busy machine overwrites a frame before it finds that nobody wants it.
+    reasons = {name for name in unheard if name.startswith("dropped.")}
+    assert reasons <= {"dropped.no_subscriber", "dropped.overwritten"}
+    assert balance(unheard) == 0
     listener = Listener(client, "vision/front/image/compressed")
     listener.wait_for(15)
     health.wait_for(1, after_s=time.monotonic())
