@@ -55,21 +55,23 @@ def _router(started: Programs) -> str:
     return endpoint
 
 
-def _zenoh_vision(transport: str) -> Run:
+def _zenoh_vision(transport: str, pipeline: str = "") -> Run:
+    """Return what measures the age of frames, or of a tracker's centroids with a pipeline."""
+
     def run(video: Path, quality: int, frames: int) -> Outcome:
         with programs() as started:
             endpoint = _router(started)
             source = ("--source", f"{video}", "--loop", "--rate", "30")
             connect = ("--connect", endpoint)
             started.python("zv", "camera", *source, "--quality", f"{quality}", *connect)
-            if transport == "centroid":
-                started.python(
-                    "zv", "tracker", "--pipeline", "tutorial", "--transport", "jpeg", *connect
-                )
+            if pipeline:
+                chosen = ("--pipeline", pipeline, "--transport", transport)
+                started.python("zv", "tracker", *chosen, *connect)
             consumer = f"{PROGRAMS}.zenoh_vision_consumer"
+            taken = "centroid" if pipeline else transport
             return measured(
                 started,
-                started.python(consumer, endpoint, f"{frames}", transport, talks=True),
+                started.python(consumer, endpoint, f"{frames}", taken, talks=True),
                 frames,
             )
 
@@ -168,11 +170,25 @@ def systems() -> list[System]:
         System("ROS 1, compressed", _ros("compressed"), missing=_no_ros),
         System("ROS 1, raw", _ros("raw"), jpeg=False, missing=_no_ros),
         System("tutorial, one process", _one_process, jpeg=False, result=True),
+        *_trackers(),
+    ]
+
+
+def _trackers() -> list[System]:
+    """Return the tracker with both pipelines, as on the camera's machine and as on another."""
+    rows = {
+        "tracker": ("shm", "robust"),
+        "tracker with the tutorial's pipeline": ("shm", "tutorial"),
+        "tracker with the tutorial's pipeline, JPEG": ("jpeg", "tutorial"),
+    }
+    return [
         System(
-            "zenoh-vision, tracker with the tutorial's pipeline",
-            _zenoh_vision("centroid"),
+            f"zenoh-vision, {name}",
+            _zenoh_vision(transport, pipeline),
             jpeg=False,
+            missing=why_impossible if transport == "shm" else lambda: "",
             ours=True,
             result=True,
-        ),
+        )
+        for name, (transport, pipeline) in rows.items()
     ]
