@@ -180,15 +180,19 @@ def test_shm_alone_takes_nothing_else_and_says_what_it_waits_for(client, service
     assert waiting.intake.awaited == (f"{RAW_KEY} in shared memory",)  # type: ignore[attr-defined]
 
 
-def test_the_environment_is_the_transport_of_inputs_that_are_told_none(
+def test_inputs_that_are_told_nothing_take_it_unless_the_environment_says_otherwise(
     monkeypatch, service, router
 ):
-    monkeypatch.setenv("ZV_TRANSPORT", "auto")
     service("camera", *SMALL)
     with Node("plain", connection=Connection(router.endpoint, timeout_s=10)) as node:
         frames = in_time(node, iter(node.frames("image/compressed")))
         next(frame for frame in frames if frame.key == RAW_KEY)
         assert way_of(node) == "shm"
+        frames.close()
+        monkeypatch.setenv("ZV_TRANSPORT", "jpeg")
+        over_network = in_time(node, iter(node.frames("image/compressed")))
+        assert identities(over_network, 10)
+        assert way_of(node) == "jpeg"
         every = node.frames("image/compressed", buffering=queue(5))
         assert not any("shm" in key for key in every.intake.awaited)
         monkeypatch.setenv("ZV_TRANSPORT", "smh")
