@@ -44,14 +44,10 @@ class Change(Generic[S]):
 
 
 class ParameterStore(Generic[S]):
-    """The settings of one node and their revisions; safe between threads.
-
-    Attributes:
-        check: Raises ``ParameterRefused`` for settings that are valid, but cannot be followed now.
-    """
+    """The settings of one node and their revisions; safe between threads."""
 
     def __init__(self, settings: S) -> None:
-        self.check: Callable[[S], None] = lambda _settings: None
+        self._checks: list[Callable[[S], None]] = []
         self._newest = Revision(0, settings)
         self._active = self._newest
         self._watchers: list[Callable[[Change[S]], None]] = []
@@ -74,6 +70,15 @@ class ParameterStore(Generic[S]):
         self._active = self._newest
         return self._active
 
+    def check(self, check: Callable[[S], None]) -> None:
+        """Call ``check`` before each change, once however often this is called.
+
+        It raises ``ParameterRefused`` for settings that are valid, but cannot be followed now.
+        """
+        with self._lock:
+            if check not in self._checks:
+                self._checks.append(check)
+
     def watch(self, watcher: Callable[[Change[S]], None]) -> None:
         """Call ``watcher`` after each change, in order, on the thread of a change."""
         with self._lock:
@@ -88,7 +93,8 @@ class ParameterStore(Generic[S]):
         with self._lock:
             before = self._newest
             settings = changed(before.settings, values)
-            self.check(settings)
+            for check in self._checks:
+                check(settings)
             names = tuple(
                 name
                 for name in type(settings).model_fields

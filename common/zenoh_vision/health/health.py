@@ -125,7 +125,8 @@ class Health:
     def _judge(self, now_s: float, wall_ns: int, counters: dict[str, int]) -> tuple[int, str]:
         """Return the most serious level, and all messages."""
         found: list[tuple[int, str]] = [self._report, (Level.OK, self.remark)]
-        found += [(Level.WARN, words) for words in (self.namesake, self.shared_memory) if words]
+        warnings = [self.namesake, self.shared_memory, *(each.fault for each in self.inputs)]
+        found += [(Level.WARN, words) for words in warnings if words]
         if stuck := self._stuck():
             found.append((Level.ERROR, stuck))
         if self._report[0] == Level.OK:

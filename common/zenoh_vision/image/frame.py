@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Header
 
 Form = Literal["pixels", "bgr", "gray"]
+
+A = TypeVar("A", bound=NDArray[Any])
 
 
 class Frame:
@@ -67,7 +69,7 @@ class Frame:
         self.bilevel = bilevel
         self.revision: Any = None
         self._encoding = header.encoding or ""
-        self._pixels = pixels
+        self._pixels = None if pixels is None else _read_only(pixels)
         self._compressed = compressed
         self._planar = planar
         self._quality = quality
@@ -132,8 +134,9 @@ class Frame:
                 if self._pixels is not None and self._encoding in pixel_formats.DEEP:
                     self._depth = pixel_formats.sixteen_bits(self._pixels, self._encoding)
                 elif self._compressed is not None:
-                    self._depth = codecs.decode_deep_png(self._compressed)
-                    self._is_deep = self._depth is not None
+                    decoded = codecs.decode_deep_png(self._compressed)
+                    self._depth = None if decoded is None else _read_only(decoded)
+                    self._is_deep = decoded is not None
             return self._depth
 
     @property
@@ -164,9 +167,9 @@ class Frame:
         with self._lock:
             if self._pixels is None and self._planar is not None:
                 bgr = self._planar.bgr()
-                self._pixels = pixel_formats.convert(bgr, "bgr8", self._encoding)
+                self._pixels = _read_only(pixel_formats.convert(bgr, "bgr8", self._encoding))
             elif self._pixels is None:
-                self._pixels = self._decode(self._encoding)
+                self._pixels = _read_only(self._decode(self._encoding))
             return self._pixels
 
     @property
@@ -240,7 +243,7 @@ class Frame:
             return np.asarray(self.pixels, np.uint8)
         with self._lock:
             if encoding not in self._forms:
-                self._forms[encoding] = self._eight_bits(encoding)
+                self._forms[encoding] = _read_only(self._eight_bits(encoding))
             return self._forms[encoding]
 
     def _eight_bits(self, encoding: str) -> NDArray[np.uint8]:
@@ -267,6 +270,13 @@ class Frame:
         if pixels.dtype == np.uint16:  # colour
             pixels = eight_bits(pixels)
         return pixel_formats.convert(pixels, pixel_formats.encoding_of(pixels), encoding)
+
+
+def _read_only(pixels: A) -> A:
+    """Return a view that cannot be written to: others may read the same pixels."""
+    view = pixels.view()
+    view.flags.writeable = False
+    return view
 
 
 Want = Form | Callable[[Frame], object]

@@ -6,7 +6,8 @@ import os
 from typing import Any, Protocol, TypeVar, cast, get_args
 
 from zenoh_vision.config.revisions import ParameterStore
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.config.settings import Settings
+from zenoh_vision.errors import ConfigurationError, ParameterRefused
 from zenoh_vision.image.frame import Frame, Want
 from zenoh_vision.keys import TRANSPORT_VARIABLE, Transport
 from zenoh_vision.node.inputs import Input
@@ -50,9 +51,10 @@ def frame_input(
             names a transport that does not exist.
     """
     namespace = node.connection.namespace
-    if transport is None and topic is COMPRESSED and camera != "*" and buffering.per_key:
-        transport = told_transport()
-    if transport is not None and (topic is not COMPRESSED or camera == "*"):
+    fits = topic is COMPRESSED and camera != "*"
+    if transport is None and fits and buffering.per_key:
+        transport = told_transport() or "auto"
+    if transport is not None and not fits:
         raise ValueError(f"transport {transport!r} needs {COMPRESSED.name} of one camera")
     raw_key = None if transport is None else RAW.key(namespace, camera)
     intake = FrameIntake(
@@ -67,11 +69,12 @@ def frame_input(
     switch = None
     if transport is not None and raw_key is not None:
         memory = None
-        first = _setting(node.parameters, "transport", transport)
-        if not (why := why_impossible()):
+        first = _transport(node.parameters, transport)
+        _check_possible(first)
+        if node.parameters is not None:
+            node.parameters.check(_check_setting)
+        if not why_impossible():
             memory = SharedMemoryInput(node.link, namespace, camera, intake, raw_key)
-        elif first == "shm":
-            raise ConfigurationError(f"transport = shm: {why}; allowed here: auto, raw, jpeg")
         # A queue needs every frame, and in shared memory only the newest waits.
         switch = TransportSwitch(
             node.link, intake, raw_key, memory, memory_by_itself=buffering.per_key
@@ -81,7 +84,7 @@ def frame_input(
     def take(timeout_s: float) -> Frame | None:
         revision = None if node.parameters is None else node.parameters.active
         if switch is not None and transport is not None:
-            switch.follow(_setting(node.parameters, "transport", transport))
+            switch.follow(_transport(node.parameters, transport))
         allowed_s = None if max_age_s is None else _setting(node.parameters, "max_age", max_age_s)
         if revision is not None and hasattr(revision.settings, "depth_min"):
             settings = revision.settings
@@ -108,6 +111,26 @@ def told_transport() -> Transport | None:
             f"{', '.join(known)}"
         )
     return cast("Transport | None", told)
+
+
+def _check_setting(settings: Settings) -> None:
+    _check_possible(getattr(settings, "transport", None))
+
+
+def _check_possible(transport: Transport | None) -> None:
+    """Refuse a transport of which this process would never get a frame.
+
+    Raises:
+        ParameterRefused: It is shared memory, which this process cannot use.
+    """
+    if transport == "shm" and (why := why_impossible()):
+        raise ParameterRefused(f"transport = shm: {why}", "auto, raw, jpeg")
+
+
+def _transport(parameters: ParameterStore[Any] | None, default: Transport) -> Transport:
+    """Return the setting ``transport`` of a node; the default if it has none, or one of its own."""
+    found = _setting(parameters, "transport", default)
+    return found if found in get_args(Transport) else default
 
 
 def _setting(parameters: ParameterStore[Any] | None, name: str, default: T) -> T:

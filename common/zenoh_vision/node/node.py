@@ -218,9 +218,9 @@ class Node:
             transport: ``auto``: the camera's frames in shared memory if both are on one machine
                 and have the extra ``shm``, else the compressed ones if they flow, else the raw
                 pixels; ``shm``, ``jpeg`` or ``raw``: only these. If the node has a setting
-                ``transport``, that holds instead. None: what ``ZV_TRANSPORT`` in the environment
-                says, else the topic alone. It needs the topic ``image/compressed`` of one camera,
-                and what the environment says is also left aside if frames wait in a queue.
+                ``transport``, that holds instead. It needs the topic ``image/compressed`` of one
+                camera. None: if it is that and no queue, what ``ZV_TRANSPORT`` in the environment
+                says, else ``auto``; else the topic alone.
 
         Raises:
             ValueError: The node does not serve the camera, or the transport does not fit the topic.

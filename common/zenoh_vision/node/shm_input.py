@@ -11,7 +11,8 @@ from typing import Any
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.shm.machine import machine_identity
+from zenoh_vision.shm.doorbell import Doorbell
+from zenoh_vision.shm.machine import channel_name, machine_identity
 from zenoh_vision.shm.reader import FrameReader
 from zenoh_vision.stream.frame_intake import FrameIntake
 from zenoh_vision.transport.link import Declaration, Link
@@ -21,9 +22,6 @@ log = logging.getLogger(__name__)
 
 AGAIN_S = 10.0
 """An offer that could not be taken is tried again after this time."""
-
-MAX_OFFERS = 100
-"""Offers of one camera that are kept; anyone can declare any number of tokens."""
 
 
 class SharedMemoryInput:
@@ -36,8 +34,11 @@ class SharedMemoryInput:
         intake: Takes the samples.
         raw_key: The key of the camera's raw pixels, as which the frames come.
 
+    Anyone can declare any number of tokens; those count to which a doorbell belongs, which only
+    processes of this user can make.
+
     Attributes:
-        failure: Why the newest offer could not be taken; empty if none failed.
+        failure: Why frames that are offered are not received; empty if they are, or none are.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class SharedMemoryInput:
     ) -> None:
         self.failure = ""
         self._link = link
+        self._camera = camera
         self._intake = intake
         self._raw_key = raw_key
         self._pattern = keys.shared_memory_key(namespace, camera, machine_identity(), "*")
@@ -72,11 +74,14 @@ class SharedMemoryInput:
                 self._offers.clear()
         reader = self._reader
         if reader is not None and reader.failure and self._offer is not None:
-            if reader.failure != self.failure:
-                log.warning("frames cannot be taken from shared memory: %s", reader.failure)
-            self.failure = reader.failure
+            words = f"no frames of {self._camera} through shared memory: {reader.failure}"
+            if words != self.failure:
+                log.warning("%s; trying again every %g s", words, AGAIN_S)
+            self.failure = words
             self._failed_s[self._offer] = time.monotonic()
         newest = self._newest()
+        if not self._failed_s:
+            self.failure = ""
         if newest != self._offer:
             self._leave()
             self._open_reader(newest)
@@ -103,7 +108,7 @@ class SharedMemoryInput:
     def _open_reader(self, offer: str | None) -> None:
         self._offer = offer
         if offer is not None:
-            name = offer.rpartition("/")[2]
+            name = channel_name(offer)
             self._reader = FrameReader(name, self._raw_key, self._intake.receive)
 
     def _ask(self, offer: str) -> None:
@@ -132,7 +137,7 @@ class SharedMemoryInput:
         with self._lock:
             if sample.kind != zenoh.SampleKind.PUT:
                 self._offers.discard(key)
-            elif len(self._offers) < MAX_OFFERS and key.rpartition("/")[2].isalnum():
+            elif Doorbell.exists(channel_name(key)):
                 self._offers.add(key)
 
 

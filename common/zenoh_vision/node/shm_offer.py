@@ -13,7 +13,12 @@ import zenoh
 
 from zenoh_vision import keys
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.shm.machine import SharedMemoryError, machine_identity, why_impossible
+from zenoh_vision.shm.machine import (
+    SharedMemoryError,
+    channel_name,
+    machine_identity,
+    why_impossible,
+)
 from zenoh_vision.shm.writer import FrameWriter
 from zenoh_vision.transport.link import Declaration, Link
 
@@ -96,7 +101,7 @@ class SharedMemoryOffer:
         offer = f"{time.time_ns():016x}{os.urandom(4).hex()}"
         key = keys.shared_memory_key(self._namespace, self._camera, machine_identity(), offer)
         try:
-            self._writer = FrameWriter(offer)
+            self._writer = FrameWriter(channel_name(key))
         except SharedMemoryError as error:
             self._fail(error)
             return

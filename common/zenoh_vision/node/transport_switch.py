@@ -58,6 +58,7 @@ class TransportSwitch:
         """Subscribe and unsubscribe as a transport and what has arrived need it."""
         if self._memory is not None:
             self._memory.follow(wanted=transport in self._memory_transports)
+            self._intake.fault = self._memory.failure
         wanted = {self._intake.key: transport == "jpeg", self._raw_key: transport == "raw"}
         if transport == "auto":
             wanted = self._by_what_flows(time.monotonic_ns())

@@ -16,7 +16,9 @@ sample waits for each consumer, and a newer one replaces it.
 **Who takes which way.** A camera whose process can use shared memory declares the liveliness token
 ``@{namespace}/shm/{camera}/{machine}/{offer}``. ``{machine}`` is made from the boot, the mounted
 /dev/shm and the user, so a consumer knows without trying whether it shares that memory;
-``{offer}`` is new at each start. A consumer that takes frames this way subscribes to the same key,
+``{offer}`` is new at each start. Doorbell and service of iceoryx2 are named after the whole key;
+anyone can declare tokens, and those without a doorbell, which lies in a folder that only this user
+can write to, are none. A consumer that takes frames this way subscribes to the same key,
 on which nothing is published: the camera writes to shared memory only while someone does, and no
 JPEG while nobody subscribes to those. Both statements end with their process, however it ends.
 

@@ -53,7 +53,7 @@ class Doorbell:
             SharedMemoryError: There is no room, or it exists.
         """
         remove_dead()
-        path = folder() / f"{name}{SUFFIX}"
+        path = _path_of(name)
         if free_bytes() < 2 * SIZE:
             raise SharedMemoryError(FULL)
         try:
@@ -74,7 +74,7 @@ class Doorbell:
         Raises:
             SharedMemoryError: There is none of this name in this machine's memory.
         """
-        path = folder() / f"{name}{SUFFIX}"
+        path = _path_of(name)
         try:
             file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
             if os.fstat(file).st_size < SIZE:
@@ -83,6 +83,14 @@ class Doorbell:
         except OSError as error:
             raise SharedMemoryError(f"{path}: {error.strerror}") from None
         return cls(file, path, owned=False)
+
+    @classmethod
+    def exists(cls, name: str) -> bool:
+        """Tell whether a process of this user has made a doorbell of this name."""
+        try:
+            return _path_of(name).exists()
+        except SharedMemoryError:
+            return False
 
     @property
     def number(self) -> int:
@@ -108,6 +116,10 @@ class Doorbell:
         del self._number
         self._memory.close()
         os.close(self._file)
+
+
+def _path_of(name: str) -> Path:
+    return folder() / f"{name}{SUFFIX}"
 
 
 def remove_dead() -> None:

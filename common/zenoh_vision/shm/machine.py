@@ -48,6 +48,11 @@ def machine_identity() -> str:
     return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:16]
 
 
+def channel_name(key: str) -> str:
+    """Return the name in shared memory of the offer with this key: no other one has the same."""
+    return hashlib.sha256(key.encode()).hexdigest()[:32]
+
+
 def folder() -> Path:
     """Return the folder of this user's doorbells and of iceoryx2's files; make it if needed.
 

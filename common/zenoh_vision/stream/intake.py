@@ -76,6 +76,7 @@ class Intake(ABC, Generic[Waiting, Item]):
 
     Attributes:
         keys: The key expressions that are subscribed to: its own, unless its frames have two.
+        fault: What keeps items from coming the way they should, for the node's health; else empty.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class Intake(ABC, Generic[Waiting, Item]):
     ) -> None:
         self.key = key
         self.keys: tuple[str, ...] = (key,)
+        self.fault = ""
         self.limit = limit
         self._deletions = deletions
         self._counters = consumer.counters

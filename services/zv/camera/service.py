@@ -73,7 +73,7 @@ def run(
 
     with Capture(parameters, node.counters, open_source) as capture:
         expect_rate(settings)
-        parameters.check = check
+        parameters.check(check)
         parameters.watch(lambda change: expect_rate(change.after.settings))
         description = capture.open()
         with node:

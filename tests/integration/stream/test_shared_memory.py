@@ -10,19 +10,28 @@ import uuid
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import pytest
 import zenoh
 from pydantic import Field
 
 from tests.support.listening import balance, newest, wait_for_nodes
+from tests.support.publishing import PlainCamera
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision import Connection, Frame, Level, Live, Node, ServiceSettings, queue
 from zenoh_vision.errors import ConfigurationError
-from zenoh_vision.keys import Transport
+from zenoh_vision.keys import Transport, shared_memory_key
 from zenoh_vision.node.shm_offer import may_offer
-from zenoh_vision.shm.machine import MEMORY, why_impossible
+from zenoh_vision.shm import reader
+from zenoh_vision.shm.doorbell import Doorbell
+from zenoh_vision.shm.machine import (
+    MEMORY,
+    SharedMemoryError,
+    channel_name,
+    machine_identity,
+    why_impossible,
+)
 from zenoh_vision.shm.writer import FrameWriter
 
 pytestmark = pytest.mark.skipif(bool(why_impossible()), reason=why_impossible() or "-")
@@ -180,15 +189,19 @@ def test_shm_alone_takes_nothing_else_and_says_what_it_waits_for(client, service
     assert waiting.intake.awaited == (f"{RAW_KEY} in shared memory",)  # type: ignore[attr-defined]
 
 
-def test_the_environment_is_the_transport_of_inputs_that_are_told_none(
+def test_inputs_that_are_told_nothing_take_it_unless_the_environment_says_otherwise(
     monkeypatch, service, router
 ):
-    monkeypatch.setenv("ZV_TRANSPORT", "auto")
     service("camera", *SMALL)
     with Node("plain", connection=Connection(router.endpoint, timeout_s=10)) as node:
         frames = in_time(node, iter(node.frames("image/compressed")))
         next(frame for frame in frames if frame.key == RAW_KEY)
         assert way_of(node) == "shm"
+        frames.close()
+        monkeypatch.setenv("ZV_TRANSPORT", "jpeg")
+        over_network = in_time(node, iter(node.frames("image/compressed")))
+        assert identities(over_network, 10)
+        assert way_of(node) == "jpeg"
         every = node.frames("image/compressed", buffering=queue(5))
         assert not any("shm" in key for key in every.intake.awaited)
         monkeypatch.setenv("ZV_TRANSPORT", "smh")
@@ -202,6 +215,79 @@ def test_a_queue_takes_every_frame_over_the_network(service, taker):
     for _ in range(30):
         next(frames)
         assert way_of(taker) == "jpeg"
+
+
+@pytest.fixture
+def offer(client) -> Iterator[str]:
+    """The key of an offer that a process of this user made, and whose name comes last."""
+    key = shared_memory_key("vision", "front", machine_identity(), "z")
+    bell = Doorbell.create(channel_name(key))
+    with client.liveliness().declare_token(key):
+        yield key
+    bell.close()
+
+
+def test_an_offer_that_cannot_be_taken_is_said_and_the_next_one_is(
+    monkeypatch, client, service, taker, offer
+):
+    open_channel = reader.open_channel
+
+    def refuse(name: str) -> tuple[Any, Any]:
+        if name == channel_name(offer):
+            raise SharedMemoryError("/dev/shm is full")
+        return open_channel(name)
+
+    monkeypatch.setattr(reader, "open_channel", refuse)
+    frames = in_time(taker, iter(taker.frames()))
+    with PlainCamera(client).at(30):
+        next(frame for frame in frames if taker.health.diagnostics().level == Level.WARN)
+        assert way_of(taker) == "jpeg"
+        said = taker.health.diagnostics().message
+        assert said == "no frames of front through shared memory: /dev/shm is full"
+    service("camera", *SMALL)
+    next(frame for frame in frames if way_of(taker) == "shm")
+    assert "shared memory" not in taker.health.diagnostics().message
+
+
+def test_false_offers_keep_none_away_however_many(client, service, taker):
+    machine = machine_identity()
+    false = [
+        client.liveliness().declare_token(
+            shared_memory_key("vision", "front", machine, f"zz{number}")
+        )
+        for number in range(300)
+    ]
+    service("camera", *SMALL)
+    frames = in_time(taker, iter(taker.frames()))
+    next(frame for frame in frames if way_of(taker) == "shm")
+    assert "shared memory" not in taker.health.diagnostics().message
+    assert len(false) == 300
+
+
+def test_the_offer_of_another_camera_is_none_of_this_one(client, router, service, taker):
+    """Anyone can declare a token of one camera that ends like that of another."""
+    service("camera", *SMALL)
+    own = offers(client, "front")
+    service("camera", *SMALL, "--camera", "left")
+    (left,) = offers(client, "left")
+    false = left.replace("/left/", "/front/")
+    assert false > own[0], "the later one is preferred"
+    connection = Connection(router.endpoint, timeout_s=10)
+    with (
+        client.liveliness().declare_token(false),
+        Node("other", camera="left", connection=connection) as other,
+    ):
+        assert identities(in_time(other, iter(other.frames())), 10)
+        frames = in_time(taker, iter(taker.frames()))
+        next(frame for frame in frames if way_of(taker) == "shm")
+        assert identities(frames, 10)
+    assert "dropped.wrong_camera" not in taker.counters.snapshot()
+
+
+def offers(client: zenoh.Session, camera: str) -> list[str]:
+    pattern = shared_memory_key("vision", camera, machine_identity(), "*")
+    tokens = client.liveliness()
+    return wait_until(lambda: [str(reply.ok.key_expr) for reply in tokens.get(pattern)])
 
 
 @pytest.mark.parametrize("told", ["jpeg", "raw"])

@@ -55,6 +55,7 @@ class Input:
     since_s: float
     key: str = "vision/front/image/compressed"
     way: Way | None = None
+    fault: str = ""
 
     def states(self) -> list[InputState]:
         return [InputState(self.key, int(self.since_s * 1e9), way=self.way)]
@@ -134,6 +135,14 @@ def test_the_ways_of_all_inputs_are_said_once_each(camera: Camera):
 def test_that_shared_memory_fails_is_a_warning(camera: Camera):
     camera.health.shared_memory = "no room"
     assert camera.run(1, 0) == (Level.WARN, "no room")
+
+
+def test_what_keeps_frames_from_coming_the_way_they_should_is_a_warning(camera: Camera):
+    watched = Input(since_s=100.0, fault="no frames of front through shared memory: full")
+    camera.health.watch(watched)
+    assert camera.run(1, 0) == (Level.WARN, "no frames of front through shared memory: full")
+    watched.fault = ""
+    assert camera.run(1, 0) == (Level.OK, "ok")
 
 
 def test_a_remark_is_said_without_a_level_of_its_own():

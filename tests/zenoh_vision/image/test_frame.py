@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -55,6 +56,27 @@ def everything(frame: Frame) -> None:
 def test_a_frame_of_pixels_is_encoded_once(calls: Counter[str]):
     everything(Frame(header(), pixels=SCENE))
     assert calls == {"encode_jpeg": 1}
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(lambda: Frame(header(), compressed=JPEG), id="JPEG"),
+        pytest.param(lambda: Frame(header(), pixels=SCENE.copy()), id="pixels"),
+        pytest.param(lambda: Frame(header("rgb8"), pixels=SCENE.copy()), id="other colours"),
+        pytest.param(lambda: Frame(header("16UC1"), compressed=codecs.encode_png(DEEP)), id="PNG"),
+    ],
+)
+def test_no_form_can_be_written_to_however_the_frame_came(make: Callable[[], Frame]):
+    frame = make()
+    forms = [frame.pixels, frame.bgr, frame.gray, frame.depth]
+    assert not any(form.flags.writeable for form in forms if form is not None)
+
+
+def test_the_pixels_that_a_frame_was_made_from_stay_those_of_their_owner():
+    pixels = SCENE.copy()
+    Frame(header(), pixels=pixels)
+    assert pixels.flags.writeable
 
 
 def test_a_frame_of_16_bits_is_encoded_once_as_a_png_that_is_exact(calls: Counter[str]):

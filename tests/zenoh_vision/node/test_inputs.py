@@ -11,9 +11,11 @@ from pydantic import Field
 from tests.support.library import LampSettings, header
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.keys import Transport
 from zenoh_vision.messages import Centroid
+from zenoh_vision.node import frame_input
 from zenoh_vision.node.node import Node
 from zenoh_vision.stream.sample import Sample
 
@@ -161,6 +163,35 @@ class TransportSettings(LampSettings):
     env_prefix: ClassVar[str] = "ZV_TRANSPORT_"
 
     transport: Annotated[Transport, Field(description="which key"), Live()] = "jpeg"
+
+
+def test_shared_memory_that_this_process_cannot_use_is_refused_whenever_it_is_told(
+    node: Node, monkeypatch
+):
+    node.parameters = ParameterStore(TransportSettings())
+    monkeypatch.setattr(frame_input, "why_impossible", lambda: "no iceoryx2")
+    node.frames()
+    refused = pytest.raises(
+        ParameterRefused, match="transport = shm: no iceoryx2; allowed: auto, raw, jpeg"
+    )
+    with refused:
+        node.parameters.change({"transport": "shm"})
+    assert node.parameters.newest.settings.transport == "jpeg"
+    node.parameters.change({"transport": "raw"})
+    node.parameters = None
+    with refused:
+        node.frames(transport="shm")
+
+
+class OtherSettings(LampSettings):
+    env_prefix: ClassVar[str] = "ZV_OTHER_"
+
+    transport: Annotated[str, Field(description="of goods")] = "lorry"
+
+
+def test_a_setting_of_another_meaning_is_no_transport(node: Node):
+    node.parameters = ParameterStore(OtherSettings())
+    assert node.frames(transport="raw").intake.keys == ("vision/front/image",)
 
 
 def test_a_silent_input_of_pairs_follows_the_parameters(node: Node, monkeypatch):

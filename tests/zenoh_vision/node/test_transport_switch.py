@@ -20,6 +20,7 @@ class Memory:
 
     def __init__(self) -> None:
         self.receiving = self.wanted = False
+        self.failure = ""
 
     def follow(self, *, wanted: bool) -> None:
         self.wanted = wanted
