@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import cv2
 
-from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import DEEP
 from zv.camera.bandwidth import Plan, RateControl
-from zv.camera.convert import is_unchanged
+from zv.camera.convert import decoded, is_unchanged
 from zv.camera.reader import CapturedFrame
 from zv.camera.sources.base import Picture
 
@@ -110,12 +109,7 @@ def reduced(picture: Picture, divisor: int) -> Picture:
         PayloadError: ``corrupt``.
     """
     width, height = (max(1, round(side / divisor)) for side in (picture.width, picture.height))
-    pixels = picture.pixels
-    if picture.planar is not None:
-        pixels = picture.planar.bgr()
-    elif pixels is None:
-        least = (width, height)
-        pixels = codecs.decode_jpeg(picture.jpeg or b"", picture.encoding, least, strict=False)
+    pixels = decoded(picture, picture.encoding, (width, height))
     if pixels.shape[:2] != (height, width):
         size = (width, height)
         pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
