@@ -9,6 +9,7 @@ from dataclasses import replace
 from zenoh_vision import Connection, Header, Level, Node, ParameterStore, PayloadError, Tracks
 from zenoh_vision.calibration.camera_model import CalibrationFault
 from zenoh_vision.calibration.ros_yaml import read_calibration
+from zenoh_vision.topics import COMPRESSED
 from zv.camera.calibration_latch import CalibrationLatch
 from zv.camera.capture import Capture
 from zv.camera.convert import Converter, mirrored
@@ -69,6 +70,7 @@ def run(
             log.info("%s", description)
             converter, limit = Converter(), StreamLimit()
             latch = None if calibration is None else CalibrationLatch(calibration, settings.flip)
+            node.outputs.limit_replies(COMPRESSED, settings.camera, limit.may_reply)
             for captured in capture.frames(stopping, report):
                 delivery.note(captured)
                 publish(node, converter, captured, limit, latch)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import threading
+import time
 from dataclasses import replace
 
 import cv2
@@ -32,6 +34,8 @@ class StreamLimit:
     def __init__(self) -> None:
         self.words = ""
         self._control: RateControl | None = None
+        self._kbps = 0
+        self._lock = threading.Lock()  # of the control, which the thread of queries asks too
         self._lossless = False
         self._packet: bytes | None = None
         self._epoch = 0
@@ -54,13 +58,15 @@ class StreamLimit:
         self._epoch = captured.epoch
         passes = is_unchanged(picture, settings.encoding, settings.flip)
         self._packet = picture.jpeg if passes and self._epoch != self._flawed_epoch else None
-        plan = control.plan(
-            now_s,
-            settings.max_kbps * 1000 / 8,
-            settings.quality,
-            lossless=self._lossless,
-            packet=None if self._packet is None else len(self._packet),
-        )
+        self._kbps = settings.max_kbps
+        with self._lock:
+            plan = control.plan(
+                now_s,
+                settings.max_kbps * 1000 / 8,
+                settings.quality,
+                lossless=self._lossless,
+                packet=None if self._packet is None else len(self._packet),
+            )
         if not plan.untouched or plan.divisor > 1:
             self._packet = None
         self.words = self._report(plan, control, settings.max_kbps, settings.quality)
@@ -78,12 +84,29 @@ class StreamLimit:
         control = self._control
         if control is None:
             return True
-        if not control.is_due():
-            return False
+        with self._lock:
+            if not control.is_due():
+                return False
         passed_on = self._packet is not None and frame.compressed is self._packet
         if self._packet is not None and not passed_on:
             self._flawed_epoch = self._epoch
-        return control.fits(len(frame.compressed), lossless=self._lossless, packet=passed_on)
+        size = len(frame.compressed)
+        with self._lock:
+            return control.fits(size, lossless=self._lossless, packet=passed_on)
+
+    def may_reply(self, size: int) -> str:
+        """Return why a compressed picture is no reply to a query now; empty if it is sent.
+
+        Its bytes are charged to the budget. On any thread.
+        """
+        control = self._control
+        if control is None:
+            return ""
+        with self._lock:
+            wait_s = control.wait_to_reply(time.monotonic(), size)
+        if not wait_s:
+            return ""
+        return f"max_kbps = {self._kbps} is used up by earlier replies; ask again in {wait_s:.1f} s"
 
     def _report(self, plan: Plan, control: RateControl, kbps: int, configured: int) -> str:
         passed_on = self._packet is not None and plan.untouched
