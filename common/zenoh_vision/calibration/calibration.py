@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from zenoh_vision.calibration.camera_model import (
     CalibrationFault,
     CameraModel,
@@ -66,6 +68,14 @@ class Calibration:
         p[4:8] = [p[4] * down, p[5] * down, (p[6] + 0.5) * down - 0.5, p[7] * down]
         plane = None if self.plane is None else self.plane.scaled(across, down)
         return replace(self, camera=camera, p=tuple(p), plane=plane)
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> Calibration:
+        """Return the calibration of a rectangle of the picture."""
+        camera = self.camera.cropped(x, y, width, height)
+        a, b, c = np.reshape(self.p, (3, 4))
+        p = np.concatenate([a - x * c, b - y * c, c])
+        plane = None if self.plane is None else self.plane.cropped(x, y)
+        return replace(self, camera=camera, p=tuple(p.tolist()), plane=plane)
 
     def mirrored(self, *, sideways: bool, upside_down: bool) -> Calibration:
         """Return the calibration of the mirrored picture."""

@@ -158,7 +158,8 @@ class CameraModel:
         if (width, height) == (self.width, self.height):
             return self
         scale = width / self.width
-        if abs(height - self.height * scale) > 1:
+        too_high = abs(height - self.height * scale) > 1
+        if too_high and abs(width - self.width * height / self.height) > 1:
             raise CalibrationFault(
                 "picture",
                 f"{width}x{height}",
@@ -169,6 +170,11 @@ class CameraModel:
         # A pixel's centre is at a whole number, so its left edge is at -0.5.
         k = (fx * across, 0, (cx + 0.5) * across - 0.5, 0, fy * down, (cy + 0.5) * down - 0.5)
         return replace(self, width=width, height=height, k=(*k, 0, 0, 1))
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> CameraModel:
+        """Return the model of a rectangle of the picture."""
+        fx, _, cx, _, fy, cy, *_ = self.k
+        return replace(self, width=width, height=height, k=(fx, 0, cx - x, 0, fy, cy - y, 0, 0, 1))
 
     def mirrored(self, *, sideways: bool, upside_down: bool) -> CameraModel:
         """Return the model of the mirrored picture; its tangential distortion is mirrored too."""

@@ -71,6 +71,11 @@ class Plane:
         )
         return Plane(tuple((self.matrix @ shrink).ravel().tolist()))
 
+    def cropped(self, x: int, y: int) -> Plane:
+        """Return the homography of a rectangle of the picture whose top left pixel is there."""
+        shift = np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+        return Plane(tuple((self.matrix @ shift).ravel().tolist()))
+
     def mirrored(self, width: int, height: int, *, sideways: bool, upside_down: bool) -> Plane:
         """Return the homography of the mirrored picture of this size."""
         mirror = np.diag([-1.0 if sideways else 1.0, -1.0 if upside_down else 1.0, 1.0])

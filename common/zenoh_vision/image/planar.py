@@ -55,6 +55,7 @@ class PlanarPicture:
         if not are_even(*planes[0].shape):
             raise ValueError(f"planes of {planes[0].shape}: both sides must be even")
         self.stored = planes
+        self._is_full_range = full_range
         self._full: Planes | None = planes if full_range else None
         self._bgr: NDArray[np.uint8] | None = None
         self._to_bgr = to_bgr
@@ -85,6 +86,25 @@ class PlanarPicture:
         self._asked("planes")
         jpeg: bytes = simplejpeg.encode_jpeg_yuv_planes(*self._full_range(), quality=quality)
         return jpeg
+
+    def cropped(self, box: tuple[int, int, int, int]) -> PlanarPicture | None:
+        """Return the part in a rectangle (x, y, width, height); None if a number in it is odd."""
+        x, y, width, height = box
+        if any(number % 2 for number in box):
+            return None
+        rows, columns = slice(y, y + height), slice(x, x + width)
+        half = (slice(y // 2, (y + height) // 2), slice(x // 2, (x + width) // 2))
+        luma, blue, red = self.stored
+        parts = luma[rows, columns], blue[half], red[half]
+        return PlanarPicture(
+            (
+                np.ascontiguousarray(parts[0]),
+                np.ascontiguousarray(parts[1]),
+                np.ascontiguousarray(parts[2]),
+            ),
+            full_range=self._is_full_range,
+            to_bgr=lambda: np.ascontiguousarray(self.bgr()[rows, columns]),
+        )
 
     def equals(self, other: PlanarPicture) -> bool:
         """Tell whether another picture has the same planes."""

@@ -15,7 +15,7 @@ from zenoh_vision.node.query_server import QueryServer
 from zenoh_vision.node.shm_offer import SharedMemoryOffer, may_offer
 from zenoh_vision.topics import COMPRESSED, RAW, Topic, topic_named
 from zenoh_vision.transport.link import Link
-from zenoh_vision.transport.publisher import Outgoing, StreamPublisher, encoded_picture
+from zenoh_vision.transport.publisher import MayReply, Outgoing, StreamPublisher, encoded_picture
 
 Publishes = Sequence[Topic | str] | Mapping[str, Sequence[Topic | str]]
 """The topics of each camera of a node, or those of all its cameras; a topic, or its name."""
@@ -208,6 +208,14 @@ class Outputs:
         if offer is not None and is_decoded_for_it:
             shared = offer.write(frame)
         return any(found) or shared
+
+    def limit_replies(self, topic: Topic | str, camera: str, may_reply: MayReply) -> None:
+        """Ask a function before each reply to a query for a topic; see ``StreamPublisher``.
+
+        Raises:
+            ValueError: The node does not publish the topic of the camera.
+        """
+        self._publisher(topic, camera).may_reply = may_reply
 
     def check_camera(self, camera: str) -> None:
         """Check that frames of a camera can be published.

@@ -84,6 +84,10 @@ class Kept:
     timestamp: zenoh.Timestamp | None = None
 
 
+MayReply = Callable[[int], str]
+"""Returns why no reply of so many bytes is sent now; empty if it may be."""
+
+
 class StreamPublisher:
     """Publishes one key and answers queries with its newest payload, or with several of them.
 
@@ -92,6 +96,10 @@ class StreamPublisher:
         key: Full key expression.
         queue_query: Called on Zenoh's thread with each query and the function that answers it;
             must return at once.
+
+    Attributes:
+        may_reply: Asked before each reply, on the thread of queries; what it returns is the error
+            that the query gets instead.
     """
 
     def __init__(
@@ -106,6 +114,7 @@ class StreamPublisher:
         congestion_control, priority = (
             FRAME_DELIVERY if topic.delivery == "frame" else MESSAGE_DELIVERY
         )
+        self.may_reply: MayReply = lambda _: ""
         self._link = link
         self._kept: deque[Kept] = deque(maxlen=topic.keeps)
         self._publisher = link.declare(
@@ -152,6 +161,10 @@ class StreamPublisher:
         """
         for kept in tuple(self._kept):
             sent = kept.payload()
+            refusal = self.may_reply(len(sent.payload))
+            if refusal:
+                query.reply_err(refusal.encode(), encoding="text/plain")
+                return
             query.reply(
                 self.key,
                 sent.payload,

@@ -45,6 +45,9 @@ MOST_GROW_S = 300.0
 """A size that was too large is tried again after twice the time, at most this."""
 RISE_SHARE = 0.9
 GROW_SHARE = 0.7
+REPLY_SHARE = 0.5
+"""Of the budget, for replies to queries while someone subscribes: so many queries cannot end the
+stream. The rest of a large reply's cost is paid by the frames that are not sent after it."""
 FORGET_S = 10.0
 """Without a subscriber for this time, the next one begins with the configured quality and size."""
 
@@ -87,7 +90,7 @@ class RateControl:
     """Chooses quality, size and rate of one stream, picture by picture.
 
     For each picture, call ``plan``; if someone subscribes, ``is_due``, and if it is, ``fits`` with
-    the encoded picture's size; send it if that is True.
+    the encoded picture's size; send it if that is True. For each query, call ``wait_to_reply``.
 
     Attributes:
         dropping: Whether one of the last pictures was not sent.
@@ -101,9 +104,11 @@ class RateControl:
         self._untouched = True
         self._rate = 0.0
         self._balance = 0.0
+        self._replies = 0.0  # balance of the share for them
         self._interval_s: float | None = None
         self._is_first = True
         self._now_s: float | None = None
+        self._refilled_s: float | None = None
         self._wanted_s: float | None = None
         self._unwanted = 0
         self._dropped_s: float | None = None
@@ -184,20 +189,52 @@ class RateControl:
         self._balance -= taken
         return True
 
+    def wait_to_reply(self, now_s: float, size: int) -> float:
+        """Take note of a reply to a query; return 0 if it may be sent, else the seconds to wait.
+
+        A reply is sent at once if those before it are paid for, of whatever size it is, and what
+        it takes is no more there for the next frames.
+
+        Args:
+            now_s: Monotonic time.
+            size: Bytes.
+        """
+        self._refill(now_s, self._rate)
+        if self._replies < 0:
+            return -self._replies / self._reply_rate
+        taken = SEGMENTS * size + OVERHEAD
+        self._balance -= taken
+        self._replies -= taken
+        return 0.0
+
+    @property
+    def _reply_rate(self) -> float:
+        """Bytes a second that replies may take: all of them if nobody subscribes."""
+        return self._rate if self._unwanted > 2 else REPLY_SHARE * self._rate
+
+    def _refill(self, now_s: float, rate: float) -> None:
+        """Add what the budget has allowed since the last time, by the rate that holds now."""
+        if self._refilled_s is not None:
+            passed_s = max(0.0, now_s - self._refilled_s)
+            self._balance += passed_s * rate
+            self._replies = min(0.0, self._replies + passed_s * self._reply_rate)
+        self._balance = min(self._balance, rate * BURST_S)
+        if rate < self._rate and self._balance < 0:
+            # The link has carried what was sent before.
+            self._balance *= rate / self._rate
+            self._replies *= rate / self._rate
+        self._refilled_s, self._rate = now_s, rate
+
     def _advance(self, now_s: float, rate: float) -> None:
         if self._now_s is not None:
-            passed_s = max(0.0, now_s - self._now_s)
-            counted_s = min(passed_s, 1.0)
+            counted_s = min(max(0.0, now_s - self._now_s), 1.0)
             if self._interval_s is not None:
                 self._interval_s += 0.1 * (counted_s - self._interval_s)
             elif not self._is_first:  # which had waited for the start, so the second came soon
                 self._interval_s = counted_s
             self._is_first = False
-            self._balance += passed_s * rate
-        self._balance = min(self._balance, rate * BURST_S)
-        if rate < self._rate and self._balance < 0:
-            self._balance *= rate / self._rate  # the link has carried what was sent before
-        self._now_s, self._rate = now_s, rate
+        self._refill(now_s, rate)
+        self._now_s = now_s
 
     def _forget(self, quality: int) -> None:
         self._quality, self._level, self._bytes = quality, 0, None

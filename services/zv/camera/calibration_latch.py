@@ -1,9 +1,9 @@
-"""The calibration of the pictures as they are published: another one for each size and flip."""
+"""The calibration of the pictures as they are published: one for each size, flip and region."""
 
 from __future__ import annotations
 
 from zenoh_vision.calibration.calibration import Calibration
-from zenoh_vision.messages import CameraInfo, Header
+from zenoh_vision.messages import Box, CameraInfo, Header
 
 
 class CalibrationLatch:
@@ -17,27 +17,47 @@ class CalibrationLatch:
     def __init__(self, calibration: Calibration, flip: str) -> None:
         self._calibration = calibration
         self._flip = flip
-        self._told: tuple[int, int, int, str] | None = None
+        self._told: tuple[object, ...] | None = None
 
-    def follow(self, header: Header, flip: str) -> CameraInfo | None:
-        """Return the message before the first picture of an epoch, a size or a flip; else None.
+    def follow(
+        self,
+        header: Header,
+        flip: str,
+        whole: tuple[int, int] | None = None,
+        box: Box | None = None,
+    ) -> CameraInfo | None:
+        """Return the message before the first picture of an epoch, size, flip or region; else None.
 
         The calibration is scaled to the size of the picture, and mirrored if the flip has changed
-        since the start.
+        since the start. That of a region has its principal point, and its plane, in the region's
+        own pixels.
+
+        Args:
+            header: Of the picture as it is published.
+            flip: How it was flipped.
+            whole: Width and height of the picture before a region was cut out of it.
+            box: The region; None for all of the picture.
 
         Raises:
             CalibrationFault: The picture has another shape than the calibration's. Raised once;
                 for the next picture of this kind it returns None.
         """
-        kind = (header.epoch, header.width, header.height, flip)
+        published = header.width, header.height
+        kind = (header.epoch, *published, flip, whole, box)
         if kind == self._told:
             return None
         self._told = kind
-        scaled = self._calibration.scaled(header.width, header.height)
+        scaled = self._calibration
+        if box is None or whole is None:
+            scaled = scaled.scaled(*published)
+        else:
+            scaled = scaled.scaled(*whole)
         seen = scaled.mirrored(
             sideways=_sideways(flip) != _sideways(self._flip),
             upside_down=_upside_down(flip) != _upside_down(self._flip),
         )
+        if box is not None:
+            seen = seen.cropped(*box).scaled(*published)
         return seen.message(header)
 
 

@@ -80,14 +80,30 @@ def is_unchanged(picture: Picture, wanted: str, flip: str) -> bool:
     return flip == "none" and wanted != "mono16"
 
 
-def _pixels(picture: Picture, wanted: str, flip: str) -> Pixels:
-    pixels, encoding = picture.pixels, picture.encoding
+def decoded(picture: Picture, encoding: str, least: tuple[int, int] = (0, 0)) -> Pixels:
+    """Return the pixels of a picture, of whatever form.
+
+    Args:
+        picture: Not modified.
+        encoding: That a JPEG is decoded to; pixels are returned in the picture's own.
+        least: Width and height that are enough, so that a JPEG may be decoded at a reduced scale.
+
+    Raises:
+        PayloadError: ``corrupt``.
+    """
     if picture.planar is not None:
-        pixels = picture.planar.bgr()
-    elif pixels is None:
+        return picture.planar.bgr()
+    if picture.pixels is not None:
+        return picture.pixels
+    # Flaws that libjpeg can repair are accepted in a webcam's JPEG.
+    return codecs.decode_jpeg(picture.jpeg or b"", encoding, least, strict=False)
+
+
+def _pixels(picture: Picture, wanted: str, flip: str) -> Pixels:
+    encoding = picture.encoding
+    if picture.jpeg is not None:
         encoding = "mono8" if wanted in ("mono8", "mono16") else "bgr8"
-        # Flaws that libjpeg can repair are accepted in a webcam's JPEG.
-        pixels = codecs.decode_jpeg(picture.jpeg or b"", encoding, strict=False)
+    pixels = decoded(picture, encoding)
     if flip != "none":
         pixels = cv2.flip(pixels, FLIP_CODES[flip])  # type: ignore[assignment]
     return pixel_formats.convert(pixels, encoding, wanted)

@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import logging
 import time
+from dataclasses import replace
 
 from zenoh_vision import Connection, Header, Level, Node, ParameterStore, PayloadError, Tracks
 from zenoh_vision.calibration.camera_model import CalibrationFault
 from zenoh_vision.calibration.ros_yaml import read_calibration
-from zenoh_vision.image.pixel_formats import DEEP
+from zenoh_vision.topics import COMPRESSED
 from zv.camera.calibration_latch import CalibrationLatch
 from zv.camera.capture import Capture
-from zv.camera.convert import Converter, check_depth, mirrored
+from zv.camera.convert import Converter, mirrored
+from zv.camera.delivery import Delivery
 from zv.camera.reader import CapturedFrame
+from zv.camera.region import cropped
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import OpenSource, expected_rate, open_source
 from zv.camera.stream_limit import StreamLimit
 from zv.registry import published_by
-
-KEEPS_DEPTH = (
-    "the source delivers 16 bits (%s), published as 8; --encoding mono16 keeps them, "
-    "16UC1 publishes them as depth in millimetres"
-)
-KEEPS_METRES = (
-    "the source delivers depth in metres (%s), published as 8 bits; --encoding 32FC1 keeps it"
-)
 
 
 def run(
@@ -65,30 +60,19 @@ def run(
         node.health.loop_alive()
         return node.stopping
 
-    delivered: str | None = None
-
-    def check(wanted: CameraSettings) -> None:
-        if delivered is not None and capture.kind != "synthetic":  # the scene follows
-            check_depth(delivered, wanted.encoding)
-
     with Capture(parameters, node.counters, open_source) as capture:
         expect_rate(settings)
-        parameters.check(check)
+        delivery = Delivery(capture.kind, log)
+        parameters.check(delivery.check)
         parameters.watch(lambda change: expect_rate(change.after.settings))
         description = capture.open()
         with node:
             log.info("%s", description)
             converter, limit = Converter(), StreamLimit()
             latch = None if calibration is None else CalibrationLatch(calibration, settings.flip)
+            node.outputs.limit_replies(COMPRESSED, settings.camera, limit.may_reply)
             for captured in capture.frames(stopping, report):
-                if delivered is None:
-                    delivered = captured.picture.encoding
-                    if captured.revision.number == 0:  # what was set since may only drop frames
-                        check(captured.revision.settings)
-                    if delivered in DEEP and captured.revision.settings.encoding not in DEEP:
-                        log.warning(
-                            KEEPS_METRES if delivered == "32FC1" else KEEPS_DEPTH, delivered
-                        )
+                delivery.note(captured)
                 publish(node, converter, captured, limit, latch)
 
 
@@ -100,8 +84,11 @@ def publish(
     latch: CalibrationLatch | None = None,
 ) -> None:
     """Publish one captured frame, its calibration and ground truth; count the outcome."""
-    settings = captured.revision.settings
+    settings, whole = captured.revision.settings, captured.picture
+    box = settings.box
     try:
+        if box is not None:
+            captured = replace(captured, picture=cropped(whole, box, settings.flip))
         picture, quality = limit.fit(captured, time.monotonic())
     except PayloadError as error:
         node.drop(error)
@@ -118,7 +105,7 @@ def publish(
         revision=captured.revision.number,
     )
     if latch is not None:
-        send_calibration(node, latch, header, settings.flip)
+        send_calibration(node, latch, header, settings, (whole.width, whole.height))
     if picture.truth is not None:
         truth_header = header.model_copy(update={"encoding": None})
         tracks = mirrored(picture.truth, settings.flip, picture.width, picture.height)
@@ -133,13 +120,20 @@ def publish(
     node.health.remark = limit.words
 
 
-def send_calibration(node: Node, latch: CalibrationLatch, header: Header, flip: str) -> None:
+def send_calibration(
+    node: Node,
+    latch: CalibrationLatch,
+    header: Header,
+    settings: CameraSettings,
+    whole: tuple[int, int],
+) -> None:
     """Publish the calibration before the first picture for which it is another one.
 
     Whoever subscribes later asks for it with a query.
     """
     try:
-        message = latch.follow(header.model_copy(update={"encoding": None}), flip)
+        plain = header.model_copy(update={"encoding": None})
+        message = latch.follow(plain, settings.flip, whole, settings.box)
     except CalibrationFault as fault:
         node.health.report(Level.WARN, f"no camera_info: {fault}")
         logging.getLogger(node.name).warning("no camera_info: %s", fault)

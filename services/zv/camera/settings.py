@@ -9,7 +9,9 @@ from pydantic import AfterValidator, Field, model_validator
 from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
+from zenoh_vision.config.region import REGION_FORM, REGION_PATTERN, box_of
 from zenoh_vision.config.settings import ServiceSettings, Text
+from zenoh_vision.messages import Box
 from zv.camera.synthetic.faults import parse_faults
 
 REOPENS = Live("pixels", effect="a change opens a device or the synthetic scene again")
@@ -104,6 +106,18 @@ class CameraSettings(ServiceSettings):
         Field(description="mirror the picture; both rotates it by 180 degrees"),
         Live(),
     ] = "none"
+    region: Annotated[
+        str,
+        Field(
+            max_length=40,
+            pattern=REGION_PATTERN,
+            description="part of the picture that is published: X,Y,WIDTH,HEIGHT in pixels of the "
+            "whole picture after flip; empty: all of it. A source's JPEGs are then not passed on, "
+            "but encoded again",
+        ),
+        REGION_FORM,
+        Live(),
+    ] = ""
     calibration: Annotated[
         str | None,
         Field(
@@ -196,6 +210,11 @@ class CameraSettings(ServiceSettings):
         return self.model_copy(update={"max_pixels": max(USUAL_PIXELS, width * height)})
 
     @property
+    def box(self) -> Box | None:
+        """The region as x, y, width and height; None for the whole picture."""
+        return box_of(self.region)
+
+    @property
     def _known_size(self) -> tuple[int, int]:
         """Width and height if the settings determine both; (0, 0) if the source does."""
         if self.source == "synthetic":
@@ -210,4 +229,16 @@ class CameraSettings(ServiceSettings):
                 f"{width}x{height} is over max_pixels = {self.max_pixels}; allowed: width times "
                 "height at most max_pixels"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _region_within_scene(self) -> Self:
+        if self.source == "synthetic" and self.box is not None:
+            x, y, wide, high = self.box
+            width, height = self.size
+            if x + wide > width or y + high > height:
+                raise ValueError(
+                    f"region = {self.region} is not within the picture of {width}x{height}; "
+                    f"allowed: X + WIDTH at most {width}, Y + HEIGHT at most {height}"
+                )
         return self

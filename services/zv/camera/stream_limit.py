@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import logging
+import threading
+import time
 from dataclasses import replace
 
 import cv2
 
-from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import DEEP
 from zv.camera.bandwidth import Plan, RateControl
-from zv.camera.convert import is_unchanged
+from zv.camera.convert import decoded, is_unchanged
 from zv.camera.reader import CapturedFrame
 from zv.camera.sources.base import Picture
 
@@ -33,6 +34,8 @@ class StreamLimit:
     def __init__(self) -> None:
         self.words = ""
         self._control: RateControl | None = None
+        self._kbps = 0
+        self._lock = threading.Lock()  # of the control, which the thread of queries asks too
         self._lossless = False
         self._packet: bytes | None = None
         self._epoch = 0
@@ -55,13 +58,15 @@ class StreamLimit:
         self._epoch = captured.epoch
         passes = is_unchanged(picture, settings.encoding, settings.flip)
         self._packet = picture.jpeg if passes and self._epoch != self._flawed_epoch else None
-        plan = control.plan(
-            now_s,
-            settings.max_kbps * 1000 / 8,
-            settings.quality,
-            lossless=self._lossless,
-            packet=None if self._packet is None else len(self._packet),
-        )
+        self._kbps = settings.max_kbps
+        with self._lock:
+            plan = control.plan(
+                now_s,
+                settings.max_kbps * 1000 / 8,
+                settings.quality,
+                lossless=self._lossless,
+                packet=None if self._packet is None else len(self._packet),
+            )
         if not plan.untouched or plan.divisor > 1:
             self._packet = None
         self.words = self._report(plan, control, settings.max_kbps, settings.quality)
@@ -79,12 +84,29 @@ class StreamLimit:
         control = self._control
         if control is None:
             return True
-        if not control.is_due():
-            return False
+        with self._lock:
+            if not control.is_due():
+                return False
         passed_on = self._packet is not None and frame.compressed is self._packet
         if self._packet is not None and not passed_on:
             self._flawed_epoch = self._epoch
-        return control.fits(len(frame.compressed), lossless=self._lossless, packet=passed_on)
+        size = len(frame.compressed)
+        with self._lock:
+            return control.fits(size, lossless=self._lossless, packet=passed_on)
+
+    def may_reply(self, size: int) -> str:
+        """Return why a compressed picture is no reply to a query now; empty if it is sent.
+
+        Its bytes are charged to the budget. On any thread.
+        """
+        control = self._control
+        if control is None:
+            return ""
+        with self._lock:
+            wait_s = control.wait_to_reply(time.monotonic(), size)
+        if not wait_s:
+            return ""
+        return f"max_kbps = {self._kbps} is used up by earlier replies; ask again in {wait_s:.1f} s"
 
     def _report(self, plan: Plan, control: RateControl, kbps: int, configured: int) -> str:
         passed_on = self._packet is not None and plan.untouched
@@ -110,12 +132,7 @@ def reduced(picture: Picture, divisor: int) -> Picture:
         PayloadError: ``corrupt``.
     """
     width, height = (max(1, round(side / divisor)) for side in (picture.width, picture.height))
-    pixels = picture.pixels
-    if picture.planar is not None:
-        pixels = picture.planar.bgr()
-    elif pixels is None:
-        least = (width, height)
-        pixels = codecs.decode_jpeg(picture.jpeg or b"", picture.encoding, least, strict=False)
+    pixels = decoded(picture, picture.encoding, (width, height))
     if pixels.shape[:2] != (height, width):
         size = (width, height)
         pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]

@@ -6,14 +6,14 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
 from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
 from zenoh_vision.config.parameters import Live
+from zenoh_vision.config.region import REGION_FORM, REGION_PATTERN, box_of
 from zenoh_vision.config.settings import FromText, ServiceSettings
+from zenoh_vision.messages import Box
 
 LEAST_LAPLACIAN_SIGMA: Final = 0.5
-REGION: Final = r"^([0-9]{1,5},[0-9]{1,5},[1-9][0-9]{0,4},[1-9][0-9]{0,4})?$"
 
 
 class EdgeSettings(ServiceSettings):
@@ -95,11 +95,11 @@ class EdgeSettings(ServiceSettings):
         str,
         Field(
             max_length=40,
-            pattern=REGION,
+            pattern=REGION_PATTERN,
             description="part of the frame that is looked at: X,Y,WIDTH,HEIGHT in pixels; "
             "empty: all of it",
         ),
-        Form("X,Y,WIDTH,HEIGHT or empty"),
+        REGION_FORM,
         Live(),
     ] = ""
     scale: Annotated[
@@ -161,12 +161,9 @@ class EdgeSettings(ServiceSettings):
     ] = 4096 * 2304
 
     @property
-    def box(self) -> tuple[int, int, int, int] | None:
+    def box(self) -> Box | None:
         """The region as x, y, width and height; None for the whole frame."""
-        if not self.region:
-            return None
-        x, y, width, height = map(int, self.region.split(","))
-        return x, y, width, height
+        return box_of(self.region)
 
     @model_validator(mode="after")
     def _sigma_fits(self) -> Self:

@@ -254,3 +254,40 @@ def test_a_camera_of_one_picture_in_20_s_still_becomes_smaller():
         control.plan(20.0 * i, 100_000, 80)
         sent.append(control.is_due() and control.fits(80_000 if i < 2 else 40_000))
     assert sent[2:] == [True] * 8
+
+
+def test_a_reply_is_sent_at_once_and_the_next_frames_pay_for_it():
+    control = RateControl()
+    sent = []
+    for eighth in range(17):
+        control.plan(eighth / 8, 10_000, 80, lossless=True)
+        if eighth == 1:  # with 300 bytes and a twentieth of headers it takes 10,000, a second
+            assert control.wait_to_reply(1 / 8, 9238) == 0
+        if control.is_due():
+            assert control.fits(4476, lossless=True)
+            sent.append(eighth)
+    # The first takes the budget until 4/8, the reply until 12/8, the second until 16/8.
+    assert sent == [0, 12, 16]
+
+
+def test_replies_take_at_most_half_of_the_budget_from_a_stream():
+    control = RateControl()
+    frames, replies = 0, 0
+    for tick in range(4000):  # 400 s at 10 Hz, and a query at each
+        control.plan(tick / 10, 10_000, 80, lossless=True)
+        if control.is_due():
+            frames += control.fits(4476, lossless=True)  # takes 5000
+        replies += control.wait_to_reply(tick / 10, 4476) == 0
+    # Half of 4,000,000 bytes is 400 of each; the first of each is sent before it is earned.
+    assert replies == pytest.approx(400, abs=2)
+    assert frames == pytest.approx(400, abs=8)
+
+
+def test_replies_have_all_of_the_budget_while_nobody_subscribes_and_say_when_the_next_is_due():
+    control = RateControl()
+    for tick in range(4):
+        control.plan(tick / 10, 10_000, 80)
+    assert control.wait_to_reply(0.3, 9238) == 0
+    assert control.wait_to_reply(0.4, 1) == pytest.approx(0.9, abs=1e-4)
+    assert control.wait_to_reply(1.2, 1) == pytest.approx(0.1, abs=1e-4)
+    assert control.wait_to_reply(1.4, 9238) == 0, "also if no picture is captured meanwhile"

@@ -67,3 +67,47 @@ def test_a_place_on_the_belt_stays_the_same_in_the_mirrored_picture(
     np.testing.assert_allclose(view.positions(mirrored), BELT.view.positions(points), rtol=1e-6)
     if sideways and not upside_down:
         assert message.p[2] == message.k[2] == 339
+
+
+@pytest.mark.parametrize("flip", ["none", "both"])
+@pytest.mark.parametrize("divisor", [1, 2])
+def test_a_place_on_the_belt_stays_the_same_in_a_region(flip: str, divisor: int):
+    """Pixel (x, y) of the picture is (x - 100, y - 50) of a region whose corner is there."""
+    box = (100, 50, 200, 160)
+    whole = Calibration.of_message(CalibrationLatch(BELT, "none").follow(header(), flip)).view
+    message = CalibrationLatch(BELT, "none").follow(
+        header(200 // divisor, 160 // divisor), flip, (640, 480), box
+    )
+    part = Calibration.of_message(message).view
+    points = np.array([(120.0, 60.0), (299.0, 209.0), (180.0, 70.0)])
+    # A pixel's centre is at a whole number, so its left edge is at -0.5.
+    seen = (points - (100, 50) + 0.5) / divisor - 0.5
+    np.testing.assert_allclose(part.positions(seen), whole.positions(points), rtol=1e-9)
+    assert (message.width, message.height) == (200 // divisor, 160 // divisor)
+
+
+def test_the_projection_of_a_region_has_its_principal_point_there():
+    """Also that of a stereo camera, whose fourth column is the distance to the other one."""
+    p = (500.0, 0, 300, -50, 0, 480, 250, 20, 0, 0, 1, 0.5)
+    part = Calibration(LENS, "front", p=p).cropped(100, 50, 200, 160)
+    assert part.p == (500, 0, 200, -100, 0, 480, 200, -5, 0, 0, 1, 0.5)
+    assert part.camera.k == (500, 0, 200, 0, 480, 200, 0, 0, 1)
+
+
+def test_a_narrow_region_may_be_made_smaller():
+    """A quarter of 18 pixels is rounded to 4, which is no other shape."""
+    message = CalibrationLatch(BELT, "none").follow(
+        header(4, 100), "none", (640, 480), (0, 0, 18, 400)
+    )
+    assert (message.width, message.height) == (4, 100)
+
+
+def test_another_region_is_told():
+    latch = CalibrationLatch(BELT, "none")
+    boxes = [None, (0, 0, 200, 160), (0, 0, 200, 160), (1, 0, 200, 160), None]
+    sizes = [(640, 480), (200, 160), (200, 160), (200, 160), (640, 480)]
+    told = [
+        latch.follow(header(*size), "none", (640, 480), box)
+        for box, size in zip(boxes, sizes, strict=True)
+    ]
+    assert [message is not None for message in told] == [True, True, False, True, True]

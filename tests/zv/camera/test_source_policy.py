@@ -23,6 +23,7 @@ OTHER: dict[str, Any] = {
     "quality": 5,
     "max_kbps": 800,
     "flip": "both",
+    "region": "10,20,30,40",
     "stall_after": 1.0,
     "frozen_after": 1.0,
     "reopen_min": 1.0,

@@ -163,3 +163,18 @@ def test_a_budget_that_is_lifted_brings_the_picture_back_at_once():
     assert sent
     assert frame.header.width == 640
     assert camera.limit.words == ""
+
+
+def test_replies_to_queries_are_charged_only_while_there_is_a_budget():
+    camera = Camera()
+    camera.publish(noise())
+    assert camera.limit.may_reply(10_000_000) == ""
+    camera = Camera(max_kbps=100)
+    camera.publish(noise())
+    assert camera.limit.may_reply(1_000_000) == ""
+    # 1,050,300 bytes take 84 s at 100 kbit/s, and 168 s in the half that replies have.
+    assert camera.limit.may_reply(1) == (
+        "max_kbps = 100 is used up by earlier replies; ask again in 168.0 s"
+    )
+    _, sent = camera.publish(noise())
+    assert not sent

@@ -57,7 +57,7 @@ REMEDIES: Final = {
     "over_budget": Remedy(
         "max_kbps is too low for its rate: allow more, or lower the rate", "max_kbps", 1.5
     ),
-    "region_outside": Remedy("no pixel of the region is in the frame: set another", "region"),
+    "region_outside": Remedy("the region is not in the frame: set another", "region"),
     "bad_calibration": Remedy("make the camera's file again with zv calibrate"),
     "out_of_order": Remedy(
         "two publishers share a key, or a camera's clock was set: give each camera a --camera of "

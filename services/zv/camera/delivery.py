@@ -1,0 +1,69 @@
+"""Knows what the source delivers, and refuses settings that do not fit it."""
+
+from __future__ import annotations
+
+import logging
+
+from zenoh_vision.image.pixel_formats import DEEP
+from zv.camera.convert import check_depth
+from zv.camera.reader import CapturedFrame
+from zv.camera.region import check_region
+from zv.camera.settings import CameraSettings
+
+KEEPS_DEPTH = (
+    "the source delivers 16 bits (%s), published as 8; --encoding mono16 keeps them, "
+    "16UC1 publishes them as depth in millimetres"
+)
+KEEPS_METRES = (
+    "the source delivers depth in metres (%s), published as 8 bits; --encoding 32FC1 keeps it"
+)
+
+
+class Delivery:
+    """What the pictures of a source are, and which part of them is published.
+
+    Args:
+        kind: Of the source.
+        log: Told what the user should know of it.
+    """
+
+    def __init__(self, kind: str, log: logging.Logger) -> None:
+        self._follows = kind == "synthetic"  # the scene has what is wanted
+        self._log = log
+        self._encoding: str | None = None
+        self._size = (0, 0)
+        self._region = ""
+
+    def check(self, wanted: CameraSettings) -> None:
+        """Check that pictures can be published as settings say, once there was one.
+
+        Raises:
+            ParameterRefused: Depth is wanted of a source without, or a region outside of them.
+        """
+        if self._encoding is None or self._follows:
+            return
+        check_depth(self._encoding, wanted.encoding)
+        if wanted.region != self._region:  # else the source changed: that refuses nothing else
+            check_region(wanted.box, *self._size)
+
+    def note(self, captured: CapturedFrame) -> None:
+        """Take note of a picture, and log what is new about it.
+
+        Raises:
+            ParameterRefused: The first one does not fit the settings of the start.
+        """
+        picture, settings = captured.picture, captured.revision.settings
+        self._size = picture.width, picture.height
+        if self._encoding is None:
+            self._encoding = picture.encoding
+            if captured.revision.number == 0:  # what was set since may only drop frames
+                self.check(settings)
+            if picture.encoding in DEEP and settings.encoding not in DEEP:
+                keeps = KEEPS_METRES if picture.encoding == "32FC1" else KEEPS_DEPTH
+                self._log.warning(keeps, picture.encoding)
+        if settings.region != self._region:
+            self._region = settings.region
+            again = "" if picture.jpeg is None else "; its JPEGs are encoded again"
+            part = f"region {settings.region} of" if settings.region else "all of"
+            whole = f"{picture.width}x{picture.height}{again if settings.region else ''}"
+            self._log.info("published from now on: %s %s", part, whole)
