@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import gzip
+import importlib
 import os
+import re
 import shutil
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -19,6 +23,8 @@ ROOT = Path(__file__).parents[1]
 PAGE = "tests/integration/viewer/page/"
 LONGEST_FIRST = (PAGE, "tests/integration/launcher/", "tests/integration/", "tests/docs/")
 OPENCV_DOC = Path("/usr/share/doc/opencv-doc/examples/data")
+QUIET_FILES: set[Path] = set()
+"""In which ``quiet`` tests were collected."""
 
 
 class OneChromium(LoadFileScheduling):  # type: ignore[misc]
@@ -46,8 +52,51 @@ def pytest_configure(config: pytest.Config) -> None:
         CAMERA_SIZE.clear()
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out the files without a ``quiet`` test where only those run: loading all takes long."""
+    if config.getoption("markexpr") != "quiet" or not collection_path.is_file():
+        return None
+    return not names_quiet(collection_path) or None
+
+
+def names_quiet(file: Path) -> bool:
+    """Tell whether a file marks tests as ``quiet``."""
+    return re.search(r"\bmark\.quiet\b", file.read_text()) is not None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Iterator[None]:
+    """Have the garbage collector look neither for nor at what the collection makes.
+
+    It is there until the end, and each look at all of it takes a quarter of a second.
+    """
+    gc.disable()
+    import_own_share(session.config)
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def import_own_share(config: pytest.Config) -> None:
+    """Import this worker's share of the test files before all of them are collected.
+
+    A test file that was never imported is compiled, with pytest's own asserts. Each worker needs
+    all files, and would compile them all at the same time as the others.
+    """
+    worker = getattr(config, "workerinput", None)
+    if worker is None or config.args != config.getini("testpaths"):
+        return
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    for file in files[int(worker["workerid"].removeprefix("gw")) :: worker["workercount"]]:
+        with suppress(Exception, pytest.skip.Exception):  # the collection reports it
+            importlib.import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes longest, so that no worker is left alone with it at the end."""
+    QUIET_FILES.update(item.path for item in items if item.get_closest_marker("quiet"))
 
     def rank(item: pytest.Item) -> int:
         starts = [item.nodeid.startswith(folder) for folder in LONGEST_FIRST]
