@@ -9,8 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from zenoh_vision.stream.notifier import Notifier
-
 T = TypeVar("T")
 
 
@@ -81,11 +79,11 @@ class Buffer(Generic[T]):
         self,
         buffering: Buffering,
         dropped: Callable[[T], None],
-        filled: Notifier | None = None,
+        filled: threading.Condition | None = None,
     ) -> None:
         self._buffering = buffering
         self._dropped = dropped
-        self._filled = filled or Notifier()
+        self._filled = filled or threading.Condition()
         self._lock = threading.Lock()
         self._lanes: dict[tuple[str, bool], _Lane[T]] = {}
         self._number = 0
@@ -106,7 +104,8 @@ class Buffer(Generic[T]):
             # A newer item takes the position of the one that it replaces.
             turn = replaced[0][0] if replaced and per_key else self._number
             lane.append(turn, size, item)
-        self._filled.notify()
+        with self._filled:
+            self._filled.notify_all()
         for _, oldest in replaced:
             self._dropped(oldest)
 
@@ -120,8 +119,9 @@ class Buffer(Generic[T]):
 
         None if none came, or another thread took it.
         """
-        if not self._filled.wait_for(lambda: self._lanes, timeout_s):
-            return None
+        with self._filled:
+            if not self._filled.wait_for(lambda: self._lanes, timeout_s):
+                return None
         with self._lock:
             if not self._lanes:
                 return None  # another thread took it
@@ -134,6 +134,9 @@ class Buffer(Generic[T]):
             return item
 
 
-def wait_for_any(filled: Notifier, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
-    """Wait until one of the buffers that share a notifier has an item, or the time-out."""
-    filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)
+def wait_for_any(
+    filled: threading.Condition, buffers: Sequence[Buffer[Any]], timeout_s: float
+) -> None:
+    """Wait until one of the buffers that share a condition has an item, or the time-out."""
+    with filled:
+        filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)

@@ -19,7 +19,6 @@ from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES
 from zenoh_vision.stream.buffer import Buffer, Buffering, latest
 from zenoh_vision.stream.counters import FrameCounters
-from zenoh_vision.stream.notifier import Notifier
 from zenoh_vision.stream.sample import MESSAGE_LIMIT, RAW_LIMIT, Sample, SizeLimit
 
 Item = TypeVar("Item")
@@ -61,7 +60,7 @@ class Consumer:
     counters: FrameCounters
     dropped: Callable[[PayloadError], None]
     arrived: Callable[[], None] = lambda: None
-    filled: Notifier = field(default_factory=Notifier)
+    filled: threading.Condition = field(default_factory=threading.Condition)
 
 
 class Intake(ABC, Generic[Waiting, Item]):

@@ -83,6 +83,7 @@ class PictureTimer:
         self._pacer = Pacer()
         self._schedule = Schedule()
         self._due_s = 0.0
+        self._rest_s = 0.0
         self._wake = threading.Event()
         self.stopped = False
 
@@ -95,13 +96,24 @@ class PictureTimer:
         self.stopped = True
         self._wake.set()
 
+    def rest(self) -> None:
+        """Wait before a picture is read ahead of its time, for half of the time to spare.
+
+        The last one is on its way meanwhile, and would have to share the processors. A change of
+        the settings ends this.
+        """
+        self._wake.wait(min(self._rest_s, LONGEST_WAIT_S))
+
     def wait_for_picture(self, source_s: float) -> bool:
         """Wait until the picture with this time on the source's clock is due.
 
         Returns:
             False if stopped meanwhile.
         """
+        begun_s = time.monotonic()
         running = self.wait_until(lambda: self._schedule.due_s(source_s, self._rate_hz()))
+        early_s = time.monotonic() - begun_s
+        self._rest_s = min((self._rest_s + early_s) / 2, early_s)  # a late one ends it at once
         self._due_s = self._schedule.due_s(source_s, self._rate_hz())
         self._schedule.advance(source_s, self._due_s)
         return running

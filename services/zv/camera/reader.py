@@ -159,6 +159,7 @@ class SourceReader:
 
     def _read(self, source: Source) -> None:
         while not self.timer.stopped:
+            self.timer.rest()
             self.timer.blocked_since_s = time.monotonic()
             self._current_settings()
             if isinstance(source, KnowsNextDue) and not self.timer.wait_until(source.next_due_s):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zv.camera.pacing import Pacer, Schedule
+from zv.camera import pacing
+from zv.camera.pacing import Pacer, PictureTimer, Schedule
 
 PERIOD_S = 1 / 30
 
@@ -67,6 +68,55 @@ def test_there_is_no_burst_after_a_pause(pause_s: float):
 def test_a_decoder_that_is_too_slow_is_never_told_to_wait():
     times = handed_over(Pacer(), [0.05] * 300, [0.0] * 300)
     assert np.allclose(np.diff(times), 0.05)
+
+
+class Clock:
+    """The time, which passes by waiting and working alone; it is the timer's event too."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def wait(self, seconds: float) -> None:
+        self.now_s += seconds
+
+    def clear(self) -> None:
+        """Nobody interrupts the wait."""
+
+
+def read_ahead(
+    monkeypatch: pytest.MonkeyPatch, work_s: list[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how long each picture's reading rested before, and when each was handed over."""
+    clock = Clock()
+    monkeypatch.setattr(pacing, "time", clock)
+    timer = PictureTimer(lambda: None)
+    monkeypatch.setattr(timer, "_wake", clock)
+    rests, times = [], []
+    for number, each_s in enumerate(work_s):
+        before_s = clock.now_s
+        timer.rest()
+        rests.append(clock.now_s - before_s)
+        clock.now_s += each_s
+        timer.wait_for_picture(number * 0.1)
+        times.append(clock.now_s)
+    return np.array(rests), np.array(times)
+
+
+def test_a_picture_is_read_ahead_after_a_rest_that_leaves_the_pace_as_it_is(monkeypatch):
+    rests, times = read_ahead(monkeypatch, [0.04] * 20)
+    # The first is due at once; the second is early by 0.1 - 0.04, all others by half of that.
+    assert rests == pytest.approx([0, 0, *[0.03] * 18])
+    assert np.diff(times) == pytest.approx([0.1] * 19)
+
+
+def test_nothing_rests_that_is_slow_or_has_become_slow(monkeypatch):
+    rests, times = read_ahead(monkeypatch, [0.04] * 5 + [0.15] * 5)
+    assert rests[:5].max() > 0
+    assert list(rests[6:]) == [0.0] * 4
+    assert np.diff(times)[-3:] == pytest.approx([0.15] * 3)
 
 
 def dues(schedule: Schedule, own: list[float], rates: list[float | None]) -> list[float]:
