@@ -73,9 +73,9 @@ configs: $(VENV)/.dev
 figures: $(VENV)/.dev
 	$(BIN)/python -m docs.images.make_edges
 
-## screenshots: render docs/images/viewer.png again (needs Debian's chromium)
+## screenshots: render docs/images/viewer.png again (needs Debian's chromium-headless-shell or chromium)
 screenshots: $(VENV)/.dev
-	$(BIN)/python docs/images/make_viewer.py
+	$(BIN)/python -m docs.images.make_viewer
 
 clean:
 	rm -rf $(VENV) dist build

@@ -22,6 +22,8 @@ from benchmarks import (
     viewer,
     ways,
 )
+from benchmarks.growth import measuring as growth
+from benchmarks.growth import report as growth_report
 from benchmarks.material import VIDEO, frames
 from benchmarks.peers import comparison, report
 from benchmarks.quality.data import found
@@ -128,6 +130,19 @@ def measure_peers(options: argparse.Namespace) -> None:
         report.write_page(rows)
 
 
+def measure_growth(options: argparse.Namespace) -> None:
+    """Measure cost by number of cameras, number of subscribers and frame size."""
+    seconds = options.seconds * growth.SHARE
+    found = growth_report.growths(
+        growth.of_cameras(seconds), growth.of_subscribers(seconds), growth.of_pixels(seconds)
+    )
+    for each in found:
+        print(f"\n{each.title}\n\n{growth_report.table(each)}", flush=True)
+        print(f"\n{growth_report.verdict(each)}", flush=True)
+    if options.page:
+        growth_report.write_page(found)
+
+
 def show(name: str, figures: object) -> None:
     """Print one block of figures."""
     print(f"{name}: {json.dumps(figures, indent=2)}", flush=True)
@@ -142,6 +157,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "painted": measure_painted,
     "tracker": measure_tracker,
     "peers": measure_peers,
+    "growth": measure_growth,
 }
 
 

@@ -15,15 +15,18 @@ from zv.camera.synthetic.source import Conditions, SyntheticSource
 
 VIDEO = "vtest.avi"
 FRAMES = 60
+MOST_BYTES = 400_000_000
+"""Of the frames in memory; 60 of 1920x1080 take less, and larger ones are fewer."""
 
 
 def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
     """Return frames of vtest.avi at a size; of the synthetic scene if the video does not exist."""
-    found = list(islice(video(width, height), FRAMES))
+    number = min(FRAMES, MOST_BYTES // (3 * width * height))
+    found = list(islice(video(width, height), number))
     if not found:
         print(f"# the synthetic scene instead of {VIDEO}, which is not in {data_folder()}")
         source = SyntheticSource((width, height), 1, Conditions)
-        pictures = [source.read() for _ in range(FRAMES)]
+        pictures = [source.read() for _ in range(number)]
         found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
     return found
 

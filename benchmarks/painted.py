@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import statistics
 import sys
 import time
@@ -14,6 +13,7 @@ from typing import Any
 from benchmarks.stream import percentiles
 from benchmarks.system import System, free_endpoint
 from benchmarks.viewer import QUERY, Clients, answers, wait_for
+from tests.support.chromium import NO_CHROMIUM, chromium
 from zenoh_vision.messages import Header
 from zenoh_vision.transport.session import direct
 from zv.camera.synthetic.frame_code import MODULUS
@@ -85,13 +85,8 @@ def why_not() -> str | None:
     except ImportError:
         return "playwright is not installed (make puts it into .venv)"
     if chromium() is None:
-        return "no chromium; on Debian: apt-get install chromium, or set ZV_TEST_CHROMIUM"
+        return NO_CHROMIUM
     return None
-
-
-def chromium() -> str | None:
-    """Return the browser's path."""
-    return os.environ.get("ZV_TEST_CHROMIUM") or shutil.which("chromium")
 
 
 def capture_to_painted(seconds: float) -> dict[str, Any]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape
 
+from benchmarks import page
 from benchmarks.peers.comparison import FLOOR, QUALITIES, ROUNDS, SIZES, Row
-
-ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "performance.md"
-PLOTS = ROOT / "docs" / "images" / "performance"
 
 HEAD = """| {size} | p50, ms | p99, ms | CPU, ms a frame | router, ms a frame | memory, MB |
 |---|---|---|---|---|---|"""
@@ -77,28 +73,13 @@ def plot(rows: Sequence[Row], size: tuple[int, int]) -> str:
 
 
 def write_page(rows: Sequence[Row]) -> None:
-    """Write docs/performance.md and its plots."""
-    PLOTS.mkdir(parents=True, exist_ok=True)
+    """Write the comparison's part of docs/performance.md, and its plots."""
     sections = []
     for size in SIZES:
         name = f"{size[0]}x{size[1]}"
-        (PLOTS / f"{name}.svg").write_text(plot(rows, size))
-        picture = f"![Ages of frames of {name}](images/performance/{name}.svg)"
+        picture = f"![Ages of frames of {name}]({page.write_plot(name, plot(rows, size))})"
         sections.append(f"## {name}\n\n{table(rows, size)}\n\n{picture}\n")
-    text = TEMPLATE.read_text()
-    PAGE.write_text(text.format(machine=machine(), rounds=ROUNDS, sections="\n".join(sections)))
-
-
-def machine() -> str:
-    """Return on what was measured."""
-    return f"Measured on {processor()}, Python {platform.python_version()}."
-
-
-def processor() -> str:
-    """Return the number of processors and what they are, as the kernel names them."""
-    try:
-        text = Path("/proc/cpuinfo").read_text()
-    except OSError:
-        return platform.machine()
-    names = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]
-    return f"{len(names)} processors ({names[0]})" if names else platform.machine()
+    text = TEMPLATE.read_text().format(
+        machine=page.machine(), rounds=ROUNDS, sections="\n".join(sections)
+    )
+    page.write_part("peers", text)

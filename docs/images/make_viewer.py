@@ -2,7 +2,7 @@
 
 Starts a router, the synthetic camera, tracker, edge detector and viewer on free ports, opens the
 page at one stream with the edges beside it, and keeps what it shows. Run it from the top of the
-repository, with Debian's chromium installed:
+repository, with one of Debian's chromium-headless-shell and chromium installed:
 
     make screenshots
 """
@@ -10,8 +10,6 @@ repository, with Debian's chromium installed:
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -24,6 +22,8 @@ import numpy as np
 import zenoh
 from playwright.sync_api import Page, sync_playwright
 from zenoh.handlers import RingChannel
+
+from tests.support.chromium import NO_CHROMIUM, chromium
 
 TARGET = Path(__file__).parent / "viewer.png"
 IMAGE = "vision/front/image/compressed"
@@ -49,9 +49,9 @@ LIVE = f"""() => document.querySelectorAll(".pane[data-step=true][data-live=true
 
 def main() -> None:
     """Start the system, wait for the frame, write the file."""
-    chromium = os.environ.get("ZV_TEST_CHROMIUM") or shutil.which("chromium")
-    if chromium is None:
-        raise SystemExit("no chromium; on Debian: apt-get install chromium")
+    browser_path = chromium()
+    if browser_path is None:
+        raise SystemExit(NO_CHROMIUM)
     endpoint, port = f"tcp/127.0.0.1:{_free_port()}", _free_port()
     with ExitStack() as stack, sync_playwright() as playwright:
         for command in (
@@ -64,7 +64,7 @@ def main() -> None:
         viewer = _start(stack, ["view", "--connect", endpoint, "--port", str(port)])
         assert viewer.stdout is not None
         address = viewer.stdout.readline().decode().strip()
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
         page = browser.new_page(viewport=SIZE, color_scheme="dark")
         page.goto(f"{address}#{IMAGE}+{EDGES}")
         _keep(page, endpoint)

@@ -9,6 +9,7 @@ import av
 import numpy as np
 import pytest
 
+from benchmarks import page as page_file
 from benchmarks.peers import comparison, report
 from benchmarks.peers.comparison import Row
 from benchmarks.peers.contest import Outcome
@@ -56,8 +57,8 @@ def test_the_plot_names_every_row_and_is_xml():
 
 
 def test_the_page_is_written_with_its_plots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(report, "PAGE", tmp_path / "performance.md")
-    monkeypatch.setattr(report, "PLOTS", tmp_path / "images")
+    monkeypatch.setattr(page_file, "PAGE", tmp_path / "performance.md")
+    monkeypatch.setattr(page_file, "PLOTS", tmp_path / "images")
     report.write_page([row("mine", 80, [4.0], ours=True)])
     page = (tmp_path / "performance.md").read_text()
     assert "**mine, quality 80**" in page

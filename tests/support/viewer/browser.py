@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,7 +11,8 @@ from typing import Any
 import pytest
 
 from tests.integration.conftest import Service, a_router, some_services
-from tests.support.processes import Program, need
+from tests.support.chromium import NO_CHROMIUM, chromium
+from tests.support.processes import Program, missing
 from tests.support.routing import Router
 from tests.support.waiting import wait_until
 
@@ -22,7 +21,6 @@ EDGES = "vision/front/edges/compressed"
 MASK = "vision/front/mask/compressed"
 TRUTH = "vision/front/truth"
 PATIENCE_S = 40.0
-WINDOWLESS = "chromium-headless-shell"
 
 
 @dataclass
@@ -45,16 +43,12 @@ def running(folder: Path, *viewer_flags: object) -> Iterator[Running]:
 
 
 def start_chromium() -> Any:
-    """Yield a headless Chromium; skip where there is none.
-
-    The one that has no window at all takes half the processor time of the other.
-    """
+    """Yield a headless Chromium; skip where there is none."""
     sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    given = os.environ.get("ZV_TEST_CHROMIUM") or shutil.which(WINDOWLESS)
-    chromium = given or need("chromium", WINDOWLESS)
+    path = chromium() or missing(NO_CHROMIUM)
     with sync.sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=chromium, args=["--no-sandbox", "--disable-dev-shm-usage"]
+            executable_path=path, args=["--no-sandbox", "--disable-dev-shm-usage"]
         )
         yield browser
         browser.close()

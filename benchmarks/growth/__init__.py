@@ -1,0 +1,1 @@
+"""What frames cost as cameras, subscribers and pixels become more."""
