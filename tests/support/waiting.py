@@ -21,6 +21,7 @@ def wait_until(
     condition: Callable[[], T],
     deadline_s: float = DEADLINE_S,
     explain: Callable[[], str] | None = None,
+    poll_s: float = POLL_S,
 ) -> T:
     """Return the condition's first true value.
 
@@ -28,13 +29,14 @@ def wait_until(
         condition: Asked every few milliseconds.
         deadline_s: Fail after so long.
         explain: What to say then.
+        poll_s: Pause before it is asked again.
     """
     end = time.monotonic() + deadline_s
     while not (result := condition()):
         assert time.monotonic() < end, (
             f"nothing within {deadline_s:g} s{': ' + explain() if explain else ''}"
         )
-        time.sleep(POLL_S)
+        time.sleep(poll_s)
     return result
 
 

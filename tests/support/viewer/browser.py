@@ -21,6 +21,8 @@ EDGES = "vision/front/edges/compressed"
 MASK = "vision/front/mask/compressed"
 TRUTH = "vision/front/truth"
 PATIENCE_S = 40.0
+POLL_S = 0.03
+"""Each question to a page takes three processes some milliseconds."""
 
 
 @dataclass
@@ -81,7 +83,10 @@ class Tab:
     def wait(self, expression: str, deadline_s: float = PATIENCE_S) -> Any:
         """Return an expression's first true value."""
         return wait_until(
-            lambda: self.page.evaluate(expression), deadline_s, lambda: f"{expression}: {self.text}"
+            lambda: self.page.evaluate(expression),
+            deadline_s,
+            lambda: f"{expression}: {self.text}",
+            POLL_S,
         )
 
     @property
