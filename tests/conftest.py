@@ -23,8 +23,10 @@ ROOT = Path(__file__).parents[1]
 PAGE = "tests/integration/viewer/page/"
 LONGEST_FIRST = (PAGE, "tests/integration/launcher/", "tests/integration/", "tests/docs/")
 OPENCV_DOC = Path("/usr/share/doc/opencv-doc/examples/data")
-QUIET_FILES: set[Path] = set()
-"""In which ``quiet`` tests were collected."""
+LATER = ("quiet", "alone")
+"""Marks of the tests that ``make tests`` runs after the others."""
+MARKED: set[tuple[Path, str]] = set()
+"""Files in which tests with such a mark were collected, and the mark."""
 
 
 class OneChromium(LoadFileScheduling):  # type: ignore[misc]
@@ -48,20 +50,21 @@ def pytest_configure(config: pytest.Config) -> None:
     A shell that starts tests in the background has SIGINT ignored, which every program inherits.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    if config.getoption("markexpr") == "quiet":
+    if config.getoption("markexpr") in LATER:
         CAMERA_SIZE.clear()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out the files without a ``quiet`` test where only those run: loading all takes long."""
-    if config.getoption("markexpr") != "quiet" or not collection_path.is_file():
+    """Leave out the files without a test of the only mark that runs: loading all takes long."""
+    mark = config.getoption("markexpr")
+    if mark not in LATER or not collection_path.is_file():
         return None
-    return not names_quiet(collection_path) or None
+    return not names_mark(collection_path, mark) or None
 
 
-def names_quiet(file: Path) -> bool:
-    """Tell whether a file marks tests as ``quiet``."""
-    return re.search(r"\bmark\.quiet\b", file.read_text()) is not None
+def names_mark(file: Path, mark: str) -> bool:
+    """Tell whether a file gives tests a mark."""
+    return re.search(rf"\bmark\.{mark}\b", file.read_text()) is not None
 
 
 @pytest.hookimpl(wrapper=True)
@@ -96,7 +99,7 @@ def import_own_share(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes longest, so that no worker is left alone with it at the end."""
-    QUIET_FILES.update(item.path for item in items if item.get_closest_marker("quiet"))
+    MARKED.update((item.path, m) for item in items for m in LATER if item.get_closest_marker(m))
 
     def rank(item: pytest.Item) -> int:
         starts = [item.nodeid.startswith(folder) for folder in LONGEST_FIRST]

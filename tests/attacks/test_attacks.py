@@ -20,7 +20,7 @@ from tests.support.processes import Program, peak_bytes
 from tests.support.routing import Router
 from tests.support.viewer.client import Viewer
 
-pytestmark = pytest.mark.quiet
+pytestmark = pytest.mark.alone
 MOST_BYTES = 512 << 20
 """The limit of a container, see docker-compose.yml."""
 

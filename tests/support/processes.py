@@ -22,7 +22,7 @@ START_S = 60.0
 WIDTH, HEIGHT = 320, 240
 CAMERA_SIZE = {"ZV_CAMERA_WIDTH": str(WIDTH), "ZV_CAMERA_HEIGHT": str(HEIGHT)}
 """Of cameras whose size does not matter: three systems of 640x480 would fill two cores. It is empty
-where only ``quiet`` tests run, which then measure the default size."""
+where only ``quiet`` or ``alone`` tests run, which then measure the default size."""
 
 """Time for a program to start and do its first work. It says nothing of speed, as ``STOP_S``."""
 
