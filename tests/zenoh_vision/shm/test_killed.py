@@ -42,28 +42,34 @@ class Side:
         for _ in range(frames):
             assert self._output.readline(), f"it ended: {self._process.wait()}"
 
-    def kill(self) -> None:
+    def kill(self) -> list[Path]:
+        """Kill it, and return the locks of iceoryx2's nodes that it held."""
+        held = [descriptor.readlink() for descriptor in Path(f"/proc/{self.pid}/fd").iterdir()]
         os.kill(self.pid, signal.SIGKILL)
         self._process.wait()
         self._output.close()
+        locks = [path for path in held if path.name.endswith(".node_monitor_owner_lock")]
+        assert locks
+        return locks
 
 
 def test_a_killed_reader_leaves_the_writer_going_and_a_new_one_receives():
     offer = f"kill{uuid.uuid4().hex[:8]}"
-    writer = Side("write", offer)
+    writer, locks = Side("write", offer), []
     try:
         writer.goes_on()
         for _ in range(TIMES):
             reader = Side("read", offer)
             reader.goes_on()
-            reader.kill()
+            locks += reader.kill()
             writer.goes_on()
     finally:
-        writer.kill()
-    assert_all_is_removed(offer)
+        locks += writer.kill()
+    assert_all_is_removed(offer, locks)
 
 
 def test_a_killed_writer_leaves_views_intact_and_its_files_are_removed_by_the_next():
+    locks = []
     for _ in range(TIMES):
         offer = f"kill{uuid.uuid4().hex[:8]}"
         side = Side("write", offer)
@@ -71,14 +77,14 @@ def test_a_killed_writer_leaves_views_intact_and_its_files_are_removed_by_the_ne
         arrived = []
         reader = FrameReader(offer, "vision/front/image", arrived.append)
         wait_until(lambda arrived=arrived, reader=reader: arrived or reader.failure)
-        side.kill()
+        locks += side.kill()
         assert set(bytes(arrived[-1].payload)) == {7}
         reader.close()
-    assert_all_is_removed(offer)
+    assert_all_is_removed(offer, locks)
 
 
-def assert_all_is_removed(offer: str) -> None:
-    """Let another offer begin and end, then look for what is left of a dead one."""
+def assert_all_is_removed(offer: str, locks: list[Path]) -> None:
+    """Let another offer begin and end, then look for what is left of dead ones."""
     next_offer = f"next{uuid.uuid4().hex[:8]}"
     writer = FrameWriter(next_offer)
     reader = FrameReader(next_offer, "vision/front/image", lambda _: None)
@@ -86,22 +92,5 @@ def assert_all_is_removed(offer: str) -> None:
     reader.close()
     writer.close()
     assert not [path for path in MEMORY.rglob("*.bell") if offer in path.name]
-    # Nodes of living processes of other tests stay; each dead one had its lock released.
-    wait_until(lambda: not dead_nodes(), 10)
-
-
-def dead_nodes() -> list[Path]:
-    """Return the owner locks of iceoryx2's nodes that no process holds."""
-    locks = MEMORY.glob(f"zenoh_vision_{os.getuid()}/nodes/*.node_monitor_owner_lock")
-    return [lock for lock in locks if not held(lock)]
-
-
-def held(lock: Path) -> bool:
-    """Tell whether a process has a file open, by /proc."""
-    for descriptor in Path("/proc").glob("[0-9]*/fd/*"):
-        try:
-            if descriptor.readlink() == lock:
-                return True
-        except OSError:
-            continue
-    return False
+    # Another process may have begun to remove them, and be at it.
+    wait_until(lambda: not any(lock.exists() for lock in locks), 10)

@@ -1,4 +1,4 @@
-"""One browser for the tests of the page, and one system for each module of them."""
+"""One browser and one system for each module of tests of the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from tests.support.viewer.browser import Open, Running, Tab, running, start_chromium, tab
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     """Chromium, or the test is skipped.
 
