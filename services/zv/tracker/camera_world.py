@@ -9,7 +9,7 @@ import numpy as np
 from zenoh_vision import Frame, Node
 from zenoh_vision.calibration.plane_view import PlaneView, pair
 from zv.tracker.camera_plane import CameraPlane
-from zv.tracker.events.sighting import Anchor, anchor_of
+from zv.tracker.events.sighting import HALF_PIXEL, Anchor, anchor_of
 from zv.tracker.prediction.answers import PredictionAnswers
 from zv.tracker.tracking.track import Track
 
@@ -53,4 +53,4 @@ def places(tracks: Sequence[Track], anchor: Anchor, view: PlaneView | None) -> l
     if view is None or not tracks:
         return [None] * len(tracks)
     points = np.array([anchor_of(track, anchor) for track in tracks], np.float64)
-    return [pair(place) for place in view.positions(points)]
+    return [pair(place) for place in view.positions(points - HALF_PIXEL)]

@@ -134,7 +134,10 @@ def test_tracks_have_places_events_their_times_and_queries_get_predictions(
     assert example.interrupt() == 0
     assert not example.complaints
     assert int(id_) == event.id
-    assert float(after_s) * pace(event.header.stamp_ns) == pytest.approx(200 / 160, abs=0.08)
+    # A line is fitted to the last 0.3 to 2.4 s, over which the pace of a busy machine changes.
+    paces = [pace(event.header.stamp_ns, for_s) for for_s in (0.3, 0.6, 1.2, 2.4)]
+    assert float(after_s) * min(paces) <= 200 / 160 + 0.08
+    assert float(after_s) * max(paces) >= 200 / 160 - 0.08
     assert int(at_ns) == pytest.approx(event.stamp_ns + float(after_s) * 1e9, abs=1e6)
     assert float(x) == pytest.approx(600, abs=0.015 * FIELD_MM)  # frames came between both asks
     assert 0 < float(sigma) < 0.05 * FIELD_MM

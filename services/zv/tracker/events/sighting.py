@@ -17,6 +17,9 @@ from zv.tracker.tracking.track import Track
 Anchor = Literal["centre", "foot"]
 """The point of a box that counts: its centre, or the middle of its lower edge."""
 
+HALF_PIXEL = 0.5
+"""A box begins at the edge of its first pixel; a calibration counts from the middle of one."""
+
 MARGIN_PIXELS = 2.0
 MARGIN_SHARE = 0.1
 """Of the smaller side of the box: boxes of large objects jitter more."""
@@ -79,7 +82,7 @@ def sightings_of(
     pixels = np.array(points, np.float64)
     reach = np.array(margins)[:, None]
     around = np.concatenate([pixels, pixels + reach * (1, 0), pixels + reach * (0, 1)])
-    places, beside, below = np.split(plane.positions(around), 3)
+    places, beside, below = np.split(plane.positions(around - HALF_PIXEL), 3)
     # Of infinite margins nothing is ever clear: a neighbour is beyond the horizon.
     wide = np.maximum(np.hypot(*(beside - places).T), np.hypot(*(below - places).T))
     wide = np.where(np.isfinite(wide), wide, math.inf)

@@ -45,11 +45,12 @@ def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> l
         if not least <= area <= max_area:
             continue
         for first, end in _cuts(columns, height):
-            left, right = _full(columns[first:end])
-            part = region[:, first:end]
-            top, bottom = _full(_profile(part, 1) if end - first < width else _profile(region, 1))
-            own = float(columns[first:end].sum()) / 255
-            found.append(Fragment(x + first + left, y + top, x + first + right, y + bottom, own))
+            across, down = columns[first:end], _profile(region[:, first:end], 1)
+            (left, right), (top, bottom) = _full(across), _full(down)
+            at = x + first + _middle(across), y + _middle(down)
+            own = float(across.sum()) / 255
+            box = x + first + left, y + top, x + first + right, y + bottom
+            found.append(Fragment(*box, own, at))
     return found
 
 
@@ -87,6 +88,12 @@ def _cuts(columns: NDArray[np.int32], height: int) -> list[tuple[int, int]]:
 def _profile(region: NDArray[np.uint8], axis: int) -> NDArray[np.int32]:
     """Return 255 times the number of pixels in each column (axis 0) or row (1)."""
     return np.asarray(cv2.reduce(region, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel(), np.int32)
+
+
+def _middle(profile: NDArray[np.int32]) -> float:
+    """Return the mean position of the pixels in columns or rows."""
+    places = np.arange(0.5, len(profile))
+    return float(profile @ places) / float(profile.sum())
 
 
 def _full(profile: NDArray[np.int32]) -> tuple[int, int]:

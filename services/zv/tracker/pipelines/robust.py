@@ -151,18 +151,6 @@ class RobustTracker:
                 raise ValueError("there was no frame yet")
             return np.asarray(cv2.resize(self._detector.background.picture(), self._size), np.uint8)
 
-    def predict(
-        self, number: int, stamp_ns: int
-    ) -> tuple[float, float, float, float, float, float]:
-        """Return where a track will be; see ``Tracker.predict``.
-
-        Raises:
-            KeyError: There is no track with this id now.
-        """
-        if self._tracker is None:
-            raise KeyError(number)
-        return self._tracker.predict(number, stamp_ns)
-
     def _begin(self, size: tuple[int, int]) -> None:
         first_id = self.next_id
         self._size = size

@@ -45,11 +45,11 @@ class Forecast:
 def forecast(times_s: Floats, path: Floats, at_s: float, noise: Floats) -> Forecast:
     """Predict where what followed a path will be, if it goes on in a straight line.
 
-    A line is fitted to the newest positions by least squares, over the one of ``WINDOWS_S`` that
-    would have predicted the path's own newest positions best. The standard deviation has two
-    parts: that of a position around the line, and that of the velocity times the time ahead; the
-    latter is what the hindsight shows, and at least what the scatter of the positions implies. So
-    an object on a belt has a small one, and a person who turns about a large one.
+    A line is fitted to the newest positions by least squares, over the one of ``WINDOWS_S`` with
+    the least standard deviation. That has two parts: that of a position around the line, and that
+    of the velocity times the time ahead; the latter is what the hindsight shows, and at least what
+    the scatter of the positions implies. So an object on a belt has a small one, and a person who
+    turns about a large one.
 
     Args:
         times_s: (n,), ascending; when the object was at each position.
@@ -64,20 +64,16 @@ def forecast(times_s: Floats, path: Floats, at_s: float, noise: Floats) -> Forec
     if len(times_s) < LEAST_POSITIONS:
         raise TooShort(f"seen in {len(times_s)} frames")
     ahead_s = max(LEAST_HORIZON_S, at_s - float(times_s[-1]))
-    tried = [
-        (_hindsight(times_s, path, window_s, ahead_s, noise), window_s)
-        for window_s in WINDOWS_S
-        if _count(times_s, len(times_s), window_s) >= LEAST_POSITIONS - 1
-    ]
-    drift, window_s = min(
-        tried or [(np.zeros(2), WINDOWS_S[-1])], key=lambda each: float((each[0] ** 2).sum())
-    )
-    first = len(times_s) - max(LEAST_POSITIONS, _count(times_s, len(times_s), window_s))
-    line = _Line.fit(times_s[first:], path[first:], noise)
-    position = line.at(at_s)
     lever_s = at_s - float(times_s[-1])
-    sigma = np.sqrt(line.variance(at_s) + line.scatter + (drift * lever_s) ** 2)
-    return Forecast(position, line.velocity, sigma)
+    tried: dict[int, tuple[_Line, Floats]] = {}
+    for window_s in WINDOWS_S:
+        count = max(LEAST_POSITIONS, _count(times_s, len(times_s), window_s))
+        if count not in tried:
+            line = _Line.fit(times_s[-count:], path[-count:], noise)
+            drift = _hindsight(times_s, path, window_s, ahead_s, noise)
+            tried[count] = line, line.variance(at_s) + line.scatter + (drift * lever_s) ** 2
+    line, variance = min(tried.values(), key=lambda each: float(each[1].sum()))
+    return Forecast(line.at(at_s), line.velocity, np.sqrt(variance))
 
 
 def _hindsight(

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.calibration.plane_view import PlaneView, pair
+from zv.tracker.events.sighting import HALF_PIXEL
 from zv.tracker.prediction.forecast import KEPT_S, TooShort, forecast
 from zv.tracker.tracking.track import Track
 
 Point = tuple[float, float]
 Floats = NDArray[np.float64]
 
-NOISE_PX = 0.5
-"""Least standard deviation of a position, pixels."""
+NOISE_PX = 0.3
+"""Least standard deviation of a position, pixels: of the mean of many edge pixels."""
 
 KEPT = 128
 """Positions of an object: 4 s at 30 Hz."""
@@ -43,11 +44,15 @@ class Path:
 
     Attributes:
         track: As of the newest frame.
-        seen: Stamp, centre and anchor, for each frame in which it was seen.
+        seen: Stamp and steady point, for each frame in which it was measured.
+        middle: In the newest of them, (2,).
+        anchor: The same of its anchor.
     """
 
     track: Track
-    seen: deque[tuple[int, Point, Point]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    seen: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    middle: Floats = field(default_factory=lambda: np.zeros(2))
+    anchor: Floats = field(default_factory=lambda: np.zeros(2))
 
 
 class Paths:
@@ -75,8 +80,11 @@ class Paths:
             path.track = track
             if path.seen and stamp_ns < path.seen[-1][0]:  # the camera's clock was set back
                 path.seen.clear()
-            if track.missing_s == 0 and (not path.seen or stamp_ns > path.seen[-1][0]):
-                path.seen.append((stamp_ns, (track.x, track.y), self.anchor_of(track)))
+            if track.steady is not None and (not path.seen or stamp_ns > path.seen[-1][0]):
+                path.seen.append((stamp_ns, track.steady))
+                path.middle = np.add(track.steady, track.offset)
+                x, y = path.middle.tolist()
+                path.anchor = np.array(self.anchor_of(replace(track, x=x, y=y)))
             self._paths[track.id] = path
 
     def track(self, id_: int) -> Track | None:
@@ -102,18 +110,17 @@ class Paths:
         if not recent:
             raise TooShort("seen in 0 frames")
         origin_ns = recent[0][0]
-        times_s = np.array([(stamp_ns - origin_ns) / 1e9 for stamp_ns, _, _ in recent])
-        centers = np.array([center for _, center, _ in recent])
+        times_s = np.array([(stamp_ns - origin_ns) / 1e9 for stamp_ns, _ in recent])
+        moved = np.array([point for _, point in recent]) - recent[-1][1]
         at_s = (at_ns - origin_ns) / 1e9
         if view is not None:
-            anchors = np.array([anchor for _, _, anchor in recent])
-            places = view.positions(anchors)
+            last = path.anchor - HALF_PIXEL
+            places = view.positions(last + moved)
             if np.isfinite(places).all():
-                offset = centers[-1] - anchors[-1]
-                found = _on_plane(times_s, places, at_s, view, anchors[-1], offset)
+                found = _on_plane(times_s, places, at_s, view, last, path.middle - last)
                 if found is not None:
                     return found
-        flat = forecast(times_s, centers, at_s, np.full(2, NOISE_PX))
+        flat = forecast(times_s, path.middle + moved, at_s, np.full(2, NOISE_PX))
         (x, y), (vx, vy) = flat.position.tolist(), flat.velocity.tolist()
         return Predicted(x, y, vx, vy, _two(flat.sigma))
 

@@ -16,6 +16,8 @@ class Fragment:
         right: The first column that does not belong to it.
         bottom: The first row that does not belong to it.
         area: In square pixels.
+        pixels_at: Mean position of its pixels, which shakes less than the edges of its box; None
+            if it is not known.
     """
 
     left: float
@@ -23,6 +25,7 @@ class Fragment:
     right: float
     bottom: float
     area: float
+    pixels_at: tuple[float, float] | None = None
 
     @property
     def width(self) -> float:
@@ -42,10 +45,19 @@ class Fragment:
 
 def union(fragments: Sequence[Fragment]) -> Fragment:
     """Return one fragment with the box around several, and the sum of their areas."""
+    if len(fragments) == 1:
+        return fragments[0]
+    area = sum(each.area for each in fragments)
+    known = [(each.area, each.pixels_at) for each in fragments if each.pixels_at is not None]
+    pixels_at = None
+    if len(known) == len(fragments) and area > 0:
+        x, y = (sum(share * at[axis] for share, at in known) / area for axis in (0, 1))
+        pixels_at = x, y
     return Fragment(
         min(each.left for each in fragments),
         min(each.top for each in fragments),
         max(each.right for each in fragments),
         max(each.bottom for each in fragments),
-        sum(each.area for each in fragments),
+        area,
+        pixels_at,
     )

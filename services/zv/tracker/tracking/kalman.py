@@ -68,7 +68,3 @@ class AxisFilter:
         self.vv = max(0.0, self.vv - to_velocity * self.pv)
         self.pv *= 1 - to_position
         self.pp *= 1 - to_position
-
-    def copy(self) -> AxisFilter:
-        """Return a filter in the same state."""
-        return AxisFilter(self.position, self.velocity, self.pp, self.pv, self.vv)

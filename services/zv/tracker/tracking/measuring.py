@@ -54,31 +54,33 @@ def measure(
     expected, at_border = target.box, targets.at_border(found)
     if target.grouped_ns is not None and targets.since_s(target.grouped_ns) > GROUP_MEMORY_S:
         target.grouped_ns = None
-    x, width = _along(
-        found.left, found.right, expected.left, expected.right, targets.size[0], target.full
-    )
-    y, height = _along(
-        found.top, found.bottom, expected.top, expected.bottom, targets.size[1], target.full
-    )
+    entering = not target.full
+    dx, dy = (axis.velocity * dt_s if entering else None for axis in (target.x, target.y))
+    x, width = _along(found.left, found.right, expected.left, expected.right, targets.size[0], dx)
+    y, height = _along(found.top, found.bottom, expected.top, expected.bottom, targets.size[1], dy)
     complete = width and height
     if not at_border:
         target.full = True
-    follows = not target.full or (alone and target.grouped_ns is None and not at_border)
+    follows = entering or (alone and target.grouped_ns is None and not at_border)
     share = max(1 - math.exp(-dt_s / SIZE_TIME_S), 1 / (target.hits + 1))
     target.resize(
         found.width if width or follows else target.width,
         found.height if height or follows else target.height,
-        found.area if complete else target.area,
-        share if target.full else 1.0,
+        found.area if complete or entering else target.area,
+        1.0 if entering else share,
     )
-    if not target.full:
-        x, y = found.center
     if at_border or 1 / PLAUSIBLE < found.area / max(1.0, target.area) < PLAUSIBLE:
         target.shown = found
     if alone and complete and target.full and not at_border:
         target.alone_s += dt_s
     before = target.travelled
-    target.correct((x, y), targets.now_ns)
+    if entering:  # it moves as its edge that is not cut does; its box is what is in view
+        target.correct((x, y), targets.now_ns)
+        target.place_at(found.center)
+    elif complete and found.pixels_at is not None:
+        target.correct(target.steadied((x, y), found.pixels_at, share), targets.now_ns)
+    else:
+        target.correct((x, y), targets.now_ns)
     target.clear_ns = targets.now_ns
     if target.speed > 0.2 or target.travelled > before:
         target.moved_ns = targets.now_ns
@@ -118,20 +120,29 @@ def _around(middle: tuple[float, float], target: Target) -> Fragment:
 
 
 def _along(
-    low: float, high: float, expected_low: float, expected_high: float, end: int, full: bool
+    low: float,
+    high: float,
+    expected_low: float,
+    expected_high: float,
+    end: int,
+    moved: float | None,
 ) -> tuple[float, bool]:
     """Return the middle of a box along one axis, and whether its length there can be believed.
 
     If the length is not the expected one, as only a part is seen or something else is there too,
-    the edge that is nearer to the expected one is believed.
+    the edge that is nearer to the expected one is believed. While an object enters the picture,
+    having ``moved`` since the last frame, it is the edge that has not been at the border.
     """
     length, expected = high - low, max(1e-6, expected_high - expected_low)
     cut_low, cut_high = low <= 1, high >= end - 1
+    if moved is not None:
+        cut_low = cut_low or expected_low - moved <= 1
+        cut_high = cut_high or expected_high - moved >= end - 1
     if cut_low and not cut_high:
         return high - expected / 2, False
     if cut_high and not cut_low:
         return low + expected / 2, False
-    if not full or 1 / GROWN < length / expected < GROWN:
+    if moved is not None or 1 / GROWN < length / expected < GROWN:
         return (low + high) / 2, True
     if abs(low - expected_low) < abs(high - expected_high):
         return low + expected / 2, False

@@ -9,6 +9,8 @@ from zv.tracker.tracking.appearance import Appearance
 from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.kalman import AxisFilter
 
+Point = tuple[float, float]
+
 ACCELERATION = 1.5
 """Standard deviation of the acceleration, sides of the object per square second."""
 
@@ -50,6 +52,10 @@ class Target:
         alone_s: For how long it was seen alone, complete, away from the border of the picture.
         full: Whether it was ever seen away from the border of the picture.
         shown: Its own foreground in this frame, if that seems to be all of it.
+        steady: A point of the object as measured in this frame, which moves as the object does
+            even while that enters the picture and its middle does not; None if it was not measured.
+        offset: From there to the middle, x and y.
+        shift: From the mean position of its pixels to there; None if that is not known.
         appearance: What it looks like.
     """
 
@@ -75,6 +81,9 @@ class Target:
     alone_s: float = 0.0
     full: bool = False
     shown: Fragment | None = None
+    steady: Point | None = None
+    offset: Point = (0.0, 0.0)
+    shift: Point | None = None
     appearance: Appearance = field(default_factory=Appearance)
 
     @property
@@ -95,7 +104,8 @@ class Target:
         return math.hypot(self.x.velocity, self.y.velocity) / self.side
 
     def predict(self, dt_s: float) -> None:
-        """Go on for some seconds."""
+        """Go on for some seconds, to a frame in which it has not been seen yet."""
+        self.shown = self.steady = None
         acceleration = ACCELERATION * self.side
         self.x.predict(dt_s, acceleration)
         self.y.predict(dt_s, acceleration)
@@ -111,9 +121,29 @@ class Target:
         for axis, position in zip((self.x, self.y), measured, strict=True):
             axis.adapt(position, deviation)
             axis.correct(position, deviation)
+        self.steady = _minus(measured, self.offset)
         self.seen_ns = stamp_ns
         self.hits += 1
         self.travelled = max(self.travelled, self._distance() / self.side)
+
+    def place_at(self, middle: Point) -> None:
+        """Move the middle, without a motion of the object, to where it is by another size."""
+        assert self.steady is not None
+        self.x.position, self.y.position = middle
+        self.offset, self.shift = _minus(middle, self.steady), None
+
+    def steadied(self, middle: Point, pixels_at: Point, share: float) -> Point:
+        """Return the middle of its box by the mean position of all its pixels.
+
+        An edge of the box moves by whole pixels, and by more where noise or the blocks of a JPEG
+        add some to it. What is usual between both places is learned by a share from 0 to 1.
+        """
+        if self.shift is None:
+            self.shift = _minus(_minus(middle, self.offset), pixels_at)
+        steady = pixels_at[0] + self.shift[0], pixels_at[1] + self.shift[1]
+        more = _minus(_minus(middle, steady), self.offset)
+        self.offset = self.offset[0] + share * more[0], self.offset[1] + share * more[1]
+        return steady[0] + self.offset[0], steady[1] + self.offset[1]
 
     def _distance(self) -> float:
         """Return how far it is from where it was first: what only grows or shrinks has not moved.
@@ -137,6 +167,10 @@ class Target:
     def missing_s(self, stamp_ns: int) -> float:
         """Seconds since it was seen."""
         return max(0.0, (stamp_ns - self.seen_ns) / 1e9)
+
+
+def _minus(one: Point, other: Point) -> Point:
+    return one[0] - other[0], one[1] - other[1]
 
 
 def _both(low: float, high: float) -> float:

@@ -40,10 +40,6 @@ class Targets:
         """Return the seconds since a time of the clock."""
         return (self.now_ns - then_ns) / 1e9
 
-    def ahead_s(self, stamp_ns: int) -> float:
-        """Return the seconds from the last frame to a stamp, 0 if it is before that."""
-        return max(0, stamp_ns - (self._stamp_ns or 0)) / 1e9
-
     def begin(self, fragment: Fragment) -> Target | None:
         """Follow what was found as a new object; None if there are too many already."""
         if len(self.all) >= MAX_TARGETS:

@@ -26,6 +26,9 @@ class Track:
         vy: As vx.
         age_s: Since it was seen first.
         missing_s: Since it was seen last; 0 if it is seen in this frame.
+        steady: A point of the object as measured in this frame alone; None if it was not. It moves
+            as the object does, while the middle lags behind, and is that of the part in view.
+        offset: From there to the middle, x and y.
     """
 
     id: int
@@ -38,3 +41,5 @@ class Track:
     vy: float = 0.0
     age_s: float = 0.0
     missing_s: float = 0.0
+    steady: tuple[float, float] | None = None
+    offset: tuple[float, float] = (0.0, 0.0)

@@ -10,7 +10,7 @@ from zv.tracker.tracking import association
 from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.fragment import Fragment, union
 from zv.tracker.tracking.matching import OVERLAP, Matcher
-from zv.tracker.tracking.target import ACCELERATION, SHOWN_S, Target
+from zv.tracker.tracking.target import SHOWN_S, Target
 from zv.tracker.tracking.targets import Targets
 from zv.tracker.tracking.track import Track
 
@@ -98,7 +98,6 @@ class Tracker:
         fragments = sorted(fragments, key=lambda each: (-each.area, each.left, each.top))
         fragments = fragments[:MAX_FRAGMENTS]
         for target in self.targets:
-            target.shown = None
             target.predict(min(dt_s, MOST_STEP_S))
         free = Matcher(self._targets, fragments, dt_s, scene).match()
         self._begin(free, scene)
@@ -108,33 +107,6 @@ class Tracker:
     def tracks(self) -> list[Track]:
         """Return the tracks at the stamp of the last frame, in full-resolution pixels."""
         return [self._track(target) for target in self.targets]
-
-    def predict(
-        self, number: int, stamp_ns: int
-    ) -> tuple[float, float, float, float, float, float]:
-        """Return where a track will be, in full-resolution pixels.
-
-        Args:
-            number: Its id.
-            stamp_ns: When; a time before the last frame counts as that.
-
-        Returns:
-            x, y of its middle; their standard deviations; vx, vy in pixels per second.
-
-        Raises:
-            KeyError: There is no track with this id now.
-        """
-        target = next((each for each in self.targets if each.id == number), None)
-        if target is None:
-            raise KeyError(number)
-        dt_s = self._targets.ahead_s(stamp_ns)
-        axes = target.x.copy(), target.y.copy()
-        for axis in axes:
-            axis.predict(dt_s, ACCELERATION * target.side)
-        x, y = (self._scale * axis.position for axis in axes)
-        sigma_x, sigma_y = (self._scale * math.sqrt(max(0.0, axis.pp)) for axis in axes)
-        vx, vy = (self._scale * axis.velocity for axis in axes)
-        return x, y, sigma_x, sigma_y, vx, vy
 
     def protected(self) -> list[Fragment]:
         """Return the boxes of objects that must not become background, though they may stand."""
@@ -171,6 +143,8 @@ class Tracker:
             vy=target.y.velocity * scale,
             age_s=max(0.0, (self.now_ns - target.born_ns) / 1e9),
             missing_s=missing_s,
+            steady=target.steady and (target.steady[0] * scale, target.steady[1] * scale),
+            offset=(target.offset[0] * scale, target.offset[1] * scale),
         )
 
     def _begin(self, free: list[Fragment], scene: Scene | None) -> None:

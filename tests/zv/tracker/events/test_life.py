@@ -109,10 +109,12 @@ def test_shapes_in_world_units_use_the_position_on_the_plane():
         ("line_crossed", "in"),
     ]
     assert shaped[1].direction == "right"
-    assert shaped[1].at.stamp_ns == 150_000_000
-    assert shaped[0].at.world == pytest.approx((0.5, -0.5))
-    assert shaped[1].at.world == pytest.approx((1.0, -0.5))
-    assert shaped[1].at.pixel == pytest.approx((100, 50))
+    # The plane counts from the middle of the first pixel, tracks from its edge: X = 1 is at 100.5,
+    # of 80 pixels in 0.1 s the 40.5th.
+    assert shaped[1].at.stamp_ns == pytest.approx(150_625_000, abs=1)
+    assert shaped[0].at.world == pytest.approx((0.5, -0.495))
+    assert shaped[1].at.world == pytest.approx((1.0, -0.495))
+    assert shaped[1].at.pixel == pytest.approx((100.5, 50))
 
 
 @pytest.mark.parametrize(
@@ -158,7 +160,8 @@ def test_without_a_calibration_and_beyond_the_horizon_nothing_happens_in_world_s
     for number, (x, y) in enumerate(((60, 50), (60, 600), (140, 600), (140, 50))):
         found += events.update([track(x, y)], number * STEP_NS, Plane())
     # One crossing, between the two positions that are on the plane.
-    assert [event.at.stamp_ns for event in found if event.shape] == [150_000_000]
+    stamps_ns = [event.at.stamp_ns for event in found if event.shape]
+    assert stamps_ns == pytest.approx([151_875_000], abs=1)  # X = 1 is at 100.5: 40.5 of 80
 
 
 def test_another_calibration_is_no_crossing():

@@ -14,6 +14,7 @@ from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.calibration.plane_view import PlaneView
 from zv.tracker.prediction.answers import PredictionAnswers
+from zv.tracker.prediction.paths import NOISE_PX
 from zv.tracker.tracking.track import Track
 
 NOW_NS = 1_700_000_000_000_000_000
@@ -33,7 +34,7 @@ class StandIn:
 def moving(frame: int, id_: int = 7, state: Any = "confirmed") -> Track:
     """Return a track that moves right by 10 pixels a frame, 100 a second."""
     x = 100.0 + 10 * frame
-    return Track(id_, state, x, 50.0, (round(x) - 10, 40, 20, 30), 500.0)
+    return Track(id_, state, x, 50.0, (round(x) - 10, 40, 20, 30), 500.0, steady=(x, 50.0))
 
 
 def header(frame: int, epoch: int = 1, newest_ns: int = NOW_NS) -> Header:
@@ -53,9 +54,9 @@ def test_a_track_goes_on_in_a_straight_line_on_the_plane():
     found: Prediction = followed().answer({"id": "7", "at_ns": str(NOW_NS + 500_000_000)})
     assert (found.id, found.state, found.stamp_ns) == (7, "confirmed", NOW_NS + 500_000_000)
     assert (found.x, found.y, found.vx) == pytest.approx((240, 50, 100), abs=1e-3)
-    assert found.world == pytest.approx((2.4, 0.5))
+    assert found.world == pytest.approx((2.395, 0.495))  # pixels count from their middles there
     assert found.world_velocity == pytest.approx((1, 0), abs=1e-6)
-    assert found.sigma[0] >= 0.5
+    assert found.sigma[0] >= NOISE_PX
     assert found.world_sigma == pytest.approx([each / 100 for each in found.sigma], rel=1e-3)
     assert found.header.seq == 9
     assert Prediction.from_bytes(found.to_bytes()) == found
@@ -63,7 +64,7 @@ def test_a_track_goes_on_in_a_straight_line_on_the_plane():
 
 def test_the_place_is_that_of_the_anchor_and_the_pixel_that_of_the_centre():
     found = followed(anchor="foot").answer({"id": "7", "at_ns": str(NOW_NS)})
-    assert found.world == pytest.approx((1.9, 0.7))
+    assert found.world == pytest.approx((1.895, 0.695))
     assert (found.x, found.y) == pytest.approx((190, 50), abs=1e-3)
 
 

@@ -36,6 +36,29 @@ def test_an_object_that_moves_is_confirmed_with_its_speed_and_keeps_its_id():
     assert track.missing_s == 0
 
 
+def test_what_enters_the_picture_is_as_fast_as_its_front_edge():
+    found, steady = tracker(), []
+    for k in range(6):  # 20 pixels wide; from k = 4 on it is inside
+        front = 6.0 * (k + 1)
+        left = max(0.0, front - 20)
+        (track,) = found.update([Fragment(left, 80, front, 120, 500)], k * SECOND // 10)
+        steady.append((track.steady or (0.0, 0.0))[0])
+    assert np.diff(steady[1:]) == pytest.approx([6] * 4)
+    assert track.vx == pytest.approx(60, abs=6)
+    assert steady[-1] + track.offset[0] == pytest.approx(26)
+
+
+def test_noise_at_an_edge_hardly_moves_what_has_many_other_pixels():
+    found, steady = tracker(), []
+    for k in range(12):
+        x = 50 + 6.0 * k
+        shaken = Fragment(x - 10, 80, x + 10 + 4 * (k % 2), 120, 500, (x, 100))
+        (track,) = found.update([shaken], k * SECOND // 10)
+        steady.append((track.steady or (0.0, 0.0))[0])
+    assert np.diff(steady[1:]) == pytest.approx([6] * 10)
+    assert track.x == pytest.approx(x + 1, abs=0.5)  # the middle is that of the mean box
+
+
 def test_what_does_not_move_or_only_grows_is_never_confirmed():
     standing, growing = tracker(), tracker()
     for k in range(100):
@@ -109,21 +132,6 @@ def test_the_same_input_gives_the_same_tracks():
         ]
 
     assert results() == results()
-
-
-def test_a_prediction_follows_the_speed_and_its_uncertainty_grows():
-    found = Tracker(TrackingParameters(), SIZE, scale=2.0)
-    for k in range(30):
-        found.update([box(50 + 6 * k, 100)], k * SECOND // 10)
-    now_ns = 29 * SECOND // 10
-    x, y, sigma_x, _, vx, _ = found.predict(1, now_ns)
-    later = found.predict(1, now_ns + SECOND // 2)
-    assert (x, y) == (pytest.approx(2 * 224, abs=2), pytest.approx(200, abs=2))
-    assert vx == pytest.approx(120, abs=4)
-    assert later[0] == pytest.approx(x + vx / 2)
-    assert later[2] > sigma_x > 0
-    with pytest.raises(KeyError):
-        found.predict(99, now_ns)
 
 
 def test_two_objects_that_cross_without_pixels_keep_their_ids_by_their_motion():
