@@ -4,17 +4,18 @@
 
 It needs PyTorch (1.13 or newer) and ``onnx``, which nothing else in the project needs, and the
 folder ``bsds_train`` below ``$ZV_TEST_DATA`` or ``../shared/data``. The run is seeded and takes
-about 25 minutes on one core. With ``--seconds`` it stops early; the same command goes on from
-``--checkpoint`` until all steps are done. The last 40 images by name are not trained on: they are
-the validation images of ``benchmarks.quality.edges``. A run in parts
-gives the weights of a run in one.
+about 45 minutes on one core that multiplies numbers of 16 bits (``avx512_bf16``), and longer on
+others. With ``--seconds`` it stops early; the same command goes on from ``--checkpoint`` until all
+steps are done. The last 40 images by name are not trained on: they are the validation images of
+``benchmarks.quality.edges``. A run in parts gives the weights of a run in one.
 
-The network is an encoder of four strided 3x3 convolutions on the half-size picture and a decoder
-that adds each scale to the next finer one (after O. Ronneberger, P. Fischer, T. Brox, "U-Net",
-2015). Channels are multiples of 16, which is what OpenCV's convolutions are fast with. The target
-is the share of annotators that drew a boundary within one pixel, as a probability. Rotation, scale,
-mirroring, brightness, contrast, tint, grey pictures and sensor noise vary the pictures, and the
-weights that are written are an exponential moving average over the last steps.
+The network is an encoder of four scales on the half-size picture, each a strided and some added 3x3
+convolutions, with the mean over the picture at the coarsest, and a decoder that adds each scale to
+the next finer one (after O. Ronneberger, P. Fischer, T. Brox, "U-Net", 2015). Channels are
+multiples of 16, which is what OpenCV's convolutions are fast with. The target is the share of
+annotators that drew a boundary within one pixel, as a probability. Rotation, scale, mirroring,
+brightness, contrast, tint, grey pictures and sensor noise vary the pictures, and the weights that
+are written are an exponential moving average over the last steps.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import onnx
 import torch
 from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -38,7 +41,7 @@ from zv.edge.detectors.learned import network_planes
 
 CROP = 160  # side of a training picture at half size, pixels
 BATCH = 8
-AVERAGE = 0.998  # of the moving average of the weights, per step
+AVERAGE = 0.999  # of the moving average of the weights, per step
 POSITIVE_WEIGHT = 3.0  # boundaries are a twentieth of the pixels
 
 
@@ -51,6 +54,19 @@ def convolution(inputs: int, outputs: int, *, stride: int = 1, dilation: int = 1
     )
 
 
+class Residual(nn.Sequential):
+    """Convolutions of equal size, one for each dilation, each added to what it gets."""
+
+    def __init__(self, channels: int, *dilations: int) -> None:
+        super().__init__(*(convolution(channels, channels, dilation=each) for each in dilations))
+
+    def forward(self, maps: Tensor) -> Tensor:
+        """Return the sums."""
+        for layer in self:
+            maps = maps + layer(maps)
+        return maps
+
+
 class EdgeNetwork(nn.Module):
     """Probabilities of boundaries of planes (n, 6, h, w); h and w multiples of 16.
 
@@ -59,36 +75,30 @@ class EdgeNetwork(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.first = convolution(6, 16, stride=2)
-        self.fine = convolution(16, 16)
-        self.down2 = convolution(16, 32, stride=2)
-        self.middle = convolution(32, 32)
-        self.down3 = convolution(32, 64, stride=2)
-        self.coarse = convolution(64, 64)
-        self.down4 = convolution(64, 64, stride=2)
-        self.context = convolution(64, 64, dilation=2)
+        self.fine = nn.Sequential(convolution(6, 16, stride=2), Residual(16, 1))
+        self.middle = nn.Sequential(convolution(16, 32, stride=2), Residual(32, 1, 1))
+        self.coarse = nn.Sequential(convolution(32, 64, stride=2), Residual(64, 1, 1))
+        self.context = nn.Sequential(convolution(64, 64, stride=2), Residual(64, 1, 2, 4))
+        self.whole = nn.Conv2d(64, 64, 1)
         self.lower3 = nn.Conv2d(64, 64, 1)
+        self.join3 = Residual(64, 1, 1)
         self.lower2 = nn.Conv2d(64, 32, 1)
-        self.join2 = convolution(32, 32)
+        self.join2 = Residual(32, 1, 1)
         self.lower1 = nn.Conv2d(32, 16, 1)
         self.out = nn.Conv2d(16, 4, 1)  # the four pixels of a square of 2 x 2
-        self.side = nn.Conv2d(32, 1, 1)  # supervises the middle scale in training
+        self.sides = nn.ModuleList([nn.Conv2d(32, 1, 1), nn.Conv2d(64, 1, 1)])  # for training
 
-    def scales(self, planes: Tensor) -> tuple[Tensor, Tensor]:
-        """Return logits (n, 4, h / 2, w / 2) and the middle scale's (n, 1, h / 4, w / 4)."""
-        first = self.first(planes)
-        fine = first + self.fine(first)
-        second = self.down2(fine)
-        middle = second + self.middle(second)
-        third = self.down3(middle)
-        coarse = third + self.coarse(third)
-        fourth = self.down4(coarse)
-        context = fourth + self.context(fourth)
-        coarse = functional.relu(coarse + doubled(self.lower3(context)))
-        middle = functional.relu(middle + doubled(self.lower2(coarse)))
-        middle = middle + self.join2(middle)
+    def scales(self, planes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return logits (n, 4, h / 2, w / 2), and (n, 1, h / 4, w / 4) and half of that."""
+        fine = self.fine(planes)
+        middle = self.middle(fine)
+        coarse = self.coarse(middle)
+        context = self.context(coarse)
+        context = context + self.whole(functional.adaptive_avg_pool2d(context, 1))
+        coarse = self.join3(functional.relu(coarse + doubled(self.lower3(context))))
+        middle = self.join2(functional.relu(middle + doubled(self.lower2(coarse))))
         fine = functional.relu(fine + doubled(self.lower1(middle)))
-        return self.out(fine), self.side(middle)
+        return self.out(fine), self.sides[0](middle), self.sides[1](coarse)
 
     def forward(self, planes: Tensor) -> Tensor:
         """Return the probabilities."""
@@ -124,9 +134,8 @@ def load_example(folder: Path, name: str) -> Example:
 def varied(example: Example, random: np.random.Generator) -> tuple[Tensor, Tensor]:
     """Return the planes and the target of a random half-size view of an example."""
     height, width = example.share.shape
-    scale = 0.5 * math.exp(random.uniform(math.log(0.75), math.log(1.5)))
-    angle = random.choice([0.0, 90.0, 180.0, 270.0]) + random.uniform(-25, 25)
-    rotation = cv2.getRotationMatrix2D((0, 0), angle, scale)
+    scale = 0.5 * math.exp(random.uniform(math.log(0.65), math.log(1.5)))
+    rotation = cv2.getRotationMatrix2D((0, 0), random.uniform(0, 360), scale)
     if random.random() < 0.5:
         rotation[:, 0] *= -1
     reach = CROP / 4
@@ -138,19 +147,27 @@ def varied(example: Example, random: np.random.Generator) -> tuple[Tensor, Tenso
         )
         for image in (example.picture, example.share)
     )
-    values = picture.astype(np.float32)
-    if random.random() < 0.2:
-        values[:] = values.mean(axis=2, keepdims=True)
-    else:
-        values *= random.uniform(0.88, 1.12, 3).astype(np.float32)
-    values = (values - 128) * random.uniform(0.7, 1.25) + 128 + random.uniform(-25, 25)
-    if random.random() < 0.4:
-        noise = np.empty(values.shape, np.float32)
+    planes = network_planes(recoloured(np.asarray(picture, np.uint8), random))
+    return torch.from_numpy(planes), torch.from_numpy(share).float()[None] / 255
+
+
+def recoloured(picture: NDArray[np.uint8], random: np.random.Generator) -> NDArray[np.uint8]:
+    """Return a picture with other colours, brightness, contrast and noise."""
+    gray, noisy = random.random(2) < (0.15, 0.4)
+    tint = random.uniform(0.88, 1.12, 3)
+    if gray:
+        picture = cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
+        tint[:] = tint[0]
+    levels = 255 * (np.arange(256)[:, None] / 255) ** math.exp(random.uniform(-0.25, 0.25)) * tint
+    levels = (levels - 128) * random.uniform(0.7, 1.25) + 128 + random.uniform(-25, 25)
+    table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+    picture = cv2.LUT(picture, table.reshape(256, 1, 3))
+    if noisy:
+        noise = np.empty(picture.shape, np.int16)
         cv2.setRNGSeed(int(random.integers(2**31 - 1)))
         cv2.randn(noise, 0, random.uniform(1, 6))
-        values += noise
-    planes = network_planes(np.clip(values, 0, 255).astype(np.uint8))
-    return torch.from_numpy(planes), torch.from_numpy(share).float()[None] / 255
+        picture = cv2.add(picture, noise, dtype=cv2.CV_8U)
+    return np.asarray(picture, np.uint8)
 
 
 def loss_of(logits: Tensor, target: Tensor) -> Tensor:
@@ -165,12 +182,14 @@ class Training:
     def __init__(self, cycles: list[int], rate: float) -> None:
         torch.manual_seed(0)
         self.cycles, self.rate, self.step = cycles, rate, 0
-        self.network = EdgeNetwork()
+        self.network = EdgeNetwork().to(memory_format=torch.channels_last)
         with torch.no_grad():
-            self.network.out.bias.fill_(-2.0)
-            self.network.side.bias.fill_(-2.0)
+            for last in (self.network.out, *self.network.sides):
+                last.bias.fill_(-2.0)
         self.average = {name: value.clone() for name, value in self.network.state_dict().items()}
-        self.optimiser = torch.optim.AdamW(self.network.parameters(), rate, weight_decay=2e-3)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), rate, weight_decay=2e-2, foreach=True
+        )
 
     @property
     def steps(self) -> int:
@@ -198,9 +217,13 @@ class Training:
             group["lr"] = self.rate_now()
         pairs = [varied(examples[i], random) for i in random.integers(len(examples), size=BATCH)]
         target = torch.stack([pair[1] for pair in pairs])
-        logits, side = self.network.scales(torch.cat([pair[0] for pair in pairs]))
+        planes = torch.cat([pair[0] for pair in pairs]).to(memory_format=torch.channels_last)
+        with torch.autocast("cpu", torch.bfloat16):
+            logits, *sides = (each.float() for each in self.network.scales(planes))
         loss = loss_of(functional.pixel_shuffle(logits, 2), target)
-        total = loss + 0.3 * loss_of(side, functional.avg_pool2d(target, 4))
+        total = loss
+        for factor, side in zip((4, 8), sides, strict=True):
+            total = total + 0.3 * loss_of(side, functional.avg_pool2d(target, factor))
         self.optimiser.zero_grad(set_to_none=True)
         total.backward()
         self.optimiser.step()
@@ -231,7 +254,7 @@ class Training:
 
 
 def export(average: dict[str, Tensor], path: Path) -> None:
-    """Write the network with these weights as ONNX."""
+    """Write the network with these weights as ONNX, weights as numbers of 16 bits."""
     network = EdgeNetwork()
     network.load_state_dict(average)
     network.eval()
@@ -239,6 +262,23 @@ def export(average: dict[str, Tensor], path: Path) -> None:
     names = {"input_names": ["planes"], "output_names": ["probability"]}
     fixed = {"dynamo": False} if "dynamo" in torch.onnx.export.__code__.co_varnames else {}
     torch.onnx.export(network, (example,), str(path), opset_version=13, **names, **fixed)
+    onnx.save(halved(onnx.load(path)), path)
+
+
+def halved(model: onnx.ModelProto) -> onnx.ModelProto:
+    """Return a model whose weights are stored with 16 bits and become 32 bits when it is read."""
+    casts = []
+    for weights in model.graph.initializer:
+        values = numpy_helper.to_array(weights)
+        if values.dtype == np.float32 and values.ndim == 4:
+            name = f"{weights.name}_half"
+            casts.append(helper.make_node("Cast", [name], [weights.name], to=TensorProto.FLOAT))
+            weights.CopyFrom(numpy_helper.from_array(values.astype(np.float16), name))
+    nodes = [*casts, *model.graph.node]
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)
+    onnx.checker.check_model(model)
+    return model
 
 
 def main() -> None:
@@ -246,7 +286,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     arguments.add_argument("--out", type=Path, required=True, help="the ONNX file")
     arguments.add_argument("--checkpoint", type=Path, help="to go on from, if it exists")
-    arguments.add_argument("--cycles", type=int, nargs="+", default=[6000, 4000], help="in steps")
+    arguments.add_argument("--cycles", type=int, nargs="+", default=[14000, 20000], help="in steps")
     arguments.add_argument("--rate", type=float, default=4e-3)
     arguments.add_argument("--seconds", type=float, default=math.inf, help="stop after these")
     options = arguments.parse_args()
@@ -266,6 +306,8 @@ def main() -> None:
         losses.append(training.advance(examples))
         if training.step % 100 == 0:
             print(f"step {training.step} loss {np.mean(losses[-100:]):.4f}", flush=True)
+        if training.step % 1000 == 0 and options.checkpoint is not None:
+            training.save(options.checkpoint)
     if options.checkpoint is not None:
         training.save(options.checkpoint)
     export(training.average, options.out)

@@ -22,7 +22,7 @@ from zv.edge.detectors.ridges import RidgeDetector
 MULTIPLE: Final = 16
 """The network halves the size four times."""
 
-MOST_PIXELS: Final = 40_000
+MOST_PIXELS: Final = 36_000
 """Pixels that the network gets, about, where a half to a quarter of the picture's width and height
 gives so many. It was trained with 240 x 160 pixels; boundaries of a larger picture are farther
 apart in pixels than it knows, so a reduced picture is as good and takes less time."""
@@ -30,17 +30,22 @@ apart in pixels than it knows, so a reduced picture is as good and takes less ti
 SIZES: Final = 2
 """Numbers of picture sizes whose buffers are kept, megabytes each."""
 
+THRESHOLDS: Final = (1.0, 0.666, 0.493, 0.338, 0.219, 0.136, 0.082, 0.048, 0.027, 0.015, 0.008)
+"""Those of ``python -m benchmarks.quality edges --thresholds --detectors learned``."""
+
 
 @dataclass(frozen=True, slots=True)
 class Learned(RidgeDetector):
-    """Boundaries that people would draw, by a convolutional network of 163,000 weights.
+    """Boundaries that people would draw, by a convolutional network of 370,000 weights.
 
     The strength is the network's estimate of the share of people that would draw a boundary here,
     with boundaries weighted up by its training; lines are thinned along their ridges.
     """
 
     margin: ClassVar = 3
-    thresholds: ClassVar = (1.0, 0.608, 0.426, 0.27, 0.164, 0.096, 0.055, 0.03, 0.015, 0.007, 0.002)
+    smoothing: ClassVar = 0.25
+    ridge_sigma: ClassVar = 1.5
+    thresholds: ClassVar = THRESHOLDS
 
     def strengths(self, picture: Picture) -> Strength:
         """Return the probabilities of a picture at a reduced size: float32, 0 to 1."""

@@ -28,9 +28,6 @@ from zv.edge.detectors.thinning import maxima
 INTEGERS: Final = 30000
 """The integer that stands for strength 1 in 16 bits."""
 
-RIDGE_SIGMA: Final = 2.0
-"""Smoothing before the ridges' directions are taken, pixels of the map."""
-
 
 def half_size(picture: Picture) -> Picture:
     """Return a picture at half its size, rounded up, each pixel the mean of those it covers."""
@@ -39,7 +36,7 @@ def half_size(picture: Picture) -> Picture:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def across(strength: Strength) -> tuple[Strength, Strength]:
+def across(strength: Strength, sigma: float) -> tuple[Strength, Strength]:
     """Return the unit direction across the ridge at each pixel of a map of strengths.
 
     It is the eigenvector of the smoothed map's second derivatives with the smaller eigenvalue,
@@ -47,11 +44,12 @@ def across(strength: Strength) -> tuple[Strength, Strength]:
 
     Args:
         strength: (height, width) float32.
+        sigma: Of the smoothing before the derivatives are taken, pixels of the map.
 
     Returns:
         The components to the right and downwards, (height, width) float32.
     """
-    smooth = cv2.GaussianBlur(strength, (0, 0), RIDGE_SIGMA)
+    smooth = cv2.GaussianBlur(strength, (0, 0), sigma)
     xx, yy, xy = (
         cv2.Sobel(smooth, cv2.CV_32F, *orders, ksize=3) for orders in ((2, 0), (0, 2), (1, 1))
     )
@@ -71,12 +69,17 @@ class RidgeDetector(Detector):
             belongs to it: a plain wall has fewer edges and a tree has more.
         margin: Width of the frame of pixels without edges around a picture, at most a sixteenth of
             its smaller side. A network responds to the end of the picture itself.
+        smoothing: Sigma of the Gaussian that the map is smoothed with before it is thinned, pixels
+            of the map; the smaller, the more of the lines that lie close together remain.
+        ridge_sigma: That before the ridges' directions are taken.
     """
 
     density: float = 3.5
 
     wants: ClassVar = "bgr"
     margin: ClassVar[int] = 0
+    smoothing: ClassVar[float] = 0.5
+    ridge_sigma: ClassVar[float] = 2.0
     thresholds: ClassVar[Sequence[float]]
 
     @property
@@ -116,7 +119,7 @@ class RidgeDetection(Detection):
         size = self._picture.shape[1::-1]
         full = cv2.resize(strength, size, interpolation=cv2.INTER_LINEAR)
         # Bilinear maps have their tops at every other pixel, which makes jagged, broken lines.
-        sigma = size[0] / strength.shape[1] / 2
+        sigma = size[0] / strength.shape[1] * self._detector.smoothing
         side = 2 * round(2 * sigma) + 1
         full = cv2.GaussianBlur(full, (side, side), sigma)
         gx, gy = (
@@ -127,7 +130,7 @@ class RidgeDetection(Detection):
                 scale=INTEGERS,
                 dtype=cv2.CV_16S,
             )
-            for component in across(strength)
+            for component in across(strength, self._detector.ridge_sigma)
         )
         return np.asarray(gx, np.int16), np.asarray(gy, np.int16)
 

@@ -120,7 +120,7 @@ def test_learned_marks_no_edge_along_the_border_of_a_picture():
     ("size", "expected"),
     [
         ((321, 481), (160, 240)),  # half, 160.5 x 240.5
-        ((480, 640), (176, 224)),  # 40,000 pixels of this shape are 173.2 x 230.9
+        ((480, 640), (160, 224)),  # 36,000 pixels of this shape are 164.3 x 219.1
         ((1080, 1920), (272, 480)),  # a quarter, 270 x 480
         ((1, 9), (16, 16)),
     ],
