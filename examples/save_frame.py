@@ -18,7 +18,9 @@ try:
 except zenoh.ZError:
     sys.exit(f"no router at {endpoint}; start one: zv router")
 with session:
-    samples = [reply.ok for reply in session.get(key, timeout=2.0) if reply.ok]
-if not samples:
+    replies = list(session.get(key, timeout=2.0))
+if not replies:
     sys.exit(f"nobody answered on {key}")
-Path(given[0] or "frame.jpg").write_bytes(samples[0].payload.to_bytes())
+if replies[0].err:  # of a camera with max_kbps: too many queries
+    sys.exit(f"{key}: {replies[0].err.payload.to_string()}")
+Path(given[0] or "frame.jpg").write_bytes(replies[0].ok.payload.to_bytes())

@@ -10,8 +10,8 @@ LIMIT = 1.1
 """A cost whose exponent is above it grows faster than the work; less may be an error."""
 
 FITTED = 3
-"""Points, of the most work. As each has twice the work of the one before, an error of 5 % in one of
-them changes the exponent by 0.04."""
+"""Points, of the most work. As each has at least twice the work of the one before, an error of 5 %
+in one of them changes the exponent by at most 0.04."""
 
 
 def exponent(works: Sequence[float], costs: Sequence[float]) -> float:

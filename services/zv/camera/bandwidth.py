@@ -47,7 +47,9 @@ RISE_SHARE = 0.9
 GROW_SHARE = 0.7
 REPLY_SHARE = 0.5
 """Of the budget, for replies to queries while someone subscribes: so many queries cannot end the
-stream. The rest of a large reply's cost is paid by the frames that are not sent after it."""
+stream."""
+REPLY_CHARGE_S = 1.0
+"""A large reply keeps frames away for at most this time; later replies wait until all is paid."""
 FORGET_S = 10.0
 """Without a subscriber for this time, the next one begins with the configured quality and size."""
 
@@ -193,7 +195,7 @@ class RateControl:
         """Take note of a reply to a query; return 0 if it may be sent, else the seconds to wait.
 
         A reply is sent at once if those before it are paid for, of whatever size it is, and what
-        it takes is no more there for the next frames.
+        it takes is no more there for the next frames, up to ``REPLY_CHARGE_S``.
 
         Args:
             now_s: Monotonic time.
@@ -203,7 +205,7 @@ class RateControl:
         if self._replies < 0:
             return -self._replies / self._reply_rate
         taken = SEGMENTS * size + OVERHEAD
-        self._balance -= taken
+        self._balance -= min(taken, self._rate * REPLY_CHARGE_S)
         self._replies -= taken
         return 0.0
 
@@ -219,9 +221,8 @@ class RateControl:
             self._balance += passed_s * rate
             self._replies = min(0.0, self._replies + passed_s * self._reply_rate)
         self._balance = min(self._balance, rate * BURST_S)
-        if rate < self._rate and self._balance < 0:
-            # The link has carried what was sent before.
-            self._balance *= rate / self._rate
+        if rate < self._rate:  # the link has carried what was sent before: debts shrink as it does
+            self._balance = max(self._balance, self._balance * rate / self._rate)
             self._replies *= rate / self._rate
         self._refilled_s, self._rate = now_s, rate
 

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 
 LONGEST_WAIT_S = 60.0
+LONGEST_REST_S = 0.05
+"""Less than the slack of the ``Pacer``: after a pause in a video, the next picture is due soon."""
 
 
 class Pacer:
@@ -102,7 +104,7 @@ class PictureTimer:
         The last one is on its way meanwhile, and would have to share the processors. A change of
         the settings ends this.
         """
-        self._wake.wait(min(self._rest_s, LONGEST_WAIT_S))
+        self._wake.wait(self._rest_s)
 
     def wait_for_picture(self, source_s: float) -> bool:
         """Wait until the picture with this time on the source's clock is due.
@@ -113,7 +115,8 @@ class PictureTimer:
         begun_s = time.monotonic()
         running = self.wait_until(lambda: self._schedule.due_s(source_s, self._rate_hz()))
         early_s = time.monotonic() - begun_s
-        self._rest_s = min((self._rest_s + early_s) / 2, early_s)  # a late one ends it at once
+        rest_s = min((self._rest_s + early_s) / 2, early_s)  # a late one ends it at once
+        self._rest_s = min(rest_s, LONGEST_REST_S)
         self._due_s = self._schedule.due_s(source_s, self._rate_hz())
         self._schedule.advance(source_s, self._due_s)
         return running

@@ -53,7 +53,7 @@ class StreamLimit:
             self._control, self.words = None, ""
             self._log_size(1)
             return picture, settings.quality
-        control = self._control = self._control or RateControl()
+        control = self._control or RateControl()
         self._lossless = settings.encoding in DEEP
         self._epoch = captured.epoch
         passes = is_unchanged(picture, settings.encoding, settings.flip)
@@ -67,6 +67,7 @@ class StreamLimit:
                 lossless=self._lossless,
                 packet=None if self._packet is None else len(self._packet),
             )
+        self._control = control  # queries may ask it from its first plan on
         if not plan.untouched or plan.divisor > 1:
             self._packet = None
         self.words = self._report(plan, control, settings.max_kbps, settings.quality)

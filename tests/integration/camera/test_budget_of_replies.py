@@ -29,4 +29,5 @@ def test_a_flood_of_queries_takes_no_more_than_the_budget(client, service):
     # The first is paid for later: it may begin while the one before it is not.
     assert sum(sizes[:-1]) <= BUDGET * took_s
     assert len(refusals) > len(sizes)
-    assert "max_kbps = 80 is used up by earlier replies; ask again in" in refusals[0]
+    words = "max_kbps = 80 is used up by earlier replies; ask again in"
+    assert any(words in refusal for refusal in refusals)

@@ -283,6 +283,34 @@ def test_replies_take_at_most_half_of_the_budget_from_a_stream():
     assert frames == pytest.approx(400, abs=8)
 
 
+def test_a_reply_of_many_seconds_budget_keeps_frames_away_for_one_and_replies_until_it_is_paid():
+    control = RateControl()
+    sent = []
+    for tenth in range(100):
+        control.plan(tenth / 10, 10_000, 80, lossless=True)
+        if tenth == 10:
+            assert control.wait_to_reply(1.0, 80_000) == 0  # takes 84,300 bytes
+        if control.is_due():
+            assert control.fits(1000, lossless=True)  # takes 1350
+            sent.append(tenth)
+    gaps = np.diff([each for each in sent if each >= 9])
+    assert gaps.max() == pytest.approx(10, abs=2)
+    # Half of the budget in 9 s has paid 45,000 of them.
+    assert control.wait_to_reply(10.0, 1) == pytest.approx((84_300 - 45_000) / 5000, abs=0.1)
+
+
+def test_when_the_budget_falls_replies_wait_no_longer_than_before():
+    control = RateControl()
+    control.plan(0.0, 1_250_000, 80)
+    assert control.wait_to_reply(0.0, 500_000) == 0
+    control.plan(0.6, 1_250_000, 80)
+    assert control.is_due(), "the stream has paid its part"
+    before_s = control.wait_to_reply(0.6, 1)
+    assert before_s > 0
+    control.plan(0.6, 12_500, 80)
+    assert control.wait_to_reply(0.6, 1) == pytest.approx(before_s)
+
+
 def test_replies_have_all_of_the_budget_while_nobody_subscribes_and_say_when_the_next_is_due():
     control = RateControl()
     for tick in range(4):

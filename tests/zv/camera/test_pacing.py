@@ -87,9 +87,14 @@ class Clock:
 
 
 def read_ahead(
-    monkeypatch: pytest.MonkeyPatch, work_s: list[float]
+    monkeypatch: pytest.MonkeyPatch, work_s: list[float], own_s: list[float] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return how long each picture's reading rested before, and when each was handed over."""
+    """Return how long each picture's reading rested before, and when each was handed over.
+
+    Args:
+        work_s: How long it takes to read each.
+        own_s: Their times in the source; 10 Hz, if not given.
+    """
     clock = Clock()
     monkeypatch.setattr(pacing, "time", clock)
     timer = PictureTimer(lambda: None)
@@ -100,7 +105,7 @@ def read_ahead(
         timer.rest()
         rests.append(clock.now_s - before_s)
         clock.now_s += each_s
-        timer.wait_for_picture(number * 0.1)
+        timer.wait_for_picture(number * 0.1 if own_s is None else own_s[number])
         times.append(clock.now_s)
     return np.array(rests), np.array(times)
 
@@ -117,6 +122,15 @@ def test_nothing_rests_that_is_slow_or_has_become_slow(monkeypatch):
     assert rests[:5].max() > 0
     assert list(rests[6:]) == [0.0] * 4
     assert np.diff(times)[-3:] == pytest.approx([0.15] * 3)
+
+
+def test_a_pause_in_a_source_delays_no_picture_after_it(monkeypatch):
+    own_s = [0.0, 0.03, 0.06, 0.09, 3.12, 3.15, 3.18, 3.21]
+    rests, times = read_ahead(monkeypatch, [0.01] * 8, own_s)
+    assert rests.max() == pytest.approx(0.05)
+    # The one after the pause is late by a rest and its reading, the next by its reading alone.
+    late_s = times - times[0] - own_s
+    assert late_s == pytest.approx([0, 0, 0, 0, 0, 0.05 + 0.01 - 0.03, 0.01, 0.0], abs=1e-9)
 
 
 def dues(schedule: Schedule, own: list[float], rates: list[float | None]) -> list[float]:

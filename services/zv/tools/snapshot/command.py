@@ -68,12 +68,15 @@ def _newest(session: ToolSession, key: str, patience_s: float) -> Picture | None
     keys = sorted({str(sample.key_expr) for sample in samples})
     if len(keys) > 1:
         raise _several(key, keys)
-    for reply in replies if not samples else ():
-        if reply.err is not None:
-            reason = reply.err.payload.to_bytes().decode(errors="replace")
-            raise ExpectationNotMet(f"{key}: {reason}")
-    if not samples and not session.stopping:  # its publisher answers no queries
-        samples = _next(session, key, patience_s)
+    if not samples and not session.stopping:  # its publisher answers no queries, or not this one
+        refusals = [reply.err.payload.to_bytes() for reply in replies if reply.err is not None]
+        try:
+            samples = _next(session, key, patience_s)
+        except ExpectationNotMet:
+            if not refusals:
+                raise
+            reason = refusals[0].decode(errors="replace")
+            raise ExpectationNotMet(f"{key}: {reason}") from None
     if session.stopping:
         return None
     try:

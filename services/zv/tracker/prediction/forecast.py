@@ -88,9 +88,9 @@ def _hindsight(
     errors = []
     for index in range(max(LEAST_POSITIONS, len(times_s) - HINDSIGHT), len(times_s)):
         known = int(np.searchsorted(times_s, times_s[index] - ahead_s, side="right"))
-        count = _count(times_s, known, window_s)
-        if known < LEAST_POSITIONS - 1 or count < LEAST_POSITIONS - 1:
+        if known < LEAST_POSITIONS - 1:
             continue
+        count = max(LEAST_POSITIONS - 1, _count(times_s, known, window_s))
         line = _Line.fit(times_s[known - count : known], path[known - count : known], noise)
         horizon_s = float(times_s[index] - times_s[known - 1])
         off2 = (line.at(float(times_s[index])) - path[index]) ** 2

@@ -40,6 +40,23 @@ def test_the_deviation_is_that_of_many_predictions_of_noisy_straight_paths():
     assert (np.array(shares) < 2).mean() > 0.9
 
 
+@pytest.mark.parametrize("rate_hz", [4, 5, 6, 10, 15])
+def test_at_any_rate_an_object_that_wanders_is_mostly_within_two_deviations(rate_hz):
+    """Each component of its velocity changes by 20 px/s in a second; it is seen for 3 s."""
+    rng = np.random.default_rng(3)
+    times_s = np.arange(0, 4, 1 / 60)
+    seen = np.arange(0, 181, 60 // rate_hz)
+    inside = []
+    for _ in range(150):
+        speeds = np.cumsum(rng.normal(0, 20 / 60**0.5, (len(times_s), 2)), axis=0)
+        walk = np.cumsum(speeds / 60, axis=0)
+        path = walk[seen] + rng.normal(0, 0.3, (len(seen), 2))
+        wanted = seen[-1] + 36  # in 0.6 s
+        found = forecast(times_s[seen], path, float(times_s[wanted]), np.full(2, 0.3))
+        inside.append(np.abs(found.position - walk[wanted]) < 2 * found.sigma)
+    assert np.mean(inside) > 0.75
+
+
 def test_a_turn_is_followed_and_makes_it_unsure():
     turned = np.where(TIMES_S < 2, 100 * TIMES_S, 200.0)
     path = np.stack([turned, np.maximum(0, 100 * (TIMES_S - 2))], axis=1)
