@@ -50,7 +50,7 @@ class System:
 
     def session(self) -> zenoh.Session:
         """Open a client session, waiting for the router."""
-        return open_session(Connection(connect=self.endpoint, timeout_s=20))
+        return open_session(Connection(connect=self.endpoint, timeout_s=60))
 
     def start(self, name: str, *arguments: str) -> None:
         """Start a Python process; it counts under this name."""

@@ -89,7 +89,8 @@ def import_own_share(config: pytest.Config) -> None:
     all files, and would compile them all at the same time as the others.
     """
     worker = getattr(config, "workerinput", None)
-    if worker is None or config.args != config.getini("testpaths"):
+    runs_all = config.args == config.getini("testpaths")
+    if worker is None or not runs_all or config.getoption("markexpr") in LATER:
         return
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     for file in files[int(worker["workerid"].removeprefix("gw")) :: worker["workercount"]]:

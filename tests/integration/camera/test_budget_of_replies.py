@@ -19,11 +19,11 @@ def test_a_flood_of_queries_takes_no_more_than_the_budget(client, service):
     sizes, refusals = [], []
     begun_s = time.monotonic()
     while time.monotonic() - begun_s < SECONDS:
-        (reply,) = client.get(KEY, timeout=5.0)
-        if reply.ok is not None:
-            sizes.append(len(reply.ok.payload))
-        else:
-            refusals.append(reply.err.payload.to_bytes().decode())
+        for reply in client.get(KEY, timeout=5.0):  # none, if the machine is too busy
+            if reply.ok is not None:
+                sizes.append(len(reply.ok.payload))
+            else:
+                refusals.append(reply.err.payload.to_bytes().decode())
         time.sleep(0.02)
     took_s = time.monotonic() - begun_s
     # The first is paid for later: it may begin while the one before it is not.

@@ -130,7 +130,7 @@ def test_while_the_router_is_frozen(router, service, number):
     check_ends(programs, number)
 
 
-@pytest.mark.quiet  # the router is frozen for less than the lease
+@pytest.mark.alone  # the router is frozen for less than the lease
 @SIGNALS
 def test_while_a_frozen_router_makes_publishing_block(router, client, service, number):
     # Raw frames of 6 MB fill the sockets to the frozen router within a few frames.

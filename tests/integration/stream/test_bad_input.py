@@ -189,7 +189,10 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
 
 
 def a_system(client: zenoh.Session, start: Callable[..., Program]) -> System:
-    programs = {"tracker_front": start("tracker"), "edge_front": start("edge")}
+    # However busy the machine, no frame is late: each bad one is judged by what is wrong with it.
+    programs = {
+        f"{service}_front": start(service, "--max-age", 30) for service in ("tracker", "edge")
+    }
     wait_for_nodes(client, *NODES)
     return System(
         client,
@@ -213,8 +216,7 @@ def test_it_is_dropped_and_counted_exactly_and_the_next_good_frame_is_processed(
         one_at_a_time(system, send)
     system.feed()
     for node, gained in system.gained(COPIES).items():
-        for name in ("overwritten", "stale"):  # good frames, on a busy machine
-            gained.pop(f"dropped.{name}", 0)
+        gained.pop("dropped.overwritten", 0)  # good frames, on a busy machine
         assert gained.pop(f"dropped.{reason}") == COPIES
         assert gained.pop("processed") >= 1
         assert gained == {}, node
@@ -349,7 +351,7 @@ def test_a_clock_that_is_seconds_ahead_is_accepted_and_reported(client, service)
     assert not [name for name in counters if name.startswith("dropped.") and "over" not in name]
 
 
-@pytest.mark.quiet
+@pytest.mark.alone
 def test_a_flood_of_broken_pictures_leaves_the_frames_of_a_camera_alone(client, service):
     service("tracker")
     wait_for_nodes(client, "tracker_front")

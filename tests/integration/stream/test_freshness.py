@@ -151,7 +151,7 @@ def wall(at_s: float) -> float:
     return time.time() - time.monotonic() + at_s
 
 
-@pytest.mark.quiet
+@pytest.mark.alone
 def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
     # Frames of 0.7 MB fill the buffers on the way to it long before its lease of 2 s is over.
     noise = np.random.default_rng(1).integers(0, 256, (720, 1280, 3), np.uint8)
@@ -186,7 +186,7 @@ def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
     assert sent > 0.65 * 20 * FROZEN_S
 
 
-@pytest.mark.quiet
+@pytest.mark.alone
 def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
     router, client, tmp_path
 ):
