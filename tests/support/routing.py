@@ -28,9 +28,13 @@ class Router:
 
     Args:
         folder: Where its output goes.
+
+    Attributes:
+        started_s: When it was started last, monotonic.
     """
 
     def __init__(self, folder: Path) -> None:
+        self.started_s = 0.0
         self.port = free_port()
         self.endpoint = f"tcp/127.0.0.1:{self.port}"
         self._folder = folder
@@ -58,6 +62,7 @@ class Router:
     def launch(self) -> None:
         """Start it, and do not wait."""
         self._starts += 1
+        self.started_s = time.monotonic()
         arguments = ["router", "--listen", self.endpoint]
         name = f"router{self._starts}"
         self._program = Program(arguments, self._folder, name, forked=ZV)
