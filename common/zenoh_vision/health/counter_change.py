@@ -12,6 +12,10 @@ MISSED = "missed"
 """Counter outside the balance: frames that never arrived, known from gaps in their numbers."""
 
 
+REPLACED = ("overwritten", "overflow")
+"""Drop reasons of what newer items replaced before a consumer took it."""
+
+
 @dataclass(frozen=True, slots=True)
 class CounterChange:
     """The change of a node's counters between two of its diagnostics.
@@ -32,6 +36,11 @@ class CounterChange:
     def lost(self) -> float:
         """The share of frames lost, of all that should have been used: 0 to 1."""
         return self._share(sum(self.losses.values()))
+
+    @property
+    def used(self) -> int:
+        """Frames that were taken, whatever became of them then."""
+        return self.arrived - sum(self.losses.get(reason, 0) for reason in REPLACED)
 
     def share(self, reason: str) -> float:
         """Return the share of frames lost for one reason: 0 to 1."""

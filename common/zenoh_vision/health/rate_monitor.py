@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
+from zenoh_vision.health.counter_change import REPLACED
+
 TOO_LOW = 0.9
 GOOD_AGAIN = 0.95
 WINDOW_S = 3.0
@@ -21,9 +23,6 @@ MAX_WINDOW_S = 200.0
 
 MAX_USE_WINDOW_S = 30.0
 """A stream that brings fewer than ``FRAMES`` in so long is never too fast."""
-
-REPLACED = ("dropped.overwritten", "dropped.overflow")
-"""Counters of what newer items replaced before a consumer took it."""
 
 
 class Shortfall:
@@ -100,7 +99,7 @@ class RateMonitor:
         if self._expected_hz != self._wanted_hz:
             self._expected_hz = self._wanted_hz
             self.restart()
-        replaced = sum(counters.get(name, 0) for name in REPLACED)
+        replaced = sum(counters.get(f"dropped.{reason}", 0) for reason in REPLACED)
         now = Reading(at_s, counters[self._arrived], replaced)
         self._readings.append(now)
         while at_s - self._readings[0].at_s > MAX_WINDOW_S + WINDOW_S:
@@ -117,7 +116,8 @@ class RateMonitor:
         ratio = None if before is None else rate_hz / expected_hz
         if not self._slow_source.judge(now.at_s, ratio, window_s):
             return []
-        return [f"{_hz(rate_hz)} {self._arrived}, under the {expected_hz:g} Hz configured"]
+        under = "was under" if ratio is not None and ratio >= GOOD_AGAIN else "under"
+        return [f"{_hz(rate_hz)} {self._arrived}, {under} the {expected_hz:g} Hz configured"]
 
     def _judge_use(self, now: Reading) -> list[str]:
         before = self._before(now, WINDOW_S, FRAMES)
@@ -129,8 +129,9 @@ class RateMonitor:
         used = arrived - (now.replaced - before.replaced)
         if not self._slow_use.judge(now.at_s, used / arrived, span_s):
             return []
+        slower = "was slower" if used / arrived >= GOOD_AGAIN else "slower"
         return [
-            f"slower than its stream: {_hz(arrived / span_s)} {self._arrived}, "
+            f"{slower} than its stream: {_hz(arrived / span_s)} {self._arrived}, "
             f"{_hz(used / span_s)} used"
         ]
 

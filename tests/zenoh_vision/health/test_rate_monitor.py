@@ -146,6 +146,22 @@ def test_what_was_before_a_restart_does_not_count():
     assert played.warned[-1] == []
 
 
+def test_while_a_warning_lasts_a_rate_that_is_good_again_is_not_called_too_low():
+    played = camera(30.0)
+    played.run(20, 20.0)
+    played.run(5, 30.0)
+    # At 24 s the 3 s before have all their frames; the warning ends at 26 s.
+    assert played.warned[-1] == ["30.0 Hz captured, was under the 30 Hz configured"]
+    assert played.warned[-4] == ["23.3 Hz captured, under the 30 Hz configured"]
+
+
+def test_while_a_warning_lasts_a_consumer_that_keeps_up_again_is_not_called_slow():
+    played = Played()
+    played.run(20, 30.0, used_hz=12.0)
+    played.run(5, 30.0)
+    assert played.warned[-1] == ["was slower than its stream: 30.0 Hz received, 30.0 Hz used"]
+
+
 # A consumer and its stream
 
 

@@ -59,10 +59,12 @@ def memory_findings(seen: Observation) -> Iterator[Finding]:
     names = {each.session: each.name for each in seen.nodes}
     sharing = [names.get(zid, zid) for r in seen.routers.values() for zid in r.sharing]
     if sharing:
-        said = f"shared memory is on between the router and {', '.join(sorted(sharing))}"
+        said = (
+            f"Zenoh's own shared memory is on between the router and {', '.join(sorted(sharing))}"
+        )
         yield Finding("WARN", "memory", said, SWITCH_OFF)
     else:
-        yield Finding("OK", "memory", "no session of the router uses shared memory")
+        yield Finding("OK", "memory", "no session of the router uses Zenoh's own shared memory")
 
 
 def namespace_findings(session: ToolSession, seen: Observation) -> Iterator[Finding]:

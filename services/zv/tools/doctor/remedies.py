@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
+from zenoh_vision.health.counter_change import MISSED
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.keys import suffix_of
 from zenoh_vision.messages import NodeDescription
@@ -37,7 +38,7 @@ SENDER = "find who sends them: zv topic info"
 
 REMEDIES: Final = {
     "overwritten": Remedy(
-        "more frames arrive than it can process: lower the rate", "rate", 0.8, of_camera=True
+        "more frames arrive than it can process: lower the rate", "rate", 0.9, of_camera=True
     ),
     "missed": Remedy(
         "frames are lost in the network: the link is too slow, lower the quality",
@@ -64,7 +65,7 @@ REMEDIES: Final = {
         "its own"
     ),
     "overflow": Remedy(
-        "more frames arrive than it can process: lower the rate", "rate", 0.8, of_camera=True
+        "more frames arrive than it can process: lower the rate", "rate", 0.9, of_camera=True
     ),
     "unpaired": Remedy(
         "one of its two cameras is silent, slower, or has another clock: compare their rates and "
@@ -98,12 +99,11 @@ CHEAPER: Final = {"tracker": ("closing", "median"), "edge": ("sigma",)}
 """Parameters that cost a service the most time: smaller is cheaper."""
 
 
-def remedy_for(reason: str, node: NodeState, seen: Observation, factor: float | None = None) -> str:
-    """Return what to do about frames that a node loses for a reason.
-
-    ``factor``, the ratio of the parameter's new value to the current one, overrides the remedy's.
-    """
-    about = node.description
+def remedy_for(reason: str, node: NodeState, seen: Observation) -> str:
+    """Return what to do about frames that a node loses for a reason."""
+    about, report = node.description, node.report
+    if reason == MISSED and report is not None and report.transport == "shm":
+        reason = "overwritten"  # only the newest frame waits in shared memory
     remedy = REMEDIES.get(reason)
     if reason == "too_large" and about is not None:
         remedy = _too_large(about, seen)
@@ -117,13 +117,36 @@ def remedy_for(reason: str, node: NodeState, seen: Observation, factor: float | 
         if reason == "no_header" and suffix_of(key) == RAW.name:
             return _raw_without_header(seen, key)
         words = f"{words} {shlex.quote(key)}{_who_sends(seen, key)}"
-    target = node.name
-    if remedy.of_camera and about.service != "camera":
-        cameras = [name for key in about.subscribes for name in seen.publishers_of(key)]
-        target = cameras[0] if cameras else ""
+    target, factor = node.name, remedy.factor
+    if remedy.of_camera:
+        target = next(iter(sources_of(node, seen)), "")
     if not remedy.parameter or not target:
         return words
-    return f"{words}: {setting(seen, target, remedy.parameter, factor or remedy.factor)}"
+    if remedy.of_camera and remedy.parameter == "rate":
+        factor = min(factor, used_share(node, seen) or factor)
+    return f"{words}: {setting(seen, target, remedy.parameter, factor)}"
+
+
+def sources_of(node: NodeState, seen: Observation) -> list[str]:
+    """Return the names of the nodes whose frames a node uses; a camera's own name."""
+    about = node.description
+    if about is None or about.service == "camera":
+        return [node.name]
+    named = (name for key in about.subscribes for name in seen.publishers_of(key))
+    return list(dict.fromkeys(named))
+
+
+def used_share(node: NodeState, seen: Observation) -> float | None:
+    """Return the rate that a node uses, divided by the configured rates of its cameras.
+
+    The rate that arrives is no measure: cameras may be slower than configured, and frames be lost
+    on the way. None if a rate is unknown.
+    """
+    rates = [seen.value(name, "rate") for name in sources_of(node, seen)]
+    known = [rate_hz for rate_hz in rates if rate_hz]
+    if node.change is None or not known or len(known) < len(rates):
+        return None
+    return node.change.used / node.change.span_s / sum(known)
 
 
 def _raw_without_header(seen: Observation, key: str) -> str:

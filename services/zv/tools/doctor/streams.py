@@ -13,7 +13,7 @@ from zenoh_vision.messages import Level
 from zv.tools.doctor.finding import Finding, Verdict, or_ok
 from zv.tools.doctor.observation import Observation, other_form
 from zv.tools.doctor.other_cameras import OtherCamera
-from zv.tools.doctor.remedies import CHEAPER, remedy_for, setting
+from zv.tools.doctor.remedies import CHEAPER, remedy_for, setting, sources_of, used_share
 from zv.tools.shared.nodes import place
 
 LOSSES = 0.01
@@ -74,12 +74,16 @@ def _camera(seen: Observation, camera: NodeState) -> Finding:
         return _finding("OK", camera, f"{rate_hz:.1f} Hz")
     short = expected_hz * change.span_s - change.arrived
     if rate_hz < TOO_LOW * expected_hz and short > FEW:
+        slow = [each for each in seen.nodes if camera.name in sources_of(each, seen)]
+        shares = [used_share(each, seen) for each in slow if _is_slow(each.change)]
+        configured_hz = seen.value(camera.name, "rate") or expected_hz
+        factor = min([rate_hz / configured_hz, *(share for share in shares if share)])
         return _finding(
             "WARN",
             camera,
             f"{rate_hz:.1f} Hz instead of {expected_hz:g} Hz",
             "its source is slower (light, USB, network) or its machine is overloaded; lower the "
-            f"rate: {setting(seen, camera.name, 'rate', rate_hz / expected_hz)}",
+            f"rate: {setting(seen, camera.name, 'rate', factor)}",
         )
     return _finding("OK", camera, f"{rate_hz:.1f} Hz, {expected_hz:g} Hz expected")
 
@@ -158,18 +162,24 @@ def speed_findings(seen: Observation) -> list[Finding]:
     watched = [(each, change) for each in seen.nodes if (change := each.change)]
     for each, change in watched:
         about = each.description
-        count = change.losses.get("overwritten", 0)
-        few = count < FEW or change.share("overwritten") <= TOO_SLOW
-        if about is None or few or not change.arrived:
+        if about is None or not _is_slow(change):
             continue
-        came_hz, used_hz = change.arrived / change.span_s, change.done / change.span_s
+        came_hz, used_hz = change.arrived / change.span_s, change.used / change.span_s
         on = f" on {', '.join(about.subscribes)}" if about.subscribes else " from its source"
-        slower = remedy_for("overwritten", each, seen, used_hz / came_hz)
+        slower = remedy_for("overwritten", each, seen)
         cheaper = [setting(seen, each.name, name) for name in CHEAPER.get(about.service, ())]
         said = f"{each.name} uses {used_hz:.1f} of {came_hz:.1f} Hz that arrive{on}"
         remedy = "; or make its work cheaper: ".join([slower, *cheaper[:1]])
         problems.append(Finding("WARN", "speed", said, remedy, (each.name,)))
     return or_ok(problems, "speed", "no node is slower than its stream") if watched else []
+
+
+def _is_slow(change: CounterChange | None) -> bool:
+    """Tell whether a node overwrites so much that it is slower than its stream."""
+    if change is None or not change.arrived:
+        return False
+    few = change.losses.get("overwritten", 0) < FEW
+    return not few and change.share("overwritten") > TOO_SLOW
 
 
 def health_findings(seen: Observation, explained: Collection[str]) -> list[Finding]:

@@ -47,7 +47,8 @@ def test_shared_memory_left_on_is_found_with_whose_session_it_is():
             seen = Diagnosis(endpoint, "vision")
             del camera
     ((level, text, remedy),) = seen.of("memory")
-    assert (level, text) == ("WARN", "shared memory is on between the router and camera_front")
+    said = "Zenoh's own shared memory is on between the router and camera_front"
+    assert (level, text) == ("WARN", said)
     assert "shared_memory: { enabled: false }" in remedy
 
 

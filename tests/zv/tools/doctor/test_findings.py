@@ -19,7 +19,7 @@ from zv.registry import model_of
 from zv.tools.doctor import remedies
 from zv.tools.doctor.observation import Observation, Router, router_of
 from zv.tools.doctor.other_cameras import OtherCamera
-from zv.tools.doctor.streams import camera_findings, loss_findings
+from zv.tools.doctor.streams import camera_findings, loss_findings, speed_findings
 
 ROOT = Path(__file__).parents[4]
 
@@ -203,12 +203,79 @@ def test_a_routers_sessions_have_their_addresses():
     assert router_of("r", said).addresses == {"b2": "tcp/10.0.0.7:51326"}
 
 
-def camera_with(captured: Sequence[int], rate_hz: float = 10.0) -> NodeState:
-    """Return a camera that reported these totals, a second apart."""
+def consumer(
+    counters: dict[str, int], transport: str | None = None, service: str = "tracker"
+) -> NodeState:
+    """Return a consumer of the camera that counted this in 10 s."""
+    reports = tuple(
+        report(uptime_s=uptime_s, counters=counts, transport=transport)
+        for uptime_s, counts in ((60.0, dict.fromkeys(counters, 0)), (70.0, counters))
+    )
+    state = node_state(f"{service}_front", "t", service=service, subscribes=(KEY,))
+    return replace(state, reports=reports)
+
+
+@pytest.mark.parametrize(
+    ("transport", "begin", "command"),
+    [
+        ("shm", "more frames arrive than it can process", "zv param set camera_front rate=18"),
+        ("jpeg", "frames are lost in the network", "zv param set camera_front quality=VALUE"),
+        (None, "frames are lost in the network", "zv param set camera_front quality=VALUE"),
+    ],
+)
+def test_frames_missed_in_shared_memory_are_not_blamed_on_the_network(transport, begin, command):
+    camera = node_state("camera_front", service="camera", publishes=(KEY,), rate_hz=30.0)
+    counters = {"received": 180, "processed": 180, "missed": 120}
+    tracker = consumer(counters, transport)
+    (found,) = loss_findings(observation(camera, tracker))
+    assert "40.0 % of its frames as missed (120 in 10.0 s)" in found.text
+    assert found.remedy.startswith(begin)
+    assert found.remedy.endswith(command)
+
+
+def test_a_consumer_slower_than_a_slow_camera_names_the_rate_that_it_uses_and_so_does_the_camera():
+    # 19.7 Hz of the 30 that are configured arrive, and 17.7 are used: at 27 Hz nothing changes.
+    camera = camera_with([100, 297], 30.0, span_s=10.0)
+    tracker = consumer({"received": 197, "processed": 177, "dropped.overwritten": 20})
+    seen = observation(camera, tracker)
+    (slow,) = speed_findings(seen)
+    assert slow.text == f"tracker_front uses 17.7 of 19.7 Hz that arrive on {KEY}"
+    assert "zv param set camera_front rate=17.7" in slow.remedy
+    (under,) = camera_findings(seen)
+    assert under.text == "camera_front: 19.7 Hz instead of 30 Hz"
+    assert under.remedy.endswith("zv param set camera_front rate=17.7")
+
+
+def test_a_consumer_of_two_cameras_uses_its_share_of_each():
+    # 60 Hz arrive of two cameras with 30 each, half are used: 15 Hz of each.
+    one, two = (
+        node_state(name, name, service="camera", publishes=(f"vision/{name}/image",), rate_hz=30.0)
+        for name in ("one", "two")
+    )
+    both = tuple(f"vision/{name}/image" for name in ("one", "two"))
+    tracker = consumer({"received": 600, "processed": 300, "dropped.overwritten": 300})
+    assert tracker.description is not None
+    about = tracker.description.model_copy(update={"subscribes": both})
+    (slow,) = speed_findings(observation(one, two, replace(tracker, description=about)))
+    assert "zv param set one rate=15;" in slow.remedy
+
+
+def test_a_small_loss_asks_for_a_tenth_less_and_what_others_cause_for_no_lower_rate():
+    # 3 of 100 frames overwritten; half of them were damaged, which a lower rate does not mend.
+    camera = node_state("camera_front", service="camera", publishes=(KEY,), rate_hz=30.0)
+    tracker = consumer(
+        {"received": 300, "processed": 141, "dropped.overwritten": 9, "dropped.corrupt": 150}
+    )
+    said = {each.text.split()[8]: each for each in loss_findings(observation(camera, tracker))}
+    assert said["overwritten"].remedy.endswith("zv param set camera_front rate=27")
+
+
+def camera_with(captured: Sequence[int], rate_hz: float = 10.0, span_s: float = 1.0) -> NodeState:
+    """Return a camera that reported these totals, so many seconds apart."""
     reports = tuple(
         report(
             node="camera_front",
-            uptime_s=60.0 + at,
+            uptime_s=60.0 + span_s * at,
             counters={"captured": total, "published": total, "pending": 0},
         )
         for at, total in enumerate(captured)
