@@ -100,14 +100,20 @@ def allowed(model: type[BaseModel], name: str) -> str:
     kind = schema.get("type", "")
     words = "a list" if kind == "array" else WORDS.get(TYPES.get(kind, ""), kind)
     words += _range(schema, lambda number: f"{number:.12g}")
-    form = _mark(model, name, Form)
-    if form is not None:
-        words = form.words
+    form = form_words(model, name)
+    if form:
+        words = form
     elif "pattern" in schema:
         words += f" of the form {schema['pattern']}"
     if "maxLength" in schema:
-        words += f"{' of' if form is None else ','} at most {schema['maxLength']} characters"
+        words += f"{',' if form else ' of'} at most {schema['maxLength']} characters"
     return words
+
+
+def form_words(model: type[BaseModel], name: str) -> str:
+    """Return in words which texts an option allows; empty if that needs no words of its own."""
+    form = _mark(model, name, Form)
+    return "" if form is None else form.words
 
 
 def _range(schema: Mapping[str, Any], shown: Callable[[float], str], separator: str = "") -> str:

@@ -21,6 +21,7 @@ from zenoh_vision.config.constraints import (
     allowed,
     bounds,
     choices,
+    form_words,
     reason,
     schema_of,
     wrong_values,
@@ -64,6 +65,7 @@ def parameter(node: str, settings: Settings, name: str, revision: int) -> Parame
     mark = live_fields(model)[name]
     schema = schema_of(model, name)
     minimum, maximum = bounds(schema)
+    about = (field.description, form_words(model, name), mark.effect)
     return Parameter(
         node=node,
         name=name,
@@ -74,7 +76,7 @@ def parameter(node: str, settings: Settings, name: str, revision: int) -> Parame
         maximum=maximum,
         choices=tuple(choices(model, name)) or None,
         unit=mark.unit,
-        description="; ".join(filter(None, (field.description, mark.effect))),
+        description="; ".join(filter(None, about)),
         revision=revision,
     )
 

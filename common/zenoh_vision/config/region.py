@@ -8,7 +8,9 @@ from zenoh_vision.config.constraints import Form
 from zenoh_vision.messages import Box
 
 REGION_PATTERN: Final = r"^([0-9]{1,5},[0-9]{1,5},[1-9][0-9]{0,4},[1-9][0-9]{0,4})?$"
-REGION_FORM: Final = Form("X,Y,WIDTH,HEIGHT or empty")
+REGION_FORM: Final = Form(
+    "whole numbers X,Y,WIDTH,HEIGHT without blanks, WIDTH and HEIGHT at least 1, or empty"
+)
 
 
 def box_of(region: str) -> Box | None:

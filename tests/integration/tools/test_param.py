@@ -115,6 +115,14 @@ def test_set_sets_several_and_says_what_has_changed(system):
     system.put_back("camera_front", flip="none")
 
 
+def test_what_a_refusal_says_is_allowed_is_allowed(system):
+    done = system.zv("set", "camera_front", "max_kbps=0")
+    assert done.returncode == 2
+    assert "allowed: a whole number from 10 to 1000000, or nil: not set" in done.stderr
+    assert system.told("set", "camera_front", "max_kbps=10000") == "max_kbps: not set -> 10000\n"
+    assert system.told("set", "camera_front", "max_kbps=nil") == "max_kbps: 10000 -> not set\n"
+
+
 def test_a_name_and_its_value_are_taken_as_two_words_and_a_duration_with_its_unit(system):
     assert system.told("set", "camera_front", "quality", "62") == "quality: 80 -> 62\n"
     said = system.told("set", "camera_front", "stall_after", "1500ms", "quality=80")

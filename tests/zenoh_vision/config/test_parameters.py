@@ -46,6 +46,17 @@ def test_a_parameter_says_type_range_choices_unit_and_meaning(name: str, expecte
     assert tuple(found[kind] for kind in kinds) == expected
 
 
+@pytest.mark.parametrize("service", ["camera", "edge"])
+def test_the_form_of_a_region_is_in_its_meaning_and_in_its_refusal(service: str):
+    form = "whole numbers X,Y,WIDTH,HEIGHT without blanks, WIDTH and HEIGHT at least 1, or empty"
+    settings = model_of(service)()
+    assert parameter("node", settings, "region", 0).description.endswith(f"; {form}")
+    for text in ("0,0,0,0", "abc", "1, 2, 30, 40"):
+        with pytest.raises(ParameterRefused) as caught:
+            changed(settings, {"region": text})
+        assert caught.value.allowed == f"{form}, at most 40 characters"
+
+
 def test_a_parameter_says_its_value_and_its_default_with_their_types():
     found = said("power", power=3)
     assert (found["value"], found["default"]) == (3, 50)

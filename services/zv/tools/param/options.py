@@ -37,7 +37,7 @@ class SetOptions(ToolOptions):
     values: Annotated[
         tuple[str, ...],
         Argument("{NAME=VALUE|NAME VALUE}"),
-        Field(description="values to set, all or none; NAME= unsets"),
+        Field(description="values to set, all or none; NAME= or NAME=nil unsets"),
     ]
 
 

@@ -11,6 +11,8 @@ from zenoh_vision.messages import Parameter
 
 TRUE = {"true", "yes", "on", "1"}
 FALSE = {"false", "no", "off", "0"}
+NIL = "nil"
+"""What a refusal calls a value that is not set, as it is on the wire."""
 
 
 def assignments(texts: Iterable[str]) -> dict[str, str]:
@@ -41,7 +43,7 @@ def value_of(parameter: Parameter, text: str) -> object:
 
     A text that is not such a value is returned unchanged, so that the node reports the error.
     """
-    if not text and parameter.default is None:
+    if text in ("", NIL) and parameter.default is None:
         return None
     if parameter.type == "bool" and text.lower() in TRUE | FALSE:
         return text.lower() in TRUE

@@ -51,6 +51,8 @@ def test_other_assignments_are_refused(texts: list[str], said: str):
         ("int", 5, "six", "six"),
         ("int", 5, "9" * 5000, "9" * 5000),  # longer than Python reads
         ("int", None, "", None),
+        ("int", None, "nil", None),
+        ("int", 5, "nil", "nil"),
         ("int", 5, "", ""),
         ("float", 5.0, "6", 6.0),
         ("float", 5.0, "1e-3", 0.001),
@@ -61,6 +63,8 @@ def test_other_assignments_are_refused(texts: list[str], said: str):
         ("str", "", "60", "60"),
         ("str", "", "", ""),
         ("str", None, "", None),
+        ("str", None, "nil", None),
+        ("str", "", "nil", "nil"),
         ("str", "none", "none", "none"),
     ],
 )
