@@ -29,9 +29,11 @@ class Delivery:
 
     def __init__(self, kind: str, log: logging.Logger) -> None:
         self._follows = kind == "synthetic"  # the scene has what is wanted
+        self._resizes = kind == "device"
         self._log = log
         self._encoding: str | None = None
         self._size = (0, 0)
+        self._opened_with: tuple[int | None, int | None] = (None, None)
         self._region = ""
 
     def check(self, wanted: CameraSettings) -> None:
@@ -43,7 +45,11 @@ class Delivery:
         if self._encoding is None or self._follows:
             return
         check_depth(self._encoding, wanted.encoding)
-        if wanted.region != self._region:  # else the source changed: that refuses nothing else
+        asked = wanted.width, wanted.height
+        if self._resizes and asked != self._opened_with:
+            if wanted.width and wanted.height:  # else the device decides
+                check_region(wanted.box, wanted.width, wanted.height)
+        elif wanted.region != self._region:  # else the source changed: that refuses nothing else
             check_region(wanted.box, *self._size)
 
     def note(self, captured: CapturedFrame) -> None:
@@ -54,6 +60,7 @@ class Delivery:
         """
         picture, settings = captured.picture, captured.revision.settings
         self._size = picture.width, picture.height
+        self._opened_with = settings.width, settings.height
         if self._encoding is None:
             self._encoding = picture.encoding
             if captured.revision.number == 0:  # what was set since may only drop frames

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import nullcontext
 
 import cv2
 import numpy as np
@@ -159,6 +160,30 @@ def test_what_a_source_delivers_decides_and_later_changes_of_it_refuse_nothing_e
     with pytest.raises(ParameterRefused):
         Delivery("device", logging.getLogger("camera")).note(captured(outside, 320, 240))
     assert caplog.messages == ["published from now on: region 300,0,20,10 of 320x240"]
+
+
+LARGE, SMALL = {"width": 1280, "height": 720}, {"width": 320, "height": 240}
+NEW_SIZE = {
+    "fits the new size only": ({**LARGE, "region": "700,0,200,200"}, True, False),
+    "fits the old size only": (SMALL, False, True),
+    "fits neither": ({**LARGE, "region": "1200,0,81,10"}, False, False),
+    "the device decides": ({"width": 1280, "region": "700,0,200,200"}, True, False),
+    "no new size": ({"region": "700,0,200,200"}, False, False),
+    "has gone": ({**SMALL, "region": ""}, True, True),
+}
+"""What is set, and whether it fits a device and a video, which keeps its size."""
+
+
+@pytest.mark.parametrize(("change", "device", "video"), NEW_SIZE.values(), ids=NEW_SIZE)
+def test_a_region_is_checked_against_the_size_that_a_device_is_opened_with_then(
+    change: dict[str, object], device: bool, video: bool
+):
+    settings = CameraSettings(source="0", width=640, height=480, region="600,0,40,40")
+    for kind, fits in (("device", device), ("video", video)):
+        delivery = Delivery(kind, logging.getLogger("camera"))
+        delivery.note(captured(settings, 640, 480))
+        with nullcontext() if fits else pytest.raises(ParameterRefused, match="not within"):
+            delivery.check(settings.model_copy(update=change))
 
 
 def test_the_limit_of_bandwidth_makes_the_region_smaller_not_the_whole_picture():
