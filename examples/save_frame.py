@@ -15,12 +15,15 @@ key = given[2] or "vision/front/image/compressed"
 config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-except zenoh.ZError:
-    sys.exit(f"no router at {endpoint}; start one: zv router")
+except zenoh.ZError as error:
+    sys.exit(f"no router at {endpoint}; start one: zv router ({error})")
 with session:
     replies = list(session.get(key, timeout=2.0))
 if not replies:
     sys.exit(f"nobody answered on {key}")
 if replies[0].err:  # of a camera with max_kbps: too many queries
     sys.exit(f"{key}: {replies[0].err.payload.to_string()}")
-Path(given[0] or "frame.jpg").write_bytes(replies[0].ok.payload.to_bytes())
+try:
+    Path(given[0] or "frame.jpg").write_bytes(replies[0].ok.payload.to_bytes())
+except OSError as error:
+    sys.exit(f"{error.filename}: {error.strerror}")

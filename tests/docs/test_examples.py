@@ -85,7 +85,19 @@ def test_without_a_router_an_example_says_so_in_one_line(
     name: str, arguments: list[str], endpoint: str
 ):
     done = run_once(name, *arguments, endpoint)
-    assert done.stderr == f"no router at {endpoint}; start one: zv router\n"
+    assert done.stderr.startswith(f"no router at {endpoint}; start one: zv router (Unable to conn")
+    assert done.stderr.count("\n") == 1
+    assert (done.returncode, done.stdout) == (1, "")
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [("subscribe.py", []), ("save_frame.py", ["x.jpg"]), ("pick_from_belt.py", ["gate", "600"])],
+)
+def test_what_is_no_endpoint_is_told_in_the_errors_own_words(name: str, arguments: list[str]):
+    done = run_once(name, *arguments, "foo")
+    assert "(Endpoints must be of the form <protocol>/<address>" in done.stderr
+    assert done.stderr.count("\n") == 1
     assert (done.returncode, done.stdout) == (1, "")
 
 
@@ -108,6 +120,12 @@ def test_save_frame_writes_the_newest_picture(system: str, tmp_path: Path):
     done = run_once("save_frame.py", picture, system)
     assert done.returncode == 0, done.stderr
     assert cv2.imread(str(picture)).shape == (HEIGHT, WIDTH, 3)
+
+
+def test_save_frame_names_a_file_that_it_cannot_write(system: str, tmp_path: Path):
+    done = run_once("save_frame.py", tmp_path / "none" / "x.jpg", system)
+    assert done.stderr == f"{tmp_path / 'none' / 'x.jpg'}: No such file or directory\n"
+    assert done.returncode == 1
 
 
 def test_save_frame_says_when_nobody_answers(system: str, tmp_path: Path):
