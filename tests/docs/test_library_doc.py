@@ -7,12 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 import zenoh_vision
 from tests.support.processes import Program
 from tests.support.systems import system
 from tests.support.viewer.pages import Page
+from zenoh_vision.messages import Header
 
 PAGE = Page("docs/library.md")
 
@@ -32,6 +35,21 @@ def test_what_the_page_says_of_a_node_is_there():
     said = set(re.findall(r"`node\.(\w+)", PAGE.text))
     node = zenoh_vision.Node("any", camera=())
     assert {name for name in said if not hasattr(type(node), name)} <= set(vars(node))
+
+
+def test_what_happens_to_those_who_draw_on_a_frame_is_quoted_with_the_cure():
+    header = Header(camera="front", seq=0, epoch=1, stamp_ns=0, width=8, height=6, encoding="bgr8")
+    frame = zenoh_vision.Frame(header, pixels=np.zeros((6, 8, 3), np.uint8))
+    with pytest.raises(cv2.error) as drawn:
+        cv2.rectangle(frame.bgr, (1, 1), (3, 3), (0, 0, 255))
+    with pytest.raises(ValueError, match="read-only") as assigned:
+        frame.bgr[0] = 255
+    for page in (PAGE, Page("docs/services.md")):
+        (told,) = (line for line in page.text.splitlines() if "`frame.bgr.copy()`" in line)
+        quoted = re.findall(r"`([^`]* (?:readonly|read-only))`", told)
+        assert [words in str(drawn.value) for words in quoted] == [True, False]
+        assert quoted[1] == str(assigned.value)
+    cv2.rectangle(frame.bgr.copy(), (1, 1), (3, 3), (0, 0, 255))
 
 
 def test_a_name_that_is_none_is_an_attribute_error():
