@@ -35,8 +35,8 @@ def ask(session: zenoh.Session, track: int, at_ns: int) -> dict | None:
 
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-except zenoh.ZError as error:
-    sys.exit(f"no router at {endpoint}; start one: zv router ({error})")
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint} (tcp/ADDRESS:PORT); start one: zv router")
 with suppress(KeyboardInterrupt, BrokenPipeError), session:
     subscriber = session.declare_subscriber("vision/front/events")
     for sample in subscriber:

@@ -52,8 +52,8 @@ config = {
 }
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-except zenoh.ZError as error:
-    sys.exit(f"no router at {endpoint}; start one: zv router ({error})")
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint} (tcp/ADDRESS:PORT); start one: zv router")
 with suppress(KeyboardInterrupt), session:
     publisher = session.declare_publisher(
         "vision/front/image/compressed",

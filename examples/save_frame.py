@@ -15,8 +15,8 @@ key = given[2] or "vision/front/image/compressed"
 config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-except zenoh.ZError as error:
-    sys.exit(f"no router at {endpoint}; start one: zv router ({error})")
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint} (tcp/ADDRESS:PORT); start one: zv router")
 with session:
     replies = list(session.get(key, timeout=2.0))
 if not replies:

@@ -16,8 +16,8 @@ endpoint = sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"
 config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-except zenoh.ZError as error:
-    sys.exit(f"no router at {endpoint}; start one: zv router ({error})")
+except zenoh.ZError:
+    sys.exit(f"no router at {endpoint} (tcp/ADDRESS:PORT); start one: zv router")
 with suppress(KeyboardInterrupt, BrokenPipeError), session:
     subscriber = session.declare_subscriber("vision/front/centroid", RingChannel(1))  # the newest
     for sample in subscriber:
