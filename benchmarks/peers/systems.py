@@ -178,8 +178,8 @@ def _trackers() -> list[System]:
     """Return the tracker with both pipelines, as on the camera's machine and as on another."""
     rows = {
         "tracker": ("shm", "robust"),
-        "tracker with the tutorial's pipeline": ("shm", "tutorial"),
-        "tracker with the tutorial's pipeline, JPEG": ("jpeg", "tutorial"),
+        "tutorial's tracker": ("shm", "tutorial"),
+        "tutorial's tracker, JPEG": ("jpeg", "tutorial"),
     }
     return [
         System(
