@@ -164,7 +164,7 @@ def test_the_service_runs_publishes_and_has_its_parameters(extended, tmp_path):
         blur = subprocess.Popen(command, env=extended.environment, cwd=extended.folder)
         try:
             wait_for_nodes(session, "camera_front", "blur_front", deadline_s=START_S)
-            pictures = zenoh.handlers.FifoChannel(2)
+            pictures = zenoh.handlers.RingChannel(2)  # a full FIFO blocks the session
             subscriber = session.declare_subscriber("vision/front/blurred/compressed", pictures)
             assert subscriber.recv().payload.to_bytes().startswith(b"\xff\xd8\xff")
             (parameter,) = ask(session, "@vision/param/blur_front/sigma")
