@@ -148,6 +148,7 @@ def test_a_real_node_slower_than_its_stream_is_found_with_the_parameter(shared, 
     assert used < 12
     assert came > used
     asked_hz = float(remedy.rpartition("zv param set camera_front rate=")[2])
-    assert asked_hz == pytest.approx(30 * used / came, rel=0.02)
+    # What it uses, also where the camera is slower than configured and so less comes.
+    assert asked_hz == pytest.approx(used, rel=0.02)
     said = [text for _, text, _ in seen.of("drops") if text.startswith("slow_front")]
     assert not [text for text in said if "overwritten" in text]  # said once
