@@ -9,24 +9,16 @@ from collections.abc import Callable
 
 import cv2
 
-from benchmarks import (
-    edges,
-    exporter,
-    fleet,
-    floor,
-    painted,
-    parameters,
-    stream,
-    tools,
-    tracker,
-    viewer,
-    ways,
-)
+from benchmarks import edges, fleet, floor, parameters, stream, tracker, ways
 from benchmarks.growth import measuring as growth
 from benchmarks.growth import report as growth_report
 from benchmarks.material import VIDEO, frames
 from benchmarks.peers import comparison, report
 from benchmarks.quality.data import found
+from benchmarks.tools import cost as tools
+from benchmarks.tools import exporter
+from benchmarks.viewer import clients as viewer
+from benchmarks.viewer import painted
 
 SIZES = ((768, 576), (1920, 1080))
 

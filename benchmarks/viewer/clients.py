@@ -109,7 +109,7 @@ def start(system: System) -> dict[str, int]:
     system.start("camera", "-m", "benchmarks.camera", *shape, system.endpoint)
     ports = {name: int(free_endpoint().rpartition(":")[2]) for name in ("viewer", "naive")}
     system.service("viewer", "view", "--port", f"{ports['viewer']}")
-    system.start("naive", "-m", "benchmarks.naive", system.endpoint, f"{ports['naive']}")
+    system.start("naive", "-m", "benchmarks.viewer.naive", system.endpoint, f"{ports['naive']}")
     for port in ports.values():
         wait_for(lambda port=port: answers(port))
     wait_for(lambda: snapshot_status(ports["viewer"]) == 200)

@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.stream import percentiles
 from benchmarks.system import System, free_endpoint
-from benchmarks.viewer import QUERY, Clients, answers, wait_for
+from benchmarks.viewer.clients import QUERY, Clients, answers, wait_for
 from tests.support.chromium import NO_CHROMIUM, chromium
 from zenoh_vision.messages import Header
 from zenoh_vision.transport.session import direct
@@ -127,7 +127,7 @@ def _start(system: System) -> dict[str, int]:
     system.service("camera", "camera", "--numbered", "--rate", f"{RATE_HZ:g}")
     ports = {name: int(free_endpoint().rpartition(":")[2]) for name in ("viewer", "naive")}
     system.service("viewer", "view", "--port", f"{ports['viewer']}")
-    system.start("naive", "-m", "benchmarks.naive", system.endpoint, f"{ports['naive']}")
+    system.start("naive", "-m", "benchmarks.viewer.naive", system.endpoint, f"{ports['naive']}")
     for port in ports.values():
         wait_for(lambda port=port: answers(port))
     return ports

@@ -1,6 +1,6 @@
 """The viewer with very many nodes: for how long its event loop stalls, and by its own work.
 
-``python -m benchmarks.viewer_scale`` measures; its two other modes are the nodes and the pages, in
+``python -m benchmarks.viewer.scale`` measures; its two other modes are the nodes and the pages, in
 processes of their own.
 """
 
@@ -15,9 +15,9 @@ from typing import Any
 import aiohttp
 import zenoh
 
-from benchmarks.exporter import report
 from benchmarks.stream import percentiles
 from benchmarks.system import System
+from benchmarks.tools.exporter import report
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.messages import NodeDescription, Parameter, ParameterList
 from zenoh_vision.node.node import Node
@@ -31,7 +31,7 @@ from zv.viewer.settings import ViewerSettings
 BEAT_S = 0.001
 PARAMETERS = 20
 TOPICS = ("image/compressed", "tracks")
-MODULE = "benchmarks.viewer_scale"
+MODULE = "benchmarks.viewer.scale"
 
 
 def be_nodes(endpoint: str, number: int) -> None:

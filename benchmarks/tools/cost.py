@@ -32,7 +32,7 @@ def cpu_beside_bare(width: int, height: int, rate_hz: float, seconds: float) -> 
     """
     with System() as system:
         numbers = [f"{STREAMS}", f"{width}", f"{height}", f"{rate_hz:g}"]
-        system.start("streams", "-m", "benchmarks.many_streams", system.endpoint, *numbers)
+        system.start("streams", "-m", "benchmarks.tools.many_streams", system.endpoint, *numbers)
         wait_for(system, f"vision/c{STREAMS - 1}/image/compressed")
         found = {"bare": measured(bare(system, PICTURES), seconds)}
         for tool in ("hz", "bw", "delay"):
@@ -122,7 +122,7 @@ def wait_for(system: System, key: str) -> None:
 
 def bare(system: System, key: str) -> list[str]:
     """Return the command of a program that only subscribes."""
-    return ["-m", "benchmarks.bare_subscriber", system.endpoint, key]
+    return ["-m", "benchmarks.tools.bare_subscriber", system.endpoint, key]
 
 
 def zv(system: System, *words: str) -> list[str]:

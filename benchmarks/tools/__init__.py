@@ -1,0 +1,1 @@
+"""Measures the tools: what they cost beside the least that a program can do."""
