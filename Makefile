@@ -11,8 +11,9 @@ ifdef SOURCE
 export ZV_CAMERA_SOURCE := $(SOURCE)
 endif
 
-# Without bytecode every program that the tests start would compile zv, and every pytest the tests.
-unexport PYTHONDONTWRITEBYTECODE
+# Without bytecode every program that the tests start would compile zv, and every pytest the tests;
+# without buffers, which few users' shells switch off, a test sees no output that was not flushed.
+unexport PYTHONDONTWRITEBYTECODE PYTHONUNBUFFERED
 
 ## up: start and supervise router, camera, tracker, edge detector and viewer (SOURCE=..., FILE=...)
 up: $(VENV)/.runtime

@@ -37,7 +37,7 @@ try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:
     sys.exit(f"no router at {endpoint} (tcp/ADDRESS:PORT); start one: zv router")
-with suppress(KeyboardInterrupt, BrokenPipeError), session:
+with suppress(KeyboardInterrupt, BrokenPipeError), session, sys.stdout:  # all closed at the end
     subscriber = session.declare_subscriber("vision/front/events")
     for sample in subscriber:
         event = msgpack.unpackb(sample.payload.to_bytes())

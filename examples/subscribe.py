@@ -18,7 +18,7 @@ try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:
     sys.exit(f"no router at {endpoint} (tcp/ADDRESS:PORT); start one: zv router")
-with suppress(KeyboardInterrupt, BrokenPipeError), session:
+with suppress(KeyboardInterrupt, BrokenPipeError), session, sys.stdout:  # all closed at the end
     subscriber = session.declare_subscriber("vision/front/centroid", RingChannel(1))  # the newest
     for sample in subscriber:
         found = msgpack.unpackb(sample.payload.to_bytes())

@@ -175,7 +175,7 @@ def environment() -> dict[str, str]:
     other.
     """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
-    own = {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "ZV_VIEWER_PORT": "0"}
+    own = {"PYTHONPATH": str(ROOT), "ZV_VIEWER_PORT": "0"}
     return {**kept, **own, **CAMERA_SIZE}
 
 
