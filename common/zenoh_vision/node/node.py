@@ -11,7 +11,7 @@ The iteration ends at SIGINT or SIGTERM, and so does the ``with``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any, Literal, Self, TypeVar, overload
 
@@ -25,16 +25,13 @@ from zenoh_vision.image.frame import Frame, Want
 from zenoh_vision.image.pixel_formats import MAX_PIXELS
 from zenoh_vision.keys import Transport
 from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import Diagnostics, Header, NodeDescription
-from zenoh_vision.node import parameter_server
 from zenoh_vision.node.announcement import Announcement
 from zenoh_vision.node.frame_input import MAX_AGE_S, frame_input
 from zenoh_vision.node.inputs import Input, merged
 from zenoh_vision.node.outputs import Outputs, Publishes
 from zenoh_vision.node.own_frames import OwnFrames
 from zenoh_vision.node.pairs import DEPTH, TOLERANCE_S, WAIT_S, paired
-from zenoh_vision.node.parameter_server import ParameterServer
-from zenoh_vision.node.query_server import QueryServer, message_answer, schema_answer
+from zenoh_vision.node.queries import Queries
 from zenoh_vision.node.rate import ticks
 from zenoh_vision.stream.buffer import Buffering, latest, queue
 from zenoh_vision.stream.counters import FrameCounters
@@ -73,6 +70,7 @@ class Node:
         inputs: Its open inputs.
         publish, publish_picture, header: Those of its ``Outputs``.
         publish_frame, publish_captured: Those of its ``OwnFrames``.
+        answer: That of its ``Queries``.
 
     Raises:
         ConfigurationError: A name has other characters than a-z, 0-9 and _.
@@ -109,6 +107,8 @@ class Node:
         self.publish_frame = self.own_frames.publish_frame
         self.publish_captured = self.own_frames.publish_captured
         self.header = self.outputs.header
+        self._queries = Queries(self, self._camera)
+        self.answer = self._queries.answer
         self._announcement = Announcement(self)
         self.inputs: set[Input[Any]] = set()
         self.stopping = False
@@ -131,8 +131,10 @@ class Node:
             self._link = Link(self.connection, self._give_up_waiting, lambda: self.stopping)
             opening.callback(self._link.close)
             opening.callback(self.outputs.close)
-            self._server = server = QueryServer()
-            self._declare(self._link, server)
+            namespace, server = self.connection.namespace, self._queries.server
+            self.outputs.declare(self._link, namespace, server)
+            self._announcement.declare(self._link, namespace, server)
+            self._queries.declare(self._link)
             server.start()
             opening.callback(server.close)
             self._announcement.start()
@@ -150,19 +152,6 @@ class Node:
         with ExitStack() as closing:
             for each in tuple(self.inputs):
                 closing.callback(each.close)
-
-    def _declare(self, link: Link, server: QueryServer) -> None:
-        namespace = self.connection.namespace
-        self.outputs.declare(link, namespace, server)
-        self._announcement.declare(link, namespace, server)
-        messages: set[type[Message]] = {Header, Diagnostics, NodeDescription}
-        messages.update(topic.message for topic in self.outputs.topics if topic.message)
-        if self.parameters is not None:
-            parameters = ParameterServer(self.parameters, namespace, self.name)
-            parameters.publish_changes(link)
-            server.declare(link, parameters.key, parameters.answer)
-            messages.update(parameter_server.MESSAGES)
-        server.declare(link, keys.schema_key(namespace, "*"), schema_answer(namespace, messages))
 
     @property
     def camera(self) -> str:
@@ -348,33 +337,6 @@ class Node:
             depth=depth,
             alone=alone,
         )
-
-    # Queries
-
-    def answer(
-        self,
-        topic: Topic | str,
-        reply_to: Callable[[Mapping[str, str]], Message],
-        *,
-        camera: str | None = None,
-    ) -> None:
-        """Answer the queries on a topic that is never published, until the node closes.
-
-        Args:
-            topic: One of those that the node publishes, with ``by_query``.
-            reply_to: Called with the parameters of each query, one after the other, on the thread
-                for queries. A ``ParameterRefused`` that it raises is sent as an error.
-            camera: As for ``frames``.
-
-        Raises:
-            RuntimeError: The node is not open.
-            ValueError: The table has no topic of this name, or it is published.
-        """
-        row = topic_named(topic)
-        if not row.by_query:
-            raise ValueError(f"{row.name} is published; queries get its newest message")
-        key = row.key(self.connection.namespace, self._camera(camera))
-        self._server.declare(self.link, key, message_answer(key, reply_to))
 
     # A camera of one's own
 
