@@ -1,7 +1,7 @@
 """Remembers the threads that nobody waits for, since the end of a process must not meet them.
 
-A thread that is in OpenCV when Python's interpreter ends is ended inside C++, which aborts the
-whole process with status 134.
+A daemon thread that is in OpenCV when Python's interpreter ends is ended inside C++, which aborts
+the whole process with status 134; for one that opens a Zenoh session the interpreter would wait.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ _ABANDONED: WeakSet[Thread] = WeakSet()
 
 
 def abandon(thread: Thread) -> None:
-    """Remember a daemon thread that may go on for any time and is not waited for."""
+    """Remember a thread that may go on for longer than its process is to wait."""
     _ABANDONED.add(thread)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import zenoh
 
 from zenoh_vision.errors import RouterUnreachable, ToldToStop
+from zenoh_vision.host.abandoned_threads import abandon
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.endpoints import round_trip_s
 from zenoh_vision.transport.zenoh_config import (
@@ -99,8 +100,8 @@ def open_replacement(
 ) -> zenoh.Session | None:
     """Try once to open a session, also over a link that has become too slow for short time-outs.
 
-    Closing a link waits for this attempt. So it is made only if an endpoint answers, with a
-    time-out that depends on the round trip. Return None if there is no router.
+    An interpreter that ends waits for this attempt. So it is made only if an endpoint answers, with
+    a time-out that depends on the round trip. Return None if there is no router.
     """
     endpoints = connect_endpoints(client_config(connection))
     trip_s = round_trip_s(endpoints, LONG.open_ms / 1000, stopping)
@@ -143,12 +144,13 @@ def _attempt(
         except zenoh.ZError as error:
             errors.append(zenoh_error_text(error))
 
-    thread = threading.Thread(target=connect, name="connect", daemon=True)
+    # Not a daemon: an interpreter that ends while Zenoh opens a session aborts, so it waits.
+    thread = threading.Thread(target=connect, name="connect")
     thread.start()
     while thread.is_alive():
         thread.join(POLL_S)
         if stopping() or time.monotonic() > deadline_s + POLL_S:
-            thread.join(timeouts.open_ms / 1000 + POLL_S if stopping() else POLL_S)
+            abandon(thread)  # our own programs end without the interpreter's waiting
             break
     return opened[0] if opened else None
 

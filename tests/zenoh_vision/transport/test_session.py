@@ -1,0 +1,32 @@
+"""A session that is being opened does not hold up the end of its program."""
+
+from __future__ import annotations
+
+import socket
+import threading
+
+import pytest
+
+from tests.support.waiting import wait_until
+from zenoh_vision.errors import ToldToStop
+from zenoh_vision.host import abandoned_threads
+from zenoh_vision.transport import session
+from zenoh_vision.transport.connection import Connection
+
+
+def test_told_to_stop_it_does_not_wait_for_an_attempt_without_an_answer(monkeypatch):
+    monkeypatch.setattr(session, "SHORT", session.LONG)
+    told = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        connection = Connection(connect=f"tcp/127.0.0.1:{silent.getsockname()[1]}")
+
+        def stopping() -> bool:
+            if not told.is_set():
+                silent.accept()[0].detach()  # the attempt has begun, and stays without an answer
+                told.set()
+            return True
+
+        with pytest.raises(ToldToStop):
+            session.open_session(connection, stopping)
+        assert abandoned_threads.any_is_alive()
+    wait_until(lambda: not abandoned_threads.any_is_alive())
