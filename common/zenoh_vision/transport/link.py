@@ -129,7 +129,7 @@ class Link:
             self._lock.release()
         closing = threading.Thread(target=close_session, args=(self._session,), daemon=True)
         closing.start()
-        # An interpreter that ends while Zenoh opens a session on another thread aborts.
+        # It is not to begin another attempt while the interpreter ends, which Zenoh would abort.
         self._thread.join(MAX_ATTEMPT_S)
         closing.join(CLOSE_TIMEOUT_S)
 
