@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from zenoh_vision.host.wakeup import Wakeup
+
 T = TypeVar("T")
 
 
@@ -79,11 +81,11 @@ class Buffer(Generic[T]):
         self,
         buffering: Buffering,
         dropped: Callable[[T], None],
-        filled: threading.Condition | None = None,
+        filled: Wakeup | None = None,
     ) -> None:
         self._buffering = buffering
         self._dropped = dropped
-        self._filled = filled or threading.Condition()
+        self._filled = filled or Wakeup()
         self._lock = threading.Lock()
         self._lanes: dict[tuple[str, bool], _Lane[T]] = {}
         self._number = 0
@@ -104,8 +106,7 @@ class Buffer(Generic[T]):
             # A newer item takes the position of the one that it replaces.
             turn = replaced[0][0] if replaced and per_key else self._number
             lane.append(turn, size, item)
-        with self._filled:
-            self._filled.notify_all()
+        self._filled.set()
         for _, oldest in replaced:
             self._dropped(oldest)
 
@@ -119,9 +120,8 @@ class Buffer(Generic[T]):
 
         None if none came, or another thread took it.
         """
-        with self._filled:
-            if not self._filled.wait_for(lambda: self._lanes, timeout_s):
-                return None
+        if not self._lanes and not self._filled.wait_for(lambda: self._lanes, timeout_s):
+            return None
         with self._lock:
             if not self._lanes:
                 return None  # another thread took it
@@ -134,9 +134,6 @@ class Buffer(Generic[T]):
             return item
 
 
-def wait_for_any(
-    filled: threading.Condition, buffers: Sequence[Buffer[Any]], timeout_s: float
-) -> None:
-    """Wait until one of the buffers that share a condition has an item, or the time-out."""
-    with filled:
-        filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)
+def wait_for_any(filled: Wakeup, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
+    """Wait until one of the buffers that share a wake-up has an item, or the time-out."""
+    filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)

@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.keys import Way
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES
@@ -54,13 +55,13 @@ class Consumer:
         counters: Count arrivals and drops; the consumer counts what it has processed.
         dropped: Called with the reason of each drop, for the log.
         arrived: Called on the transport's thread when there is something to take.
-        filled: Notified when there is something to take.
+        filled: Set when there is something to take.
     """
 
     counters: FrameCounters
     dropped: Callable[[PayloadError], None]
     arrived: Callable[[], None] = lambda: None
-    filled: threading.Condition = field(default_factory=threading.Condition)
+    filled: Wakeup = field(default_factory=Wakeup)
 
 
 class Intake(ABC, Generic[Waiting, Item]):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
+
+from zenoh_vision.host.wakeup import Wakeup
 
 LONGEST_WAIT_S = 60.0
 LONGEST_REST_S = 0.05
@@ -86,7 +87,7 @@ class PictureTimer:
         self._schedule = Schedule()
         self._due_s = 0.0
         self._rest_s = 0.0
-        self._wake = threading.Event()
+        self._wake = Wakeup()
         self.stopped = False
 
     def settings_changed(self) -> None:
@@ -136,7 +137,6 @@ class PictureTimer:
             False if stopped meanwhile.
         """
         while True:
-            self._wake.clear()  # before reading the values whose change sets it
             if self.stopped:
                 return False
             due_s = due()

@@ -71,7 +71,7 @@ def test_a_decoder_that_is_too_slow_is_never_told_to_wait():
 
 
 class Clock:
-    """The time, which passes by waiting and working alone; it is the timer's event too."""
+    """The time, which passes by waiting and working alone; it is the timer's wake-up too."""
 
     def __init__(self) -> None:
         self.now_s = 100.0
@@ -81,9 +81,6 @@ class Clock:
 
     def wait(self, seconds: float) -> None:
         self.now_s += seconds
-
-    def clear(self) -> None:
-        """Nobody interrupts the wait."""
 
 
 def read_ahead(

@@ -1,0 +1,57 @@
+"""A wake-up: nobody misses it, whoever waits and whenever it comes."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from zenoh_vision.host.wakeup import Wakeup
+
+PATIENCE_S = 30.0
+
+
+def test_each_of_several_threads_wakes_for_the_condition_it_waits_for():
+    wakeup, done, order = Wakeup(), [False] * 4, []
+
+    def wait(number: int) -> None:
+        assert wakeup.wait_for(lambda: done[number], PATIENCE_S)
+        order.append(number)
+
+    threads = [threading.Thread(target=wait, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for number in (2, 0, 3, 1):
+        done[number] = True
+        wakeup.set()
+        threads[number].join(PATIENCE_S / 2)
+    assert order == [2, 0, 3, 1]
+
+
+def test_no_change_is_missed_that_comes_while_a_thread_looks():
+    wakeup, number = Wakeup(), 0
+    rounds = 2000
+
+    def count() -> None:
+        nonlocal number
+        for _ in range(rounds):
+            number += 1
+            wakeup.set()
+
+    thread = threading.Thread(target=count)
+    began_s = time.monotonic()
+    thread.start()
+    for each in range(1, rounds + 1):
+        assert wakeup.wait_for(lambda each=each: number >= each, PATIENCE_S)
+    assert time.monotonic() - began_s < PATIENCE_S  # none was found by a time-out alone
+    thread.join()
+
+
+def test_a_wait_ends_at_once_for_what_is_true_and_with_its_time_for_what_is_not():
+    wakeup = Wakeup()
+    assert wakeup.wait_for(lambda: True, 0)
+    assert not wakeup.wait_for(lambda: False, 0)
+    wakeup.set()
+    wakeup.set()
+    began_s = time.monotonic()
+    assert not wakeup.wait_for(lambda: False, 0.05)
+    assert time.monotonic() - began_s >= 0.05
