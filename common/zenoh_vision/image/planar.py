@@ -140,5 +140,6 @@ def are_even(height: int, width: int) -> bool:
 
 def _scaled(plane: Plane, scale: float, offset: float) -> Plane:
     """Return a plane of limited range in full range; values below or above it are clipped."""
-    above_black = cv2.subtract(plane, BLACK)  # type: ignore[call-overload]
-    return np.asarray(cv2.convertScaleAbs(above_black, alpha=scale, beta=offset), np.uint8)
+    # A weighted sum saturates at 0; with a second weight of 0 it is the one pass of all of OpenCV's
+    # operations that does.
+    return np.asarray(cv2.addWeighted(plane, scale, plane, 0.0, offset - BLACK * scale), np.uint8)
