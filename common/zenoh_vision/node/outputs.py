@@ -188,23 +188,27 @@ class Outputs:
             PayloadError: The pixels cannot be encoded.
         """
         camera = frame.header.camera
-        declared = self._frame_topics(camera)
-        forms = {
-            COMPRESSED: lambda: Outgoing(
-                frame.compressed, frame.mime, frame.compressed_header.to_bytes()
-            ),
-            RAW: lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes()),
-        }
+        names = self._frame_topics(camera)
         offer = self._offers.get(camera)
         shared, is_decoded_for_it = False, frame.is_compressed
         if offer is not None and not is_decoded_for_it:  # first, as it takes the least time
             shared = offer.write(frame)
         found = []
-        for topic in declared:
-            publisher = self._publisher(topic, camera)
-            if topic == COMPRESSED and publisher.wanted and not may_send(frame):
-                continue
-            found.append(publisher.offer(forms[topic]))
+        if COMPRESSED.name in names:
+            publisher = self._publisher(COMPRESSED, camera)
+            found.append(
+                publisher.offer(
+                    lambda: Outgoing(
+                        frame.compressed, frame.mime, frame.compressed_header.to_bytes()
+                    ),
+                    lambda: may_send(frame),
+                )
+            )
+        if RAW.name in names:
+            publisher = self._publisher(RAW, camera)
+            found.append(
+                publisher.offer(lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes()))
+            )
         if offer is not None and is_decoded_for_it:
             shared = offer.write(frame)
         return any(found) or shared
@@ -226,10 +230,10 @@ class Outputs:
         for topic in self._frame_topics(camera):
             self._publisher(topic, camera)
 
-    def _frame_topics(self, camera: str) -> list[Topic]:
-        """Return the topics of a camera's frames that are declared; one in any case."""
-        declared = [each for each in (COMPRESSED, RAW) if (each.name, camera) in self._publishers]
-        return declared or [COMPRESSED]
+    def _frame_topics(self, camera: str) -> list[str]:
+        """Return the names of a camera's topics of frames that are declared; one in any case."""
+        names = (COMPRESSED.name, RAW.name)
+        return [name for name in names if (name, camera) in self._publishers] or [COMPRESSED.name]
 
     def _camera(self, named: str | None) -> str:
         """Return the camera of this name, or the node's only one."""

@@ -136,16 +136,25 @@ class StreamPublisher:
         """Whether someone subscribes to the key."""
         return bool(self._publisher.current.matching_status.matching)  # type: ignore[attr-defined]
 
-    def offer(self, make: Callable[[], Outgoing]) -> bool:
+    def offer(
+        self, make: Callable[[], Outgoing], may_send: Callable[[], bool] = lambda: True
+    ) -> bool:
         """Publish ``make()`` if someone subscribes, and keep it as the newest for queries.
+
+        Args:
+            make: Makes the payload; called at most once.
+            may_send: Asked if it is to be published; if it may not be, it is not kept either.
 
         Returns:
             Whether it was published. A topic that is not lazy always is.
         """
+        to_send = not self.topic.lazy or self.wanted
+        if to_send and not may_send():
+            return False
         newest = LazyPayload(make)
         several = self.topic.keeps > 1
         self._kept.append(Kept(newest, self._link.session.new_timestamp() if several else None))
-        if self.topic.lazy and not self.wanted:
+        if not to_send:
             return False
         outgoing = newest()
         self._publisher.current.put(

@@ -20,13 +20,13 @@ def sample_of(sample: zenoh.Sample, limit: SizeLimit = RAW_LIMIT) -> Sample:
         PayloadError: The limit's reason for a payload over it, or ``bad_header`` for an attachment
             that is too large. Nothing is copied then.
     """
-    limit.check(len(sample.payload))
-    attachment = sample.attachment
+    payload, attachment = sample.payload, sample.attachment  # each access makes an object
+    limit.check(len(payload))
     if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
         raise PayloadError("bad_header", f"an attachment of {len(attachment)} bytes")
     return Sample(
         key=str(sample.key_expr),
-        payload=sample.payload.to_bytes(),
+        payload=payload.to_bytes(),
         encoding=str(sample.encoding),
         attachment=None if attachment is None else attachment.to_bytes(),
         deleted=sample.kind == zenoh.SampleKind.DELETE,
