@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 REPLACE_AFTER_S = 10.0
 """After this long without a router another session is tried; a usable one reconnects in 1 s."""
 
-CHECK_INTERVAL_S = 0.2
+CHECK_INTERVAL_S = 0.5
 GRACE_S = 0.5
 """Other threads may still use the old session for this long after it was replaced."""
 
