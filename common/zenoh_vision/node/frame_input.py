@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import Any, Protocol, TypeVar, cast, get_args
 
 from zenoh_vision.config.revisions import ParameterStore
@@ -48,9 +49,12 @@ def frame_input(
     Raises:
         ValueError: The transport does not fit the topic.
         ConfigurationError: It is shared memory, which this process cannot use, or the environment
-            names a transport that does not exist.
+            names a transport that does not exist, or the setting one that has no frames of all
+            cameras.
     """
     namespace = node.connection.namespace
+    if topic is COMPRESSED and camera == "*":
+        _check_now_and_later(node.parameters, _check_of_all)
     fits = topic is COMPRESSED and camera != "*"
     if transport is None and fits and buffering.per_key:
         transport = told_transport() or "auto"
@@ -71,8 +75,7 @@ def frame_input(
         memory = None
         first = _transport(node.parameters, transport)
         _check_possible(first)
-        if node.parameters is not None:
-            node.parameters.check(_check_setting)
+        _check_now_and_later(node.parameters, _check_setting)
         if not why_impossible():
             memory = SharedMemoryInput(node.link, namespace, camera, intake, raw_key)
         # A queue needs every frame, and in shared memory only the newest waits.
@@ -113,6 +116,14 @@ def told_transport() -> Transport | None:
     return cast("Transport | None", told)
 
 
+def _check_now_and_later(
+    parameters: ParameterStore[Any] | None, check: Callable[[Settings], None]
+) -> None:
+    if parameters is not None:
+        check(parameters.active.settings)
+        parameters.check(check)
+
+
 def _check_setting(settings: Settings) -> None:
     _check_possible(getattr(settings, "transport", None))
 
@@ -125,6 +136,21 @@ def _check_possible(transport: Transport | None) -> None:
     """
     if transport == "shm" and (why := why_impossible()):
         raise ParameterRefused(f"transport = shm: {why}", "auto, raw, jpeg")
+
+
+def _check_of_all(settings: Settings) -> None:
+    """Refuse a transport that an input of all cameras does not have.
+
+    Raises:
+        ParameterRefused: The setting names one.
+    """
+    told = getattr(settings, "transport", None)
+    if told in ("shm", "raw"):
+        raise ParameterRefused(
+            f"transport = {told}: the frames of all cameras come compressed over the network; "
+            "name the cameras to take theirs another way",
+            "auto, jpeg",
+        )
 
 
 def _transport(parameters: ParameterStore[Any] | None, default: Transport) -> Transport:

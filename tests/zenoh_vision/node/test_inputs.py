@@ -183,6 +183,22 @@ def test_shared_memory_that_this_process_cannot_use_is_refused_whenever_it_is_to
         node.frames(transport="shm")
 
 
+def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_whenever_it_is_told(
+    node: Node,
+):
+    node.parameters = ParameterStore(TransportSettings())
+    node.frames(camera="*")
+    for told in ("shm", "raw"):
+        with pytest.raises(
+            ParameterRefused, match=rf"{told}: .* all cameras .*allowed: auto, jpeg"
+        ):
+            node.parameters.change({"transport": told})
+    node.parameters.change({"transport": "auto"})
+    node.parameters = ParameterStore(TransportSettings(transport="shm"))
+    with pytest.raises(ParameterRefused, match=r"transport = shm: .* name the cameras"):
+        node.frames(camera="*")
+
+
 class OtherSettings(LampSettings):
     env_prefix: ClassVar[str] = "ZV_OTHER_"
 
