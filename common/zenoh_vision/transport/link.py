@@ -2,6 +2,10 @@
 
 Zenoh reconnects a session by itself, with the time-outs that the session was opened with. When
 those have become too short, because the link got slower, only another session can connect.
+
+A session that reconnects before the router has forgotten its former connection may stay without an
+answer: Zenoh 1.10's router then knows the connection, but nothing that is declared on it, for 10 s
+or for good. So the router is asked for something every few seconds.
 """
 
 from __future__ import annotations
@@ -10,12 +14,14 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 import zenoh
 
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.query import POLL_S, Query, Replies, send
 from zenoh_vision.transport.session import close_session, open_replacement, open_session
 from zenoh_vision.transport.zenoh_config import (
     client_config,
@@ -27,6 +33,13 @@ log = logging.getLogger(__name__)
 
 REPLACE_AFTER_S = 10.0
 """After this long without a router another session is tried; a usable one reconnects in 1 s."""
+
+ASK_INTERVAL_S = 5.0
+ANSWER_S = 2.0
+"""A router that answers nothing for this long does not know what the session has declared."""
+
+UNUSED_KEY = "@link"
+"""Asked for as a liveliness token, which only routers answer; nobody declares it."""
 
 CHECK_INTERVAL_S = 0.5
 GRACE_S = 0.5
@@ -62,7 +75,7 @@ class Declaration(Generic[T]):
 
 
 class Link:
-    """A session that is replaced by another one after 10 s without a connection.
+    """A session that is replaced by another one when the router is not reached, or does not answer.
 
     Args:
         connection: Where the router is, and how long to wait for it here.
@@ -163,19 +176,25 @@ class Link:
         return self._closed.is_set() or self._stopping()
 
     def _monitor(self) -> None:
-        connected_s = time.monotonic()
+        asked_s = connected_s = time.monotonic()
         lost_s: float | None = None
         while not self._closed.wait(CHECK_INTERVAL_S):
             try:
+                was_lost = lost_s is not None
                 lost_s = self._tell_change(lost_s)
+                now_s = time.monotonic()
                 if _connected(self._session) or self._stopping():
+                    connected_s = now_s
+                elif now_s - connected_s > REPLACE_AFTER_S:
+                    self._try_replacement(f"no router for {REPLACE_AFTER_S:g} s")
                     connected_s = time.monotonic()
-                elif time.monotonic() - connected_s > REPLACE_AFTER_S:
-                    self._try_replacement()
-                    connected_s = time.monotonic()
+                if lost_s is None and (was_lost or now_s - asked_s > ASK_INTERVAL_S):
+                    if not self._is_answered():
+                        self._try_replacement("the router does not answer", is_connected=True)
+                    asked_s = time.monotonic()
             except Exception:
                 log.exception("the attempt to open another session failed")
-                connected_s = time.monotonic()
+                asked_s = connected_s = time.monotonic()
 
     def _tell_change(self, lost_s: float | None) -> float | None:
         """Log that the router was lost, or is back; return since when it is lost, None if not."""
@@ -194,14 +213,24 @@ class Link:
             return now_s
         return lost_s
 
-    def _try_replacement(self) -> None:
+    def _is_answered(self) -> bool:
+        """Ask the router for a token that nobody has; tell whether it has answered in time."""
+        answer: Future[Replies] = Future()
+        query = Query(UNUSED_KEY, timeout_s=ANSWER_S, tokens=True)
+        send(self._session, query, answer.set_result)
+        while not self._ending() and wait([answer], POLL_S).not_done:
+            pass
+        return not answer.done() or not answer.result().timed_out
+
+    def _try_replacement(self, why: str, *, is_connected: bool = False) -> None:
+        """Replace the session if another one can be opened, and it is still as it was."""
         session = open_replacement(self._connection, self._ending)
         if session is None:
             return
-        if _connected(self._session) or not self._replace(session):
+        if _connected(self._session) != is_connected or not self._replace(session, why):
             close_session(session)
 
-    def _replace(self, session: zenoh.Session) -> bool:
+    def _replace(self, session: zenoh.Session, why: str) -> bool:
         """Declare everything on another session and close the current one."""
         with self._lock:
             if self._ending():
@@ -215,7 +244,7 @@ class Link:
             for declaration, current in zip(self._declared, declared, strict=True):
                 declaration.current = current
             former_session, self._session = self._session, session
-        log.warning("no router for %g s: another session was opened to it", REPLACE_AFTER_S)
+        log.warning("%s: another session was opened to it", why)
         for each in former:
             if not isinstance(each, zenoh.Publisher):
                 with suppress(zenoh.ZError):

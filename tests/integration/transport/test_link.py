@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host import abandoned_threads
 from zenoh_vision.messages import Centroid
 from zenoh_vision.node.node import Node
-from zenoh_vision.transport import link, session
+from zenoh_vision.transport import link, query, session
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.session import direct
@@ -96,7 +97,7 @@ def test_a_router_that_was_only_away_is_found_again_and_nothing_is_there_twice(
         wait_until(lambda: len(health.messages) >= 3, 10)
         sent = [message.body["stamp_ns"] for message in health.messages]
         assert len(set(sent)) == len(sent)
-    wait_until(lambda: "seer_front" not in living_nodes(client), 10)
+    wait_until(lambda: "@vision/node/seer_front" not in living_nodes(client), 10)
 
 
 def test_what_was_undeclared_before_is_not_declared_on_the_next_session(
@@ -123,6 +124,34 @@ def test_what_was_undeclared_before_is_not_declared_on_the_next_session(
         assert ended == []
         between.close()
     assert not between.connected
+
+
+def test_a_session_that_the_router_does_not_answer_is_replaced(
+    router: Router,
+    client: zenoh.Session,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    asked: list[zenoh.Session] = []
+
+    def answer_all_but_the_first(
+        session: zenoh.Session, _: query.Query, done: Callable[[query.Replies], None]
+    ) -> None:
+        asked.append(session)
+        replies = query.Replies()
+        replies.timed_out = session is asked[0]
+        done(replies)
+
+    monkeypatch.setattr(link, "ASK_INTERVAL_S", 0.1)
+    monkeypatch.setattr(link, "send", answer_all_but_the_first)
+    between = Link(Connection(connect=router.endpoint, timeout_s=20))
+    first = between.session
+    between.declare(lambda session: session.liveliness().declare_token("@vision/node/silent"))
+    wait_until(lambda: len({id(session) for session in asked}) == 2, 20)
+    assert first.is_closed()
+    assert "the router does not answer: another session was opened" in caplog.text
+    wait_until(lambda: "@vision/node/silent" in living_nodes(client), 10)
+    between.close()
 
 
 def test_closing_does_not_wait_for_an_attempt_that_is_not_answered(
