@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.library import header
+from tests.support.headers import header
 from tests.support.listening import Listener, ask
 from tests.support.track_walks import track
 from tests.support.waiting import wait_until
