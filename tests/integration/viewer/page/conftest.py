@@ -22,10 +22,17 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A synthetic camera with tracker and edge detector; one for all tests of a module."""
+def system(
+    browser: Any, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Iterator[Running]:
+    """A synthetic camera with tracker and edge detector; one for all tests of a module.
+
+    A module that needs the usual rate says so as ``RATE_HZ``: at 30 Hz, Chromium and all that it
+    shows take half of a core for as long as a page is open.
+    """
     with running(tmp_path_factory.mktemp("system")) as found:
-        for service in ("camera", "tracker", "edge"):
+        found.service("camera", "--rate", getattr(request.module, "RATE_HZ", 10))
+        for service in ("tracker", "edge"):
             found.service(service)
         yield found
 
