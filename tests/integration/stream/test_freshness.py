@@ -16,7 +16,7 @@ import pytest
 import zenoh
 
 from tests.support.listening import Listener, balance, newest, open_client, wait_for_nodes
-from tests.support.processes import ROOT, Program
+from tests.support.processes import Program
 from tests.support.publishing import Paced, PlainCamera
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision.node.node import Node
@@ -33,6 +33,7 @@ FROZEN_S = 4.5
 
 
 READERS = 16
+LISTENER = "tests.support.containers.listener"
 
 
 @pytest.mark.quiet
@@ -151,7 +152,7 @@ def wall(at_s: float) -> float:
     return time.time() - time.monotonic() + at_s
 
 
-@pytest.mark.alone
+@pytest.mark.quiet
 def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
     # Frames of 0.7 MB fill the buffers on the way to it long before its lease of 2 s is over.
     noise = np.random.default_rng(1).integers(0, 256, (720, 1280, 3), np.uint8)
@@ -192,7 +193,6 @@ def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
 ):
     raw, small = "vision/front/image", "vision/front/centroid"
     first = zenoh.CongestionControl.BLOCK_FIRST
-    program = ROOT / "tests/support/containers/listener.py"
 
     def send() -> None:
         header = msgpack.packb({"epoch": 0, "seq": 0, "stamp_ns": time.time_ns()})
@@ -202,7 +202,9 @@ def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
     with ExitStack() as ending, open_client(router.endpoint) as other, Paced(30, send):
         arrived = Listener(other, small)
         readers = [
-            ending.enter_context(Program([program, router.endpoint, raw], tmp_path, f"reader{n}"))
+            ending.enter_context(
+                Program([router.endpoint, raw], tmp_path, f"reader{n}", forked=LISTENER)
+            )
             for n in range(READERS)
         ]
         for reader in readers:
@@ -225,13 +227,14 @@ def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
 
 @pytest.mark.quiet
 def test_a_reader_of_everything_that_freezes_holds_up_nobody(router, client, service, tmp_path):
-    program = ROOT / "tests/support/containers/listener.py"
     for name in ("camera", "tracker", "edge"):
         service(name, *(("--width", 320, "--height", 240) if name == "camera" else ()))
     wait_for_nodes(client, "camera_front", "tracker_front", "edge_front")
     names = ("image/compressed", "centroid", "edges/compressed")
     arrived = [Listener(client, f"vision/front/{name}") for name in names]
-    with Program([program, router.endpoint, "vision/front/**"], tmp_path, "reader") as reader:
+    with Program(
+        [router.endpoint, "vision/front/**"], tmp_path, "reader", forked=LISTENER
+    ) as reader:
         wait_until(lambda: reader.output.count("\n") > 500)
         begun_s = time.monotonic()
         os.kill(reader.process.pid, signal.SIGSTOP)
