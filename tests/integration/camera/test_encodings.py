@@ -89,7 +89,7 @@ def header_now(seq: int, epoch: int, encoding: str) -> Header:
 def test_published_pixels_arrive_exactly_on_the_raw_key(router, client, encoding):
     pixels = pixels_in(encoding)
     raws, images = Listener(client, RAW), Listener(client, COMPRESSED)
-    connection = Connection(connect=router.endpoint, timeout_s=5)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
     epoch, numbers = time.time_ns(), iter(range(1_000_000))
 
     def sent() -> bool:
@@ -108,7 +108,7 @@ def test_published_pixels_arrive_exactly_on_the_raw_key(router, client, encoding
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_node_that_takes_the_raw_key_gets_the_pixels_exactly(router, client, encoding):
     pixels = pixels_in(encoding)
-    connection = Connection(connect=router.endpoint, timeout_s=5)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
     sent = header_now(0, time.time_ns(), encoding)
 
     def put() -> None:
@@ -168,7 +168,7 @@ def test_a_camera_of_colours_takes_no_encoding_of_depth_at_its_start_or_later(
     router, client, service, tmp_path
 ):
     assert cv2.imwrite(str(tmp_path / "colour.png"), scene(7))
-    connection = Connection(connect=router.endpoint, timeout_s=5)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
     refused = "encoding = 16UC1 is depth, but the source delivers bgr8"
     flags = ("--source", tmp_path, "--loop", "--rate", 20)
     with pytest.raises(ConfigurationError, match=f"{refused}; allowed: mono8, mono16, bgr8"):
