@@ -21,7 +21,13 @@ from tests.support.processes import CAMERA_SIZE
 
 ROOT = Path(__file__).parents[1]
 PAGE = "tests/integration/viewer/page/"
-LONGEST_FIRST = (PAGE, "tests/integration/launcher/", "tests/integration/", "tests/docs/")
+LONGEST_FIRST = (
+    PAGE,
+    "tests/integration/launcher/",
+    "tests/integration/",
+    "tests/docs/",
+    "tests/zv/tracker/",
+)
 OPENCV_DOC = Path("/usr/share/doc/opencv-doc/examples/data")
 LATER = ("quiet", "alone")
 """Marks of the tests that ``make tests`` runs after the others."""

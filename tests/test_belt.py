@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures.belt import COLOURS, Belt
+from tests.support.pictures.belt import Belt
+from tests.support.pictures.belt_objects import COLOURS
 
 DISTORTION = (-0.22, 0.06, 0.001, -0.0008, 0.0)
 

@@ -17,14 +17,14 @@ MAX_MESSAGE_BYTES = 1 << 20
 class Message(BaseModel):
     """Base of every message: frozen, strictly typed, unknown fields ignored.
 
-    Subclasses set ``schema_name``, the versioned name in the Zenoh encoding, and ``omit_none`` if
-    they leave out fields that do not apply.
+    Subclasses set ``schema_name``, the versioned name in the Zenoh encoding, and ``omit_nil``, the
+    optional fields that they leave out while these are nil.
     """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False)
 
     schema_name: ClassVar[str] = ""
-    omit_none: ClassVar[bool] = False
+    omit_nil: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def short_name(cls) -> str:
@@ -33,7 +33,14 @@ class Message(BaseModel):
 
     def to_map(self) -> dict[str, Any]:
         """Return the fields as they are sent."""
-        return self.model_dump(exclude_none=self.omit_none)
+        return self._sent()
+
+    def _sent(self, exclude: set[str] | None = None) -> dict[str, Any]:
+        fields = self.model_dump(exclude=exclude)
+        for name in self.omit_nil:
+            if fields[name] is None:
+                del fields[name]
+        return fields
 
     def to_bytes(self) -> bytes:
         """Return the message as msgpack bytes."""

@@ -6,7 +6,6 @@ full-resolution pixels, origin top left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import IntEnum
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
@@ -52,7 +51,7 @@ class Header(Message):
     """
 
     schema_name: ClassVar[str] = "vision.Header.v1"
-    omit_none: ClassVar[bool] = True
+    omit_nil: ClassVar[tuple[str, ...]] = ("encoding", "received_ns", "done_ns", "assumed")
 
     camera: Name
     epoch: Annotated[int, Field(ge=-(2**63), lt=2**63, description="start of the source's run, ns")]
@@ -105,14 +104,7 @@ class Stamped(Message):
 
     def to_map(self) -> dict[str, Any]:
         """Return the map on the wire, the header in its short form."""
-        return {**self.model_dump(exclude={"header"}), "header": self.header.to_map()}
-
-
-def _without_nil(fields: dict[str, Any], optional: Sequence[str]) -> dict[str, Any]:
-    """Return the fields of a message without those of the optional ones that are nil."""
-    return {
-        name: value for name, value in fields.items() if value is not None or name not in optional
-    }
+        return {**self._sent({"header"}), "header": self.header.to_map()}
 
 
 class Centroid(Stamped):
@@ -162,20 +154,18 @@ class Tracks(Stamped):
     """All moving objects of one frame, and the counts of zones and lines after it."""
 
     schema_name: ClassVar[str] = "vision.Tracks.v1"
+    omit_nil: ClassVar[tuple[str, ...]] = ("zones", "lines")
 
     tracks: Many[Track]
     zones: Annotated[dict[str, ZoneCount], Field(max_length=100)] | None = None
     lines: Annotated[dict[str, LineCount], Field(max_length=100)] | None = None
-
-    def to_map(self) -> dict[str, Any]:
-        """Return the map on the wire, without the counts if there are none."""
-        return _without_nil(super().to_map(), ("zones", "lines"))
 
 
 class TrackEvent(Stamped):
     """Something happened to a track: it started, ended, crossed a line, changed zone."""
 
     schema_name: ClassVar[str] = "vision.TrackEvent.v1"
+    omit_nil: ClassVar[tuple[str, ...]] = ("stamp_ns", "count", "inside", "dwell_s", "world")
 
     event: Annotated[str, Field(max_length=64)]
     id: Count
@@ -195,10 +185,6 @@ class TrackEvent(Stamped):
     inside: Annotated[Count | None, Field(description="objects in the zone after it")] = None
     dwell_s: Annotated[float | None, Field(ge=0, description="stay in the zone so far")] = None
     world: tuple[float, float] | None = None
-
-    def to_map(self) -> dict[str, Any]:
-        """Return the map on the wire, without what does not apply of the newer fields."""
-        return _without_nil(super().to_map(), ("stamp_ns", "count", "inside", "dwell_s", "world"))
 
 
 class CameraInfo(Stamped):
@@ -303,6 +289,7 @@ class Diagnostics(Message):
     """Health of one node, once a second; the counters are totals since its start."""
 
     schema_name: ClassVar[str] = "vision.Diagnostics.v1"
+    omit_nil: ClassVar[tuple[str, ...]] = ("latency_histogram_ms", "transport")
 
     node: str
     stamp_ns: Nanoseconds
@@ -319,14 +306,6 @@ class Diagnostics(Message):
         str | None,
         Field(description="how its frames come: shm, jpeg or raw; several with commas between"),
     ] = None
-
-    def to_map(self) -> dict[str, Any]:
-        """Return the map on the wire, without a histogram and a transport if there is none."""
-        fields = self.model_dump()
-        for name in ("latency_histogram_ms", "transport"):
-            if fields[name] is None:
-                del fields[name]
-        return fields
 
 
 class Parameter(Message):
@@ -370,7 +349,7 @@ class NodeDescription(Message):
     """Who a node is and which keys it publishes and subscribes (``Node`` in the contract)."""
 
     schema_name: ClassVar[str] = "vision.Node.v1"
-    omit_none: ClassVar[bool] = True
+    omit_nil: ClassVar[tuple[str, ...]] = ("stamp_ns", "rate_hz", "pipeline")
 
     node: str
     service: str

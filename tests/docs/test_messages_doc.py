@@ -36,6 +36,9 @@ edition = "2021"
 [dependencies]
 rmp-serde = "1"
 serde = { version = "1", features = ["derive"] }
+
+[profile.dev]
+debug = false
 """
 
 

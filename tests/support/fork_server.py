@@ -4,12 +4,14 @@ A new interpreter takes longer to load a service than most tests take, and most 
 Tests of what a start loads, and of signals during a start, begin an interpreter all the same.
 
 Each process has a keeper between itself and the server: it waits for the process and writes the
-exit status to a file, as only a parent can know it.
+exit status to a file, as only a parent can know it. If the tests end in the middle, the server ends
+too, with it the keepers, and with these their processes: what ran on would disturb the next tests.
 """
 
 from __future__ import annotations
 
 import atexit
+import ctypes
 import gc
 import importlib
 import json
@@ -32,6 +34,7 @@ ZV = "zv.cli.main"
 """The module whose ``main`` is ``zv``."""
 
 POLL_S = 0.005
+PR_SET_PDEATHSIG = 1
 
 
 class ForkedProcess:
@@ -161,20 +164,29 @@ def serve() -> Callable[[], None] | None:
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1):
         os.dup2(nothing, stream)
+    server = os.getpid()
     for line in orders:
         order = json.loads(line)
-        keeper = os.fork()
-        if keeper:
+        if os.fork():
             continue
+        end_with(server)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        pid = os.fork()
-        if pid:
+        keeper = os.getpid()
+        if pid := os.fork():
             print(pid, file=answers, flush=True)
             _, status = os.waitpid(pid, 0)
             Path(order["status"]).write_text(f"{os.waitstatus_to_exitcode(status)}\n")
             os._exit(0)
+        end_with(keeper)
         return prepared(order)
     return None
+
+
+def end_with(parent: int) -> None:
+    """Have Linux kill this process when its parent ends, in whatever way."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it has ended already
+        os._exit(1)
 
 
 def prepared(order: dict[str, Any]) -> Callable[[], None]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.library import NOW_NS, header
+from tests.support.headers import NOW_NS, header
 from zenoh_vision.image.codecs import encode_jpeg
 from zenoh_vision.stream.buffer import Buffering, latest
 from zenoh_vision.stream.counters import FrameCounters

@@ -1,4 +1,4 @@
-"""What tests of the library share: headers, changed bytes, settings of every type."""
+"""What tests of the library share: gates, changed bytes, settings of every type."""
 
 from __future__ import annotations
 
@@ -14,21 +14,6 @@ from zenoh_vision.config.settings import FromText, ServiceSettings
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.epoch_gate import EpochGate
-
-NOW_NS = 1_750_000_000_000_000_000
-
-
-def header(seq: int = 0, epoch: int = 100, **changes: object) -> Header:
-    fields = {
-        "camera": "front",
-        "epoch": epoch,
-        "seq": seq,
-        "stamp_ns": NOW_NS,
-        "width": 64,
-        "height": 48,
-        "encoding": "bgr8",
-    }
-    return Header.from_map(fields | changes)
 
 
 def seen(gate: EpochGate, found: Header, at_s: float = 0.0) -> Header:

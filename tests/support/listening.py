@@ -140,6 +140,16 @@ def newest(session: zenoh.Session, key: str, deadline_s: float = DEADLINE_S) -> 
     return wait_until(lambda: ask(session, key), deadline_s, lambda: f"no reply on {key}")[0]
 
 
+def report_after(session: zenoh.Session, node: str, at_ns: int) -> Message:
+    """Return a node's newest report, as soon as there is one that was made after a time."""
+
+    def made() -> Message | None:
+        report = newest(session, f"@vision/diagnostics/{node}")
+        return report if report.body["stamp_ns"] > at_ns else None
+
+    return wait_until(made)
+
+
 def wait_for_nodes(session: zenoh.Session, *nodes: str, deadline_s: float = DEADLINE_S) -> None:
     """Wait until all these nodes have shown their tokens."""
     wanted = {f"@vision/node/{node}" for node in nodes}

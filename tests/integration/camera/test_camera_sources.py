@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import zenoh
 
-from tests.support.listening import Listener, Message, balance, newest, wait_for_nodes
+from tests.support.listening import Listener, Message, balance, report_after, wait_for_nodes
 from tests.support.pictures.http_camera import HttpCamera, picture
 from tests.support.processes import START_S, STOP_S
 from tests.support.waiting import wait_until
@@ -79,10 +79,8 @@ def test_a_looped_file_is_a_new_epoch_each_time(client, lossless_service, video)
     images = Listener(client, IMAGE)
     lossless_service("camera", "--source", video, "--loop", "--rate", 30)
     wait_until(lambda: len(numbers_by_epoch(images.messages)) >= 4)
-    seen, seen_ns = images.messages, time.time_ns()
-    health = wait_until(
-        lambda: (found := newest(client, HEALTH).body)["stamp_ns"] > seen_ns and found
-    )
+    seen = images.messages
+    health = report_after(client, "camera_front", time.time_ns()).body
     check_identities(seen)
     complete = list(numbers_by_epoch(seen).values())[1:-1]
     for numbers in complete:

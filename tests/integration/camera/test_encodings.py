@@ -12,6 +12,7 @@ import msgpack
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.listening import Listener, Message, newest
 from tests.support.pictures.encoded import HEIGHT, WIDTH, scene
 from tests.support.publishing import Paced
@@ -79,24 +80,20 @@ def check_compressed(compressed: Message, pixels: np.ndarray, encoding: str) -> 
     assert np.abs(shown.astype(int) - expected).mean() < 4
 
 
+def header_now(seq: int, epoch: int, encoding: str) -> Header:
+    changes = {"width": WIDTH, "height": HEIGHT, "encoding": encoding}
+    return header(seq, epoch, stamp_ns=time.time_ns(), **changes)
+
+
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_published_pixels_arrive_exactly_on_the_raw_key(router, client, encoding):
     pixels = pixels_in(encoding)
     raws, images = Listener(client, RAW), Listener(client, COMPRESSED)
-    connection = Connection(connect=router.endpoint, timeout_s=5)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
     epoch, numbers = time.time_ns(), iter(range(1_000_000))
 
     def sent() -> bool:
-        header = Header(
-            camera="front",
-            epoch=epoch,
-            seq=next(numbers),
-            stamp_ns=time.time_ns(),
-            width=WIDTH,
-            height=HEIGHT,
-            encoding=encoding,
-        )
-        node.publish_frame(Frame(header, pixels=pixels))
+        node.publish_frame(Frame(header_now(next(numbers), epoch, encoding), pixels=pixels))
         return bool(raws.messages and images.messages)
 
     with Node("camera", connection=connection, publishes=["image/compressed", "image"]) as node:
@@ -111,23 +108,15 @@ def test_published_pixels_arrive_exactly_on_the_raw_key(router, client, encoding
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_node_that_takes_the_raw_key_gets_the_pixels_exactly(router, client, encoding):
     pixels = pixels_in(encoding)
-    connection = Connection(connect=router.endpoint, timeout_s=5)
-    header = Header(
-        camera="front",
-        epoch=time.time_ns(),
-        seq=0,
-        stamp_ns=time.time_ns(),
-        width=WIDTH,
-        height=HEIGHT,
-        encoding=encoding,
-    )
+    connection = Connection(connect=router.endpoint, timeout_s=20)
+    sent = header_now(0, time.time_ns(), encoding)
 
     def put() -> None:
         client.put(
             RAW,
             pixels.tobytes(),
             encoding="application/octet-stream;vision.Image.v1",
-            attachment=header.to_bytes(),
+            attachment=sent.to_bytes(),
         )
 
     with Node("taker", connection=connection) as node, Paced(50, put):
@@ -179,7 +168,7 @@ def test_a_camera_of_colours_takes_no_encoding_of_depth_at_its_start_or_later(
     router, client, service, tmp_path
 ):
     assert cv2.imwrite(str(tmp_path / "colour.png"), scene(7))
-    connection = Connection(connect=router.endpoint, timeout_s=5)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
     refused = "encoding = 16UC1 is depth, but the source delivers bgr8"
     flags = ("--source", tmp_path, "--loop", "--rate", 20)
     with pytest.raises(ConfigurationError, match=f"{refused}; allowed: mono8, mono16, bgr8"):

@@ -20,7 +20,7 @@ from tests.support.listening import Listener, living_nodes, open_client
 from tests.support.processes import ROOT, START_S, STOP_S, Program, environment
 from tests.support.routing import free_endpoint
 from tests.support.terminal import Terminal
-from tests.support.waiting import wait_until
+from tests.support.waiting import POLL_S, wait_until
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.session import open_session
 
@@ -162,6 +162,7 @@ def test_a_router_that_cannot_listen_after_all_ends_everything_with_2(tmp_path):
         while program.process.poll() is None:
             with suppress(psutil.NoSuchProcess):  # it has just ended
                 started += [child for child in children(program) if child not in started]
+            time.sleep(POLL_S)
         assert program.process.poll() == 2
         assert started
         assert not running(started)

@@ -52,7 +52,7 @@ def says(file: Path) -> str:
 def fresh(file: Path) -> bool:
     """Tell whether it is written anew: the file found now is removed, and one comes."""
     file.unlink()
-    return wait_until(lambda: says(file) == "ok\n", 5)
+    return wait_until(lambda: says(file) == "ok\n")
 
 
 def test_who_waits_for_a_router_is_well_and_ends_when_told(tmp_path, health):
@@ -66,7 +66,7 @@ def test_who_waits_for_a_router_is_well_and_ends_when_told(tmp_path, health):
 def test_who_has_nothing_to_process_is_well_however_long(router, health, monkeypatch):
     monkeypatch.setenv("ZV_HEALTH_FILE", str(health))
     monkeypatch.setattr("zenoh_vision.health.health.STUCK_S", STUCK_S)
-    with Node("idle", connection=Connection(router.endpoint, timeout_s=5)) as node:
+    with Node("idle", connection=Connection(router.endpoint, timeout_s=20)) as node:
         worker = threading.Thread(target=lambda: list(node.frames()))
         worker.start()
         try:
@@ -96,7 +96,7 @@ def test_a_loop_that_is_stuck_in_a_frame_is_trouble_and_an_error(
     monkeypatch.setattr("zenoh_vision.health.health.STUCK_S", STUCK_S)
     camera = PlainCamera(client)
     release, stuck = threading.Event(), threading.Event()
-    node = Node("slow", connection=Connection(router.endpoint, timeout_s=5))
+    node = Node("slow", connection=Connection(router.endpoint, timeout_s=20))
 
     def loop() -> None:
         for _ in node.frames():

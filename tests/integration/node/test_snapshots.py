@@ -181,7 +181,7 @@ class OwnCamera:
 
 @pytest.fixture
 def camera(router) -> Iterator[OwnCamera]:
-    connection = Connection(connect=router.endpoint, timeout_s=5)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
     with Node("camera", connection=connection, publishes=["image/compressed", "image"]) as node:
         yield OwnCamera(node)
 

@@ -24,6 +24,7 @@ from tests.support.listening import (
     living_nodes,
     newest,
     open_client,
+    report_after,
     wait_for_nodes,
 )
 from tests.support.processes import Program
@@ -165,11 +166,7 @@ def test_there_is_one_centroid_for_every_processed_frame_also_when_nothing_moves
     def lost(after_ns: int) -> int:
         """Return what the tracker had missed and dropped in all, by a report after a time."""
 
-        def counters() -> dict[str, int] | None:
-            found = newest(system.client, "@vision/diagnostics/tracker_front").body
-            return found["counters"] if found["stamp_ns"] > after_ns else None
-
-        found = wait_until(counters)
+        found = report_after(system.client, "tracker_front", after_ns).body["counters"]
         return found.get("missed", 0) + drops(found)
 
     before = lost(0)

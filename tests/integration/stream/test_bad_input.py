@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from tests.integration.conftest import QUICK_ZV, a_router, some_services
-from tests.support.listening import Listener, newest, open_client, wait_for_nodes
+from tests.support.listening import Listener, newest, open_client, report_after, wait_for_nodes
 from tests.support.pictures.encoded import PICTURES, damaged, forged_size
 from tests.support.processes import Program, peak_bytes
 from tests.support.publishing import IMAGE_KEY, PlainCamera
@@ -168,13 +168,8 @@ class System:
 
     def _counters_now(self, node: str) -> dict[str, int]:
         """Return the counters by a health message that was made after this call."""
-        after_ns = time.time_ns()
-
-        def fresh() -> dict[str, int]:
-            body = newest(self.client, f"@vision/diagnostics/{node}").body
-            return body["counters"] if body["stamp_ns"] > after_ns else {}
-
-        return wait_until(fresh, 5)
+        counters: dict[str, int] = report_after(self.client, node, time.time_ns()).body["counters"]
+        return counters
 
 
 @pytest.fixture(scope="module")

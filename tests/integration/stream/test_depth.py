@@ -9,6 +9,7 @@ import msgpack
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.listening import Listener, open_client
 from tests.support.publishing import Paced, wait_for_subscriber
 from tests.support.waiting import in_time, wait_until
@@ -28,22 +29,15 @@ def connection(router) -> Connection:
     return Connection(router.endpoint, timeout_s=10)
 
 
-def header(seq: int, encoding: str, width: int = 4, height: int = 1) -> Header:
-    return Header(
-        camera="front",
-        epoch=1_000,
-        seq=seq,
-        stamp_ns=time.time_ns(),
-        width=width,
-        height=height,
-        encoding=encoding,
-    )
+def header_now(seq: int, encoding: str, width: int = 4, height: int = 1) -> Header:
+    changes = {"width": width, "height": height, "encoding": encoding}
+    return header(seq, stamp_ns=time.time_ns(), **changes)
 
 
 def test_depth_in_metres_is_sent_raw_in_metres_and_compressed_in_millimetres(client, connection):
     compressed, raw = Listener(client, KEY), Listener(client, "vision/front/image")
     with Node("camera", connection=connection, publishes=[COMPRESSED, RAW]) as camera:
-        frame = Frame(header(0, "32FC1"), pixels=METRES)
+        frame = Frame(header_now(0, "32FC1"), pixels=METRES)
         wait_until(lambda: camera.publish_frame(frame) and compressed.messages and raw.messages)
     sent = raw.messages[0]
     assert sent.header["encoding"] == "32FC1"
@@ -57,7 +51,7 @@ def test_a_nodes_settings_say_which_values_become_8_bits(client, connection):
     numbers = iter(range(10**6))
 
     def send() -> None:
-        attachment = header(next(numbers), "16UC1").to_bytes()
+        attachment = header_now(next(numbers), "16UC1").to_bytes()
         client.put(KEY, codecs.encode_png(ROOM), encoding="image/png", attachment=attachment)
 
     with (
@@ -79,7 +73,7 @@ def test_a_node_without_these_settings_gets_16_bits_scaled_as_a_whole(client, co
     with Node("taker", connection=connection) as node:
         frames = in_time(node, iter(node.frames(want="gray")))
         wait_for_subscriber(client, KEY)
-        attachment = header(0, "mono16").to_bytes()
+        attachment = header_now(0, "mono16").to_bytes()
         client.put(KEY, codecs.encode_png(ROOM), encoding="image/png", attachment=attachment)
         assert next(frames).gray.tolist() == [[0, 8, 10, 12]]
 
@@ -96,7 +90,7 @@ def test_a_tracker_of_depth_publishes_centroids(router, service, client):
         if seq > 60:
             left = 10 + 4 * (seq % 25)
             room[40:80, left : left + 30] = 2300
-        attachment = header(seq, "16UC1", 160, 120).to_bytes()
+        attachment = header_now(seq, "16UC1", 160, 120).to_bytes()
         client.put(KEY, codecs.encode_png(room), encoding="image/png", attachment=attachment)
 
     with open_client(router.endpoint) as other, Paced(30, send):

@@ -84,7 +84,7 @@ def publishing(node: Node) -> Iterator[Node]:
 def schema(endpoint: str, capsys, name: str | None = None, **form: bool) -> str:
     capsys.readouterr()
     options = SchemaOptions(name=name)
-    schema_tool.run(options, Connection(endpoint, timeout_s=5), Output(**form))
+    schema_tool.run(options, Connection(endpoint, timeout_s=20), Output(**form))
     out: str = capsys.readouterr().out
     return out
 

@@ -193,7 +193,7 @@ def test_on_a_key_that_nobody_publishes_it_says_how_the_wait_ends(endpoint, clie
             client.put("nobody/here", "late", encoding="text/plain")
 
     options = EchoOptions(key="nobody/here", once=True)
-    echo.run(options, Connection(endpoint, timeout_s=5), Answering())
+    echo.run(options, Connection(endpoint, timeout_s=20), Answering())
     assert len(notes) == 1
     assert notes[0].endswith(" waiting for it (Ctrl-C ends it, --for 5s limits it)")
 

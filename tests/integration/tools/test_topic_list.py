@@ -36,7 +36,7 @@ from zv.tools.topic.options import (
 
 
 def test_one_does_not_count_oneself_among_the_subscribers(endpoint, client):
-    with ToolSession(Connection(connect=endpoint, timeout_s=5)) as session:
+    with ToolSession(Connection(connect=endpoint, timeout_s=20)) as session:
         session.subscribe("vision/c/centroid", lambda _: None)
         client.declare_subscriber("vision/*/centroid", lambda _: None)
 

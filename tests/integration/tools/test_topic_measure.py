@@ -40,7 +40,7 @@ def arrived(
     endpoint: str, patterns: list[str], send: Callable[[], None], count: int
 ) -> list[StreamStatistics]:
     """Return the streams after ``send`` has sent so many messages that match."""
-    with ToolSession(Connection(connect=endpoint, timeout_s=5)) as session:
+    with ToolSession(Connection(connect=endpoint, timeout_s=20)) as session:
         monitor = StreamMonitor(session, patterns)
         # The router has the subscription before it answers a later query.
         session.ask("@/*/router")
@@ -217,7 +217,7 @@ def test_it_says_which_key_it_waits_for_beside_one_that_is_well(endpoint, client
     monkeypatch.setattr(measure, "PERIOD_S", 0.05)
     key, heard = "vision/c/image/compressed", Heard()
     with Paced(50, counting(client, key)):
-        run(HzOptions(keys=(key, "vision/d/*")), Connection(endpoint, timeout_s=5), heard)
+        run(HzOptions(keys=(key, "vision/d/*")), Connection(endpoint, timeout_s=20), heard)
     (note,) = (each for each in heard.notes if "matches vision/d/*" in each)
     assert note.startswith("nothing matches vision/d/*")
     assert note.endswith(" waiting for it (Ctrl-C ends it, --for 5s limits it)")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.library import header
+from tests.support.headers import header
 from tests.support.listening import Listener, ask
 from tests.support.track_walks import track
 from tests.support.waiting import wait_until
@@ -29,7 +29,7 @@ SETTINGS = TrackerSettings(lines="gate 100,0 100,200", zones="belt 110,0 200,0 2
 
 @pytest.fixture
 def node(router) -> Iterator[Node]:
-    connection = Connection(connect=router.endpoint, timeout_s=5)
+    connection = Connection(connect=router.endpoint, timeout_s=20)
     with Node("tracker", connection=connection, publishes=["events"]) as opened:
         yield opened
 
@@ -128,7 +128,7 @@ def test_a_tracker_goes_on_after_the_cameras_clock_was_set_back(router):
     revision = live.activate()
     node = Node(
         "tracker",
-        connection=Connection(connect=router.endpoint, timeout_s=5),
+        connection=Connection(connect=router.endpoint, timeout_s=20),
         publishes=published_by("tracker"),
         parameters=live,
     )

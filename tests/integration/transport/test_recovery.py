@@ -18,6 +18,7 @@ from tests.support.listening import (
     drops,
     newest,
     open_client,
+    report_after,
     wait_for_nodes,
 )
 from tests.support.publishing import PlainCamera
@@ -142,9 +143,10 @@ def test_after_the_routers_death_under_load_all_flows_are_back_within_1_s(
 
 
 def all_done(client: zenoh.Session, node: str) -> dict[str, int]:
-    """Return the counters of a node as soon as nothing is pending in two reports in a row."""
-    reports = [newest(client, f"@vision/diagnostics/{node}").body["counters"] for _ in range(2)]
-    return reports[0] if reports[0] == reports[1] and not reports[0]["pending"] else {}
+    """Return the counters of a node if nothing is pending, and its next report has the same."""
+    first = report_after(client, node, 0).body
+    counters: dict[str, int] = report_after(client, node, first["stamp_ns"]).body["counters"]
+    return counters if counters == first["counters"] and not counters["pending"] else {}
 
 
 def health_back_s(client: zenoh.Session, node: str, since_s: float) -> float:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import http.client
 import json
 import signal
-import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from email.utils import parsedate_to_datetime
-from functools import partial
 from itertools import pairwise
 
 import cv2
@@ -22,19 +20,17 @@ import zenoh
 from tests.integration.conftest import Service
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, Message, living_nodes
-from tests.support.pictures.encoded import jpeg
 from tests.support.processes import STOP_S, Program
 from tests.support.publishing import PlainCamera
 from tests.support.routing import Router, free_port
 from tests.support.viewer.client import IMAGE, Answer, Part, Viewer, parts
 from tests.support.waiting import wait_until
 from zenoh_vision.image import codecs
-from zv.viewer.streams.registry import MAX_HELD_BYTES
-from zv.viewer.web_video_server.handlers import MAX_SNAPSHOTS
 
 TOPIC = "topic=/front/image/compressed"
 NODE = "@vision/node/viewer"
 COUNTERS = "@vision/diagnostics/viewer"
+GET_STREAM = f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
 
 
 def until_there(viewer: Viewer, topic: str = TOPIC) -> None:
@@ -172,11 +168,10 @@ def test_a_client_that_stops_reading_delays_nobody_and_then_sees_the_newest(view
     health = Listener(client, COUNTERS)
     with (
         camera.at(60),
-        socket.create_connection(("127.0.0.1", viewer.port)) as stalled,
+        viewer.deaf() as stalled,
     ):
         until_there(viewer)
-        stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
-        stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        stalled.sendall(GET_STREAM)
         with viewer.stream(TOPIC) as pictures:
             first = next(pictures).seq
             while next(pictures).seq < first + 120:  # 2 s at 60 Hz
@@ -204,8 +199,7 @@ def test_a_client_that_takes_nothing_any_more_is_left_and_its_subscription_ends(
     camera = PlainCamera(client, pictures=(codecs.encode_jpeg(noise, "bgr8", 95),))  # > 1 MB
     with camera.at(15), ExitStack() as clients:
         until_there(viewer)
-        stalled = clients.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
-        stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+        stalled = clients.enter_context(viewer.deaf())
         if by_page:
             stalled.sendall(
                 b"GET /live HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\n"
@@ -216,7 +210,7 @@ def test_a_client_that_takes_nothing_any_more_is_left_and_its_subscription_ends(
             # One masked frame of text, the mask being 0.
             stalled.sendall(bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text)
         else:
-            stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+            stalled.sendall(GET_STREAM)
         wait_until(lambda: subscribers(client, IMAGE) == 1)
         wait_until(lambda: subscribers(client, IMAGE) == 0)
 
@@ -239,50 +233,6 @@ def test_a_snapshot_says_which_frame_it_is_and_how_old(shown):
         )
     )
     assert later.headers["etag"] != headers["etag"]
-
-
-def test_snapshots_that_nobody_reads_hold_a_bounded_number_of_bytes(viewer: Viewer, client):
-    noise = np.random.default_rng(1).integers(0, 255, (2304, 4096, 3), np.uint8)
-    large = jpeg(noise, 85)
-    key = "vision/large/image/compressed"
-    most = MAX_HELD_BYTES // len(large)
-    assert 2 <= most < MAX_SNAPSHOTS
-    path = "/snapshot?topic=/large/image/compressed&type=ros_compressed"
-    with (
-        client.declare_queryable(key, partial(_reply, key, large)),
-        ExitStack() as readers,
-    ):
-        wait_until(lambda: viewer.get(path).status == 200)
-        for _ in range(most):
-            deaf = readers.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
-            deaf.sendall(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
-            assert deaf.recv(12) == b"HTTP/1.1 200"  # the rest waits in the viewer
-        refused = viewer.get(path)
-        assert refused.status == 503
-        assert f"the maximum is {MAX_HELD_BYTES}" in refused.text
-        readers.close()
-        wait_until(lambda: viewer.get(path).status == 200)
-
-
-def test_a_picture_over_the_limit_of_pixels_is_neither_shown_nor_a_snapshot(service, client):
-    viewer = Viewer(service("view", "--port", 0, "--max-pixels", 64 * 48))
-    good, large = (jpeg(np.zeros((48, width, 3), np.uint8)) for width in (64, 65))
-    camera = PlainCamera(client, pictures=(good, large))
-    answered = {"vision/a/image/compressed": good, "vision/b/image/compressed": large}
-    with ExitStack() as stack:
-        for key, picture in answered.items():
-            reply = partial(_reply, key, picture)
-            stack.enter_context(client.declare_queryable(key, reply))
-        wait_until(lambda: viewer.get("/snapshot?topic=/a/image/compressed").status == 200)
-        refused = viewer.get("/snapshot?topic=/b/image/compressed")
-        assert refused.status == 502
-        assert "too_large" in refused.text
-    with camera.at(30), viewer.stream("topic=/front/image/compressed&width=32") as pictures:
-        assert all(next(pictures).seq % 2 == 0 for _ in range(10))
-
-
-def _reply(key: str, picture: bytes, query: zenoh.Query) -> None:
-    query.reply(key, picture, encoding="image/jpeg")
 
 
 def fresh_snapshot(viewer: Viewer) -> Answer | None:
@@ -377,8 +327,7 @@ def test_told_to_stop_it_ends_with_0_whatever_its_clients_do(viewer, client):
         until_there(viewer)
         for _ in range(5):
             next(clients.enter_context(viewer.stream(TOPIC)))
-            stalled = clients.enter_context(socket.create_connection(("127.0.0.1", viewer.port)))
-            stalled.sendall(f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+            clients.enter_context(viewer.deaf()).sendall(GET_STREAM)
         assert viewer.program.interrupt() == 0
     (line,) = viewer.program.complaints.splitlines()
     assert "connected to the router at" in line

@@ -15,7 +15,7 @@ import numpy as np
 
 from tests.support.attacks.table import NODES, UNPUBLISHED_KEY, Attack, deep
 from tests.support.containers.witness import CENTROID, EDGES, IMAGE, STREAMS, Seen, Witness
-from tests.support.listening import balance, newest
+from tests.support.listening import balance, report_after
 from tests.support.viewer.client import Page, parts
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.messages import Diagnostics
@@ -97,15 +97,8 @@ class Observer:
     def health(self) -> dict[str, Diagnostics]:
         """Return the next report of each node itself; it is valid, and its counters balance."""
         asked_ns, found = time.time_ns(), {}
-
-        def fresh(node: str) -> Diagnostics | None:
-            said = Diagnostics.from_bytes(
-                newest(self.session, f"@vision/diagnostics/{node}").payload
-            )
-            return said if said.stamp_ns > asked_ns else None
-
         for node in NODES:
-            found[node] = wait_until(lambda node=node: fresh(node), DEADLINE_S, lambda n=node: n)
+            found[node] = Diagnostics.from_bytes(report_after(self.session, node, asked_ns).payload)
             assert balance(found[node].counters) == 0, found[node]
         return found
 

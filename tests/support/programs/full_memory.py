@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.support.headers import header
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
 from zenoh_vision.shm.machine import MEMORY, SharedMemoryError
 from zenoh_vision.shm.reader import FrameReader
 from zenoh_vision.shm.writer import FrameWriter
@@ -24,16 +24,8 @@ from zenoh_vision.stream.sample import Sample
 
 def frame(seq: int, width: int, height: int) -> Frame:
     """Return a frame whose values are its number."""
-    header = Header(
-        camera="front",
-        epoch=1,
-        seq=seq,
-        stamp_ns=time.time_ns(),
-        width=width,
-        height=height,
-        encoding="bgr8",
-    )
-    return Frame(header, pixels=np.full((height, width, 3), seq % 256, np.uint8))
+    sent = header(seq, stamp_ns=time.time_ns(), width=width, height=height)
+    return Frame(sent, pixels=np.full((height, width, 3), seq % 256, np.uint8))
 
 
 def write(writer: FrameWriter, *frames: Frame) -> str:

@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 
+from tests.support.headers import header
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
 from zenoh_vision.shm.reader import FrameReader
 from zenoh_vision.shm.writer import FrameWriter
 
@@ -18,16 +18,8 @@ def write(offer: str, width: int = 320, height: int = 240) -> None:
     writer = FrameWriter(offer)
     pixels = np.full((height, width, 3), 7, np.uint8)
     for seq in range(10**9):
-        header = Header(
-            camera="front",
-            epoch=1,
-            seq=seq,
-            stamp_ns=time.time_ns(),
-            width=width,
-            height=height,
-            encoding="bgr8",
-        )
-        writer.write(Frame(header, pixels=pixels))
+        sent = header(seq, stamp_ns=time.time_ns(), width=width, height=height)
+        writer.write(Frame(sent, pixels=pixels))
         print(seq, flush=True)
         time.sleep(0.01)
 

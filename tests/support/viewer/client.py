@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
+import socket
 import struct
 from collections.abc import AsyncIterator, Coroutine, Iterator
 from contextlib import asynccontextmanager, closing, contextmanager
@@ -90,6 +91,12 @@ class Viewer:
         with closing(connection), connection.getresponse() as answer:
             assert answer.status == 200, (answer.status, answer.read())
             yield parts(answer)
+
+    def deaf(self) -> socket.socket:
+        """Connect with a small buffer, which is soon full unless somebody reads from it."""
+        connected = socket.create_connection(("127.0.0.1", self.port))
+        connected.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+        return connected
 
     @asynccontextmanager
     async def page(

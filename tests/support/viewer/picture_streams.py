@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from tests.support.headers import header
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.health.health import Health
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffer, latest
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.epoch_gate import EpochGate
@@ -77,12 +77,9 @@ class Source:
 
     def comes(self, payload: bytes = JPEG, missed: int = 0, unverified: bool = False) -> None:
         self.number += 1
-        header = Header(
-            camera="front", epoch=1, seq=self.number, stamp_ns=time.time_ns(),
-            width=64, height=48, encoding="bgr8",
-        )  # fmt: skip
+        sent = header(self.number, stamp_ns=time.time_ns())
         stream = KeyStream(EpochGate("front"))
-        arrival = Arrival(Sample(KEY, payload), stream, header, unverified, self.number, missed)
+        arrival = Arrival(Sample(KEY, payload), stream, sent, unverified, self.number, missed)
         self._counters.arrive()
         self._buffer.put(arrival, KEY, unverified=unverified)
         self.stream._on_arrival()

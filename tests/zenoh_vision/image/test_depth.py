@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.support.library import header
+from tests.support.headers import header
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.depth import (
     WHOLE,

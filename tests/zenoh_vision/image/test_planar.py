@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.support.headers import header
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.planar import PlanarPicture, Planes
-from zenoh_vision.messages import Header
 
 GREEN = (145, 54, 34)  # of BT.601 in limited range: B, G, R = 0, 255, 0
 
@@ -80,10 +80,7 @@ def frame(counts: Counter[str], encoding: str = "bgr8") -> Frame:
         return np.full((48, 64, 3), (10, 200, 30), np.uint8)
 
     planar = PlanarPicture(plain(64, 48, GREEN), full_range=False, to_bgr=to_bgr)
-    header = Header(
-        camera="front", epoch=1, seq=0, stamp_ns=0, width=64, height=48, encoding=encoding
-    )
-    return Frame(header, planar=planar, quality=80)
+    return Frame(header(encoding=encoding), planar=planar, quality=80)
 
 
 def test_a_frame_of_planes_makes_pixels_only_if_they_are_asked_for_and_once():

@@ -8,7 +8,8 @@ from typing import Annotated, Any, ClassVar
 import pytest
 from pydantic import Field
 
-from tests.support.library import LampSettings, header
+from tests.support.headers import header
+from tests.support.library import LampSettings
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.errors import ParameterRefused

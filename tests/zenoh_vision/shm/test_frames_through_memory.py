@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.waiting import wait_until
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import ENCODINGS
@@ -33,17 +34,8 @@ WIDTH, HEIGHT = 64, 48
 
 
 def a_header(seq: int, encoding: str = "bgr8", width: int = WIDTH, height: int = HEIGHT) -> Header:
-    return Header(
-        camera="front",
-        epoch=1,
-        seq=seq,
-        stamp_ns=time.time_ns(),
-        width=width,
-        height=height,
-        encoding=encoding,
-        node="camera_front",
-        revision=0,
-    )
+    changes = {"width": width, "height": height, "encoding": encoding, "node": "camera_front"}
+    return header(seq, stamp_ns=time.time_ns(), **changes)
 
 
 def filled(seq: int, value: int, width: int = WIDTH, height: int = HEIGHT) -> Frame:

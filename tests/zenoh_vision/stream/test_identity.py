@@ -5,7 +5,8 @@ from __future__ import annotations
 import msgpack
 import pytest
 
-from tests.support.library import NOW_NS, header, seen
+from tests.support.headers import NOW_NS, header
+from tests.support.library import seen
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.epoch_gate import CLOCK_TOLERANCE_NS, SILENCE_NS, EpochGate

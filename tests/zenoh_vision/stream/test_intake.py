@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
+from tests.support.headers import NOW_NS, header
 from tests.support.intakes import JPEG, KEY, RAW_KEY, Taker, sample, take
-from tests.support.library import NOW_NS, header
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES

@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.intakes import FAR_NS, KEY, PIXELS, RAW_KEY, Taker, sample, take
-from tests.support.library import header
 from zenoh_vision.image.depth import ValueRange
 from zenoh_vision.stream.buffer import queue
 from zenoh_vision.stream.epoch_gate import SILENCE_NS

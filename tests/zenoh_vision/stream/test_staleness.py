@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.support.library import header
+from tests.support.headers import header
 from zenoh_vision.stream.epoch_gate import SETTLE_NS, EpochGate
 from zenoh_vision.stream.staleness import WINDOW_NS
 

@@ -10,7 +10,7 @@ from multiprocessing.shared_memory import SharedMemory
 
 import numpy as np
 
-from tests.support.library import NOW_NS, header
+from tests.support.headers import NOW_NS, header
 from zenoh_vision import Consumer, FrameCounters, FrameIntake, Header, Sample, queue
 
 KEY, PLACES, SIZE = "vision/front/image", 4, 48 * 64 * 3

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.library import header
+from tests.support.headers import header
 from zenoh_vision.messages import Header
 from zenoh_vision.transport.publisher import LazyPayload, Outgoing, encoded_picture
 

@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.pictures.encoded import SCENE
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import DISTANCES
 from zenoh_vision.image.planar import PlanarPicture
-from zenoh_vision.messages import Header, Track
+from zenoh_vision.messages import Track
 from zv.camera.convert import Converter, mirrored
 from zv.camera.sources.base import Picture
 
@@ -35,10 +36,8 @@ def frame_of(
     flip: str = "none",
     quality: int = 80,
 ) -> Frame:
-    header = Header(
-        camera="front", epoch=epoch, seq=0, stamp_ns=0, width=64, height=48, encoding=encoding
-    )
-    return converter.frame(header, picture, flip=flip, quality=quality)
+    sent = header(epoch=epoch, encoding=encoding)
+    return converter.frame(sent, picture, flip=flip, quality=quality)
 
 
 def converted(picture: Picture, encoding: str = "bgr8", flip: str = "none") -> Frame:

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.pictures.encoded import jpeg, scene
 from zenoh_vision.config.revisions import Revision
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import DEEP
-from zenoh_vision.messages import Header, Track
+from zenoh_vision.messages import Track
 from zv.camera.convert import Converter
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
@@ -39,17 +40,10 @@ class Camera:
         settings = self.settings
         captured = CapturedFrame(picture, epoch, self._seq, 0, Revision(0, settings))
         fitted, quality = self.limit.fit(captured, self._seq / 10)
-        header = Header(
-            camera="front",
-            epoch=epoch,
-            seq=self._seq,
-            stamp_ns=0,
-            width=fitted.width,
-            height=fitted.height,
-            encoding=settings.encoding,
-        )
+        size = {"width": fitted.width, "height": fitted.height}
+        sent = header(self._seq, epoch, encoding=settings.encoding, **size)
         self._seq += 1
-        frame = self._converter.frame(header, fitted, flip=settings.flip, quality=quality)
+        frame = self._converter.frame(sent, fitted, flip=settings.flip, quality=quality)
         return frame, self.limit.may_send(frame)
 
     def settle(self, picture: Picture, times: int = 100) -> list[tuple[Frame, bool]]:

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
 from zv.edge.detectors.available import DETECTORS
 from zv.edge.finding import EdgesOfFrame
 from zv.edge.settings import EdgeSettings
@@ -24,15 +24,12 @@ def test_map_and_steps_of_a_frame_take_the_memory_that_is_stated(detector: str):
     picture = np.asarray(
         cv2.resize(coarse, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST), np.uint8
     )
-    header = Header(
-        camera="a", epoch=0, seq=0, stamp_ns=0, width=WIDTH, height=HEIGHT, encoding="bgr8"
-    )
     settings = EdgeSettings.model_validate({"detector": detector})
     stated = re.search(r"(\d+) bytes a pixel", EdgeSettings.model_fields["max_pixels"].description)
     assert stated
     tracemalloc.start()  # OpenCV's results are NumPy's memory, which it follows
     try:
-        found = EdgesOfFrame(Frame(header, pixels=picture), settings)
+        found = EdgesOfFrame(Frame(header(width=WIDTH, height=HEIGHT), pixels=picture), settings)
         assert found.edges.any()
         for make in found.stages.values():
             make()

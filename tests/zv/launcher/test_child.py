@@ -13,9 +13,10 @@ import pytest
 from tests.support.routing import free_endpoint
 from tests.support.waiting import wait_until
 from zenoh_vision.host.backoff import Backoff
+from zenoh_vision.transport.connection import Connection
 from zv.launcher import child as child_module
 from zv.launcher.child import LONGEST_DELAY_S, Child
-from zv.launcher.command_line import zv_command_line
+from zv.launcher.command_line import program_command_line, zv_command_line
 
 
 def service_child(name: str, arguments: list[str], **options) -> Child:
@@ -55,9 +56,10 @@ def test_a_process_that_is_killed_is_started_again_after_a_delay_and_that_is_sai
     assert router.state == "running"
 
 
-def test_the_delay_doubles_up_to_half_a_minute(said, monkeypatch):
+def test_the_delay_doubles_up_to_half_a_minute(said, tmp_path, monkeypatch):
     monkeypatch.setattr(child_module, "FIRST_DELAY_S", 0.02)
-    child = service_child("x", ["camera", "--source", "/nonexistent"], say=said.append)
+    line = program_command_line("x", ["/bin/sh", "-c", "exit 3"], {}, tmp_path, Connection())
+    child = Child("x", line, say=said.append)
     child._backoff = Backoff(8.0, LONGEST_DELAY_S)
     delays = []
     for _ in range(4):

@@ -1,31 +1,59 @@
-"""One browser and one system for each module of tests of the page."""
+"""One browser for all tests of the page, and one system for each module."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.support.viewer.browser import Open, Running, Tab, running, start_chromium, tab
 
+FOLDER = Path(__file__).parent
+OPEN: dict[str, Any] = {}
+"""Chromium while tests of the page follow one another, and what closes it."""
+
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium, or the test is skipped.
+def browser() -> Any:
+    """Chromium, or the test is skipped; one for all modules, as long as it lives."""
+    if not OPEN or not OPEN["browser"].is_connected():
+        close()
+        starting = start_chromium()
+        OPEN.update(browser=next(starting), end=starting)
+    return OPEN["browser"]
 
-    Not for the whole session: while it is open, playwright's loop runs in this thread, and no
-    other test could run one.
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> None:
+    """Close Chromium before a test of something else.
+
+    While it is open, playwright's loop runs in this thread, and no other test could run one.
     """
-    yield from start_chromium()
+    if nextitem is None or not nextitem.path.is_relative_to(FOLDER):
+        close()
+
+
+def close() -> None:
+    if OPEN:
+        next(OPEN.pop("end"), None)
+        OPEN.clear()
 
 
 @pytest.fixture(scope="module")
-def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A synthetic camera with tracker and edge detector; one for all tests of a module."""
+def system(
+    browser: Any, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Iterator[Running]:
+    """A synthetic camera with tracker and edge detector; one for all tests of a module.
+
+    A module that needs the usual rate says so as ``RATE_HZ``: at 30 Hz, Chromium and all that it
+    shows take half of a core for as long as a page is open.
+    """
     with running(tmp_path_factory.mktemp("system")) as found:
-        for service in ("camera", "tracker", "edge"):
+        found.service("camera", "--rate", getattr(request.module, "RATE_HZ", 10))
+        for service in ("tracker", "edge"):
             found.service(service)
         yield found
 

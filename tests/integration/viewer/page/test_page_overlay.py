@@ -12,6 +12,7 @@ from tests.support.publishing import publish_cameras
 from tests.support.viewer.browser import CAMERA, TRUTH, Open, Running, Tab
 from tests.support.waiting import wait_until
 
+RATE_HZ = 30
 CENTROID = "vision/front/centroid"
 WITHIN_PIXELS = 3
 CHOICES = """

@@ -21,7 +21,7 @@ TRACKS = "vision/front/tracks"
 def system(browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """A synthetic camera and its tracker."""
     with running(tmp_path_factory.mktemp("system")) as found:
-        found.service("camera")
+        found.service("camera", "--rate", 10)
         found.service("tracker")
         with open_client(found.router.endpoint) as client:
             wait_for_nodes(client, "camera_front", "tracker_front")
