@@ -1,4 +1,6 @@
-"""Print when and where a gripper must be to pick what crossed a line, with zenoh and msgpack only.
+"""Print when and where a gripper must be to pick an object that crossed a line.
+
+It needs only zenoh and msgpack.
 
 python examples/pick_from_belt.py LINE PICK_X [tcp/127.0.0.1:7447]      Ctrl-C ends it
 
@@ -22,7 +24,7 @@ config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
 
 
 def ask(session: zenoh.Session, track: int, at_ns: int) -> dict | None:
-    """Return where a track will be at a time by the camera's clock; None, and why, if unknown."""
+    """Return where a track will be at a time by the camera's clock; if unknown, print why."""
     for reply in session.get(f"vision/front/prediction?id={track};at_ns={at_ns}"):
         if reply.ok is not None:
             return msgpack.unpackb(reply.ok.payload.to_bytes())
@@ -44,7 +46,7 @@ with suppress(KeyboardInterrupt, BrokenPipeError), session, sys.stdout:  # all c
         if event["event"] != "line_crossed" or event["zone"] != line:
             continue
         header, track = event["header"], event["id"]
-        # The event tells the past; the newest frame may be later, so leave it a second.
+        # A time before the newest frame is refused, and that may be later than the event's frame.
         soon = ask(session, track, header["stamp_ns"] + 1_000_000_000)
         if soon is None or soon["world"] is None or soon["world_velocity"][0] == 0:
             print(f"id {track}: no position on the belt", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Save a camera's newest frame unchanged, with a query, which every stream answers.
+"""Fetch a camera's newest frame with a query and save it unchanged.
 
 python examples/save_frame.py FILE.jpg [tcp/127.0.0.1:7447] [KEY]
 """
@@ -21,7 +21,7 @@ with session:
     replies = list(session.get(key, timeout=2.0))
 if not replies:
     sys.exit(f"nobody answered on {key}")
-if replies[0].err:  # of a camera with max_kbps: too many queries
+if replies[0].err:  # a camera with max_kbps refuses too many queries
     sys.exit(f"{key}: {replies[0].err.payload.to_string()}")
 try:
     Path(given[0] or "frame.jpg").write_bytes(replies[0].ok.payload.to_bytes())

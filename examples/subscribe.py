@@ -22,6 +22,6 @@ with suppress(KeyboardInterrupt, BrokenPipeError), session, sys.stdout:  # all c
     subscriber = session.declare_subscriber("vision/front/centroid", RingChannel(1))  # the newest
     for sample in subscriber:
         found = msgpack.unpackb(sample.payload.to_bytes())
-        who, seq = found["header"]["camera"], found["header"]["seq"]
+        camera, seq = found["header"]["camera"], found["header"]["seq"]
         age_ms = (time.time_ns() - found["header"]["stamp_ns"]) / 1e6
-        print(who, seq, found["x"], found["y"], f"{age_ms:.1f} ms", flush=True)
+        print(camera, seq, found["x"], found["y"], f"{age_ms:.1f} ms", flush=True)

@@ -1,4 +1,4 @@
-"""Text for people: wrong values, shortened; similar names; what others wrote, printable."""
+"""Texts for people: shortens wrong values, suggests similar names, escapes foreign text."""
 
 from __future__ import annotations
 

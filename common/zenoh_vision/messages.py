@@ -27,7 +27,7 @@ Box = tuple[Pixel, Pixel, Pixel, Pixel]
 
 T = TypeVar("T")
 Many = Annotated[tuple[T, ...], Field(fail_fast=True)]
-"""Any number of items. The first that is wrong ends the check: 64 kB of wrong ones took 0.3 s."""
+"""Any number of items. Checking ends at the first wrong one: 64 kB of wrong items took 0.3 s."""
 
 
 class Level(IntEnum):
@@ -40,7 +40,7 @@ class Level(IntEnum):
 
 
 SEVERITY: Final[dict[int, int]] = {Level.OK: 0, Level.WARN: 1, Level.STALE: 2, Level.ERROR: 3}
-"""Order of the levels: a node without input is less serious than one that fails."""
+"""Rank of the levels, the least serious first: no input is less serious than a failure."""
 
 
 class Header(Message):
@@ -103,7 +103,7 @@ class Stamped(Message):
     header: Header
 
     def to_map(self) -> dict[str, Any]:
-        """Return the map on the wire, the header in its short form."""
+        """Return the map on the wire, with the header in its short form."""
         return {**self._sent({"header"}), "header": self.header.to_map()}
 
 
@@ -135,7 +135,7 @@ class Track(Message):
 
 
 class ZoneCount(Message):
-    """Stays in a zone since it has its shape, and the objects that are in it now."""
+    """Stays in a zone since its shape was last changed, and the objects that are in it now."""
 
     entered: Count = 0
     left: Count = 0
@@ -144,7 +144,7 @@ class ZoneCount(Message):
 
 
 class LineCount(Message):
-    """Crossings of a line since it has its position, by the side to which they went."""
+    """Crossings of a line since it was last changed, by the side to which the objects went."""
 
     left: Count = 0
     right: Count = 0
@@ -162,7 +162,7 @@ class Tracks(Stamped):
 
 
 class TrackEvent(Stamped):
-    """Something happened to a track: it started, ended, crossed a line, changed zone."""
+    """An event of a track: it started, ended, crossed a line, entered or left a zone."""
 
     schema_name: ClassVar[str] = "vision.TrackEvent.v1"
     omit_nil: ClassVar[tuple[str, ...]] = ("stamp_ns", "count", "inside", "dwell_s", "world")
@@ -346,7 +346,7 @@ class Refusal(Message):
 
 
 class NodeDescription(Message):
-    """Who a node is and which keys it publishes and subscribes (``Node`` in the contract)."""
+    """Description of a node, with the keys that it publishes and subscribes to (``Node``)."""
 
     schema_name: ClassVar[str] = "vision.Node.v1"
     omit_nil: ClassVar[tuple[str, ...]] = ("stamp_ns", "rate_hz", "pipeline")

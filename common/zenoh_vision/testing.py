@@ -1,4 +1,4 @@
-"""For tests of a service of your own: a router, the service, frames for it, what it publishes.
+"""Helpers for tests of your own service: run a router and the service, send frames, get results.
 
 ```python
 def test_a_grey_frame_has_its_brightness():
@@ -10,7 +10,7 @@ def test_a_grey_frame_has_its_brightness():
         assert first_message(endpoint, BRIGHTNESS).mean == 100
 ```
 
-Everything has a free port and a deadline, so tests can run beside each other and none hangs.
+Everything has a free port and a deadline, so tests can run in parallel and none hangs.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def running_service(
     Args:
         command: A Python file and its flags. Other ``ZV_`` variables than the endpoint do not
             reach it.
-        endpoint: Of the router, as its ``ZV_CONNECT``.
-        variables: Of its environment.
+        endpoint: Of the router; passed on as ``ZV_CONNECT``.
+        variables: Further environment variables.
 
     Raises:
         AssertionError: It ended by itself, with a status other than 0, or not in time; the text
@@ -109,7 +109,7 @@ def running_service(
 def publishing(
     endpoint: str, *pictures: Pixels, camera: str = DEFAULT_CAMERA, rate_hz: float = 20.0
 ) -> Iterator[None]:
-    """Publish pictures as the frames of a camera, one after the other, again and again.
+    """Publish pictures as the frames of a camera, in a loop.
 
     Args:
         endpoint: Of the router.
@@ -165,5 +165,5 @@ def first_message(
 
 
 def at(endpoint: str) -> Connection:
-    """Return the connection to a router that answers soon, or is not there."""
+    """Return a connection that waits for the router only for a short time."""
     return Connection(endpoint, timeout_s=DEADLINE_S)

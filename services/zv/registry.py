@@ -29,8 +29,8 @@ class Service:
         of_several: Whether it can belong to several cameras: ``front,left``, or ``*`` for all.
         publishes: Topics that it may publish, by suffix (``image/compressed``), the main one first.
         consumes: Topics that it subscribes to, by suffix, or ``EVERY_TOPIC``.
-        files: Module and class of further flags, with one of which it works on files, without a
-            router; that loop is ``zv.{name}.files.run``.
+        files: Module and class of further flags. With one of them, the service works on files,
+            without a router, by ``zv.{name}.files.run``.
     """
 
     model: str
@@ -55,7 +55,7 @@ SERVICES = {
         "zv.camera.settings:CameraSettings",
         "Publish a camera, a video, a folder or a synthetic scene.",
         "zv camera --camera front --source walk.avi --rate 10 --loop",
-        # The calibration if it has a file of that, the truth of the synthetic scene.
+        # ``camera_info`` only with a calibration file, ``truth`` only of the synthetic scene.
         publishes=("image/compressed", "image", "camera_info", "truth"),
     ),
     "tracker": Service(

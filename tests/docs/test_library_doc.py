@@ -37,7 +37,7 @@ def test_what_the_page_says_of_a_node_is_there():
     assert {name for name in said if not hasattr(type(node), name)} <= set(vars(node))
 
 
-def test_what_happens_to_those_who_draw_on_a_frame_is_quoted_with_the_cure():
+def test_the_errors_of_drawing_on_a_frame_are_quoted_with_the_remedy():
     header = Header(camera="front", seq=0, epoch=1, stamp_ns=0, width=8, height=6, encoding="bgr8")
     frame = zenoh_vision.Frame(header, pixels=np.zeros((6, 8, 3), np.uint8))
     with pytest.raises(cv2.error) as drawn:
@@ -52,7 +52,7 @@ def test_what_happens_to_those_who_draw_on_a_frame_is_quoted_with_the_cure():
     cv2.rectangle(frame.bgr.copy(), (1, 1), (3, 3), (0, 0, 255))
 
 
-def test_a_name_that_is_none_is_an_attribute_error():
+def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="has no attribute 'Nod'"):
         _ = zenoh_vision.Nod  # type: ignore[attr-defined]
 

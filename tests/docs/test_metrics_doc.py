@@ -174,7 +174,7 @@ def test_every_variable_that_is_used_is_defined():
     assert used == {variable["name"] for variable in DASHBOARD["templating"]["list"]}
 
 
-def test_the_dashboard_shows_rates_drops_latencies_levels_and_who_is_up():
+def test_the_dashboard_shows_rates_drops_latencies_levels_and_running_nodes():
     asked = " ".join(expression for _, expression in queries())
     for wanted in (
         "sum by (node, reason) (rate(zenoh_vision_frames_dropped_total",

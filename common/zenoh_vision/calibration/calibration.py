@@ -1,4 +1,4 @@
-"""All that is known of one camera's geometry: its lens and the plane that it looks at."""
+"""The calibration of one camera: its lens and the plane that it looks at."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Calibration:
 
     @property
     def view(self) -> PlaneView | None:
-        """The way from pixels to the world; None without a plane."""
+        """The mapping from pixels to the world; None without a plane."""
         return None if self.plane is None else PlaneView(self.camera, self.plane)
 
     def scaled(self, width: int, height: int) -> Calibration:

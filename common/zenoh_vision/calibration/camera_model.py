@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
-"""(n, 2) of x, y."""
+"""x, y of each point, (n, 2)."""
 
 DistortionModel = Literal["plumb_bob", "rational_polynomial", "equidistant"]
 
@@ -27,7 +27,7 @@ ALIASES: Final[dict[str, DistortionModel]] = {"fisheye": "equidistant", "": "plu
 """Other names for models: ROS' calibrator wrote ``fisheye``; a driver without distortion ``""``."""
 
 TOLERANCE_PX: Final = 0.1
-"""A point that is distorted again must return to its pixel so closely."""
+"""An undistorted point that is distorted again may be this far from its pixel."""
 
 CONVERGED: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 
@@ -118,8 +118,8 @@ class CameraModel:
             points: (n, 2) in pixels.
 
         Returns:
-            (n, 2) in pixels; NaN for a point that the lens cannot show by this model, which
-            happens outside of the part of the picture that was calibrated.
+            (n, 2) in pixels; NaN for a point that no ray reaches by this model, which happens
+            outside of the calibrated part of the picture.
         """
         if not self.d or not len(points):
             return points.copy()

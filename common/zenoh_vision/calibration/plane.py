@@ -15,13 +15,13 @@ from zenoh_vision.calibration.camera_model import CalibrationFault, Points, chec
 LEAST_PAIRS: Final = 4
 
 MOST: Final = 1e12
-"""Largest coordinate: their squares and products must be numbers."""
+"""Largest coordinate allowed, so that no product of coordinates overflows."""
 
 ROUNDING: Final = 1e-12
-"""Ratio of the smallest to the largest singular value that may be 0 but for rounding."""
+"""Up to this ratio to the largest singular value, the smallest may be a rounding error of 0."""
 
 LEAST_RATIO: Final = 1e-3
-"""Of the smallest singular value that must not be 0 to the largest, with points of size 1."""
+"""Least ratio to the largest singular value of one that must not be 0, with normalised points."""
 
 
 class DegeneratePairs(ValueError):
@@ -72,7 +72,7 @@ class Plane:
         return Plane(tuple((self.matrix @ shrink).ravel().tolist()))
 
     def cropped(self, x: int, y: int) -> Plane:
-        """Return the homography of a rectangle of the picture whose top left pixel is there."""
+        """Return the homography of a rectangle of the picture whose top left pixel is (x, y)."""
         shift = np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
         return Plane(tuple((self.matrix @ shift).ravel().tolist()))
 
@@ -93,7 +93,7 @@ class PlaneFit:
         residuals: Distance in the world of each pair from where the homography puts it, (n,).
         per_pixel: Distance in the world by which the places of the pairs move, in the worst case
             of all pairs, if each coordinate of their pixels is wrong by a standard deviation of
-            one pixel. Four pairs are always met exactly, so this alone says what they are worth.
+            one pixel. Four pairs are always fitted exactly, so their residuals say nothing.
     """
 
     plane: Plane
@@ -176,10 +176,10 @@ def _homography(pixels: Points, world: Points) -> NDArray[np.float64] | None:
 
 
 def _independence(pixels: Points, world: Points, matrix: NDArray[np.float64]) -> float:
-    """Return how far pairs are from leaving their homography open, and it from being singular.
+    """Return how far pairs are from being degenerate, and their homography from being singular.
 
-    Both are ratios of singular values, and 0 for points on a line: the first if they are so in
-    both, the second if only in one.
+    The result is the smaller of two ratios of singular values. For points on a line it is 0: the
+    first ratio if they are on a line in both, the second if only in one.
     """
     to_pixels, to_world = _normalisation(pixels), _normalisation(world)
     rows = []

@@ -19,7 +19,7 @@ AROUND: Final = np.array([[0, 0], [STEP_PX, 0], [-STEP_PX, 0], [0, STEP_PX], [0,
 
 @dataclass(frozen=True)
 class PlaneView:
-    """The way from the pixels of a picture, distorted as they are, to X, Y on a plane.
+    """Maps pixels of a picture, with the distortion of the lens, to X, Y on a plane.
 
     Args:
         camera: The lens; its distortion is removed first.
@@ -31,9 +31,9 @@ class PlaneView:
 
     @property
     def mirrored(self) -> bool:
-        """Whether right of a way in the picture is left of it by X, Y, as with Y up on a map.
+        """Whether right in the picture is left on the plane, drawn with X to the right and Y up.
 
-        No lens mirrors, so it is the sign of the homography's determinant.
+        A lens does not mirror, so this is the sign of the homography's determinant.
         """
         return bool(np.linalg.slogdet(self.plane.matrix).sign < 0)
 
@@ -50,7 +50,7 @@ class PlaneView:
         return self.camera.distorted(self.plane.pixels(world))
 
     def jacobian(self, x: float, y: float) -> NDArray[np.float64] | None:
-        """Return how X, Y change with the pixel, (2, 2), world units per pixel; None as above."""
+        """Return how X, Y change with the pixel, (2, 2), world units per pixel; None if unknown."""
         around = self.positions(AROUND + np.array([x, y]))
         if not np.isfinite(around).all():
             return None
@@ -58,7 +58,7 @@ class PlaneView:
         return np.stack(columns, axis=1) / (2 * STEP_PX)
 
     def velocity(self, x: float, y: float, vx: float, vy: float) -> tuple[float, float] | None:
-        """Return the velocity on the plane of what moves at vx, vy pixels per second at a pixel.
+        """Return the velocity on the plane of a point that moves at vx, vy pixels per second.
 
         Returns:
             World units per second; None if the pixel shows no point of the plane.

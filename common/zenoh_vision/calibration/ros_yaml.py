@@ -1,7 +1,7 @@
 """Reads and writes calibrations as the YAML of ROS' camera_info_manager.
 
-The keys and their order are those that ROS' camera_calibration_parsers writes. The plane is in one
-more key, ``plane_homography``, which ROS ignores as it does every key that it does not know.
+The keys and their order are those that ROS' camera_calibration_parsers writes. The plane is in an
+additional key, ``plane_homography``, which ROS ignores like every unknown key.
 """
 
 from __future__ import annotations

@@ -94,8 +94,8 @@ class Command(_WithExamples):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the arguments; a negative number is a value, not an option.
 
-        Click would refuse ``-1``. Once it may not, it takes unknown options for values, too, which
-        the command then refuses as such.
+        Click would refuse ``-1`` as an unknown option. With that check off, it passes unknown
+        options on as values, which the command then refuses.
         """
         ctx.ignore_unknown_options = any(map(NEGATIVE_NUMBER.fullmatch, args))
         return super().parse_args(ctx, args)
@@ -121,7 +121,7 @@ def _before_a_command() -> list[click.Option]:
 
 
 def flags_behind_command(arguments: Sequence[str]) -> list[str]:
-    """Return a group's arguments with the flags in front of a command's name behind it.
+    """Return a group's arguments with the flags before a command's name moved behind it.
 
     ``--connect X list --json`` becomes ``list --connect X --json``, so that a flag that is given
     again behind the name overrides it. Without a command the arguments stay as they are.
@@ -149,7 +149,7 @@ class Group(_WithExamples, click.Group):
     Args:
         name: The last word that calls it.
         text: What its commands are for.
-        summaries: Of its commands, by name.
+        summaries: The summaries of its commands, by name.
         load: Returns the command of a name.
         examples: Command lines.
         heading: Returns the heading under which the help shows a command.

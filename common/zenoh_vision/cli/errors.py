@@ -34,7 +34,7 @@ USAGE_STATUS = 2
 
 
 def reader_is_gone(error: BaseException) -> bool:
-    """Tell whether an error only means that nobody reads our output any more.
+    """Tell whether an error only means that the reader of our output is gone.
 
     If so, further output is discarded, so that the last flush does not fail again.
     """
@@ -56,8 +56,8 @@ def exit_with_status(
 
     Args:
         run: The program; returns its exit status, None for 0.
-        program: Its name, which begins each error.
-        file: Its source file; of an unexpected error, the line in it is named.
+        program: Its name, with which each error begins.
+        file: Its source file; an unexpected error is printed with the line in it.
     """
     debug = "--debug" in sys.argv[1:]
     if not debug:
@@ -86,7 +86,7 @@ def exit_with_status(
 def tell(error: Exception, *, debug: bool, program: str = "zv", file: str | None = None) -> int:
     """Print an error in one line; return its exit status.
 
-    With ``debug`` a bug has its traceback too; an error of the user's never has one.
+    With ``debug``, the traceback of a bug is printed too; errors of the user have none.
     """
     if isinstance(error, click.UsageError):
         _say(_wrong_use(error), program)

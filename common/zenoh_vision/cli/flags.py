@@ -63,7 +63,7 @@ class ConnectionSettings(Settings):
 
 
 class ToolConnectionSettings(ConnectionSettings):
-    """The same for tools, which do not wait forever."""
+    """The connection options of tools, which do not wait forever."""
 
     timeout: Annotated[
         float | None, Field(gt=0, le=86400, description="how long to wait for a router"), SECONDS

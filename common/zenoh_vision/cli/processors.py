@@ -1,4 +1,4 @@
-"""The options for processors, which every service has."""
+"""The options of every service that limit its use of the CPU."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Threads = Annotated[
 ]
 Nice = Annotated[
     int,
-    Field(ge=-20, le=19, description="niceness: a higher one gets less of a busy machine"),
+    Field(ge=-20, le=19, description="niceness: higher values get less CPU time on a busy machine"),
 ]
 Affinity = Annotated[
     Text | None,
@@ -33,10 +33,10 @@ Affinity = Annotated[
 
 
 class ProcessorSettings(Settings):
-    """What a service may take of the processors of its machine.
+    """How much CPU a service may use.
 
-    One thread by default: OpenCV's threads wait actively for each other, so that a call on two
-    takes more processor time than on one, and several services share a machine.
+    One OpenCV thread by default: its threads busy-wait for each other, so a call on two threads
+    takes more CPU time than on one, and several services share a machine.
     """
 
     env_prefix: ClassVar[str] = "ZV_"

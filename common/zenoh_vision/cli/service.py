@@ -1,4 +1,4 @@
-"""Makes the command of a service from its loop and its settings: of ours and of your own."""
+"""Makes the command of a service, built-in or your own, from its loop and its settings."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def service_command(
         run: The loop, called with the settings and the connection.
         text: What it does, in paragraphs; its first line is the summary.
         examples: Command lines.
-        files: Further flags, and what is called instead of ``run`` with the settings and them if
-            one of them is given: work on files, without a router.
+        files: Further flags, and the function that is called with the settings and these flags,
+            instead of ``run``, if one of them is given. It works on files, without a router.
 
     Raises:
         ValueError: A setting has the name of a flag that every service has.
@@ -97,7 +97,7 @@ def run_service(
     *,
     examples: Sequence[str] = (),
 ) -> NoReturn:
-    """Run a service of your own as a program, with all that the services of ``zv`` have.
+    """Run a service of your own as a program with the options and behaviour of ``zv``'s services.
 
     Reads the settings from flags, environment, ``--config FILE.toml`` and defaults, in this order
     of precedence, and the connection from its flags and ``ZV_CONNECT``, ``ZV_NAMESPACE``,

@@ -111,7 +111,7 @@ def allowed(model: type[BaseModel], name: str) -> str:
 
 
 def form_words(model: type[BaseModel], name: str) -> str:
-    """Return in words which texts an option allows; empty if that needs no words of its own."""
+    """Return in words which texts an option allows; empty if it has no ``Form``."""
     form = _mark(model, name, Form)
     return "" if form is None else form.words
 
@@ -152,7 +152,7 @@ def allowed_and_default(model: type[BaseModel], name: str) -> str:
 
 
 def help_words(model: type[BaseModel], name: str) -> str:
-    """Return what help says after an option's description: limits and default, if they tell much.
+    """Return the text after an option's description in help: limits and default, if useful.
 
     That an option is a text or a list says nothing; a switch is on or off.
     """

@@ -1,4 +1,4 @@
-"""The options of every program that makes results of each frame: where it comes from, how old."""
+"""The options of every program that processes frames: their transport and their greatest age."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from zenoh_vision.keys import TRANSPORT_VARIABLE, Transport
 FrameTransport = Annotated[
     Transport,
     Field(
-        description="way of the frames. shm: shared memory of one machine; jpeg: the compressed "
-        "ones over the network, JPEG or PNG; raw: the raw pixels over the network; auto: shared "
-        "memory if camera and service have it in common, else the compressed ones if they flow, "
-        "else the raw pixels"
+        description="how frames come. shm: through shared memory, from a camera on the same "
+        "machine; jpeg: compressed, JPEG or PNG, over the network; raw: as raw pixels over the "
+        "network; auto: shm if possible, else jpeg if the camera publishes it, else raw"
     ),
     Shared(TRANSPORT_VARIABLE),
     Live(),

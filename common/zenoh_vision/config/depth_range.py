@@ -1,4 +1,4 @@
-"""The two options of every program that makes 8 bits of 16: the values that become 1 and 255."""
+"""The two options of every program that converts 16 bits to 8: the values that become 1 and 255."""
 
 from __future__ import annotations
 

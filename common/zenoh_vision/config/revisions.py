@@ -71,9 +71,9 @@ class ParameterStore(Generic[S]):
         return self._active
 
     def check(self, check: Callable[[S], None]) -> None:
-        """Call ``check`` before each change, once however often this is called.
+        """Call ``check`` before each change. Adding the same function again has no effect.
 
-        It raises ``ParameterRefused`` for settings that are valid, but cannot be followed now.
+        It raises ``ParameterRefused`` for settings that are valid, but cannot be applied now.
         """
         with self._lock:
             if check not in self._checks:

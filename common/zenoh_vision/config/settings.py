@@ -44,7 +44,7 @@ Text = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) is
 
 
 def _from_text(value: object, info: ValidationInfo) -> object:
-    if isinstance(value, (bool, float)):  # a choice would accept it as the number that it equals
+    if isinstance(value, (bool, float)):  # a choice would accept True as 1
         raise ValueError("not a whole number")
     typed = bool(info.context and info.context["typed"])
     return int(value) if isinstance(value, str) and value.isdecimal() and not typed else value
@@ -105,7 +105,7 @@ class ServiceSettings(Settings):
 
 
 def cameras_of(names: str) -> tuple[str, ...]:
-    """Return the cameras of a ``CameraNames``, each once; none if it is all that there are."""
+    """Return the cameras of a ``CameraNames``, each once; none for ``*``, all cameras."""
     return () if names == ALL_CAMERAS else tuple(dict.fromkeys(names.split(",")))
 
 
@@ -207,7 +207,7 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 
 
 def variable_of(model: type[Settings], name: str) -> str:
-    """Return the environment variable that sets an option now: its own, or one that is shared."""
+    """Return the environment variable that currently sets an option: its own, or a shared one."""
     own = f"{model.env_prefix}{name.upper()}"
     marks = (mark for mark in model.model_fields[name].metadata if isinstance(mark, Shared))
     shared = next((mark.variable for mark in marks), own)

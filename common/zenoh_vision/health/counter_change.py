@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 NOT_LOST = ("no_subscriber", "unwatched", "unread", "duplicate")
-"""Drop reasons that are not losses: nobody wanted these frames, or they came another way too."""
+"""Drop reasons that are not losses: nobody wanted these frames, or they also arrived otherwise."""
 
 MISSED = "missed"
 """Counter outside the balance: frames that never arrived, known from gaps in their numbers."""
 
 
 REPLACED = ("overwritten", "overflow")
-"""Drop reasons of what newer items replaced before a consumer took it."""
+"""Drop reasons of items that newer ones replaced before a consumer took them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class CounterChange:
 
     @property
     def used(self) -> int:
-        """Frames that were taken, whatever became of them then."""
+        """Frames that were taken from the buffer, processed or dropped later."""
         return self.arrived - sum(self.losses.get(reason, 0) for reason in REPLACED)
 
     def share(self, reason: str) -> float:

@@ -3,9 +3,9 @@
 A model without network and clock: events and their times come in as arguments. An event takes
 constant time, everything else time linear in the number of nodes.
 
-Anyone can announce nodes, so there is a limit to their number and to the size of what each says.
-When there are too many, those are left out first that never described themselves nor report, the
-oldest first. A node that has described itself is never left out for another while it lives.
+Anyone can announce nodes, so their number and the size of their messages are limited. When there
+are too many, nodes that neither described themselves nor report are left out first, the oldest
+first. A node that has described itself is never left out for another while it lives.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ GONE_S = 10.0
 """Without diagnostics for this long, a node that never had a liveliness token is gone."""
 
 MAX_NODES = 1000
-"""No real system has more: they are a mistake or an attack."""
+"""More nodes than any real system has: a mistake or an attack."""
 
 Event = bool | Diagnostics | Parameter
 """Whether a node's token exists, its newest diagnostics, or a parameter that has changed."""
@@ -51,8 +51,8 @@ class Fleet:
     All times are nanoseconds of the same clock, which the caller chooses.
 
     Args:
-        window_s: How much older than a node's newest diagnostics, by its uptime, those may be that
-            are kept too.
+        window_s: Diagnostics are kept that are at most this much older than the newest, by the
+            node's uptime.
         forget_s: How long a node that is gone is listed.
     """
 
@@ -60,7 +60,7 @@ class Fleet:
         self._window_s = window_s
         self._forget_s = forget_s
         self._nodes: dict[tuple[str, str], NodeState] = {}
-        self._by_worth: tuple[dict[tuple[str, str], None], ...] = ({}, {}, {}, {})
+        self._by_rank: tuple[dict[tuple[str, str], None], ...] = ({}, {}, {}, {})
         self._asked_ns: dict[str, int] = {}
         self.left_out = 0
         """How many nodes were left out for others, since the beginning."""
@@ -83,7 +83,7 @@ class Fleet:
         """Note that a node's token appeared or disappeared; return whether that is a change.
 
         Raises:
-            PayloadError: ``too_many`` nodes that have told more of themselves, ``too_large`` name.
+            PayloadError: ``too_many`` nodes that take precedence, ``too_large`` name.
         """
         before = self.node(name)
         if before is None and not there:
@@ -112,7 +112,7 @@ class Fleet:
     def describe(self, name: str, description: NodeDescription, at_ns: int = 0) -> bool:
         """Note a node's description; return whether there is such a node.
 
-        One that was left out for others is taken again.
+        A node that was left out is taken again.
 
         Raises:
             PayloadError: ``wrong_node``, ``too_large``, ``too_many`` nodes.
@@ -129,7 +129,7 @@ class Fleet:
     def set_parameters(self, name: str, parameters: Iterable[Parameter]) -> bool:
         """Note all parameters of a node; return whether that is a change.
 
-        Those that are too large, too many, or too much together, are left out.
+        Parameters beyond a limit, of size, number or total size, are left out.
         """
         node = self.node(name)
         found = bounded_parameters(parameters)
@@ -139,7 +139,7 @@ class Fleet:
         return True
 
     def change_parameter(self, name: str, changed: Parameter) -> bool:
-        """Take a change of one parameter; return whether it holds: an older revision does not.
+        """Apply a change of one parameter; return False if its revision is too old.
 
         Raises:
             PayloadError: ``wrong_node``, ``too_many`` parameters, ``too_large``.
@@ -189,7 +189,7 @@ class Fleet:
     # Snapshots
 
     def update(self, found: Iterable[NodeState]) -> tuple[list[NodeState], list[NodeState]]:
-        """Note a snapshot of all running nodes, and return the nodes that came and that went.
+        """Apply a snapshot of all running nodes; return the nodes that appeared or disappeared.
 
         If a name has a token but no node answers, the known nodes of this name are kept as not
         answering, since they may be busy.
@@ -225,39 +225,39 @@ class Fleet:
         clocks = [clock for clock in (known.clock, node.clock) if clock is not None]
         return replace(node, clock=min(clocks, key=lambda clock: clock.error_ns, default=None))
 
-    def _began(self, name: str, at_ns: int, worth: int = 0) -> NodeState:
+    def _began(self, name: str, at_ns: int, rank: int = 0) -> NodeState:
         """Return the state of a node at the start of a run, without reports of earlier runs.
 
-        If there are too many nodes, a new one replaces one that is worth no more.
+        If there are too many nodes, a new one replaces one of no higher rank.
         """
         node = self.node(name)
         if node is None:
             if len(name) > MAX_NAME:
                 raise PayloadError("too_large", f"the name {shortened(name)} of a node")
             if len(self._nodes) >= MAX_NODES:
-                self._make_room(name, worth)
+                self._make_room(name, rank)
             return NodeState(name, since_ns=at_ns)
         return replace(node, alive=True, since_ns=at_ns, answered=False, reports=())
 
-    def _make_room(self, name: str, worth: int) -> None:
-        """Leave out the oldest of the nodes that are worth least, for one of a certain worth."""
-        least = next(each for each in range(len(self._by_worth)) if self._by_worth[each])
-        if least > worth or least == DESCRIBED:
+    def _make_room(self, name: str, rank: int) -> None:
+        """Leave out the oldest of the nodes of lowest rank, for one of at least that rank."""
+        least = next(each for each in range(len(self._by_rank)) if self._by_rank[each])
+        if least > rank or least == DESCRIBED:
             raise PayloadError("too_many", f"more than {MAX_NODES} nodes; {name!r} is one more")
-        self._remove(next(iter(self._by_worth[least])))
+        self._remove(next(iter(self._by_rank[least])))
         self.left_out += 1
 
     def _put(self, node: NodeState) -> None:
         key = _key(node)
-        before, worth = self._nodes.get(key), _worth(node)
-        if before is None or _worth(before) != worth:
+        before, rank = self._nodes.get(key), _rank(node)
+        if before is None or _rank(before) != rank:
             self._remove(key)
-            self._by_worth[worth][key] = None
+            self._by_rank[rank][key] = None
         self._nodes[key] = node
 
     def _remove(self, key: tuple[str, str]) -> None:
         self._nodes.pop(key, None)
-        for those in self._by_worth:
+        for those in self._by_rank:
             those.pop(key, None)
 
 
@@ -266,10 +266,10 @@ def _key(node: NodeState) -> tuple[str, str]:
 
 
 SILENT, REPORTS, WENT, DESCRIBED = range(4)
-"""How much a node is worth: a token alone, reports, a description of one that is gone, one."""
+"""Rank of a node, ascending: token only, reports, description but gone, description and alive."""
 
 
-def _worth(node: NodeState) -> int:
+def _rank(node: NodeState) -> int:
     if node.description is not None:
         return DESCRIBED if node.alive else WENT
     return REPORTS if node.alive and node.reports else SILENT

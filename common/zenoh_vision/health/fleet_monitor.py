@@ -23,7 +23,7 @@ from zenoh_vision.transport.session import direct
 
 Kind = Literal["token", "diagnostics", "parameter"]
 MAX_EVENT_BYTES = 32 << 10
-"""Limit of diagnostics or a parameter, which have some hundred bytes."""
+"""Most bytes of diagnostics or a parameter; usual are some hundred."""
 
 
 def follow(
@@ -39,7 +39,7 @@ def follow(
     Args:
         link: The link to the router.
         namespace: First chunk of the keys.
-        kinds: Which events.
+        kinds: The kinds of events to follow.
         take: Called with a node's name and each event, on Zenoh's thread; must be quick, and may
             raise ``PayloadError``.
         reject: Called with the error if an event could not be decoded or taken.
@@ -73,7 +73,7 @@ def _event(kind: Kind, sample: zenoh.Sample) -> Event:
         return there
     if not there:
         raise PayloadError("bad_message", f"a delete on {sample.key_expr}")
-    if len(sample.payload) > MAX_EVENT_BYTES:  # is not even copied
+    if len(sample.payload) > MAX_EVENT_BYTES:  # refused before it is copied
         raise PayloadError("bad_message", f"{len(sample.payload)} bytes on {sample.key_expr}")
     message = Diagnostics if kind == "diagnostics" else Parameter
     return message.from_bytes(sample.payload.to_bytes())
@@ -104,7 +104,7 @@ class FleetMonitor:
         follow(link, namespace, kinds, self.take, self._reject, names)
 
     def take(self, name: str, event: Event) -> None:
-        """Take an event now.
+        """Apply an event at the current time.
 
         Raises:
             PayloadError: As for ``Fleet.token`` and ``Fleet.report``.

@@ -1,4 +1,4 @@
-"""How a node does: counters, rates, drops, inputs and the service's own report in one level."""
+"""The health of a node: one level from counters, rates, drops, inputs and the service's report."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.intake import InputState, Intake
 
 STUCK_S = 5.0
-"""A loop whose iteration takes so long is stuck: in the work on a frame, or in a device."""
+"""A loop is stuck if an iteration takes this long: in the work on a frame, or in a device."""
 
 CLOCK_AHEAD_NS = 50_000_000
 CLOCK_BEHIND_NS = 1_000_000_000
@@ -28,9 +28,10 @@ class Health:
     """Collects a node's state and makes its diagnostics; safe between threads.
 
     Attributes:
-        namesake: What is wrong about another node of the same name; empty if there is none.
-        remark: What is as it was asked for, but worth to be said; empty if there is nothing.
-        shared_memory: Why frames cannot go through shared memory that should; empty if they can.
+        namesake: The complaint about another node of the same name; empty if there is none.
+        remark: A note about something intended, such as reduced quality; empty if there is none.
+        shared_memory: Why frames cannot go through shared memory although they should; empty if
+            they can.
     """
 
     def __init__(self, node: str, counters: FrameCounters) -> None:
@@ -67,15 +68,15 @@ class Health:
             self._inputs.remove(watched)
 
     def report(self, level: int, message: str) -> None:
-        """Set what the service itself knows, until its next report."""
+        """Set the level and message of the service itself, until its next report."""
         self._report = (level, message)
 
     def loop_alive(self) -> None:
-        """Take note that the service's loop begins an iteration."""
+        """Record that the service's loop begins an iteration."""
         self._loop_alive_s = time.monotonic()
 
     def done(self, stamp_ns: int | None) -> None:
-        """Take note that an item is done, and of the latency since its capture if that is known."""
+        """Record that an item is done, and its latency since the capture if that is known."""
         latency_ms = None if stamp_ns is None else (time.time_ns() - stamp_ns) / 1e6
         self.latency.note(time.monotonic(), latency_ms)
 
@@ -84,10 +85,10 @@ class Health:
         self._log_throttle.note(error, time.monotonic())
 
     def failure(self) -> str:
-        """Return why no work is done or can be: a stuck loop, a lost source; empty if it can.
+        """Return why the node cannot work: a stuck loop, a lost source; empty if it can.
 
-        This is less than what diagnostics call an error or stale: a node to which nothing is
-        sent does all the work there is.
+        Diagnostics call more than this an error or stale. A node without input has nothing to do,
+        which is no failure.
         """
         level, message = self._report
         return "; ".join(filter(None, (self._stuck(), message if level == Level.ERROR else "")))
@@ -131,7 +132,7 @@ class Health:
             found.append((Level.ERROR, stuck))
         if self._report[0] == Level.OK:
             found += [(Level.WARN, words) for words in self.rates.judge(now_s, counters)]
-        else:  # a rate that is low because of that needs no words of its own
+        else:  # a low rate because of that is not reported again
             self.rates.restart()
         states = [state for watched in self.inputs for state in watched.states()]
         self._silence_log.note(states, now_s)
@@ -161,7 +162,7 @@ def _input_findings(state: InputState, now_s: float, wall_ns: int) -> Iterator[t
     if state.offset_ns is None:
         return
     offset_ns = state.offset_ns + wall_ns - int(now_s * 1e9)
-    # What exceeds the time a frame takes is the difference of two clocks: normal, but latencies
-    # are wrong by as much, so it is said.
+    # More than a frame can take is a difference of two clocks. That is normal, but latencies are
+    # wrong by as much, so it is reported.
     if not -CLOCK_AHEAD_NS < offset_ns < CLOCK_BEHIND_NS:
         yield Level.OK, f"the camera's clock is {-offset_ns / 1e9:+.1f} s from this machine's"

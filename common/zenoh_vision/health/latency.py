@@ -14,7 +14,7 @@ WINDOW_S = 5.0
 BOUNDS_MS = tuple(
     map(float, (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000, 5000))
 )
-"""Upper bounds of the latency histogram: finest where frame times and budgets are."""
+"""Upper bounds of the latency histogram, milliseconds: finest around usual frame times."""
 
 
 class LatencyMonitor:
@@ -50,8 +50,8 @@ class LatencyMonitor:
                 return 0.0
             periods = len(self._done) - 1
             span_s = self._done[-1][0] - self._done[0][0]
-            # The time since the last one counts only once the next is overdue: else the rate
-            # of a steady stream would come out too low.
+            # The time since the last item counts only when the next is overdue. Otherwise the rate
+            # of a steady stream would be too low.
             overdue_s = max(0.0, at_s - self._done[-1][0] - span_s / periods)
             return periods / max(span_s + overdue_s, 1e-3)
 

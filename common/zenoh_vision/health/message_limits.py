@@ -1,4 +1,4 @@
-"""Limits of what a node says of itself: anyone may say it, and no real node reaches them."""
+"""Limits of a node's messages about itself, which anyone can send; no real node exceeds them."""
 
 from __future__ import annotations
 

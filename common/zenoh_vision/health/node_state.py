@@ -12,7 +12,7 @@ from zenoh_vision.messages import Diagnostics, NodeDescription, Parameter
 S = 1_000_000_000
 
 MAX_REPORTS = 8
-"""Limit for one node. Of more within the fleet's window the first and the newest are kept."""
+"""Most reports kept of one node. Of more in the fleet's window, the first and the newest stay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class ClockOffset:
 
 @dataclass(frozen=True, slots=True)
 class NodeState:
-    """What is known of one node.
+    """The state of one node, as far as known.
 
     Attributes:
         session: Zenoh id of the session that answered for it, which distinguishes two nodes of
@@ -38,7 +38,7 @@ class NodeState:
         since_ns: When it last appeared or disappeared.
         has_token: Whether it ever had a liveliness token; if not, its diagnostics are its only
             sign of life.
-        answered: Whether it has described itself in this run, or when last asked.
+        answered: Whether it has described itself in this run, or when last queried.
         description: The newest one, perhaps from its former run.
         reports: Its diagnostics within the fleet's window, the newest last.
         reported_ns: When the newest arrived.
@@ -64,7 +64,7 @@ class NodeState:
 
     @property
     def change(self) -> CounterChange | None:
-        """What its counters counted within the fleet's window; None before two diagnostics."""
+        """The change of its counters within the fleet's window; None before two diagnostics."""
         if len(self.reports) < 2:
             return None
         first, last = self.reports[0], self.reports[-1]

@@ -1,8 +1,8 @@
 """Detects rates that are too low: of a source, or of a consumer that is too slow. Uses no clock.
 
-Both questions compare a rate with another. A rate that hovers about a limit, or a gap of a
-second, must not make a node's level flap, so a warning needs a shortfall that lasts and ends
-only when the rate has been clearly back for a while.
+Both checks compare one rate with another. A rate near a limit, or a gap of a second, must not make
+a node's level flap. So a warning begins only when a shortfall lasts, and ends only when the rate
+has clearly recovered for a while.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ TOO_LOW = 0.9
 GOOD_AGAIN = 0.95
 WINDOW_S = 3.0
 FRAMES = 20
-"""So many frames make one frame more or less 5 %, which is within the limits above."""
+"""Fewest frames to judge a rate by: one frame more or less is then 5 %, within the limits above."""
 
 MAX_WINDOW_S = 200.0
-"""Rates of less than ``FRAMES`` frames in so long (0.1 Hz) are not judged."""
+"""Seconds. Rates of less than ``FRAMES`` frames in this time (0.1 Hz) are not judged."""
 
 MAX_USE_WINDOW_S = 30.0
-"""A stream that brings fewer than ``FRAMES`` in so long is never too fast."""
+"""Seconds. A stream of fewer than ``FRAMES`` frames in this time is never too fast."""
 
 
 class Shortfall:
@@ -38,8 +38,8 @@ class Shortfall:
         Args:
             at_s: Monotonic time.
             ratio: Actual value divided by the expected one; None when there is nothing to compare.
-            window_s: What the ratio was measured over. It must be too low for twice as long
-                to count, and good for as long to count no more.
+            window_s: Time over which the ratio was measured. A shortfall begins when the ratio has
+                been too low for twice this time, and ends when it has been good for this time.
         """
         if ratio is None:
             self.present = False
@@ -89,7 +89,7 @@ class RateMonitor:
         return self._wanted_hz
 
     def restart(self) -> None:
-        """Forget all readings, since they do not apply to what follows."""
+        """Forget all readings, since they do not apply to later frames."""
         self._readings.clear()
         self._slow_source = Shortfall()
         self._slow_use = Shortfall()
@@ -136,7 +136,7 @@ class RateMonitor:
         ]
 
     def _before(self, now: Reading, window_s: float, frames: int = 0) -> Reading | None:
-        """Return the newest reading before the window, with so many frames since; None if none."""
+        """Return the newest reading before the window and at least so many frames ago, or None."""
         for reading in reversed(self._readings):
             if _span_s(reading, now) >= window_s and now.arrived - reading.arrived >= frames:
                 return reading

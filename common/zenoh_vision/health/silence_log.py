@@ -10,7 +10,7 @@ from zenoh_vision.stream.intake import InputState
 SILENT_S = 2.0
 
 AGAIN_S = 60.0
-"""A stream is logged at most once in so long: a camera may send a frame every few seconds only."""
+"""Shortest time between two log lines of a stream: a camera may send a frame every few seconds."""
 
 MAX_NAMED = 5
 
@@ -39,8 +39,8 @@ class SilenceLog:
             )
             self._logged_s |= dict.fromkeys(new, now_s)
         alive = states.keys() - silent
-        # An input with wildcards has its own key only until the first frame arrives; any other key
-        # that is not there any more was forgotten.
+        # An input with wildcards is listed under its own key until the first frame arrives. Any
+        # other key that has disappeared was forgotten.
         if back := {name for name in self._told if name in alive or (alive and "*" in name)}:
             self._log.info("frames arrive on %s", _named([keys.get(name, name) for name in back]))
         self._told = (self._told | new) & silent

@@ -1,1 +1,1 @@
-"""The process and its machine: signals, health file, video devices, end with the parent process."""
+"""The process and its machine: signals, health file, CPU limits, video devices, parent process."""

@@ -1,4 +1,4 @@
-"""Remembers the threads that nobody waits for, since the end of a process must not meet them.
+"""Remembers the threads that nobody waits for, since the interpreter cannot end while they run.
 
 A daemon thread that is in OpenCV when Python's interpreter ends is ended inside C++, which aborts
 the whole process with status 134; for one that opens a Zenoh session the interpreter would wait.
@@ -13,7 +13,7 @@ _ABANDONED: WeakSet[Thread] = WeakSet()
 
 
 def abandon(thread: Thread) -> None:
-    """Remember a thread that may go on for longer than its process is to wait."""
+    """Remember a thread that may run for longer than its process should wait."""
     _ABANDONED.add(thread)
 
 

@@ -1,4 +1,4 @@
-"""Limits what a process takes of the machine's processors: OpenCV's threads, niceness, affinity."""
+"""Limits the CPU use of a process: OpenCV's threads, niceness, affinity."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def use_processors(threads: int, nice: int, affinity: Collection[int]) -> None:
         ConfigurationError: The machine does not allow it, or has no such processor.
     """
     if threads:
-        # Its environment variable spares programs without pictures the loading of OpenCV.
+        # Set by its environment variable, so that programs without pictures need not load OpenCV.
         os.environ["OPENCV_FOR_THREADS_NUM"] = str(threads)
         if "cv2" in sys.modules:
             sys.modules["cv2"].setNumThreads(threads)
@@ -77,7 +77,7 @@ def _of_each_thread(limit: Callable[[int], None]) -> None:
     try:
         threads = [int(name) for name in os.listdir("/proc/self/task")]
     except OSError:
-        threads = [0]  # the calling one, elsewhere all
+        threads = [0]  # 0 is the calling thread on Linux, elsewhere the process
     for thread in threads:
         with suppress(ProcessLookupError):
             limit(thread)

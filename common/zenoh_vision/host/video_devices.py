@@ -25,7 +25,7 @@ def describe(node: Path, root: Path = Path("/")) -> str:
 
 
 def why_not(device: str, root: Path = Path("/")) -> str:
-    """Return why the device at a path cannot be opened, as far as known, and what to do."""
+    """Return the probable reason why the device at a path cannot be opened, and a remedy."""
     nodes = device_nodes(root)
     node = root / device.lstrip("/")
     if not node.exists():

@@ -24,7 +24,7 @@ MAX_COMPRESSED_BYTES: Final = 32 << 20
 JPEG_START: Final = b"\xff\xd8\xff"
 PNG_START: Final = b"\x89PNG\r\n\x1a\n"
 PNG_HEAD: Final = 26
-"""Bytes up to and with a PNG's depth and type of colour."""
+"""Length of a PNG's start that includes its bit depth and colour type, bytes."""
 
 ANIMATION_CHUNKS: Final = (b"acTL", b"fcTL", b"fdAT")
 """Of an animated PNG, no frame of a camera; OpenCV 5.0 dies of malformed ones (SIGSEGV)."""
@@ -42,8 +42,8 @@ _FRAME_HEADERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 MAX_KNOWN: Final = 8
 MAX_KNOWN_BYTES: Final = 4096
 _known_heads: deque[tuple[bytes, tuple[int, int]]] = deque(maxlen=MAX_KNOWN)
-"""What the last JPEGs that were checked begin with, up to the coded data, and their sizes. All
-pictures of a camera begin with the same bytes, on which alone the checks depend."""
+"""Sizes of the last checked JPEGs, by their bytes up to the coded data. The checks depend only on
+these bytes, which are the same in all pictures of a camera."""
 
 
 def picture_type(picture: bytes) -> str | None:
@@ -107,12 +107,12 @@ def decode_jpeg(
 
 
 def check_scans(jpeg: bytes) -> int | None:
-    """Check how often a JPEG's scans go over its pixels, by its segments, without decoding.
+    """Check the number of a JPEG's scans, times its pixels, by its segments, without decoding.
 
     It costs microseconds, as the coded data is searched only if several scans are possible.
 
     Returns:
-        Where the header of its only scan ends: what follows is not a part of the check. None if
+        The offset at which the header of its only scan ends, where the check ends too; None if
         several scans are possible.
 
     Raises:
@@ -246,7 +246,7 @@ def picture_size(picture: bytes) -> tuple[int, int]:
 
 def _known_size(picture: bytes) -> tuple[int, int] | None:
     """Return the size of a JPEG that begins exactly as one that was checked; else None."""
-    for head, size in tuple(_known_heads):  # other threads may add to it
+    for head, size in tuple(_known_heads):  # a copy, since other threads may add to it
         if picture.startswith(head):
             return size
     return None

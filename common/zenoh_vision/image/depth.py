@@ -20,7 +20,7 @@ RATIO: Final = 257  # 65535 / 255
 MM_PER_M: Final = 1000.0
 
 PERCENTILES: Final = (1, 99)
-"""Of the readings: the automatic range reaches from the one to the other, by nearest rank."""
+"""Percentiles of the readings at which the automatic range begins and ends, by nearest rank."""
 
 MAX_OUTSIDE: Final = 0.05
 LEAST_USED: Final = 0.5
@@ -28,7 +28,7 @@ LEAST_USED: Final = 0.5
 span less than half of it: each change of it changes every pixel, which looks like motion."""
 
 SAMPLES: Final = 100_000
-"""About how many pixels are looked at, in even steps over rows and columns."""
+"""About how many pixels are sampled, in even steps over rows and columns."""
 
 
 @dataclass(frozen=True, slots=True)

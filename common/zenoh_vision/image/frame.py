@@ -1,7 +1,7 @@
 """``Frame``: a header and one picture, in the form in which it was made or received.
 
-A frame makes its other forms on demand, each at most once. So a JPEG is passed through unchanged,
-decoded to grey alone, or never encoded, unless somebody asks for a form that needs more.
+A frame makes its other forms on demand, each at most once. So a JPEG can be passed through
+unchanged or decoded only to grey, and pixels that nobody wants as JPEG are never encoded.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Frame:
     Args:
         header: Its identity; ``header.encoding`` is the format of ``pixels``.
         pixels: (height, width[, channels]) in that encoding, if it is made from pixels.
-        compressed: JPEG, or PNG for 16 bits, if it is made from a compressed picture.
+        compressed: JPEG, or PNG for 16 bits, if it is made from a compressed picture; bytes.
         planar: Planes of luma and chroma, if it is made from them; in colour, 8 bits.
         finder: Finds the range of 16-bit values that becomes 8 bits; None for the whole range.
         quality: JPEG quality, 1 to 100, if it must be encoded.
@@ -102,7 +102,7 @@ class Frame:
 
     @property
     def is_compressed(self) -> bool:
-        """Whether ``compressed`` is there already, so that nothing has to be encoded."""
+        """Whether ``compressed`` exists already, so that nothing has to be encoded."""
         return self._compressed is not None
 
     @property
@@ -115,14 +115,14 @@ class Frame:
 
     @property
     def compressed_header(self) -> Header:
-        """The header that belongs to ``compressed``: of ``32FC1``, that is ``16UC1``."""
+        """The header that belongs to ``compressed``: with ``16UC1`` instead of ``32FC1``."""
         if self._encoding != "32FC1":
             return self.header
         return self.header.model_copy(update={"encoding": "16UC1"})
 
     @property
     def depth(self) -> NDArray[np.uint16] | None:
-        """The values of 16 bits, (height, width); read-only. None if it has 8 bits.
+        """The 16-bit values, (height, width) uint16; read-only. None if the picture has 8 bits.
 
         They are millimetres for ``16UC1`` and ``32FC1``, and 0 is no reading.
 
@@ -141,7 +141,7 @@ class Frame:
 
     @property
     def is_deep(self) -> bool:
-        """Whether it has more than 8 bits, by its header: depth, or grey of 16 bits."""
+        """Whether its header names an encoding of more than 8 bits: depth, or grey of 16 bits."""
         return self._is_deep
 
     @property
@@ -280,4 +280,4 @@ def _read_only(pixels: A) -> A:
 
 
 Want = Form | Callable[[Frame], object]
-"""What a consumer needs of a frame: one of its forms, or a function that decodes it."""
+"""The form of a frame that a consumer needs, or a function that decodes it."""

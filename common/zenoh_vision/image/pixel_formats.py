@@ -100,7 +100,7 @@ def convert(pixels: Pixels, source: str, target: str) -> Pixels:
 
 
 def sixteen_bits(pixels: Pixels, encoding: str) -> NDArray[np.uint16]:
-    """Return pixels of an encoding in ``DEEP`` as 16 bits: of ``32FC1``, the millimetres."""
+    """Return pixels of an encoding in ``DEEP`` as uint16; ``32FC1`` becomes millimetres."""
     return np.asarray(depth.millimetres(pixels) if encoding == "32FC1" else pixels, np.uint16)
 
 

@@ -1,4 +1,4 @@
-"""Pictures as planes of luma and chroma: what a video decoder delivers, and what a JPEG stores.
+"""Pictures as planes of luma and chroma, as a video decoder delivers them and a JPEG stores them.
 
 A JPEG of such a picture needs neither the conversion to BGR nor the one back, which cost more than
 a quarter of its encoding.
@@ -20,7 +20,7 @@ Planes = tuple[Plane, Plane, Plane]
 PlanarForm = Literal["planes", "bgr"]
 
 BLACK = 16
-"""Of the limited range, in which videos store luma as 16 to 235 and chroma as 16 to 240."""
+"""Factors of the limited range, in which videos store luma as 16 to 235, chroma as 16 to 240."""
 LUMA_SCALE = 255 / 219
 CHROMA_SCALE = 255 / 224
 LUMA_OFFSET = -0.5  # rounds down, as libav's conversion to BGR does
@@ -35,13 +35,13 @@ class PlanarPicture:
     Args:
         planes: Luma (height, width), both even; blue and red chroma, half as high and wide;
             uint8. Not modified, and kept.
-        full_range: Whether black is 0 and white 255, as in a JPEG; else they are 16 and 235.
+        full_range: Whether black is 0 and white 255, as in a JPEG, instead of 16 and 235.
         to_bgr: Makes the pixels, (height, width, 3).
         asked: Called with each form that is asked for, so that it can be prepared for the next
             picture.
 
     Raises:
-        ValueError: A side is odd, of which libjpeg 3.1 makes a wrong last row.
+        ValueError: A side is odd, for which libjpeg 3.1 encodes a wrong last row.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class PlanarPicture:
             return False
         row = self.stored[0].shape[0] // 2
         if not np.array_equal(self.stored[0][row], other.stored[0][row]):
-            return False  # one row is nearly always enough to tell them apart
+            return False  # one row is nearly always enough to find a difference
         return all(map(np.array_equal, self.stored, other.stored))
 
     def _pixels(self) -> NDArray[np.uint8]:

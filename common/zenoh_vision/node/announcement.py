@@ -90,7 +90,7 @@ class Announcement:
         self._health_file.beat()
 
     def declare(self, link: Link, namespace: str, server: QueryServer) -> None:
-        """Declare the diagnostics and the description; ``start`` follows after all else."""
+        """Declare the diagnostics and the description; call ``start`` after everything else."""
         self._link = link
         self._key = keys.node_key(namespace, self._node)
         self._diagnostics = StreamPublisher(

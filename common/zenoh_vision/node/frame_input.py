@@ -1,4 +1,4 @@
-"""An input of frames: its intake, what it subscribes to, and the settings that it follows."""
+"""An input of frames: its intake, its subscriptions, and the settings that it follows."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def frame_input(
 
 
 def told_transport() -> Transport | None:
-    """Return the transport that the environment names for all inputs; None if it names none.
+    """Return the transport that the environment sets for all inputs; None if it sets none.
 
     Raises:
         ConfigurationError: It names one that does not exist.
@@ -154,13 +154,13 @@ def _check_of_all(settings: Settings) -> None:
 
 
 def _transport(parameters: ParameterStore[Any] | None, default: Transport) -> Transport:
-    """Return the setting ``transport`` of a node; the default if it has none, or one of its own."""
+    """Return the setting ``transport`` of a node; the default if it has none with our values."""
     found = _setting(parameters, "transport", default)
     return found if found in get_args(Transport) else default
 
 
 def _setting(parameters: ParameterStore[Any] | None, name: str, default: T) -> T:
-    """Return the active value of one of a node's settings, if it has that."""
+    """Return the active value of a node's setting; the default if it has no such setting."""
     if parameters is None:
         return default
     return cast("T", getattr(parameters.active.settings, name, default))

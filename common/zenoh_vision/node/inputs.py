@@ -21,7 +21,7 @@ T = TypeVar("T", covariant=True)
 
 
 class Subscription(Protocol):
-    """What passes the samples to an intake until it is undeclared."""
+    """Passes samples to an intake until it is undeclared."""
 
     def undeclare(self) -> None:
         """End it."""
@@ -43,7 +43,7 @@ class Owner(Protocol):
 
 
 class Input(Generic[T]):
-    """What arrives on one key or key expression, as an iterable that ends when the node stops.
+    """The items that arrive on a key or key expression: an iterable that ends when the node stops.
 
     The subscription exists from here until the iteration ends, also by ``break``, or the node
     closes; so an input can be iterated once. The time that the loop spends on an item is measured,
@@ -87,9 +87,9 @@ class Input(Generic[T]):
         self._node.health.done(stamp_ns)
 
     def close(self) -> None:
-        """Unsubscribe and drop what waits as ``unread``; safe to call twice.
+        """Unsubscribe and drop the items that wait as ``unread``; safe to call twice.
 
-        While the node stops, what waits stays pending in its counters.
+        While the node stops, these items stay pending in its counters.
         """
         if self.closed:
             return

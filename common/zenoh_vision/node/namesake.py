@@ -1,6 +1,6 @@
-"""Notices another node of this node's name, which sends diagnostics on the same key.
+"""Detects another node of the same name, which sends diagnostics on the same key.
 
-Two tokens on one key look like one, so a name that is taken twice shows only where both report.
+Two tokens on one key look like one, so two nodes of one name can only be told by their reports.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class NamesakeMonitor:
         )
 
     def note_own(self, report: Diagnostics) -> None:
-        """Take note of this node's report: its former session may bring it back."""
+        """Record this node's own report, which its former session may deliver here."""
         self._sent_ns.append(report.stamp_ns)
 
     def check(self) -> None:
@@ -121,7 +121,7 @@ class NamesakeMonitor:
         self._others = found
 
     def _tell(self) -> None:
-        """Put the other node into the health, and log it when it is another one than before."""
+        """Report the other node in the health, and log it when it is another one than before."""
         own = self._describe()
         others = sorted(self._others, key=lambda about: about.started_ns)
         named = f"{len(others)} others are" if len(others) > 1 else "another node is"

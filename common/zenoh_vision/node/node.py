@@ -1,4 +1,4 @@
-"""``Node``: manages a process on the network, so that a service is only a loop.
+"""``Node``: manages everything of a process on the network except a service's loop.
 
 ```python
 with Node("brightness", camera="front", publishes=[BRIGHTNESS]) as node:
@@ -59,9 +59,9 @@ class Node:
         publishes: Topics, or their names in the table; of several cameras that have different
             ones, a mapping: ``{"left": ["depth"], "right": []}``. Only their keys are declared.
             It answers queries for the schemas of their messages.
-        counts: Names of the counters of arrivals and of what was done with them; by default
-            ``captured`` and ``published`` of a node that publishes ``image/compressed`` or
-            ``image``, ``received`` and ``processed`` of any other.
+        counts: Names of the counters of arrivals and of finished items; by default ``captured`` and
+            ``published`` of a node that publishes ``image/compressed`` or ``image``, ``received``
+            and ``processed`` of any other.
         parameters: Its settings, or a store of them. Those marked ``Live`` are parameters under
             the node's name; the newest revision is activated between two frames.
 
@@ -160,7 +160,7 @@ class Node:
 
     @property
     def link(self) -> Link:
-        """Its link to the router, inside the ``with``, for what the node does besides."""
+        """Its link to the router, inside the ``with``, for declarations and queries of your own."""
         if self._link is None:
             raise RuntimeError(f"{self.name} is not open: use it inside `with`")
         return self._link
@@ -204,12 +204,12 @@ class Node:
             borrow: Frames may be views of memory that the transport lends, valid until the next
                 is asked for; ``Frame.keep`` copies one.
             max_pixels: Larger frames are dropped as ``too_large`` before they are decoded.
-            transport: ``auto``: the camera's frames in shared memory if both are on one machine
-                and have the extra ``shm``, else the compressed ones if they flow, else the raw
+            transport: ``auto``: the camera's frames in shared memory if both are on one machine and
+                have the extra ``shm``, else the compressed ones if they are published, else the raw
                 pixels; ``shm``, ``jpeg`` or ``raw``: only these. If the node has a setting
                 ``transport``, that holds instead. It needs the topic ``image/compressed`` of one
-                camera. None: if it is that and no queue, what ``ZV_TRANSPORT`` in the environment
-                says, else ``auto``; else the topic alone.
+                camera. None: ``ZV_TRANSPORT`` of the environment, or else ``auto``, for that topic
+                of one camera without a queue; for any other input, its topic over the network.
 
         Raises:
             ValueError: The node does not serve the camera, or the transport does not fit the topic.
@@ -310,11 +310,11 @@ class Node:
     ) -> Iterator[tuple[Any, Any]]:
         """Yield items of two inputs whose stamps are close, until the node is told to stop.
 
-        Each item is in one pair at most, and pairs come in the order of their stamps. What has no
-        partner is dropped as ``unpaired``. If one camera dies, the loop waits without an end and
-        goes on when the camera is back; meanwhile each frame of the other one is dropped when its
-        time is over, or yielded with ``alone``, and the node's health says which one is silent.
-        The stamps are compared as they are: cameras at two machines need clocks that agree.
+        Each item is in one pair at most, and pairs come in the order of their stamps. An item
+        without a partner is dropped as ``unpaired``. While one camera is gone, there are no pairs:
+        each frame of the other one is dropped after ``wait_s``, or yielded with ``alone``, and the
+        node's health says which camera is silent. Cameras on two machines need synchronized clocks,
+        since stamps are compared directly.
 
         Args:
             first: Frames, or messages that carry a header.
@@ -323,7 +323,7 @@ class Node:
                 frame, less than half of the time between two frames for two cameras.
             wait_s: How long an item waits for its partner.
             depth: Most items of an input that wait.
-            alone: Yield what has no partner too, with None in the place of the other.
+            alone: Also yield items without a partner, with None in place of the other.
 
         Raises:
             ValueError: The two inputs are the same, or a limit is not allowed.
@@ -341,15 +341,15 @@ class Node:
     # A camera of one's own
 
     def rate(self, rate_hz: float) -> Iterator[int]:
-        """Yield 0, 1, 2, ... so many times a second until the node is told to stop.
+        """Yield 0, 1, 2, ... at a rate until the node is told to stop.
 
-        What takes too long makes the next one late, but no later ones are made up for. The newest
-        parameters are activated before each.
+        An iteration that takes too long delays the next one, but missed ones are not made up for.
+        The newest parameters are activated before each.
         """
         return ticks(self, rate_hz)
 
     def add_camera(self, name: str, publishes: Sequence[Topic | str] = ()) -> None:
-        """Serve one more camera, such as one whose first frame came in by the camera ``*``.
+        """Serve one more camera, such as one whose first frame arrived on an input of all cameras.
 
         Its topics are declared, and the node's description names it from now on.
 

@@ -38,7 +38,7 @@ class Outputs:
         self._topics = {
             camera: tuple(map(topic_named, topics)) for camera, topics in by_camera.items()
         }
-        # Those of a sequence are known also while there is no camera yet.
+        # A sequence of topics is known even while there is no camera yet.
         named = () if isinstance(publishes, Mapping) else map(topic_named, publishes)
         self.topics = tuple(dict.fromkeys(itertools.chain(named, *self._topics.values())))
         self._node = node
@@ -93,7 +93,7 @@ class Outputs:
         return "; ".join(filter(None, (offer.failure for offer in self._offers.values())))
 
     def close(self) -> None:
-        """Withdraw what is offered in shared memory; the session's end does the rest."""
+        """Withdraw the offers of shared memory; the end of the session does the rest."""
         for offer in self._offers.values():
             offer.close()
 
@@ -119,10 +119,11 @@ class Outputs:
 
         Args:
             topic: A topic that the node publishes.
-            message: One that carries a header is published for the camera in it. A function that
-                makes one is called at most once, perhaps later and on another thread; of a lazy
-                topic only if someone subscribes or asks.
-            camera: Of a message without a header, or of a function, if the node serves several.
+            message: The message, published for the camera in its header, if it has one; or a
+                function that makes it. That is called at most once, perhaps later and on another
+                thread, and for a lazy topic only if someone subscribes or queries.
+            camera: For a message without a header, or a function, if the node serves several
+                cameras.
         """
         if isinstance(message, Stamped):
             camera = message.header.camera
@@ -146,7 +147,7 @@ class Outputs:
 
         Args:
             topic: Says whether the picture is encoded as JPEG or PNG.
-            frame: The frame that it was made from.
+            frame: The frame from which it was made.
             picture: Pixels, or a function that makes them. It is called at most once, perhaps
                 later and on another thread, so it must not use a borrowed frame (``Frame.keep``).
             encoding: Of the pixels: ``bgr8`` or ``mono8``.
@@ -162,7 +163,7 @@ class Outputs:
             pixels = picture() if callable(picture) else picture
             return encoded_picture(
                 pixels,
-                self.header(frame, encoding),  # after the work, whose end it states
+                self.header(frame, encoding),  # after the work: it has its end, ``done_ns``
                 jpeg_quality=quality if as_jpeg else None,
                 bilevel=bilevel,
                 bits=bits,
@@ -181,7 +182,7 @@ class Outputs:
                 that.
 
         Returns:
-            Whether someone takes it in any of these ways.
+            Whether it was sent in any of these forms.
 
         Raises:
             ValueError: The node publishes neither of this camera.

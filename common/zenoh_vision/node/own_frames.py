@@ -1,4 +1,4 @@
-"""The frames of a node that is a camera itself: identified, published and counted."""
+"""Identifies, publishes and counts the frames of a node that is a camera."""
 
 from __future__ import annotations
 
@@ -36,11 +36,12 @@ class Owner(Protocol):
 
 
 class OwnFrames:
-    """Makes the pictures of a node's cameras its frames; called by one thread.
+    """Turns the pictures of a node's cameras into published frames; called by one thread.
 
     Args:
         node: Publishes and counts them.
-        camera: Returns the camera that an argument selects; ValueError if the node has it not.
+        camera: Returns the camera that an argument selects; ValueError if the node does not serve
+            it.
     """
 
     def __init__(self, node: Owner, camera: Callable[[str | None], str]) -> None:
@@ -58,10 +59,10 @@ class OwnFrames:
         stamp_ns: int | None = None,
         new_epoch: bool = False,
     ) -> Frame | None:
-        """Publish a picture as the next frame of the camera that this node is, and count it.
+        """Publish a picture as the next frame of a camera of this node, and count it.
 
-        It counts as ``captured``, and as ``published`` or dropped: as ``no_subscriber``, or for
-        what is wrong with it. The newest parameters are activated for the next picture.
+        It counts as ``captured``, and as ``published`` or dropped: as ``no_subscriber``, or by the
+        fault of the picture. The newest parameters are activated for the next picture.
 
         Args:
             picture: (height, width[, channels]) uint8 or uint16, or the bytes of a JPEG or PNG,
@@ -76,7 +77,7 @@ class OwnFrames:
             new_epoch: The source was opened again, so its numbers begin again.
 
         Returns:
-            The frame, for what else is made from it; None if the picture was dropped.
+            The frame, from which other results can be made; None if the picture was dropped.
         """
         node = self._node
         camera = self._camera(camera)
@@ -128,7 +129,7 @@ class OwnFrames:
     def publish_pending(
         self, frame: Frame, may_send: Callable[[Frame], bool] = lambda _: True
     ) -> bool:
-        """Publish a frame that was counted as captured, and count what became of it.
+        """Publish a frame that was counted as captured, and count it as published or dropped.
 
         Args:
             frame: The frame.
@@ -137,7 +138,7 @@ class OwnFrames:
                 dropped as ``over_budget``.
 
         Returns:
-            Whether someone gets it.
+            Whether it was sent to someone.
         """
         node = self._node
         withheld = False

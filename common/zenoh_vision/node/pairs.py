@@ -89,7 +89,7 @@ def _loop(
 def _take(
     node: Owner, inputs: tuple[Input[Any], Input[Any]], waiting: PairBuffer[Item], depth: int
 ) -> None:
-    """Move what has arrived on the inputs to the buffer of pairs, at most ``depth`` of each.
+    """Move the items that have arrived to the buffer of pairs, at most ``depth`` of each input.
 
     A silent input is taken from once too, since that makes it follow the camera and the parameters.
     """

@@ -24,7 +24,8 @@ MAX_BYTES = 1 << 16
 
 BURST_S = 1.0
 MAX_LOGGED = 10
-"""Changes that are logged in so long; of more, their number is logged with a later one."""
+"""Most changes that are logged in this time; the number of the others is logged with a later
+one."""
 
 ENCODINGS = ("application/msgpack", "zenoh/bytes", "application/octet-stream")
 """Allowed encodings of a query's payload. The second is Zenoh's default."""

@@ -32,11 +32,12 @@ class Owner(Protocol):
 
 
 class Queries:
-    """Answers queries for schemas and parameters, and those that a service has answers for.
+    """Answers queries for schemas, for parameters, and on the topics that a service answers.
 
     Args:
         node: Has the schemas and the parameters.
-        camera: Returns the camera that an argument selects; ValueError if the node has it not.
+        camera: Returns the camera that an argument selects; ValueError if the node does not serve
+            it.
     """
 
     def __init__(self, node: Owner, camera: Callable[[str | None], str]) -> None:

@@ -81,8 +81,8 @@ def _parameters(query: zenoh.Query) -> dict[str, str]:
 def message_answer(key: str, reply_to: Callable[[Mapping[str, str]], Message]) -> Answer:
     """Return a function that answers queries on a key with a message made for their parameters.
 
-    A refusal is an error reply, the message ``Refusal``. A query with wildcards, which asks for
-    what is there and not for this, gets no reply.
+    A refusal is an error reply, the message ``Refusal``. A query with wildcards, such as a snapshot
+    of all streams, gets no reply.
     """
 
     def answer(query: zenoh.Query) -> None:

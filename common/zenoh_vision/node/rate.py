@@ -21,7 +21,7 @@ class Owner(Protocol):
 
 
 def ticks(node: Owner, rate_hz: float) -> Iterator[int]:
-    """Yield 0, 1, 2, ... so many times a second; see ``Node.rate``."""
+    """Yield 0, 1, 2, ... at a rate; see ``Node.rate``."""
     if rate_hz <= 0:
         raise ValueError(f"a rate of {rate_hz:g} Hz; it must be above 0")
     due_s = time.monotonic()

@@ -34,8 +34,8 @@ class SharedMemoryInput:
         intake: Takes the samples.
         raw_key: The key of the camera's raw pixels, as which the frames come.
 
-    Anyone can declare any number of tokens; those count to which a doorbell belongs, which only
-    processes of this user can make.
+    Anyone can declare any number of tokens. Only tokens with a doorbell are used, since only
+    processes of this user can make doorbells.
 
     Attributes:
         failure: Why frames that are offered are not received; empty if they are, or none are.
@@ -64,7 +64,7 @@ class SharedMemoryInput:
         return self._demand is not None
 
     def follow(self, *, wanted: bool) -> None:
-        """Open and close the way to the newest offer, as it is needed; does not wait."""
+        """Open or close the connection to the newest offer, as needed; does not wait."""
         if wanted and self._following is None:
             self._following = self._link.declare(self._subscribe)
         elif not wanted and self._following is not None:
@@ -89,14 +89,14 @@ class SharedMemoryInput:
             self._ask(self._offer or "")
 
     def close(self) -> None:
-        """End it, and wait for that in bounded time."""
+        """Stop receiving, and wait for that in bounded time."""
         reader = self._reader
         self.follow(wanted=False)
         if reader is not None:
             reader.close()
 
     def _newest(self) -> str | None:
-        """Return the newest offer that was not tried in vain a short time ago."""
+        """Return the newest offer, except those that failed a short time ago."""
         now_s = time.monotonic()
         with self._lock:
             offers = set(self._offers)

@@ -29,7 +29,7 @@ AGAIN_S = 10.0
 
 
 def may_offer() -> bool:
-    """Tell whether this process can offer shared memory, and is not told to do without."""
+    """Tell whether this process can and may offer shared memory."""
     told = os.environ.get(keys.TRANSPORT_VARIABLE) or "auto"
     return told in ("auto", "shm") and not why_impossible()
 

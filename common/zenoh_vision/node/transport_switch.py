@@ -1,4 +1,4 @@
-"""Takes a camera's frames the way they flow: shared memory, else compressed, else raw pixels."""
+"""Switches between the transports of a camera's frames: shared memory, compressed, raw pixels."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.subscriber import subscribe
 
 SILENT_NS = 3_000_000_000
-"""After this time without a frame, ``auto`` subscribes to the raw pixels too: longer than a camera
-of our own takes to start, which then makes no raw pixels in vain."""
+"""After this time without a frame, ``auto`` subscribes to the raw pixels too: longer than ``zv
+camera`` takes to start, so that it need not make raw pixels for nobody."""
 
 
 class TransportSwitch:
-    """The ways of one input to a camera's frames: two keys and shared memory, as many as it needs.
+    """Subscribes one input to a camera's frames: to two keys and shared memory, as needed.
 
     With ``auto`` the compressed key is subscribed to, which costs nothing while nobody publishes on
     it. If frames flow through shared memory, that subscription ends, so that the camera need not
     encode them. Raw pixels over Zenoh are ten times as large, and a camera that has both makes each
     only for subscribers: they are subscribed to only while nothing else arrives. Once a compressed
-    frame arrives, they are unsubscribed from. The routers' list of publishers would tell sooner
-    which of the two is published, but Zenoh 1.10 can hang a router that is asked for it while a
+    frame arrives, they are unsubscribed from. The routers' list of publishers would show sooner
+    which of the two is published, but Zenoh 1.10 can hang a router that is queried for it while a
     publisher is being declared. ``follow`` does not wait for the network.
 
     Args:
         link: To the router.
-        intake: Takes the samples of all ways; its ``key`` is the compressed one.
+        intake: Takes the samples of all transports; its ``key`` is the compressed one.
         raw_key: Key of the raw pixels.
         memory: The camera's frames in shared memory; None if this process cannot take them.
-        memory_by_itself: Whether ``auto`` takes them too.
+        memory_by_itself: Whether ``auto`` includes shared memory.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class TransportSwitch:
         self._falls_back = False
 
     def follow(self, transport: Transport) -> None:
-        """Subscribe and unsubscribe as a transport and what has arrived need it."""
+        """Subscribe and unsubscribe, by the chosen transport and the frames that have arrived."""
         if self._memory is not None:
             self._memory.follow(wanted=transport in self._memory_transports)
             self._intake.fault = self._memory.failure
@@ -67,7 +67,7 @@ class TransportSwitch:
                 self._subscriptions[key] = subscribe(self._link, self._intake, key)
             elif not is_wanted and key in self._subscriptions:
                 self._subscriptions.pop(key).undeclare()
-        # Frames in shared memory are those of the compressed key, whoever lists what a node takes.
+        # In the node's description, frames of shared memory are those of the compressed key.
         keys = tuple(key for key, is_wanted in wanted.items() if is_wanted)
         self._intake.keys = keys or (self._intake.key,)
         self._intake.awaited = {
@@ -78,14 +78,14 @@ class TransportSwitch:
         }[transport]
 
     def undeclare(self) -> None:
-        """End all ways."""
+        """End all subscriptions."""
         if self._memory is not None:
             self._memory.close()
         while self._subscriptions:
             self._subscriptions.popitem()[1].undeclare()
 
     def _by_what_flows(self, now_ns: int) -> dict[str, bool]:
-        """Return which keys ``auto`` needs."""
+        """Return for each key whether ``auto`` subscribes to it now."""
         key, since_ns = self._intake.newest
         flows = now_ns - since_ns < SILENT_NS
         if not flows:

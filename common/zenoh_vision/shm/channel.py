@@ -72,7 +72,7 @@ def open_channel(offer: str) -> tuple[Any, Any]:
 
 
 def secret_prefix() -> str:
-    """Return how the names of iceoryx2's files begin; no other user can know it beforehand."""
+    """Return the prefix of the names of iceoryx2's files, which no other user can predict."""
     path = folder() / "prefix"
     if not path.exists():
         mine = folder() / f"prefix.{os.getpid()}.{threading.get_ident()}"

@@ -1,7 +1,7 @@
 """A number in shared memory that receivers wait for: a futex, which wakes any number of them.
 
-A thread that waits for it holds up no other, unlike one that waits for an event of iceoryx2. The
-file of a doorbell is locked by its owner, so what a killed process left is known by its lock.
+A thread that waits for it blocks no other, unlike one that waits for an event of iceoryx2. The
+owner of a doorbell locks its file, so an unlocked file was left by a killed process.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Doorbell:
         try:
             file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o600)
             fcntl.flock(file, fcntl.LOCK_EX)
-            if not os.fstat(file).st_nlink:  # another process took it for a dead one's
+            if not os.fstat(file).st_nlink:  # another process removed it, as that of a dead one
                 os.close(file)
                 return cls.create(name)
             os.posix_fallocate(file, 0, SIZE)

@@ -49,7 +49,7 @@ def machine_identity() -> str:
 
 
 def channel_name(key: str) -> str:
-    """Return the name in shared memory of the offer with this key: no other one has the same."""
+    """Return the name in shared memory of the offer with this key, which is unique."""
     return hashlib.sha256(key.encode()).hexdigest()[:32]
 
 

@@ -30,7 +30,7 @@ class FrameReader:
         receive: Called on the thread with each sample; must be quick.
 
     Attributes:
-        ready: Whether it receives what is written from now on.
+        ready: Whether it receives frames that are written from now on.
         failure: Why it has ended by itself; empty if it has not.
     """
 
@@ -46,7 +46,7 @@ class FrameReader:
         self._thread.start()
 
     def end(self) -> None:
-        """Tell the thread to end, which it does within ``WAIT_S``. Samples stay as they are."""
+        """Tell the thread to end, which it does within ``WAIT_S``. Samples stay valid."""
         self._closed.set()
 
     def close(self) -> None:
@@ -85,7 +85,7 @@ class FrameReader:
         lengths = sample.user_header().contents
         payload = sample.payload()
         memory = (ctypes.c_uint8 * payload.len()).from_address(payload.as_ptr())
-        memory.sample = sample  # what refers to this memory keeps it
+        memory.sample = sample  # references to this memory keep it alive
         whole = memoryview(memory).cast("B").toreadonly()
         pixels = int(lengths.pixels)
         attachment = bytes(whole[pixels : pixels + int(lengths.attachment)])

@@ -18,14 +18,14 @@ from zenoh_vision.shm.machine import FULL, SharedMemoryError, free_bytes
 
 MADV_POPULATE_WRITE = 23
 HEADER_ROOM = 1024
-"""Bytes beside the pixels for the header, rounded up so that memory need not be made again."""
+"""Bytes beside the pixels for the header, with a margin, so that memory is not made again."""
 
 
 class FrameWriter:
     """Sends frames to the readers of one offer; used by one thread.
 
     Args:
-        offer: Its name; nothing else is made of it before the first frame.
+        offer: Its name. Only its doorbell is made before the first frame.
 
     Raises:
         SharedMemoryError: The doorbell cannot be made.
@@ -42,7 +42,7 @@ class FrameWriter:
         self._madvise = ctypes.CDLL(None, use_errno=True).madvise
 
     def write(self, frame: Frame) -> bool:
-        """Send a frame, if there is a reader; waits for nobody.
+        """Send a frame, if there is a reader; never waits.
 
         Returns:
             Whether a reader gets it.

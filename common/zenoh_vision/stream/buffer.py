@@ -49,7 +49,7 @@ def queue(depth: int, max_bytes: int = QUEUE_BYTES) -> Buffering:
 
 
 class _Lane(Generic[T]):
-    """Items that wait, oldest first: the turn, the size and the item of each."""
+    """A queue of items, oldest first, each with its position and its size."""
 
     def __init__(self) -> None:
         self.items: deque[tuple[int, int, T]] = deque()
@@ -68,8 +68,8 @@ class _Lane(Generic[T]):
 class Buffer(Generic[T]):
     """Items of one input, oldest first; safe between threads.
 
-    Items of an unverified epoch wait in a lane of their own, so that they do not replace those
-    of the current epoch; verified items are taken first.
+    Items of an unverified epoch wait in a separate queue, so that they do not replace those of the
+    current epoch; verified items are taken first.
 
     Args:
         buffering: How many items wait.
@@ -91,7 +91,7 @@ class Buffer(Generic[T]):
         self._number = 0
 
     def put(self, item: T, key: str = "", *, unverified: bool = False, size: int = 0) -> None:
-        """Add an item of so many bytes; drop the oldest of its lane while that is full."""
+        """Add an item of ``size`` bytes; drop the oldest of its queue while that is full."""
         per_key = self._buffering.per_key
         lane_key = (key, unverified) if per_key else ("", False)  # a queue keeps the order
         with self._lock:

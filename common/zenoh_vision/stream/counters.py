@@ -13,7 +13,7 @@ class FrameCounters:
 
     Attributes:
         arrived: Name of the counter of arrivals: ``captured`` at a camera, else ``received``.
-        done: Name of the counter of what was done: ``published`` or ``processed``.
+        done: Name of the counter of finished items: ``published`` or ``processed``.
     """
 
     def __init__(self, arrived: str = "received", done: str = "processed") -> None:
@@ -43,8 +43,8 @@ class FrameCounters:
     def note(self, name: str, amount: int = 1) -> None:
         """Count something outside the balance, such as ``missed`` frames.
 
-        What a frame's header says decides the amount, so the total stops at the highest number
-        that diagnostics can hold.
+        The amount may come from a frame's header, so the total stops at the highest number that
+        diagnostics can hold.
         """
         with self._lock:
             self._notes[name] = min(MAX_COUNT, self._notes[name] + amount)

@@ -24,7 +24,7 @@ SETTLE_NS = 1_500_000_000
 """Frames that stay equally late for this time have stamps of another clock."""
 
 STEADY_NS = 400_000_000
-"""By how much the lateness of a stream may vary that does not come out of a queue."""
+"""Most variation of lateness in a stream of frames that did not wait in a queue."""
 
 STEP = 1000
 STEP_PER_S = 1000
@@ -33,7 +33,7 @@ STEP_PER_S = 1000
 
 @dataclass(slots=True)
 class Run:
-    """Arrivals in order and equally late, of frames that are not accepted, or not yet."""
+    """Arrivals, in order and equally late, of frames that are not accepted, or not yet."""
 
     epoch: int
     begun_ns: int
@@ -54,8 +54,8 @@ class Run:
     def extend(self, header: Header, now_ns: int) -> bool:
         """Add an arrival; return False if it does not continue the run.
 
-        A queue that drains brings frames that are less and less late; those of a live stream
-        with another clock stay late by the same amount.
+        Frames from a queue that drains are less and less late; frames of a live stream with another
+        clock stay late by the same amount.
         """
         offset = now_ns - header.stamp_ns
         least = min(self.least_offset_ns, offset)
@@ -93,7 +93,7 @@ class EpochGate:
 
     @property
     def offset_ns(self) -> int | None:
-        """The least ``now - stamp`` of the last minute; None before the first frame."""
+        """The least ``now - stamp`` of the last minute, ns; None before the first frame."""
         with self._lock:
             return self._gauge.offset_ns
 
@@ -202,7 +202,7 @@ class EpochGate:
                 unverified = _run_of(header, self._unverified)
                 self._arrived_seq = header.seq if unverified is None else unverified.seq
                 if header.epoch <= (self._epoch or 0):
-                    self._gauge.restart()  # the frames before it had no true identity or clock
+                    self._gauge.restart()  # bare frames before it had another identity and clock
                 self._unverified = None
             elif header.stamp_ns < self._last_stamp_ns:
                 self._gauge.restart()  # a clock that was set back: the old offsets do not apply
@@ -210,8 +210,8 @@ class EpochGate:
             if header.epoch != self._bare_epoch:
                 self._bare_epoch = None  # bare pictures that follow are a new epoch
             self._identified = not header.assumed
-            # By its arrival: the longer a false frame took to decode, the longer it would silence
-            # the true ones.
+            # The time of its arrival, not of this call: otherwise a false frame would block the
+            # true ones for longer, the longer it takes to decode.
             self._epoch, self._seq, self._accepted_ns = header.epoch, header.seq, arrived_ns
             self._arrived_ns = arrived_ns
             late_ns = self._gauge.lateness_ns(header.stamp_ns, arrived_ns)
@@ -230,13 +230,13 @@ class EpochGate:
             raise PayloadError("out_of_order", f"epoch {header.epoch} after {self._epoch}")
 
     def _follows(self, header: Header, arrived_ns: int) -> bool:
-        """Tell whether a frame is a later one of the current epoch, by a step that can be."""
+        """Tell whether a frame may follow in the current epoch: by a possible step of ``seq``."""
         since_ns = max(0, arrived_ns - self._arrived_ns)
         most = STEP + STEP_PER_S * since_ns // 10**9
         return header.epoch == self._epoch and 0 < header.seq - self._seq <= most
 
     def _replaces(self, header: Header, now_ns: int) -> bool:
-        """Tell whether a frame is of a live stream that one frame with a wrong ``seq`` shut out."""
+        """Tell whether a frame is of a live stream that a frame with a wrong ``seq`` blocked."""
         if self._alive(now_ns):
             return False
         refused = _run_of(header, self._refused)

@@ -27,12 +27,12 @@ full, a new key replaces the one that has been silent longest, if that is at lea
 """
 
 FORGET_NS = 60 * 10**9
-"""An intake with wildcards forgets a key that was silent for so long: its camera is gone."""
+"""An intake with wildcards forgets a key that was silent for this time: its camera is gone."""
 
 
 @dataclass(slots=True)
 class KeyStream:
-    """State of one stream that sent a frame, and the key of its newest. Times are monotonic."""
+    """State of a stream that sent a frame, and the key of the newest. Times are monotonic, ns."""
 
     gate: EpochGate
     key: str = ""
@@ -48,13 +48,13 @@ class KeyStream:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A frame with good header, size and order; not decoded yet.
+    """A frame with valid header, size and order; not decoded yet.
 
     Attributes:
         stream: State of its key, which the intake may have forgotten meanwhile.
         header: Of the frame, with its time of arrival.
         unverified: No picture of its epoch was decoded yet.
-        number: How many frames arrived on this key, up to it.
+        number: Number of this frame among those that arrived on its key, from 1.
         missed: Number of the camera's frames that are missing up to this one.
     """
 
@@ -74,8 +74,8 @@ class FrameIntake(Intake[Arrival, Frame]):
         raw: The payloads are raw pixels instead of JPEG or PNG.
         raw_key: Another key that carries the same frames as raw pixels: both are one stream, so
             that each frame counts once.
-        borrow: Frames of raw pixels may be views of memory that the transport lends; else they
-            own their memory.
+        borrow: Frames of raw pixels may be views of the transport's memory; else they own their
+            memory.
         max_pixels: Larger frames are dropped as ``too_large``, by their headers.
 
     Attributes:
@@ -233,7 +233,7 @@ class FrameIntake(Intake[Arrival, Frame]):
         return arrival, unverified
 
     def _enter(self, key: str, stream: KeyStream, now_ns: int) -> None:
-        """Make a key the last in the order of silence; one that is new needs a place."""
+        """Record a frame of a key as the newest; make room for the key if it is new."""
         known = self._streams.pop(key, None)
         if known is None and len(self._streams) >= MAX_KEYS:
             silent_longest = next(iter(self._streams))
@@ -250,10 +250,10 @@ class FrameIntake(Intake[Arrival, Frame]):
 
 
 def _came_already(stream: KeyStream, way: Way, header: Header, now_ns: int) -> bool:
-    """Tell whether a frame, or a later one, came another way before.
+    """Tell whether a frame, or a later one, already arrived by another transport.
 
-    Only processes of this user can write to shared memory, so nobody else can keep frames away by
-    what came from there; what came from the network counts only for the very same frame.
+    Frames from shared memory also rule out earlier ones, since only processes of this user can
+    write there. Frames from the network rule out only the very same frame.
     """
     if way == stream.way or header.epoch != stream.epoch or now_ns - stream.since_ns >= SILENCE_NS:
         return False
@@ -261,7 +261,7 @@ def _came_already(stream: KeyStream, way: Way, header: Header, now_ns: int) -> b
 
 
 def picture_limit(max_pixels: int, *, raw: bool) -> SizeLimit:
-    """Return the limit of the bytes of a picture with so many pixels."""
+    """Return the most bytes of a picture with up to ``max_pixels`` pixels."""
     return SizeLimit(max_pixels * MAX_PIXEL_BYTES) if raw else PICTURE_LIMIT
 
 

@@ -76,7 +76,8 @@ class Intake(ABC, Generic[Waiting, Item]):
 
     Attributes:
         keys: The key expressions that are subscribed to: its own, unless its frames have two.
-        fault: What keeps items from coming the way they should, for the node's health; else empty.
+        fault: Why items do not come by the intended transport, for the node's health; empty if they
+            do.
     """
 
     def __init__(
@@ -122,7 +123,7 @@ class Intake(ABC, Generic[Waiting, Item]):
             item, unverified = self._check(sample)
         except PayloadError as error:
             self._discard(sample, error.reason)
-            if error.reason != "duplicate":  # a frame came in two ways, which is no fault
+            if error.reason != "duplicate":  # a frame arrived by two transports, which is no fault
                 self._dropped(error)
             return
         stream = self._stream_key(sample.key)

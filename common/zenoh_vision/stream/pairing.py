@@ -1,17 +1,16 @@
 """Pairs the items of two streams by the stamps in their headers. Uses neither network nor clock.
 
-As the approximate time policy of ROS's message_filters, for two streams:
+The rules are those of the approximate time policy of ROS's message_filters, for two streams:
 
 - Two items are a pair if their stamps differ by no more than the tolerance.
 - Each item is in one pair at most, and pairs come in the order of their stamps.
-- An item waits until its partner arrives, until it is certain that none can follow, since the
-  other stream is past it, or for so long as the limit says. The items of a stream that has ended
-  therefore do not keep those of the other.
+- An item waits until its partner arrives, until none can follow, since the other stream is past it,
+  or until the time limit. If a stream ends, the items of the other therefore do not wait forever.
 - If the next item of the earlier one's stream has arrived too and is nearer to the partner, the
   earlier one is left alone. With a tolerance below half of the time between two frames, that
   cannot happen.
 
-Stamps are compared as they are: of cameras at two machines, the clocks must agree.
+Stamps are compared directly, so cameras on two machines need synchronized clocks.
 """
 
 from __future__ import annotations
@@ -43,8 +42,8 @@ class PairBuffer(Generic[T]):
     Args:
         tolerance_ns: By how much the stamps of a pair may differ at most.
         wait_ns: How long an item waits for its partner.
-        depth: Most items of a stream that wait, of 256 MiB in all; the oldest of more are left
-            alone.
+        depth: Most items of a stream that wait, of 256 MiB in all; if there are more, the oldest
+            are yielded alone.
     """
 
     def __init__(self, tolerance_ns: int, wait_ns: int, depth: int) -> None:
@@ -66,7 +65,7 @@ class PairBuffer(Generic[T]):
         """
         queue = self._queues[side]
         if queue and stamp_ns < queue[-1].stamp_ns:
-            # The clock of the stream was set back: what waits has no partner any more.
+            # The clock of the stream was set back: no partners can follow for the items that wait.
             self._alone.extend((side, each.item) for each in queue)
             queue.clear()
         queue.append(_Waiting(stamp_ns, now_ns, item, size))
@@ -76,7 +75,7 @@ class PairBuffer(Generic[T]):
             self._leave(side)
 
     def take(self, now_ns: int) -> Iterator[tuple[T | None, T | None]]:
-        """Yield the pairs that are complete, and the items that stay alone, with None beside them.
+        """Yield the complete pairs, and the items without a partner, with None beside them.
 
         Args:
             now_ns: Monotonic time.
@@ -101,7 +100,7 @@ class PairBuffer(Generic[T]):
         return found
 
     def _next_pair(self) -> tuple[T, T] | None:
-        """Return the oldest pair; leave an item alone instead if it cannot have a partner."""
+        """Return the oldest pair, or first an item that cannot have a partner any more, alone."""
         first, second = self._queues
         if not first or not second:
             return None
@@ -115,7 +114,7 @@ class PairBuffer(Generic[T]):
         return first.popleft().item, second.popleft().item
 
     def _leave_overdue(self, now_ns: int) -> bool:
-        """Leave alone what has waited too long; return whether there was such an item."""
+        """Give up an item that has waited too long; return whether there was one."""
         for side, queue in enumerate(self._queues):
             if queue and now_ns - queue[0].arrived_ns >= self._wait_ns:
                 self._leave(side)

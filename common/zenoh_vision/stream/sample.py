@@ -51,8 +51,8 @@ class Sample:
         deleted: The key was deleted, not put; the payload is empty.
         release: Gives lent memory back; called once, when the sample was dropped or the consumer
             asks for the next. Copy the payload to keep it for longer.
-        shared: It came through shared memory. A ``memoryview`` then stays as it is for as long as
-            something refers to it.
+        shared: It came through shared memory. A ``memoryview`` then does not change while something
+            refers to it.
     """
 
     key: str

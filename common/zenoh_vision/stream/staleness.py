@@ -1,7 +1,7 @@
 """Measures how late a frame is without a common clock.
 
 The clocks of two machines differ, so ``now - stamp`` is no age. But the difference to its own
-minimum of the last minute says how much longer a frame has been on its way than the best one.
+minimum of the last minute is how much longer a frame was delayed than the fastest one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class StalenessGauge:
 
     @property
     def offset_ns(self) -> int | None:
-        """The least time on the way plus the difference of the clocks; None if unknown."""
+        """The least delay plus the difference of the clocks, ns; None if unknown."""
         return min((offset for _, offset in self._minima), default=None)
 
     def lateness_ns(self, stamp_ns: int, now_ns: int) -> int:

@@ -2,9 +2,9 @@
 
 Every node is a client of one router, without scouting and shared memory. Only ``zenoh_config``
 makes Zenoh configurations. A file given with ``--zenoh-config`` is the base. Its values for
-endpoints, scouting, lease, retries and limits are kept, and set here if missing; mode and shared
-memory are always set here. A value that equals Zenoh's default counts as missing, since Zenoh
-fills in its defaults on reading.
+endpoints, scouting, lease, retries and limits are kept, and missing ones are set here; mode and
+shared memory are always set here. A value that equals Zenoh's default counts as missing, since
+Zenoh fills in its defaults on reading.
 
 The lease is 2 s, after which a frozen node counts as gone. Reconnection is tried every 50 to
 200 ms, and an attempt without an answer times out after 0.3 s. Zenoh's own 10 s would not allow

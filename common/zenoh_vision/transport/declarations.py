@@ -1,4 +1,4 @@
-"""Who publishes, subscribes and answers queries, by the admin spaces of the routers.
+"""Finds out who publishes, subscribes and answers queries, from the routers' admin spaces.
 
 A router lists every publisher, subscriber and queryable that is declared, by a node or not.
 Querying that list does not start streams that are produced on demand, as a subscription would.
@@ -52,8 +52,7 @@ def sessions_in(
     Args:
         replies: Of the routers.
         own: Id of one's own session.
-        among: The key expressions that are of interest, so that others are not parsed; None for
-            all.
+        among: The key expressions of interest, so that others are not parsed; None for all.
     """
     found: dict[str, frozenset[str]] = {}
     for reply in replies:

@@ -49,7 +49,7 @@ CLOSE_TIMEOUT_S = 1.0
 MAX_ATTEMPT_S = 1.7
 
 TELL_AFTER_S = 1.0
-"""A wait for the router is told after this long: of a system that starts, it is not the first."""
+"""A shorter wait for the router is not logged: it is usual when a whole system starts."""
 
 T = TypeVar(
     "T",
@@ -147,9 +147,9 @@ class Link:
         closing.join(CLOSE_TIMEOUT_S)
 
     def _open(self, give_up: Callable[[], bool]) -> zenoh.Session:
-        """Open the first session; one line says that this waits, one that it is connected."""
+        """Open the first session; log a long wait for the router, and its end."""
         began_s = time.monotonic()
-        # Tools that wait for a limited time only say that it is over.
+        # Tools with a time limit report only its end.
         level = logging.WARNING if self._connection.timeout_s is None else logging.INFO
         told = False
 

@@ -55,7 +55,7 @@ def encoded_picture(
 
 
 class LazyPayload:
-    """A payload that is made when first asked for, and only once; safe between threads."""
+    """A payload that is made on first use, and only once; safe between threads."""
 
     def __init__(self, make: Callable[[], Outgoing]) -> None:
         self._make: Callable[[], Outgoing] | None = make
@@ -85,7 +85,7 @@ class Kept:
 
 
 MayReply = Callable[[int], str]
-"""Returns why no reply of so many bytes is sent now; empty if it may be."""
+"""Returns why a reply of this many bytes must not be sent now; empty if it may be sent."""
 
 
 class StreamPublisher:
@@ -98,8 +98,8 @@ class StreamPublisher:
             must return at once.
 
     Attributes:
-        may_reply: Asked before each reply, on the thread of queries; what it returns is the error
-            that the query gets instead.
+        may_reply: Called before each reply, on the thread of queries. A text that it returns is
+            sent as an error instead.
     """
 
     def __init__(

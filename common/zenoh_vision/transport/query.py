@@ -28,7 +28,7 @@ MAX_REPLIES = 65_536
 """Limit of the replies to one query that are kept: twice those of 1000 nodes with 30 parameters."""
 
 REPLY_BYTES = 1000
-"""What a reply costs besides its payload."""
+"""Bytes that a reply takes besides its payload."""
 
 MAX_ERROR = 200
 """Characters of an error reply that are shown."""
@@ -147,7 +147,7 @@ def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) 
         if replies and (not fits or len(replies) >= MAX_REPLIES):
             replies.left_out += 1
             return
-        if fits:  # else the first, which leaves room for smaller ones
+        if fits:  # a larger one leaves room for smaller ones after it
             size += REPLY_BYTES + length
         replier = "" if reply.replier_id is None else str(reply.replier_id.zid)
         replies.append(Reply(reply.ok, reply.err, replier, sent_ns, time.time_ns()))

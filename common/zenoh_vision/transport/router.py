@@ -1,4 +1,4 @@
-"""Tells where a session in router mode listens."""
+"""Finds the addresses at which a session in router mode listens."""
 
 from __future__ import annotations
 

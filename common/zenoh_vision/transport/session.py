@@ -115,7 +115,7 @@ def open_replacement(
 def open_at_once(connection: Connection, timeout_s: float) -> zenoh.Session | None:
     """Open a session if a router answers within a time; return None if none does.
 
-    It must not end up in an interpreter that ends while the attempt goes on, which would abort.
+    The interpreter must not end during the attempt, which would abort the process.
     """
     if round_trip_s(connect_endpoints(client_config(connection)), timeout_s) is None:
         return None
@@ -150,7 +150,7 @@ def _attempt(
     while thread.is_alive():
         thread.join(POLL_S)
         if stopping() or time.monotonic() > deadline_s + POLL_S:
-            abandon(thread)  # our own programs end without the interpreter's waiting
+            abandon(thread)  # ``zv`` and ``run_service`` end without waiting for it
             break
     return opened[0] if opened else None
 

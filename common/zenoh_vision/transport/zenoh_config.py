@@ -24,21 +24,23 @@ closing that client's link then blocks all other clients until the wait is over.
 
 MESSAGE_QUEUE = "transport/link/tx/queue/size/interactive_high"
 MESSAGE_BATCHES = 16
-"""Batches of 64 kB of messages that wait for a client, the most that Zenoh allows. In its 2 the
-messages of 2 s fit; a frozen client then blocked the streams of all others, second after second."""
+"""Batches of 64 kB of messages that may wait for a client, the most that Zenoh allows. Its default
+of 2 holds the messages of 2 s; a frozen client then blocked the streams of all others again and
+again."""
 
 RUNTIME = "ZENOH_RUNTIME"
 """Environment variable with the threads of Zenoh; there is no setting for them in its files."""
 
 ROUTER_RUNTIME = "(rx: (worker_threads: 32))"
 """Closing the link of a frozen client blocks a thread for 10 s, since Zenoh sets SO_LINGER (zenoh
-#1101). The router has two threads that receive: two such clients blocked all others. Each thread
-over two allows one more."""
+#1101). By default the router receives with two threads, so two such clients blocked all others.
+Each further thread allows one more."""
 
 MAX_MESSAGE_SIZE = "transport/link/rx/max_message_size"
 MAX_MESSAGE_BYTES = 128 << 20
-"""For the largest raw frame, 7680 x 4320 pixels of 4 bytes, with its header. Zenoh holds a message
-in memory before anybody can judge it, so its own limit of 1 GiB takes each process that much."""
+"""For the largest raw frame, 7680 x 4320 pixels of 4 bytes, with its header. Zenoh keeps a message
+in memory before anybody can refuse it, so with its own limit of 1 GiB each process could take that
+much."""
 
 
 def client_config(connection: Connection) -> zenoh.Config:
@@ -86,7 +88,7 @@ def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
 def _checked(
     config: zenoh.Config, defaults: Mapping[str, object], mode: str, path: str | None
 ) -> zenoh.Config:
-    """Set what a file left open, and check the endpoints that hold then."""
+    """Set the options that a file does not set, and check the resulting endpoints."""
     set_defaults(config, defaults, mode)
     if path is not None:
         for kind in ("connect", "listen"):

@@ -2,7 +2,8 @@
 
 First the JPEG quality falls, then the size, then the rate. Quality changes cost a receiver nothing
 and follow each picture. A change of size makes trackers learn their background again, so it waits
-until the lowest quality has been too much for a second, or the larger size been affordable for ten.
+until the lowest quality has been too much for a second, or until the larger size would have fitted
+for ten.
 """
 
 from __future__ import annotations
@@ -12,27 +13,28 @@ from dataclasses import dataclass
 FLOOR = 30
 """Lowest quality, unless a lower one is configured."""
 STEP = 5
-"""Quality changes in these steps, so that it rests while the sizes of pictures vary a little."""
+"""Quality changes in these steps, so that it is constant while sizes of pictures vary a little."""
 DIVISORS = (1, 2, 4)
-"""Of each side of the picture."""
+"""Divisors of each side of the picture."""
 
 MODEL = 0.77
-"""Bytes are as the scale of libjpeg's quantization tables to the power of minus this: measured over
-qualities 50 to 95, see docs/deploy.md. It only predicts; each picture sent corrects it."""
+"""The size in bytes is proportional to the scale of libjpeg's quantization tables to the power of
+minus this, as measured for qualities 50 to 95, see docs/deploy.md. This is only a prediction, which
+each picture that is sent corrects."""
 SMALLER = 3.0
 """A quarter of the pixels takes a third of the bytes, since small pictures have more detail."""
 LARGER = 4.0
 """Four times the pixels take at most four times the bytes."""
 
 OVERHEAD = 300
-"""Bytes that a picture takes beside its own: its header and that of Zenoh."""
+"""Bytes that a picture takes besides its own: its header and that of Zenoh."""
 SEGMENTS = 1.05
-"""Bytes on the wire for one of a picture: each of its packets has headers of TCP, IP, Ethernet."""
+"""Bytes on the wire per byte of a picture, with the packets' headers of TCP, IP and Ethernet."""
 SHARE = 0.9
-"""Of the budget, for which quality and size are chosen; the rest is for pictures that vary."""
+"""Share of the budget for which quality and size are chosen; the rest is a margin."""
 LONGEST_S = 0.25
-"""Quality and size are chosen so that a picture takes the whole budget for at most this time,
-however rare pictures are: one that takes longer is old when it arrives."""
+"""Quality and size are chosen so that a picture takes the whole budget for at most this time, at
+any rate: one that takes longer is old when it arrives."""
 CEILING_S = 2 * LONGEST_S
 """A picture that takes the budget for longer is not sent if the next one can be smaller."""
 BURST_S = 0.1
@@ -46,10 +48,10 @@ MOST_GROW_S = 300.0
 RISE_SHARE = 0.9
 GROW_SHARE = 0.7
 REPLY_SHARE = 0.5
-"""Of the budget, for replies to queries while someone subscribes: so many queries cannot end the
-stream."""
+"""Share of the budget for replies to queries while someone subscribes, so that many queries cannot
+end the stream."""
 REPLY_CHARGE_S = 1.0
-"""A large reply keeps frames away for at most this time; later replies wait until all is paid."""
+"""A large reply delays frames for at most this time; later replies wait until it is covered."""
 FORGET_S = 10.0
 """Without a subscriber for this time, the next one begins with the configured quality and size."""
 
@@ -70,13 +72,13 @@ class Plan:
 
 
 class _Since:
-    """Knows for how long a condition has held without a break."""
+    """Measures for how long a condition has held without a break."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
 
     def holds(self, condition: bool, now_s: float, for_s: float) -> bool:
-        """Take note whether it holds; tell whether it has for this time."""
+        """Record whether it holds; tell whether it has held for this time."""
         if not condition:
             self._since_s = None
         elif self._since_s is None:
@@ -169,7 +171,7 @@ class RateControl:
         return False
 
     def fits(self, size: int, *, lossless: bool = False, packet: bool = False) -> bool:
-        """Take note of the size of the encoded picture, and tell whether to send it.
+        """Record the size of the encoded picture, and tell whether to send it.
 
         Args:
             size: Bytes.
@@ -192,10 +194,10 @@ class RateControl:
         return True
 
     def wait_to_reply(self, now_s: float, size: int) -> float:
-        """Take note of a reply to a query; return 0 if it may be sent, else the seconds to wait.
+        """Charge a reply to a query; return 0 if it may be sent, else the seconds to wait.
 
-        A reply is sent at once if those before it are paid for, of whatever size it is, and what
-        it takes is no more there for the next frames, up to ``REPLY_CHARGE_S``.
+        A reply of any size is sent at once if the budget has covered those before it. Its bytes are
+        taken from the budget of the next frames, of up to ``REPLY_CHARGE_S``.
 
         Args:
             now_s: Monotonic time.
@@ -215,13 +217,13 @@ class RateControl:
         return self._rate if self._unwanted > 2 else REPLY_SHARE * self._rate
 
     def _refill(self, now_s: float, rate: float) -> None:
-        """Add what the budget has allowed since the last time, by the rate that holds now."""
+        """Add the budget of the time since the last call, at the current rate."""
         if self._refilled_s is not None:
             passed_s = max(0.0, now_s - self._refilled_s)
             self._balance += passed_s * rate
             self._replies = min(0.0, self._replies + passed_s * self._reply_rate)
         self._balance = min(self._balance, rate * BURST_S)
-        if rate < self._rate:  # the link has carried what was sent before: debts shrink as it does
+        if rate < self._rate:  # a debt shrinks with the rate, as its time stays the same
             self._balance = max(self._balance, self._balance * rate / self._rate)
             self._replies *= rate / self._rate
         self._refilled_s, self._rate = now_s, rate
@@ -246,12 +248,12 @@ class RateControl:
 
     @property
     def _target(self) -> float:
-        """Bytes that one picture may have, at the rate at which they come."""
+        """Bytes that one picture may have, at the current rate of pictures."""
         interval_s = LONGEST_S if self._interval_s is None else self._interval_s
         return (SHARE * self._rate * min(interval_s, LONGEST_S) - OVERHEAD) / SEGMENTS
 
     def _consider_packet(self, size: int, now_s: float) -> None:
-        """Pass the source's JPEGs on while they fit; again once they have fitted for long."""
+        """Pass the source's JPEGs on while they fit, and again after fitting for long."""
         if self._untouched:
             self._untouched = size <= self._target and self._level == 0
         elif self._pass.holds(size <= RISE_SHARE * self._target, now_s, self._grow_s):

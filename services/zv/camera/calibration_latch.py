@@ -7,11 +7,11 @@ from zenoh_vision.messages import Box, CameraInfo, Header
 
 
 class CalibrationLatch:
-    """Knows of which pictures the calibration was told, and makes the message for others.
+    """Makes the message with the calibration whenever the pictures change so that it must be sent.
 
     Args:
         calibration: Of a picture of its size and in the flip of the start.
-        flip: Of the start: ``none``, ``horizontal``, ``vertical`` or ``both``.
+        flip: The flip at the start: ``none``, ``horizontal``, ``vertical`` or ``both``.
     """
 
     def __init__(self, calibration: Calibration, flip: str) -> None:
@@ -39,8 +39,8 @@ class CalibrationLatch:
             box: The region; None for all of the picture.
 
         Raises:
-            CalibrationFault: The picture has another shape than the calibration's. Raised once;
-                for the next picture of this kind it returns None.
+            CalibrationFault: The picture has another ratio of width to height than the calibration.
+                Raised once; for the next picture of this kind it returns None.
         """
         published = header.width, header.height
         kind = (header.epoch, *published, flip, whole, box)

@@ -152,7 +152,7 @@ class Capture:
         closed = self._closing is not None and self._closing.closed
         if not closed and time.monotonic() < at_s:
             return
-        most = 1 if self.kind == "synthetic" else MAX_ABANDONED  # those of a scene always end
+        most = 1 if self.kind == "synthetic" else MAX_ABANDONED  # a scene's readers always end
         if len(self._abandoned) < most:
             self._reopen_at_s = self._closing = None
             self._start_reader().start_reading()

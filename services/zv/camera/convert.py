@@ -74,18 +74,18 @@ class Converter:
 
 
 def is_unchanged(picture: Picture, wanted: str, flip: str) -> bool:
-    """Tell whether a JPEG of a picture is that of the frame, too."""
+    """Tell whether the JPEG of a picture can be that of its frame, unchanged."""
     if wanted == "mono8" and picture.encoding != "mono8":
         return False
     return flip == "none" and wanted != "mono16"
 
 
 def decoded(picture: Picture, encoding: str, least: tuple[int, int] = (0, 0)) -> Pixels:
-    """Return the pixels of a picture, of whatever form.
+    """Return the pixels of a picture of any form.
 
     Args:
         picture: Not modified.
-        encoding: That a JPEG is decoded to; pixels are returned in the picture's own.
+        encoding: The encoding to which a JPEG is decoded; pixels are returned in the picture's own.
         least: Width and height that are enough, so that a JPEG may be decoded at a reduced scale.
 
     Raises:

@@ -20,15 +20,15 @@ KEEPS_METRES = (
 
 
 class Delivery:
-    """What the pictures of a source are, and which part of them is published.
+    """Tracks the kind and size of a source's pictures, and checks the settings against them.
 
     Args:
         kind: Of the source.
-        log: Told what the user should know of it.
+        log: Called with a line for the user.
     """
 
     def __init__(self, kind: str, log: logging.Logger) -> None:
-        self._follows = kind == "synthetic"  # the scene has what is wanted
+        self._follows = kind == "synthetic"  # the scene draws whatever is wanted
         self._resizes = kind == "device"
         self._log = log
         self._encoding: str | None = None
@@ -37,10 +37,11 @@ class Delivery:
         self._region = ""
 
     def check(self, wanted: CameraSettings) -> None:
-        """Check that pictures can be published as settings say, once there was one.
+        """Check that pictures can be published with these settings, once the first is known.
 
         Raises:
-            ParameterRefused: Depth is wanted of a source without, or a region outside of them.
+            ParameterRefused: Depth is wanted of a source without depth, or the region is outside of
+                the pictures.
         """
         if self._encoding is None or self._follows:
             return
@@ -53,7 +54,7 @@ class Delivery:
             check_region(wanted.box, *self._size)
 
     def note(self, captured: CapturedFrame) -> None:
-        """Take note of a picture, and log what is new about it.
+        """Record the properties of a picture, and log those that are new.
 
         Raises:
             ParameterRefused: The first one does not fit the settings of the start.
@@ -63,7 +64,7 @@ class Delivery:
         self._opened_with = settings.width, settings.height
         if self._encoding is None:
             self._encoding = picture.encoding
-            if captured.revision.number == 0:  # what was set since may only drop frames
+            if captured.revision.number == 0:  # later settings may only drop frames
                 self.check(settings)
             if picture.encoding in DEEP and settings.encoding not in DEEP:
                 keeps = KEEPS_METRES if picture.encoding == "32FC1" else KEEPS_DEPTH

@@ -67,5 +67,5 @@ def _equal(one: Picture, other: Picture) -> bool:
         return False
     row = one.pixels.shape[0] // 2
     if not np.array_equal(one.pixels[row], other.pixels[row]):
-        return False  # one row is nearly always enough to tell them apart
+        return False  # one row is nearly always enough to find a difference
     return np.array_equal(one.pixels, other.pixels)

@@ -100,10 +100,10 @@ class PictureTimer:
         self._wake.set()
 
     def rest(self) -> None:
-        """Wait before a picture is read ahead of its time, for half of the time to spare.
+        """Wait for half of the idle time before a picture is read ahead of its time.
 
-        The last one is on its way meanwhile, and would have to share the processors. A change of
-        the settings ends this.
+        Meanwhile the last picture is processed, which must not have to share the CPU. A change of
+        the settings ends the wait.
         """
         self._wake.wait(self._rest_s)
 

@@ -15,7 +15,7 @@ def check_region(box: Box | None, width: int, height: int) -> None:
     """Check that a rectangle is within pictures of a size.
 
     Raises:
-        ParameterRefused: It is not, not all of it.
+        ParameterRefused: A part of it is outside.
     """
     if box is not None and (box[0] + box[2] > width or box[1] + box[3] > height):
         raise ParameterRefused(
@@ -27,13 +27,13 @@ def check_region(box: Box | None, width: int, height: int) -> None:
 def cropped(picture: Picture, box: Box, flip: str) -> Picture:
     """Return the part of a picture, and of its ground truth, that is in a rectangle.
 
-    A JPEG is decoded. Planes stay planes if the rectangle has even sides and an even place, as
-    they have one value of chroma for two by two pixels.
+    A JPEG is decoded. Planes stay planes if all numbers of the rectangle are even, since they have
+    one value of chroma for 2x2 pixels.
 
     Args:
         picture: As the source delivered it.
         box: In the picture after it is flipped.
-        flip: What will be done with the returned picture.
+        flip: The flip that will be applied to the returned picture.
 
     Raises:
         PayloadError: ``region_outside``, ``corrupt``.
@@ -62,7 +62,7 @@ def cropped(picture: Picture, box: Box, flip: str) -> Picture:
 def _cut_out(track: Track, box: Box) -> Track | None:
     """Return an object as it is seen in a rectangle; None if nothing of it is.
 
-    The area of one that the edge cuts is estimated by the share of its box that is inside.
+    If the edge cuts it, its area is estimated by the share of its box that is inside.
     """
     left, top = max(0, track.box[0] - box[0]), max(0, track.box[1] - box[1])
     right = min(box[2], track.box[0] + track.box[2] - box[0])

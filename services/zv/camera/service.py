@@ -127,9 +127,9 @@ def send_calibration(
     settings: CameraSettings,
     whole: tuple[int, int],
 ) -> None:
-    """Publish the calibration before the first picture for which it is another one.
+    """Publish the calibration before the first picture for which it differs.
 
-    Whoever subscribes later asks for it with a query.
+    Later subscribers get it by a query.
     """
     try:
         plain = header.model_copy(update={"encoding": None})

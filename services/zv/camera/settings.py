@@ -199,7 +199,7 @@ class CameraSettings(ServiceSettings):
         return self.width or 640, self.height or 480
 
     def limited(self) -> Self:
-        """Return the settings with a limit of pixels for all that will be set later.
+        """Return the settings with a limit of pixels for later changes.
 
         Anyone on the network can set width and height, and a large scene takes a container's
         memory.
@@ -216,7 +216,7 @@ class CameraSettings(ServiceSettings):
 
     @property
     def _known_size(self) -> tuple[int, int]:
-        """Width and height if the settings determine both; (0, 0) if the source does."""
+        """Width and height if the settings determine both; (0, 0) if the source determines them."""
         if self.source == "synthetic":
             return self.size
         return (self.width, self.height) if self.width and self.height else (0, 0)

@@ -28,14 +28,14 @@ class StreamLimit:
     compressed pictures: raw pixels and shared memory take no share of the budget.
 
     Attributes:
-        words: What is not as configured, for diagnostics; empty if everything is.
+        words: How pictures differ from the settings, for diagnostics; empty if they do not.
     """
 
     def __init__(self) -> None:
         self.words = ""
         self._control: RateControl | None = None
         self._kbps = 0
-        self._lock = threading.Lock()  # of the control, which the thread of queries asks too
+        self._lock = threading.Lock()  # protects the control, which the thread of queries uses too
         self._lossless = False
         self._packet: bytes | None = None
         self._epoch = 0
@@ -96,7 +96,7 @@ class StreamLimit:
             return control.fits(size, lossless=self._lossless, packet=passed_on)
 
     def may_reply(self, size: int) -> str:
-        """Return why a compressed picture is no reply to a query now; empty if it is sent.
+        """Return why a compressed picture must not be a reply to a query now; empty if it may be.
 
         Its bytes are charged to the budget. On any thread.
         """

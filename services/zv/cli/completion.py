@@ -19,7 +19,7 @@ from zv.tools.registry import TOOLS, Tool
 
 @dataclass(slots=True)
 class Typed:
-    """What a line calls before the word that is to be completed.
+    """The part of a command line before the word that is to be completed.
 
     Attributes:
         tool: The tool that it calls.
@@ -87,7 +87,7 @@ def completions(words: Sequence[str], incomplete: str) -> list[str] | None:
 
 
 def typed_so_far(words: Sequence[str]) -> Typed | None:
-    """Return what a line calls; None if it is no tool, or if an option's value comes next."""
+    """Parse a command line; return None if it calls no tool, or if an option's value comes next."""
     rest, connection, command = list(words), {}, ""
     typed: Typed | None = None
     while rest:

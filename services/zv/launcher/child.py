@@ -19,7 +19,7 @@ from zv.launcher.group_guard import GroupGuard, end_group, signal_group
 FIRST_DELAY_S = 1.0
 LONGEST_DELAY_S = 30.0
 STEADY_S = 60.0
-"""A process that ran this long is not in a crash loop: its delay starts at the first one again."""
+"""A process that ran this long is not in a crash loop: its delays begin again with the first."""
 
 WRONG_CONFIGURATION = 2
 CANNOT_EXECUTE = 127
@@ -41,8 +41,8 @@ class Child:
     """A node's process, started again when it dies, in a process group of its own.
 
     ``state`` is ``starting``, ``running``, ``running, no node`` (it runs, but announces no node),
-    ``restarting in N s``, ``finished``, ``failed`` (not started again) or ``stopped`` (ended by
-    us).
+    ``restarting in N s``, ``finished``, ``failed`` (not started again) or ``stopped`` (by ``zv
+    up``).
 
     Args:
         name: Name of the node.
@@ -108,7 +108,7 @@ class Child:
     def _add_to(self, guard: GroupGuard, group: int) -> None:
         try:
             guard.add(group)
-        except OSError as error:  # such as too many processes: better unguarded than not at all
+        except OSError as error:  # such as too many processes; go on without a guard
             self._say(
                 f"{self.name} would outlive a killed zv up: the process that would end it "
                 f"cannot be started: {error.strerror}"
@@ -164,7 +164,7 @@ class Child:
         elif self.pid is not None and not self.alive:
             assert self._process is not None
             self.pid, self.exit_status = None, self._process.returncode
-            self._end_group(time.monotonic())  # what it has started does not outlive it
+            self._end_group(time.monotonic())  # end the processes that it has started, too
             self._close_lifeline()
             self._plan_restart(self.exit_status)
 
@@ -200,7 +200,7 @@ class Child:
                 self._say(f"{self.name} did not end in time: killed")
                 if self._group is not None:
                     signal_group(self._group, signal.SIGKILL)
-                with suppress(subprocess.TimeoutExpired):  # one of another user lives on
+                with suppress(subprocess.TimeoutExpired):  # a process of another user
                     self._process.wait(KILLED_S)
             self._end_group(deadline_s)
             if self._reader is not None:

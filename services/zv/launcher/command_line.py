@@ -18,7 +18,7 @@ from zenoh_vision.transport.connection import Connection
 from zv.registry import command_of
 
 RESOLVED = ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT", health_file.VARIABLE)
-"""Variables that ``zv up`` resolves for its children: services get the values as flags if needed.
+"""Variables that children do not inherit: services get their values as flags if needed.
 
 Only ``zv up`` itself writes the health file, for all of them.
 """
@@ -66,8 +66,8 @@ def zv_command_line(
 def service_flags(service: str, settings: Settings) -> tuple[list[str], dict[str, str]]:
     """Return the arguments of ``zv`` that give a service its settings, and its secret variables.
 
-    Defaults are left out. Secrets go by environment, since everyone on a machine can read the
-    command lines of all processes.
+    Defaults are left out. Secrets are passed in the environment, since everyone on a machine can
+    read the command lines of all processes.
     """
     flags = [command_of(service)]
     secrets: dict[str, str] = {}
@@ -121,7 +121,7 @@ def program_command_line(
         connection: How it reaches the router.
     """
     environment = {
-        "PYTHONUNBUFFERED": "1",  # or a line that it prints shows up when its buffer is full
+        "PYTHONUNBUFFERED": "1",  # otherwise its lines would appear only when its buffer is full
         **_without_resolved(),
         "PATH": search_path(),
         "ZV_NODE": node,

@@ -54,7 +54,7 @@ class GroupGuard:
         self._tell(f"-{group}\n")
 
     def close(self) -> None:
-        """End the process, but no group: whoever closes it has ended them."""
+        """End the process, but no group: the caller has ended them."""
         if self._process is not None:
             assert self._process.stdin is not None
             self._process.kill()
@@ -89,7 +89,7 @@ def end_group(group: int, deadline_s: float) -> bool:
         Whether all its processes had ended in time.
     """
     while signal_group(group, 0):
-        with suppress(ChildProcessError):  # its orphans are ours if we are process 1
+        with suppress(ChildProcessError):  # orphans are children of process 1
             os.waitpid(-group, os.WNOHANG)
         if time.monotonic() >= deadline_s:
             signal_group(group, signal.SIGKILL)
@@ -99,7 +99,7 @@ def end_group(group: int, deadline_s: float) -> bool:
 
 
 def main() -> None:
-    """Read ``+GROUP`` and ``-GROUP`` lines until the pipe is closed, then end what is left."""
+    """Read ``+GROUP`` and ``-GROUP`` lines until the pipe is closed, then end the groups left."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     groups: set[int] = set()

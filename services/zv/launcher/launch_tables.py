@@ -1,4 +1,4 @@
-"""The format of the launch file: its tables and keys, and what is said of a wrong one."""
+"""The format of the launch file: its tables and keys, and the errors for wrong ones."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class NodeTable(Table):
     affinity: Affinity = None
 
     def processor_variables(self) -> dict[str, str]:
-        """Return the variables that give a service what the table says of processors."""
+        """Return the environment variables that pass the table's limits of CPU use to a service."""
         limits = self.model_fields_set & ProcessorSettings.model_fields.keys()
         prefix = ProcessorSettings.env_prefix
         return {f"{prefix}{name.upper()}": str(getattr(self, name)) for name in sorted(limits)}

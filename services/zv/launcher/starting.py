@@ -30,7 +30,7 @@ DEFAULT_FILE = Path("configs/up.toml")
 LINES_PERIOD_S = 5.0
 
 WAY_OUT = "ZV_VIEWER_PORT=PORT, or port = PORT in the settings of its [[node]]"
-"""Ways to set another port; both override the config file of the node."""
+"""Options that set another port, for errors; both override the config file of the node."""
 
 SHOWN = {"camera": COMPRESSED, "tracker": CENTROID, "edge": EDGES}
 """The main topic of each service; it may publish more."""
@@ -111,9 +111,9 @@ def router_endpoint(plan: Plan, listen: str | None) -> str:
 def free(listen: str) -> str:
     """Return an endpoint that can be listened on, with port 0 replaced by a free port.
 
-    Nodes and router start together. If another router had the port, the nodes would connect to
-    that one before ours could fail, so the port is tried first. Only the router checks endpoints
-    other than TCP.
+    Nodes and router start together. If another router had the port, the nodes would connect to it
+    before ours could fail. So the port is tested first. Only the router checks endpoints other than
+    TCP.
 
     Raises:
         ConfigurationError: The endpoint cannot be used; the text has the reason and a remedy.
@@ -122,7 +122,7 @@ def free(listen: str) -> str:
     if found is None:
         return listen
     try:
-        if found.port > MAX_PORT:  # getaddrinfo would take the remainder
+        if found.port > MAX_PORT:  # getaddrinfo would take it modulo 65536
             raise OverflowError(f"there is no port {found.port}")
         family, _, _, _, address = socket.getaddrinfo(
             found.address, found.port, type=socket.SOCK_STREAM
@@ -198,7 +198,7 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
     head = "; published keys, for any Zenoh program:" if keys else ""
     lines.insert(0, f"router: {connection.connect} ({whose}){head}")
     if keys:
-        # A picture tells less, and a shell would expand a pattern.
+        # Preferably messages: a picture tells less. No pattern, since a shell would expand it.
         told = max(keys, key=lambda key: ("*" not in key, key.endswith(CENTROID.name)))
         example = shlex.join(["zv", "topic", "echo", told, "--connect", connection.connect])
         lines.append(f"for example: {example}")

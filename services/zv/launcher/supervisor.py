@@ -1,4 +1,4 @@
-"""Starts the processes of a system, supervises and shows them, and ends them in bounded time."""
+"""Starts the processes of a system, restarts and shows them, and ends them in bounded time."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ SETTLED_S = 1.0
 """A router that cannot listen has ended within this time."""
 
 ANNOUNCED_S = 10.0
-"""A program that has announced no node after this time is shown as none."""
+"""A program that has announced no node after this time is shown as ``running, no node``."""
 
 ASK_AGAIN_S = 2.0
 MOST_KEYS = 6
-"""Keys of a program that are named; one of several cameras may have many."""
+"""Most keys of a program that are listed; a program for several cameras may have many."""
 
 ROUTER = "router"
 
@@ -79,7 +79,7 @@ class System:
             for node in plan.nodes
         ]
         self._programs = [node.name for node in plan.nodes if isinstance(node, PlannedProgram)]
-        self._unnamed = set(self._programs)  # programs whose keys the greeting could not know
+        self._unnamed = set(self._programs)  # programs whose keys were not known for the greeting
         self._children = list(self._nodes)
         self._router: Child | None = None
         if listen is not None:
@@ -102,14 +102,14 @@ class System:
         """
         link = None
         try:
-            # All at once: they wait for the router themselves, and loading takes longest.
+            # All at once: each waits for the router itself, and loading takes most of the time.
             for child in self._children:
                 child.start()
             link = Link(
                 self._connection,
                 self._waiting_is_over,
                 lambda: self._stopping,
-                log_state=False,  # each node tells its own
+                log_state=False,  # each node logs its own state of the link
             )
             names = [child.name for child in self._children]
             namespace = self._connection.namespace

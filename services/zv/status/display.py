@@ -21,7 +21,7 @@ TABLE_PERIOD_S = 1.0
 
 def json_line(fields: Mapping[str, Any]) -> str:
     """Return a JSON object on one line, in printable ASCII."""
-    return json.dumps(fields, allow_nan=False).replace("\x7f", "\\u007f")  # JSON leaves it bare
+    return json.dumps(fields, allow_nan=False).replace("\x7f", "\\u007f")  # DEL
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Display:
 
     def say(self, line: str) -> None:
         """Print a line about an event, to standard error; from any thread."""
-        with suppress(OSError):  # that nobody reads the log is no reason to end
+        with suppress(OSError):  # without a reader of the log, the program continues
             print(printable(line), file=sys.stderr, flush=True)
 
 

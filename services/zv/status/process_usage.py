@@ -10,10 +10,10 @@ CLOCK_S = 2.0
 """Accuracy of a process's time of creation, which is counted in ticks since the machine's start."""
 
 MAX_DESCENDANTS = 100
-"""Processes that one process has started, which are counted."""
+"""Most descendants of a process that are counted."""
 
 LOADING_S = 120.0
-"""A process has started its node within this time."""
+"""Longest time from the start of a process to the start of its node."""
 
 
 class ProcessUsage:

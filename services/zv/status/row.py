@@ -17,7 +17,7 @@ from zenoh_vision.messages import Diagnostics
 from zv.status.display import View
 
 STATES = ("", "warn", "ERROR", "stale")
-"""The state of a node that is shown, by the level of its health."""
+"""The displayed state of a node, by the level of its health."""
 
 STYLES = {
     "running": "green",
@@ -33,7 +33,7 @@ NUMBERS = {"rate": "Hz", "p50": "ms", "p99": "ms", "lost": "%", "cpu": "%", "mem
 """Fields of a row that are numbers, and their units."""
 
 TITLES = {"cpu": "CPU %", "memory": "MB"}
-"""Columns whose title is not made of field and unit."""
+"""Titles of columns, where they are not made of field and unit."""
 
 OPTIONAL = ("lost", "host")
 """Columns that are shown only if at least one row has a value."""
@@ -102,7 +102,7 @@ def number(value: float | None, places: int = 0) -> str:
 
 
 def drops(counters: dict[str, int]) -> tuple[str, str]:
-    """Return the drops by reason, the largest first; and separately those that nobody wanted."""
+    """Return the drops by reason, the largest first, and those that nobody wanted apart."""
     named = " ".join(f"{reason}={count}" for reason, count in losses(counters).items())
     reason = NOT_LOST[0]
     unwanted = counters.get(f"dropped.{reason}", 0)

@@ -102,7 +102,7 @@ TOOLS: Final[dict[str, Tool]] = {
         """zv topic pub vision/front/centroid '{"x": 1, "y": 2, "box": null, "area": null}'""",
         "The key determines the type that the message is checked against. Each message gets a "
         "new header: epoch, number and stamp cannot be given. The first message waits up to a "
-        "second for a subscriber; with --once or --wait-for N as long as it takes.",
+        "second for a subscriber; with --once or --wait-for N, without a time limit.",
         json=False,
         completes=("key", ""),
     ),
@@ -182,7 +182,7 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv.tools.schema.command:run",
         "Print the JSON Schema of a message, or list the messages.",
         "zv schema\nzv schema Centroid",
-        "Those of this project need no network. Those of other programs are answered by their "
+        "Those of this project need no network. Those of other programs are queried from their "
         "running nodes, on @{ns}/schema/{name}; a list has them if a router is reached within 1 s.",
     ),
     "new service": Tool(
@@ -200,19 +200,19 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv calibrate camera --size 9x6 --square 25 -o front.yaml\n"
         "zv calibrate camera --images boards --size 9x6 --square 25 -o front.yaml",
         "Move the board through the whole picture, near and tilted, and hold it still; what is "
-        "still missing is printed for each picture that is taken. Ends when the pictures do, and "
-        "writes the file that ROS' camera_info_manager reads too. Exit status 1 and no file if "
-        "they are too poor. With --images no router is needed.",
+        "still missing is printed for each picture that is taken. Ends when there are enough "
+        "pictures, and writes a file that ROS' camera_info_manager reads too. If the pictures are "
+        "too poor, exit status 1 and no file. With --images no router is needed.",
     ),
     "calibrate plane": Tool(
         "zv.tools.calibrate.options:PlaneOptions",
         "zv.tools.calibrate.plane:run",
-        "Find the way from a camera's pixels to a plane in the world.",
+        "Find the homography from a camera's pixels to a plane in the world.",
         "zv calibrate plane front.yaml --pairs belt.txt\n"
         "zv calibrate plane front.yaml --size 9x6 --square 25",
         "Takes four or more pixels and their places on the plane, in any unit, or a board that "
-        "lies on it, whose first inner corner is the origin then. Without a board no router is "
-        "needed. Exit status 1 if they do not determine a plane; FILE is not changed then.",
+        "lies on it; its first inner corner is then the origin. Without a board no router is "
+        "needed. If they do not determine a plane, exit status 1, and FILE is not changed.",
     ),
     "top": Tool(
         "zv.tools.top.options:TopOptions",
@@ -235,8 +235,8 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv.tools.metrics.command:run",
         "Serve the health of all nodes to Prometheus.",
         "zv metrics --listen 127.0.0.1:9464",
-        details="Prints the address that Prometheus scrapes and serves it until Ctrl-C, with or "
-        "without a router; each has a line of explanation there.",
+        details="Prints the address that Prometheus scrapes, and serves the metrics there until "
+        "Ctrl-C, with or without a router. Each metric has a line of explanation.",
         waits=True,
     ),
 }

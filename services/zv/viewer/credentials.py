@@ -16,7 +16,7 @@ SESSION_S = 30 * 86400
 
 
 class Scope(StrEnum):
-    """What a client may do."""
+    """The permissions of a client."""
 
     VIEW = "view"  # read everything
     CONTROL = "control"  # and set parameters
@@ -24,14 +24,14 @@ class Scope(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Principal:
-    """Who a request is from: what they may do, and how the log names them."""
+    """The sender of a request: its permissions, and its name in the log."""
 
     scope: Scope
     name: str
     end_s: float = math.inf  # of the session, in s since 1970
 
     def forbidden(self, now_s: float) -> str:
-        """Return why they may not set parameters now; empty if they may."""
+        """Return why it must not set parameters now; empty if it may."""
         if self.scope is not Scope.CONTROL:
             return f"the scope {Scope.CONTROL} is missing: this page has the scope {self.scope}"
         return "the session has ended" if self.end_s <= now_s else ""
@@ -41,7 +41,7 @@ NO_TOKEN = Principal(Scope.CONTROL, "no token needed")
 
 
 def view_token(token: str) -> str:
-    """Return the token that only permits viewing, made from the token that also permits control.
+    """Return the token that only permits viewing, derived from the one that permits control.
 
     It is the same after each start, so that addresses with it remain valid.
     """
@@ -49,7 +49,7 @@ def view_token(token: str) -> str:
 
 
 def scope_of(text: str, token: str) -> Scope | None:
-    """Return what a text permits if it is one of the two tokens, in constant time."""
+    """Return the scope of a text if it is one of the two tokens, in constant time."""
     if _equal(text, token):
         return Scope.CONTROL
     return Scope.VIEW if _equal(text, view_token(token)) else None
@@ -66,13 +66,13 @@ def new_session(scope: Scope, token: str, now_s: float) -> str:
 
 
 def token_principal(text: str, token: str) -> Principal | None:
-    """Return who presents one of the two tokens; None if a text is none of them."""
+    """Return the sender of one of the two tokens; None if a text is neither."""
     scope = scope_of(text, token)
     return None if scope is None else Principal(scope, f"token ({scope})")
 
 
 def session_principal(text: str, token: str, now_s: float) -> Principal | None:
-    """Return who presents a session; None if a text is none, or has ended."""
+    """Return the sender of a session; None if a text is not a session, or it has ended."""
     session, _, signature = text.rpartition(".")
     if not _equal(signature, _sign(token, "session", session)):
         return None
@@ -83,7 +83,7 @@ def session_principal(text: str, token: str, now_s: float) -> Principal | None:
 
 
 def _sign(token: str, kind: str, text: str) -> str:
-    """Return the signature of a text, which is none of the same text of another kind."""
+    """Return the signature of a text, which is not valid for the same text of another kind."""
     data = f"{kind} {text}".encode(errors="surrogateescape")
     digest = hmac.digest(_key(token), data, "sha256")
     return base64.urlsafe_b64encode(digest[:24]).decode()

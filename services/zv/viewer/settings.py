@@ -46,9 +46,9 @@ class ViewerSettings(Settings):
         str | None,
         Field(
             pattern=TOKEN_PATTERN,
-            description="token that browsers must present, which permits control; another, made "
-            "from it and printed too, permits viewing only; not set: none if all addresses are "
-            "loopback, else one that is generated on first use and kept",
+            description="token that browsers must present, for control; a token for viewing only "
+            "is derived from it and printed too; not set: none if all addresses are loopback, "
+            "else one that is generated on first use and kept",
         ),
         Form("16 to 128 letters, digits and _ . ~ -"),
         Secret(),

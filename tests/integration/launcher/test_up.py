@@ -103,7 +103,7 @@ def test_nothing_is_left_behind_when_zv_up_itself_is_killed(tmp_path):
         wait_until(lambda: not running(started))
 
 
-def test_a_killed_tracker_is_started_again_and_that_is_said(tmp_path):
+def test_a_killed_tracker_is_started_again_and_reported(tmp_path):
     endpoint = free_endpoint()
     with up(tmp_path, some_of(tmp_path, "camera", "tracker"), "--listen", endpoint) as program:
         with open_when_ready(endpoint) as client:

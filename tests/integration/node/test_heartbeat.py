@@ -55,7 +55,7 @@ def fresh(file: Path) -> bool:
     return wait_until(lambda: says(file) == "ok\n")
 
 
-def test_who_waits_for_a_router_is_well_and_ends_when_told(tmp_path, health):
+def test_a_node_that_waits_for_a_router_is_healthy_and_ends_on_a_signal(tmp_path, health):
     router = Router(tmp_path)  # never started
     with some_services(router.endpoint, tmp_path) as start:
         start("tracker")
@@ -63,7 +63,7 @@ def test_who_waits_for_a_router_is_well_and_ends_when_told(tmp_path, health):
         assert fresh(health)
 
 
-def test_who_has_nothing_to_process_is_well_however_long(router, health, monkeypatch):
+def test_a_node_without_input_is_healthy_however_long(router, health, monkeypatch):
     monkeypatch.setenv("ZV_HEALTH_FILE", str(health))
     monkeypatch.setattr("zenoh_vision.health.health.STUCK_S", STUCK_S)
     with Node("idle", connection=Connection(router.endpoint, timeout_s=20)) as node:

@@ -138,7 +138,7 @@ def test_a_png_of_16_bits_is_named_so(client, connection):
         "None",
     ],
 )
-def test_a_picture_that_is_none_is_dropped_and_the_next_one_follows(
+def test_an_invalid_picture_is_dropped_and_the_next_one_is_published(
     connection, picture, encoding, reason
 ):
     with Node("camera", connection=connection, publishes=["image/compressed"]) as node:

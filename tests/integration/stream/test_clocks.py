@@ -28,7 +28,7 @@ def said_of(offset_ns: int) -> str:
     return f"the camera's clock is {offset_ns / S:+.1f} s from this machine's"
 
 
-def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_said(
+def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_reported(
     client, quick_service
 ):
     quick_service("tracker")
@@ -66,7 +66,7 @@ def last(health: Listener) -> str:
     return str([message.body["message"] for message in health.messages[-3:]])
 
 
-def test_a_camera_more_than_a_day_ahead_is_refused_and_that_is_said(client, quick_service):
+def test_a_camera_more_than_a_day_ahead_is_refused_and_reported(client, quick_service):
     quick_service("tracker")
     wait_for_nodes(client, "tracker_front")
     health = Listener(client, "@vision/diagnostics/tracker_front")
@@ -78,7 +78,7 @@ def test_a_camera_more_than_a_day_ahead_is_refused_and_that_is_said(client, quic
     assert body["counters"]["dropped.bad_stamp"] > 0
 
 
-def test_the_page_quotes_what_is_said():
+def test_the_page_quotes_the_reports():
     assert f"`{said_of(S)}`" in PAGE
     assert "(-1.0 s)" in PAGE
     assert "`no frame on ...; dropping samples: bad_stamp`" in PAGE

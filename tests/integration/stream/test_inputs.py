@@ -128,7 +128,7 @@ def test_a_frame_carries_the_revision_that_was_activated_for_it(client, connecti
                 return
 
 
-def test_a_key_that_is_not_published_and_a_topic_that_is_none_are_explained(connection):
+def test_an_unpublished_key_and_an_unknown_topic_are_explained(connection):
     with Node("quiet", connection=connection, publishes=["centroid"]) as node:
         with pytest.raises(ValueError, match="quiet_front does not publish tracks of front"):
             node.outputs._publisher("tracks", "front")

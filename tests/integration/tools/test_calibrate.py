@@ -48,7 +48,7 @@ def test_lens_and_plane_are_found_from_a_stream(
     assert read_calibration(file).plane is not None
 
 
-def test_a_camera_that_does_not_run_is_said(router, monkeypatch: pytest.MonkeyPatch):
+def test_a_camera_that_does_not_run_is_an_error(router, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(pictures, "SILENT_S", 0.3)
     connection = Connection(router.endpoint, timeout_s=10)
     with pytest.raises(ExpectationNotMet, match="no picture on vision/front/image/compressed"):

@@ -102,7 +102,7 @@ def test_an_answer_with_other_parameters_than_before_is_no_fault(endpoint, clien
     assert (done.returncode, done.stdout) == (0, "low: not set -> 3.0\n"), done.stderr
 
 
-def test_when_two_answer_for_a_node_that_is_said(endpoint, client):
+def test_two_answers_for_one_node_are_reported(endpoint, client):
     key = f"@vision/param/{NODE}"
     with (
         open_client(endpoint) as other,

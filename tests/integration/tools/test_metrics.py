@@ -161,7 +161,7 @@ def test_what_real_nodes_count_is_served_and_balances(system: System):
     assert found["zenoh_vision_router_up",] == 1
 
 
-def test_nodes_say_who_they_are(system: System):
+def test_the_info_metric_has_camera_host_and_service_of_a_node(system: System):
     found = system.exporter.until(
         lambda found: (
             {"camera_front", "tracker_front"}

@@ -100,7 +100,7 @@ def test_a_namespace_without_nodes_is_1_and_those_with_some_are_named(shared, tw
 
 
 @pytest.mark.quiet
-def test_who_was_killed_is_gone_within_2_s_and_who_comes_is_seen(shared, tmp_path):
+def test_a_killed_node_is_gone_within_2_s_and_a_new_one_is_listed(shared, tmp_path):
     flags = ["node", "list", "--watch", "--json", "--namespace", "watched"]
     with (
         some_services(shared.endpoint, tmp_path) as start,

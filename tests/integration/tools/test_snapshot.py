@@ -124,7 +124,7 @@ def test_a_dash_is_standard_output_and_nothing_else_is_there(client, zv):
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_of_two_who_answer_the_newer_one_is_taken(client, endpoint, zv, tmp_path: Path, swapped):
+def test_the_newer_of_two_replies_is_taken(client, endpoint, zv, tmp_path: Path, swapped):
     old, new = header(1, stamp_ns=time.time_ns() - 10**9), header(2)
     with (
         open_client(endpoint) as other,
@@ -153,7 +153,7 @@ def test_a_raw_picture_of_16_bits_goes_to_png_and_not_to_jpeg(client, zv, tmp_pa
     assert not (tmp_path / "a.jpg").exists()
 
 
-def test_a_picture_without_a_header_is_saved_and_that_is_said(client, zv, tmp_path: Path):
+def test_a_picture_without_a_header_is_saved_with_a_note(client, zv, tmp_path: Path):
     with answering(client, STILL):
         _, said = zv(KEY, tmp_path / "a.jpg")
         with pytest.raises(ExpectationNotMet, match="no header"):

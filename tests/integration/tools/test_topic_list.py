@@ -164,7 +164,7 @@ def test_a_namespace_typed_wrong_says_what_exists(zv, node):
         zv(ListOptions(key="visoin/**", window=0.1))
 
 
-def test_info_says_who_sends_who_gets_and_what_is_newest(client, zv, node):
+def test_info_shows_publishers_subscribers_and_the_newest_sample(client, zv, node):
     payload, stamp_ns = STILL, time.time_ns()
 
     def answer(query: zenoh.Query) -> None:

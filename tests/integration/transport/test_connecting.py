@@ -26,6 +26,6 @@ def test_a_link_with_long_round_trips_is_given_the_time_it_needs(router: Router)
         close_session(session)
 
 
-def test_who_takes_the_connection_and_says_nothing_is_no_router() -> None:
+def test_a_server_that_accepts_and_stays_silent_is_not_a_router() -> None:
     with silent_listener() as (port, _), pytest.raises(RouterUnreachable, match="within 1 s"):
         open_session(Connection(connect=f"tcp/127.0.0.1:{port}", timeout_s=1))

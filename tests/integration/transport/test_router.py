@@ -66,7 +66,7 @@ def test_it_listens_on_what_the_file_states_else_on_the_flag(tmp_path, file, whe
 
 
 @pytest.mark.parametrize("listen", [f"{HERE}:0", f"{HERE}:0#so_sndbuf=65536"])
-def test_a_port_that_was_found_for_0_is_said(tmp_path, listen):
+def test_the_port_chosen_for_0_is_logged(tmp_path, listen):
     with a_router(tmp_path, listen, None) as router:
         said = listens(router)
         port = int(re.search(r":(\d+)", said)[1])

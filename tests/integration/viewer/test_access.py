@@ -291,7 +291,7 @@ def can_stream(viewer: Viewer) -> bool:
         return False
 
 
-def test_a_thousand_connections_that_never_ask_do_not_stop_who_does(viewer, client):
+def test_a_thousand_connections_without_a_request_do_not_block_others(viewer, client):
     camera = PlainCamera(client)
     with camera.at(15), ExitStack() as opened:
         wait_until(lambda: viewer.get(f"/snapshot?{TOPIC}").status == 200)

@@ -11,7 +11,7 @@ EDGES = "vision/front/edges/compressed"
 TRUTH = "vision/front/truth"
 
 
-def test_a_page_learns_who_is_there_and_what_they_send(viewer: Viewer, service):
+def test_a_page_gets_the_running_nodes_and_their_streams(viewer: Viewer, service):
     service("camera", "--rate", 15)
     service("edge")
 

@@ -147,7 +147,7 @@ def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
     wait_until(lambda: viewer.get("/healthz").status == 200)
 
 
-def test_a_message_that_is_none_of_its_class_reaches_no_page_and_is_counted(
+def test_a_message_that_is_invalid_for_its_class_reaches_no_page_and_is_counted(
     viewer: Viewer, client: zenoh.Session
 ):
     camera = PlainCamera(client)

@@ -99,7 +99,7 @@ def test_the_view_token_sets_nothing_and_the_answer_names_the_scope(guarded: Vie
 
 
 @pytest.mark.parametrize("kind", ["session", "url", "bearer"])
-def test_the_token_sets_parameters_and_the_log_says_who_what_from_and_to(
+def test_the_token_sets_parameters_and_the_log_has_client_name_old_and_new_value(
     guarded: Viewer, kind: str
 ):
     value = 50 + ["session", "url", "bearer"].index(kind)

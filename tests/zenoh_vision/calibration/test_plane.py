@@ -51,7 +51,7 @@ def test_an_error_in_a_pair_is_seen_in_the_residuals_of_many():
     assert 0.1 < fit.residuals[5] < 0.3
 
 
-def test_the_worth_of_four_pairs_is_the_movement_for_one_pixel_at_each():
+def test_the_accuracy_of_four_pairs_is_the_movement_for_one_pixel_at_each():
     """Where a pixel is 0.01 units and the pairs are far apart, it is 0.01 in x and in y: 0.0141."""
     square = np.array([(0, 0), (500, 0), (500, 500), (0, 500)], float)
     assert fit_plane(square, square / 100).per_pixel == pytest.approx(0.0141, rel=0.02)

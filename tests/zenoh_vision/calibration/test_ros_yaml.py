@@ -110,7 +110,7 @@ def test_a_bad_file_is_refused_naming_file_key_and_what_is_allowed(
 
 
 @pytest.mark.parametrize("data", ["[0, 0, 0, 0, 0, 0, 0, 0, 0]", "[1, 2, 3, 4]", "nil"])
-def test_a_plane_that_is_none_is_refused(path: Path, data: str):
+def test_an_invalid_plane_is_refused(path: Path, data: str):
     path.write_text(f"{ROS}plane_homography:\n  rows: 3\n  cols: 3\n  data: {data}\n")
     with pytest.raises(ConfigurationError, match=r"plane_homography.data: .*; allowed: "):
         read_calibration(path)

@@ -95,7 +95,7 @@ def test_just_outside_its_bounds_a_parameter_is_refused(service: str):
                     changed(model(), {name: value})
 
 
-def test_the_live_options_of_the_services_are_all_but_those_that_say_who_they_are():
+def test_options_of_identity_files_access_and_memory_are_not_live():
     fixed = {
         service: set(model_of(service).model_fields) - set(live_fields(model_of(service)))
         for service in NODE_SERVICES

@@ -59,7 +59,7 @@ def test_sources_are_merged_option_by_option(toml, monkeypatch):
     assert settings.aperture == 3
 
 
-def test_other_environment_variables_are_none_of_ours(monkeypatch):
+def test_environment_variables_with_other_prefixes_are_ignored(monkeypatch):
     monkeypatch.setenv("ZV_EDGE_LOW", "1")
     monkeypatch.setenv("QUALITY", "1")
     monkeypatch.setenv("ZV_TEST_DATA", "/data")

@@ -68,7 +68,7 @@ def test_counters_that_went_back_say_nothing(later):
 # Snapshots
 
 
-def test_who_comes_and_who_goes_is_told_once(fleet: Fleet):
+def test_nodes_that_appear_and_disappear_are_returned_once(fleet: Fleet):
     front, left = node_state(), node_state("tracker_left", "b2")
     assert fleet.update([front]) == ([front], [])
     assert fleet.update([front, left]) == ([left], [])

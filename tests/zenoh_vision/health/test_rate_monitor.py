@@ -120,7 +120,7 @@ def test_a_slow_camera_at_half_its_rate_is_warned_of():
 
 
 @pytest.mark.parametrize("expected_hz", [None, 0.05], ids=["no rate known", "too slow to judge"])
-def test_without_a_rate_to_reach_nothing_is_said(expected_hz: float | None):
+def test_without_an_expected_rate_there_is_no_warning(expected_hz: float | None):
     played = camera(expected_hz)
     played.run(300, 0.0)
     assert played.changes == []

@@ -62,7 +62,7 @@ def test_taking_from_an_empty_slot_ends_after_the_time_given():
     assert Buffer[int](latest, lambda _: None).take(0.001) is None
 
 
-def test_an_item_that_comes_wakes_the_one_who_waits():
+def test_an_item_that_arrives_wakes_the_waiting_thread():
     buffer = Buffer[int](latest, lambda _: None)
     taken: list[int | None] = []
     taker = threading.Thread(target=lambda: taken.append(buffer.take(60)))
@@ -72,7 +72,7 @@ def test_an_item_that_comes_wakes_the_one_who_waits():
     assert taken == [5]
 
 
-def test_the_slot_is_free_while_someone_is_told_of_a_displaced_item():
+def test_the_buffer_is_unlocked_while_the_drop_of_an_item_is_reported():
     """A callback that waits for another thread, which needs the buffer, does not deadlock."""
     seen: list[bool] = []
 

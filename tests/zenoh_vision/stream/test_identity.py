@@ -67,7 +67,7 @@ def test_the_time_of_arrival_is_the_receivers_own():
     assert found.received_ns == NOW_NS + 7
 
 
-def test_a_time_of_arrival_that_is_none_makes_the_header_bad():
+def test_an_invalid_time_of_arrival_makes_the_header_bad():
     attachment = msgpack.packb({**header(3).to_map(), "received_ns": "soon"})
     with pytest.raises(PayloadError, match="received_ns") as caught:
         EpochGate("front").identify(attachment, SIZE, NOW_NS, 0)

@@ -49,7 +49,7 @@ def test_a_reply_over_the_limit_hides_no_smaller_ones(position: int, good: bool)
     assert found.left_out == (position != 0)
 
 
-def test_how_many_were_left_out_is_said(caplog: pytest.LogCaptureFixture):
+def test_the_number_of_replies_left_out_is_logged(caplog: pytest.LogCaptureFixture):
     many = [0] * (MAX_REPLIES + 7)
     assert len(replies_of(many, 1 << 40)) == MAX_REPLIES
     assert replies_of(many, 1 << 40).left_out == 7
@@ -59,7 +59,7 @@ def test_how_many_were_left_out_is_said(caplog: pytest.LogCaptureFixture):
     assert caplog.messages == ["v/front/image: 3 more replies are left out"]
 
 
-def test_a_list_of_tokens_that_is_not_complete_is_said(caplog: pytest.LogCaptureFixture):
+def test_an_incomplete_list_of_tokens_is_logged(caplog: pytest.LogCaptureFixture):
     def get(_key: str, handler: Any, **_options: object) -> None:
         err = SimpleNamespace(payload=zenoh.ZBytes(b"Timeout"))  # as Zenoh 1.10 sends it
         handler.callback(SimpleNamespace(ok=None, err=err, replier_id=None))

@@ -175,7 +175,7 @@ def test_the_quality_is_the_cameras():
 
 
 @pytest.mark.parametrize("jpeg", [b"", b"no JPEG", JPEG[:100]], ids=["empty", "text", "cut off"])
-def test_a_packet_that_cannot_be_mended_is_corrupt(jpeg: bytes):
+def test_a_packet_that_cannot_be_repaired_is_corrupt(jpeg: bytes):
     with pytest.raises(PayloadError) as caught:
         converted(packet(jpeg))
     assert caught.value.reason == "corrupt"

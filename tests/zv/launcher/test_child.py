@@ -41,9 +41,7 @@ def listens(said: list[str]) -> bool:
     return any("router listens on" in line for line in said)
 
 
-def test_a_process_that_is_killed_is_started_again_after_a_delay_and_that_is_said(
-    router, said, monkeypatch
-):
+def test_a_killed_process_is_started_again_after_a_delay_and_reported(router, said, monkeypatch):
     wait_until(lambda: listens(said))
     first = router.pid
     os.kill(first, signal.SIGKILL)
@@ -141,7 +139,7 @@ def test_a_router_whose_port_was_taken_while_it_was_down_is_started_again(said, 
     child.finish(time.monotonic())
 
 
-def test_who_ran_for_long_begins_with_the_first_delay_again(said, monkeypatch):
+def test_a_process_that_ran_for_long_restarts_with_the_first_delay(said, monkeypatch):
     monkeypatch.setattr(child_module, "STEADY_S", 0.0)
     child = service_child("x", ["camera", "--source", "/nonexistent"], say=said.append)
     assert [child._backoff.next_delay_s() for _ in range(4)] == [1, 2, 4, 8]
@@ -150,7 +148,7 @@ def test_who_ran_for_long_begins_with_the_first_delay_again(said, monkeypatch):
     assert child.state == "restarting in 1 s"
 
 
-def test_who_waits_for_its_next_start_is_not_started_once_told_to_end(said):
+def test_a_process_that_waits_for_its_restart_is_not_started_after_terminate(said):
     child = service_child("x", ["camera", "--source", "/nonexistent"], say=said.append)
     child.start()
     wait_until(lambda: child.check() or child.state.startswith("restarting"))

@@ -61,7 +61,7 @@ def test_kinds_follow_from_the_topic_table_and_else_from_the_end():
     assert kind_of("vision/front/mine").type == ""
 
 
-def test_keys_of_other_namespaces_are_none_of_ours():
+def test_keys_of_other_namespaces_are_not_streams():
     assert is_stream(IMAGE, "vision")
     assert not is_stream(IMAGE, "mine")
     twin = "mine/vision/front/image/compressed"

@@ -131,7 +131,7 @@ class AvStream:
         self._is_mjpeg = context.name == "mjpeg"
         self._frames: deque[VideoFrame] = deque()
         self._reformatter = VideoReformatter()
-        self._converting = threading.Lock()  # pixels may be asked for on other threads
+        self._converting = threading.Lock()  # pixels may be requested by other threads
         self._asked: set[PlanarForm] = set()
         self._warned = False
         rate = self._stream.average_rate or self._stream.guessed_rate
@@ -208,7 +208,7 @@ class AvStream:
             asked=lambda form: self._asked.add(form),  # to the set of that time
         )
         forms, self._asked = tuple(self._asked), set()
-        planar.prepare(forms)  # ahead of time: what was asked for of the pictures before
+        planar.prepare(forms)  # ahead of time: the forms that were requested of earlier pictures
         return Picture("bgr8", *planar.size, planar=planar, due_s=due_s)
 
     def _pixels(self, frame: VideoFrame) -> NDArray[Any]:

@@ -12,7 +12,7 @@ NEAR_MM = 2000.0
 """Distance of the floor at the lower edge of the picture; the wall is then at about 5.6 m."""
 
 BEFORE_WALL_MM = 300.0
-"""Distance from the wall of what has no floor under it, the kite."""
+"""Distance from the wall of the kite, which has no floor under it."""
 
 MM_PER_LEVEL = 4.0
 """Deviation of a depth for each grey level of noise; 2 grey levels make 8 mm."""

@@ -20,7 +20,7 @@ class Leg:
         end: As ``begin``.
         cycles: Steps, turns or hops during the leg: a whole number, so that an object stops on
             the ground and with its feet together.
-        away: Whether the object is outside the picture.
+        away: Whether the object is outside of the picture.
     """
 
     duration_s: float

@@ -25,7 +25,7 @@ DICTIONARIES: Final = tuple(
 """The names of OpenCV's dictionaries of markers: ``4X4_50``."""
 
 LEAST_CORNERS: Final = 8
-"""Of a ChArUco board, of which a part may be hidden."""
+"""Least number of corners of a ChArUco board, which may be partly hidden."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Board:
 
 
 def _on_a_line(points: Points) -> bool:
-    """Tell whether points are on a line, all or all but one: they say nothing of the lens.
+    """Tell whether all points, or all but one, are on a line; these do not determine a lens.
 
     Args:
         points: (n, 2), corners of a grid.

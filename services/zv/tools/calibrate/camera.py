@@ -20,7 +20,7 @@ from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
 
 STILL_SHARE: Final = 0.004
-"""Of the picture's width: a board that moved by more since the picture before is blurred."""
+"""Share of the picture's width. A board that moved by more since the last picture is blurred."""
 
 MOST_VIEWS: Final = 40
 MAX_FOCAL_SIGMA: Final = 0.01
@@ -42,7 +42,7 @@ class Collection:
     searched: int = 0
 
     def consider(self, name: str, gray: Gray, before: BoardView | None = None) -> str:
-        """Take the view in a picture if it adds something; return what was done, in words.
+        """Add the view in a picture if it is new enough; return the outcome as text.
 
         Args:
             name: Of the picture.
@@ -54,7 +54,7 @@ class Collection:
         return f"{name}: no board found" if view is None else self.take(name, view, before)
 
     def take(self, name: str, view: BoardView, before: BoardView | None = None) -> str:
-        """Take a view if it adds something; return what was done, in words."""
+        """Add a view if it is new enough; return the outcome as text."""
         if self.views and (view.width, view.height) != (self.views[0].width, self.views[0].height):
             first = self.views[0]
             return f"{name}: {view.width}x{view.height}, not {first.width}x{first.height}: left out"
@@ -114,7 +114,7 @@ def collect_from_stream(
             taken = len(collection.views)
             words = collection.take(f"picture {number}", view, before)
             about = words.partition(": ")[2]
-            if len(collection.views) > taken or about != said:  # the same words once
+            if len(collection.views) > taken or about != said:  # do not repeat the same text
                 said = about
                 output.note(words)
         before = view
@@ -161,7 +161,7 @@ def checked_fit(collection: Collection, options: CameraOptions) -> LensFit:
 
 
 def report(path: str, fit: LensFit, collection: Collection, output: Output) -> None:
-    """Print what was found."""
+    """Print the calibration that was found."""
     camera = fit.camera
     sigma = "" if fit.focal_sigma is None else f" (+-{fit.focal_sigma:.2%})"
     worst = int(np.argmax(fit.errors))

@@ -14,11 +14,12 @@ from zv.tools.calibrate.board import BoardView
 LEAST_VIEWS: Final = 8
 LEAST_TILT_DEG: Final = 15.0
 TILTED_VIEWS: Final = 2
-"""So many pictures are needed that are tilted in each of two directions: they separate the focal
-length from the distance."""
+"""Least number of tilted views in each of two directions. Without them, focal length and distance
+cannot be told apart."""
 
 LEAST_SHARE: Final = 0.15
-"""Of the picture's area, which the board must fill once: a small one says nothing of the lens."""
+"""Share of the picture's area that the board must fill once: a small board does not show the lens's
+distortion."""
 
 PARTS: Final = (
     ("top left", "top", "top right"),
@@ -52,7 +53,7 @@ class Pose:
     parts: frozenset[tuple[int, int]]
 
     def is_like(self, other: Pose) -> bool:
-        """Tell whether two views are so similar that the second says little new."""
+        """Tell whether two views are so similar that the second adds little."""
         return (
             abs(self.x - other.x) < NEW_PLACE
             and abs(self.y - other.y) < NEW_PLACE
@@ -86,7 +87,7 @@ def pose_of(view: BoardView) -> Pose:
 
 
 def missing(poses: Sequence[Pose]) -> list[str]:
-    """Return what a set of views lacks, in words; empty if it is good enough."""
+    """Return as text which views are missing in a set; empty if it is good enough."""
     found = []
     if (more := LEAST_VIEWS - len(poses)) > 0:
         found.append(f"{more} more pictures that differ" if more > 1 else "1 more that differs")

@@ -45,7 +45,7 @@ class LensFit:
 
 
 def fit_lens(views: Sequence[BoardView], model: DistortionModel) -> LensFit:
-    """Find the lens that explains where the boards' corners are seen, by least squares.
+    """Find the lens that fits the observed corners of the boards best, by least squares.
 
     Source: Z. Zhang, "A flexible new technique for camera calibration", 2000, as in OpenCV; for
     ``equidistant`` that of OpenCV's fisheye module.

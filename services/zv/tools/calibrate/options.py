@@ -33,7 +33,7 @@ def pair_of(text: str) -> Pair:
 
 
 def _known_dictionary(name: str) -> str:
-    from zv.tools.calibrate.board import DICTIONARIES  # loads OpenCV, which help need not
+    from zv.tools.calibrate.board import DICTIONARIES  # loads OpenCV, which help does not need
 
     if name not in DICTIONARIES:
         raise ValueError(f"not one of {', '.join(DICTIONARIES)}")
@@ -52,7 +52,7 @@ class BoardOptions(ToolOptions):
     camera: Annotated[CameraName, Field(description="camera that sees the board")] = DEFAULT_CAMERA
     board: Annotated[
         Literal["chessboard", "charuco"],
-        Field(description="charuco: a chessboard with markers, of which a part may be hidden"),
+        Field(description="charuco: a chessboard with markers, which may be partly hidden"),
     ] = "chessboard"
     size: Annotated[
         str | None,
@@ -64,7 +64,7 @@ class BoardOptions(ToolOptions):
     ] = None
     square: Annotated[
         float | None,
-        Field(gt=0, description="side of a square, in the unit that the world is to have"),
+        Field(gt=0, description="side of a square, in the unit of positions in the world"),
     ] = None
     marker: Annotated[
         float | None,
@@ -105,7 +105,7 @@ class CameraOptions(BoardOptions):
     model: Annotated[
         Literal["plumb_bob", "rational_polynomial", "equidistant"],
         Field(
-            description="of the distortion, as ROS names it; equidistant: fisheye; "
+            description="distortion model, as named in ROS; equidistant: fisheye; "
             "rational_polynomial: wide-angle"
         ),
     ] = "plumb_bob"
@@ -114,7 +114,7 @@ class CameraOptions(BoardOptions):
     ] = None
     for_: Annotated[
         float,
-        Field(gt=0, le=86400, description="time after which the stream's pictures must do"),
+        Field(gt=0, le=86400, description="longest time to take pictures from the stream"),
         SECONDS,
     ] = 300.0
     max_error: Annotated[

@@ -151,7 +151,7 @@ def read_pairs(path: str) -> tuple[str, ...]:
 
     Raises:
         SourceError: It cannot be opened.
-        ConfigurationError: A line is none; names file, line and what is allowed.
+        ConfigurationError: A line is not a pair; names file, line and what is allowed.
     """
     try:
         with Path(path).open("rb") as file:

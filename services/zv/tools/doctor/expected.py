@@ -37,7 +37,7 @@ class Expectation:
 
     @property
     def router_remedy(self) -> str:
-        """What to do where there is no router; empty if the file does not start that one."""
+        """What to do if there is no router; empty if the file does not start one."""
         if self.connection.connect != _endpoint(Connection(), self.plan):
             return ""
         if "connect" in self.plan.connection:
@@ -89,7 +89,7 @@ class Expectation:
         return shlex.join(command)
 
     def _start_one(self, node: PlannedNode) -> str:
-        """Return the command that starts a node as the file does; secrets are left to be filled."""
+        """Return the command that starts a node as the file does, with placeholders for secrets."""
         flags, secrets = service_flags(node.service, node.settings)
         default, connection = Connection(), self.connection
         if connection.connect != default.connect:
@@ -101,7 +101,7 @@ class Expectation:
 
 
 def expectation(options: DoctorOptions, connection: Connection) -> Expectation | None:
-    """Return what the expected launch file says, with its cameras renamed; None without a file.
+    """Read the expected launch file, with its cameras renamed; None without a file.
 
     The router and the namespace are those of the file where the connection has the default.
 

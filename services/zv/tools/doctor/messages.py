@@ -1,4 +1,4 @@
-"""Checks messages that are not of this project against the schemas that their nodes answer."""
+"""Checks messages of other programs against the schemas that their nodes return."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from zv.tools.shared.session import ToolSession
 MAX_KEYS = 100
 MAX_SAMPLES = 2000
 MAX_BYTES = 16 << 20
-"""Samples of all keys together that are kept for the check, and their bytes."""
+"""Most samples of all keys together that are kept for the check, and their bytes."""
 
 MAX_MESSAGE_BYTES = 64 << 10
 """Larger messages are not checked."""
 
 CHECK_S = 2.0
-"""How long the check of those samples may take; the rest is not checked."""
+"""Most time for the check of those samples; the rest is not checked."""
 
 REMEDY = (
     "who sends them must keep to the schema that it answers; a changed message needs another "
@@ -40,7 +40,7 @@ REMEDY = (
 
 @dataclass(slots=True)
 class _Stream:
-    """What was seen of one type of message on one key."""
+    """The samples of one type of message on one key."""
 
     checked: int = 0
     bad: int = 0
@@ -49,10 +49,10 @@ class _Stream:
 
 
 class MessageCheck:
-    """Takes the messages of other types from now on, until ``findings`` judges them.
+    """Collects messages of other types from now on, until ``findings`` checks them.
 
-    Only keys that no topic of this project has are subscribed to, and none of pictures, since
-    those may be produced for subscribers alone.
+    It subscribes only to keys of no topic of this project, and to no pictures, since those may be
+    produced only for subscribers.
     """
 
     def __init__(self, session: ToolSession) -> None:
@@ -114,7 +114,7 @@ def error_in(payload: bytes, expected: MessageType) -> str:
         expected.checked(fields)
     except PayloadError as error:
         return printable(error.detail)
-    except UnusableSchema as error:  # as it was not compiled before, for lack of time
+    except UnusableSchema as error:  # its schema was not compiled before, for lack of time
         return unusable(expected.schema_name, error)
     return ""
 

@@ -18,11 +18,11 @@ from zv.tools.shared.nodes import NO_ANSWER, duration, place
 from zv.tools.shared.session import ToolSession
 
 FEW_NAMES = 12
-"""More tokens without nodes are one finding."""
+"""More tokens without nodes are combined into one finding."""
 
 APART_NS = 50_000_000
 REFUSED_NS = 24 * 3600 * 1_000_000_000
-"""Receivers refuse stamps that are more than this ahead."""
+"""Receivers refuse stamps that are further ahead than this."""
 
 BINDING = "eclipse-zenoh"
 LOOK_IN = "enable its admin space: adminspace: { enabled: true } in its configuration"

@@ -87,10 +87,10 @@ class Observation:
         return bool(others or self.publishers_of(key) or self.strangers(key)[1])
 
     def strangers(self, key: str) -> tuple[list[str], bool]:
-        """Return the programs that may send on a key and are no nodes, and whether that is sure.
+        """Return the programs, except nodes, that may send on a key, and whether that is certain.
 
-        It is sure of those that declared a publisher; a program can send without one. Zenoh does
-        not tell which session a sample came from.
+        It is certain for those that declared a publisher; a program can send without one. Zenoh
+        does not tell from which session a sample came.
         """
         known = {each.session for each in self.nodes} | {self.own}
         declared = {zid for on, ids in self.publishers.items() if intersect(on, key) for zid in ids}

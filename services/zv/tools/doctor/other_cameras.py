@@ -14,10 +14,10 @@ from zv.tools.shared.discovery import Discovery
 from zv.tools.shared.session import ToolSession
 
 MAX_CAMERAS = 20
-"""Streams that are counted: raw pixels may be a heavy load."""
+"""Most streams that are counted, since raw pixels may be a heavy load."""
 
 MAX_KEY = 200
-"""Characters of a key."""
+"""Most characters of a key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class OtherCamera:
 
     Attributes:
         arrived: How many samples arrived.
-        span_s: In how many seconds.
+        span_s: Seconds over which they were counted.
         rate_hz: Frames per second; None if fewer than two arrived.
     """
 
@@ -44,7 +44,7 @@ class OtherCamera:
 class ArrivalCounter:
     """Counts the frames of the cameras that are not nodes, from its creation on.
 
-    Those whose publisher is not declared are found if someone else subscribes to them.
+    Streams without a declared publisher are found if someone else subscribes to them.
 
     Attributes:
         left_out: How many more are declared than are counted.
@@ -63,7 +63,7 @@ class ArrivalCounter:
         self._subscriptions = [self._count(session, key) for key in self._times_s]
 
     def close(self) -> tuple[OtherCamera, ...]:
-        """Unsubscribe, and return the cameras: those that are declared, and those that sent."""
+        """Unsubscribe, and return the cameras that declared a publisher or sent frames."""
         span_s = time.monotonic() - self._begun_s
         for each in self._subscriptions:
             each.undeclare()

@@ -137,9 +137,9 @@ def sources_of(node: NodeState, seen: Observation) -> list[str]:
 
 
 def used_share(node: NodeState, seen: Observation) -> float | None:
-    """Return the rate that a node uses, divided by the configured rates of its cameras.
+    """Return the rate at which a node uses frames, divided by its cameras' configured rates.
 
-    The rate that arrives is no measure: cameras may be slower than configured, and frames be lost
+    The rate of arrivals would not do: cameras may be slower than configured, and frames may be lost
     on the way. None if a rate is unknown.
     """
     rates = [seen.value(name, "rate") for name in sources_of(node, seen)]
@@ -159,7 +159,7 @@ def _raw_without_header(seen: Observation, key: str) -> str:
 
 
 def _who_sends(seen: Observation, key: str) -> str:
-    """Return the programs that may send what a node refuses, as far as Zenoh tells."""
+    """Return the programs that may send the samples that a node refuses, as far as known."""
     found, sure = seen.strangers(key)
     if not found:
         return ""
@@ -178,7 +178,7 @@ def _twins(seen: Observation, node: NodeDescription) -> str:
 def _too_large(about: NodeDescription, seen: Observation) -> Remedy:
     """Return the remedy for frames that a node finds too large.
 
-    Its limit is no parameter; that of a service of ours is taken to be the default.
+    Its limit is not a parameter; for a service of ``zv``, the default is assumed.
     """
     fields = model_of(about.service).model_fields if about.service in SERVICES else {}
     most = fields["max_pixels"].default if "max_pixels" in fields else None
@@ -188,7 +188,7 @@ def _too_large(about: NodeDescription, seen: Observation) -> Remedy:
     sizes = [
         (seen.value(name, "width") or 0) * (seen.value(name, "height") or 0) for name in cameras
     ]
-    # 0: the size is not set, so that it is the source's own
+    # 0: not set, so it is the source's own size
     fit = sizes and all(0 < pixels <= most for pixels in sizes)
     return TOO_LARGE_FROM_OTHERS if fit else OVER_MAX_PIXELS
 

@@ -23,9 +23,9 @@ FEW = 2
 TOO_SLOW = 0.1
 TOO_LOW = 0.9
 SILENT_S = 2.0
-"""A camera that is not a node has ended, or is slow, if nothing arrived for so long."""
+"""Silence after which a camera that is not a node has ended, or is slow."""
 LONG_SILENCE = 3
-"""A camera that misses more than so many frames in a row has stopped, whatever its mean rate."""
+"""A camera that misses more frames than this in a row has stopped, whatever its mean rate."""
 
 
 def camera_findings(seen: Observation) -> Iterator[Finding]:
@@ -37,7 +37,7 @@ def camera_findings(seen: Observation) -> Iterator[Finding]:
     for each in cameras:
         found = _camera(seen, each)
         about = each.description
-        if names[each.name] > 1 and about is not None:  # their lines may be equal but for this
+        if names[each.name] > 1 and about is not None:  # distinguishes equal lines
             text = found.text.removeprefix(f"{each.name}: ")
             found = replace(found, text=f"{each.name} ({place(about)}): {text}")
         yield found
@@ -129,7 +129,8 @@ def loss_findings(seen: Observation) -> list[Finding]:
 def _lost_before(seen: Observation, node: NodeState, span_s: float) -> float:
     """Return how many frames the cameras of a node lost in the time observed of the node.
 
-    The reports of a camera span another time than those of the node, by up to a report's period.
+    The reports of a camera cover a slightly different time than those of the node: up to a report's
+    period.
     """
     assert node.description is not None
     sending = {name for key in node.description.subscribes for name in seen.publishers_of(key)}

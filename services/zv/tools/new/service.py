@@ -27,7 +27,7 @@ FILES = {
 
 
 def run(options: ServiceOptions, _connection: Connection, output: Output) -> None:
-    """Write the folder; say what is in it and what to do next.
+    """Write the folder; print its files and the next steps.
 
     Raises:
         ConfigurationError: The name is taken, or the folder exists.
@@ -62,7 +62,7 @@ def run(options: ServiceOptions, _connection: Connection, output: Output) -> Non
 
 
 def check_name(name: str) -> None:
-    """Check that a service may have a name, by what else has it.
+    """Check that the name of a service is not taken.
 
     Raises:
         ConfigurationError: It is taken; the text says by what.
@@ -102,7 +102,7 @@ def write(name: str, folder: Path) -> list[Path]:
 
 
 def _python() -> str:
-    """Return the command of the Python that has this library: behind pipx not that of the path."""
+    """Return the command of the Python that has this library; with pipx, it is not on the path."""
     found = shutil.which("python")
     ours = Path(sys.executable)
     if found is not None and Path(found).parent.resolve() == ours.parent.resolve():
@@ -112,4 +112,4 @@ def _python() -> str:
 
 def _is_module(name: str) -> bool:
     found = importlib.util.find_spec(name)
-    return found is not None and found.origin is not None  # a folder that merely has the name
+    return found is not None and found.origin is not None  # a folder of this name is not a module

@@ -33,12 +33,12 @@ from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
 
 MAX_TOLD = 5
-"""How many of those that answer for one node are named."""
+"""Most programs that answer for one node that are listed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What was answered to a query for the parameters of a node, or of all nodes.
+    """The answers to a query for the parameters of a node, or of all nodes.
 
     Attributes:
         replies: All that came, at least one.
@@ -53,12 +53,12 @@ class Answers:
     def checked(self) -> list[ParameterList]:
         """Return the parameters of each node, at least one list.
 
-        Anyone can answer for a node, and which one answers truly is unknown: a refusal counts, and
-        what cannot be read does not while another can.
+        Anyone can answer for a node, and it is unknown which answer is true. A refusal counts; an
+        unreadable reply does not if another can be read.
 
         Raises:
             ParameterRefused: A node refuses; the text has the reason and what is allowed.
-            ExpectationNotMet: None replies with parameters.
+            ExpectationNotMet: No reply has parameters.
         """
         failed = self.failed
         if failed is not None and (not self.found or isinstance(failed, ParameterRefused)):
@@ -162,7 +162,7 @@ def _chosen(options: NamedOptions, connection: Connection, output: Output) -> li
 
 
 def _one_of(node: str, connection: Connection, output: Output) -> ParameterList:
-    """Return the parameters of a node; if several have its name, note of which one they are."""
+    """Return the parameters of a node; if several have its name, print whose they are."""
     with ToolSession(connection) as session:
         answers = _ask(session, node)
         if len(answers.replies) > 1:
@@ -270,7 +270,7 @@ def _tell_of_several(
     values: Mapping[str, object],
     output: Output,
 ) -> None:
-    """Note that several nodes of a name were told to change, and what each made of it."""
+    """Print that several nodes of a name were asked to change, and the outcome of each."""
     places = places_by_session(session, node)
     read = {id(reply): one for reply, one in after.found}
     told = []

@@ -1,4 +1,4 @@
-"""Parameters and their values as texts: how one types them, and how they are printed."""
+"""Parameters and their values as texts: parses what the user types, and formats output."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zenoh_vision.messages import Parameter
 TRUE = {"true", "yes", "on", "1"}
 FALSE = {"false", "no", "off", "0"}
 NIL = "nil"
-"""What a refusal calls a value that is not set, as it is on the wire."""
+"""The name of an unset value in a refusal, as on the wire."""
 
 
 def assignments(texts: Iterable[str]) -> dict[str, str]:

@@ -1,6 +1,6 @@
 """``zv schema``: print the JSON Schema of a message, or list the messages.
 
-Those of this project need no network; those of other programs are answered by their nodes.
+Those of this project need no network; those of other programs are queried from their nodes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
 
 LIST_WAIT_S = 1.0
-"""How long a list waits for a router: without one, it has the messages of this project alone."""
+"""How long a list waits for a router: without one, it has only the messages of this project."""
 
 OTHER_KEYS = {
     "vision.Header.v1": "attachment of every picture and message",
@@ -37,7 +37,7 @@ OTHER_KEYS = {
     "vision.Refusal.v1": "error reply on @{ns}/param/{node}",
     "vision.Node.v1": "@{ns}/node/{node}",
 }
-"""Keys of the messages that belong to no topic of a camera."""
+"""Keys of the messages that belong to no camera's topic."""
 
 
 def run(options: SchemaOptions, connection: Connection, output: Output) -> None:

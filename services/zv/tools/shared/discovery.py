@@ -34,15 +34,15 @@ from zv.tools.shared.session import ToolSession
 MOST_SHOWN = 12
 
 TOKENS_S = 5.0
-"""Time for a list of tokens, which a router sends at once: thousands take a busy machine long."""
+"""Time limit for a list of tokens. A router sends it at once, but thousands take time."""
 
 MAX_KEYS = 2000
 MAX_PATTERNS = 100
-"""Keys that are listed, and key expressions with wildcards that are compared with each."""
+"""Most keys that are listed, and most wildcard expressions that are compared with each."""
 
 MAX_NAMES = 2000
 MAX_COMPARED = 200
-"""Names that a name is compared with, and their characters: comparing takes its time."""
+"""Most names that are compared with a name, and their most characters, to limit the time."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class Discovery:
 
 
 def waiting_for(silence: str) -> str:
-    """Return what a tool that goes on notes about the keys on which nothing arrived."""
+    """Return the note of a tool that keeps waiting on keys on which nothing arrived."""
     mark = "" if silence.endswith("?") else ";"
     return f"{silence}{mark} waiting for it (Ctrl-C ends it, --for 5s limits it)"
 

@@ -1,4 +1,4 @@
-"""Turns a JSON Schema from the network into a validator, with bounds on what it may cost.
+"""Turns a JSON Schema from the network into a validator of bounded cost.
 
 The validation is pydantic's own, so errors read as those of known messages. A node's schema is
 that of a pydantic model; keywords that those do not use are ignored, so that a message is then
@@ -21,12 +21,12 @@ MAX_BYTES = 64 << 10
 MAX_PARTS = 2000
 MAX_DEPTH = 16
 MAX_ALTERNATIVES = 16
-"""Limit of the product of alternatives on any path: what the check of one value may cost."""
+"""Limit of the product of alternatives on any path, and so of the cost of checking a value."""
 
 MAX_VALUES = 1000
 MAX_PATTERNS = 20
 MAX_PATTERN = 100
-"""Longer patterns, and those beyond the first 20, are ignored: compiling one takes its time."""
+"""Longer patterns, and those beyond the first 20, are ignored, since compiling takes time."""
 
 MAX_PATTERNS_COST = 25_000
 """Limit of the cost of all patterns by ``pattern_cost``, some 0.2 s; those beyond are ignored."""
@@ -35,7 +35,7 @@ MAX_PATTERN_COST = 1_000_000
 """A schema with a pattern that costs more is refused."""
 
 CLASS_COST, FLAG_COST = 100, 300
-"""What a Unicode class, and a group with flags, cost in characters."""
+"""Cost of a Unicode class, and of a group with flags, in characters."""
 
 UNICODE_CLASS = re.compile(r"\\[wWdDsSpPbB]")
 COUNTED = re.compile(r"(.?)\{\s*([0-9]*)[\s,]*([0-9]*)", re.DOTALL)
@@ -92,7 +92,7 @@ def resolved(schema: Schema, part: object) -> Schema:
 
 
 def pattern_cost(pattern: str) -> int:
-    """Return an upper limit of what compiling a regular expression costs, in plain characters.
+    """Return an upper limit of the cost of compiling a regular expression, in plain characters.
 
     Counted repetitions are compiled as copies. Those of groups multiply the others.
     """
@@ -230,7 +230,7 @@ class _Conversion:
         return text
 
     def _pattern(self, pattern: object) -> str | None:
-        """Return a pattern; None if it is none, or is to be ignored because of its cost."""
+        """Return a pattern; None if it is not valid, or is ignored because of its cost."""
         if not isinstance(pattern, str) or len(pattern) > MAX_PATTERN:
             return None
         cost = pattern_cost(pattern)

@@ -1,8 +1,8 @@
 """The types of messages: those of this project by their classes, others by their nodes' schemas.
 
-A node answers ``@{ns}/schema/{name}`` with the JSON Schema of each message that it sends. What it
-answers is hostile until proven otherwise: it is bounded before it is used, and one that cannot be
-used is an error text, never an exception of another kind.
+A node answers ``@{ns}/schema/{name}`` with the JSON Schema of each message that it sends. A schema
+may be hostile: it is checked against limits before it is used, and one that cannot be used becomes
+an error text, never an unexpected exception.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from zv.tools.shared.session import ToolSession
 
 MAX_REPLIES_BYTES = 8 << 20
 MAX_TYPES = 200
-"""Schemas of other messages that are kept."""
+"""Most schemas of other messages that are kept."""
 
 MAX_TEXTS = 2
-"""Different schemas of one name that are kept: more are no other problem than two."""
+"""Most different schemas of one name that are kept: two are already the problem."""
 
 COMPILE_S = 0.5
-"""How long the schemas of all answers may be compiled; the rest are when they are used."""
+"""Time limit for compiling the schemas of all answers; the rest are compiled on use."""
 
 PICTURES = "/compressed"
 
@@ -45,7 +45,7 @@ MAX_COLUMNS = 200
 MAX_COLUMN_DEPTH = 4
 
 MAX_ERRORS = 1000
-"""If more values of a message are wrong, only their number is said."""
+"""If more values of a message are wrong, only their number is given."""
 
 SCHEMA_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 HEADER_FIELDS = {"camera", "epoch", "seq", "stamp_ns"}
@@ -60,7 +60,7 @@ class MessageType:
         schema: Its JSON Schema.
         checked: Returns the map to send for a map of fields; raises ``PayloadError``, and
             ``UnusableSchema`` as ``compiled`` does.
-        compiled: Makes ``checked`` ready, which may take its time; raises ``UnusableSchema``.
+        compiled: Makes ``checked`` ready, which may take long; raises ``UnusableSchema``.
     """
 
     schema_name: str
@@ -161,7 +161,7 @@ def foreign_type(schema_name: str, text: bytes) -> MessageType:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What the nodes answered about messages that are not of this project.
+    """The nodes' answers about messages that are not of this project.
 
     Attributes:
         types: By versioned name.
@@ -184,8 +184,8 @@ def foreign_types(session: ToolSession, name: str = "*") -> Answers:
 def answers_of(replies: Iterable[Reply]) -> Answers:
     """Return the types that replies to a query for schemas describe.
 
-    Within ``COMPILE_S`` an unusable schema is told from a usable one also where only compiling it
-    shows that. Later it counts as usable, until it is used.
+    Some schemas prove unusable only when they are compiled. Those that are not compiled within
+    ``COMPILE_S`` count as usable until they are used.
     """
     parsed, problems, sessions = _parsed(replies)
     types = {}
@@ -210,7 +210,7 @@ def answers_of(replies: Iterable[Reply]) -> Answers:
 def _parsed(
     replies: Iterable[Reply],
 ) -> tuple[dict[str, dict[bytes, MessageType]], dict[str, str], dict[str, set[str]]]:
-    """Return types by their text, what is wrong with the others, and who answered, all by name."""
+    """Return types by schema text, the errors of the others, and the sessions, each by name."""
     parsed: dict[str, dict[bytes, MessageType]] = {}
     problems: dict[str, str] = {}
     sessions: dict[str, set[str]] = {}
@@ -241,7 +241,7 @@ def unusable(name: str, error: UnusableSchema) -> str:
 def own_keys(session: ToolSession) -> list[str]:
     """Return the published keys of messages that are not in the topic table, sorted.
 
-    Keys of pictures are left out: those may be produced only for who asks for them.
+    Keys of pictures are left out, since those may be produced only on demand.
     """
     published = discover(session).keys(f"{session.namespace}/**")
     return sorted(k for k in published if topic_of(k) is None and not k.endswith(PICTURES))
@@ -300,8 +300,8 @@ def type_named(name: str, answers: Callable[[], Answers]) -> MessageType:
     """Return the type of a short or versioned name, in any case.
 
     Args:
-        name: Of a message of this project, or of a running node.
-        answers: What the nodes answer; called only for other names than those of this project.
+        name: Name of a message of this project, or of a running node's.
+        answers: Returns the nodes' answers; called only for names of other programs.
 
     Raises:
         ConfigurationError: There is none, it is ambiguous, or its schema cannot be used.

@@ -1,7 +1,7 @@
 """Names in the running system, for completion: keys, nodes, parameters and their values.
 
-What a shell waits for must be quick, so this loads no models: whatever is not as expected in a
-reply is left out. Without a router there are no names.
+A shell waits for this, so it loads no models: unexpected parts of a reply are left out. Without a
+router there are no names.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from zenoh_vision.transport.session import open_at_once
 
 OPEN_S = 0.1
 REPLY_S = 0.1
-"""Limits for a router and for nodes that do not answer; those that do take some milliseconds."""
+"""Time limits for a router and for nodes that do not answer; others take some milliseconds."""
 
 MAX_BYTES = 256 << 10
 MAX_NAMES = 1000
@@ -82,7 +82,7 @@ def _names(
 
 
 def _keys(session: zenoh.Session, namespace: str) -> Iterator[str]:
-    """Yield what nodes say that they publish, and what the routers know of other programs."""
+    """Yield the keys that nodes publish, and those that routers list for other programs."""
     described = session.get(
         keys.node_key(namespace, "*"), target=zenoh.QueryTarget.ALL, timeout=REPLY_S
     )

@@ -46,7 +46,7 @@ def running_nodes(
         Query(keys.node_key(session.namespace, "*")),
         Query(keys.diagnostics_key(session.namespace, "*")),
     )
-    (tokens,) = session.ask_all(tokens_query(session.namespace))  # many hold up other replies
+    (tokens,) = session.ask_all(tokens_query(session.namespace))  # many of them delay other replies
     living = {token.name for token in tokens} if names is None else set(names)
     health: dict[tuple[str, str], tuple[Diagnostics]] = {}
     for reply, report in messages_in(reports, Diagnostics):
@@ -73,7 +73,7 @@ def running_nodes(
 
 
 def left_out_note(count: int) -> str:
-    """Return what to say of nodes that are left out."""
+    """Return the note about nodes that are left out."""
     return f"{count} more are left out: {MAX_NODES} nodes are shown, those first that answer"
 
 

@@ -28,7 +28,7 @@ class ToolOptions(Settings):
 
 
 def number_with_unit(units: Mapping[str, float], examples: str) -> BeforeValidator:
-    """Return a validator that reads a number with a unit; it must be last in an ``Annotated``.
+    """Return a validator for numbers with a unit; it must be last in an ``Annotated``.
 
     Args:
         units: Factors by unit; the empty unit is for a number without a unit.

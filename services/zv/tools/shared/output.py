@@ -58,7 +58,7 @@ class Output:
 
     def note(self, text: str) -> None:
         """Print a line that is not a result, to standard error."""
-        with suppress(OSError):  # that nobody reads the log is no reason to end
+        with suppress(OSError):  # without a reader of the log, the program continues
             print(f"zv: {printable(text)}", file=sys.stderr, flush=True)
 
     def display(self) -> Display:

@@ -73,7 +73,7 @@ class Join:
         """Return the newest picture with its tracks, or else its centroid.
 
         Args:
-            complete: Only if all wanted results have arrived.
+            complete: Return a picture only if all wanted results of its frame have arrived.
         """
         wanted = self._wanted if complete else set()
         for frame in sorted(self._pictures, reverse=True):

@@ -36,7 +36,7 @@ def run(options: TopOptions, connection: Connection, output: Output) -> None:
 
 
 def show_once(session: ToolSession, output: Output) -> None:
-    """Query twice, since losses are counted between two diagnostics, and show the second state."""
+    """Query twice, since losses are a difference of two reports, and show the second state."""
     ranking = Ranking()
     ranked = ranking.update(running_nodes(session)[0])
     left_out = 0

@@ -37,7 +37,7 @@ from zv.tools.topic.options import EchoOptions
 MAX_WAITING = 1000
 MAX_WAITING_BYTES = 16 << 20
 MAX_TYPES = 10
-"""How many types of messages on one key are looked up: each may take a query."""
+"""Most types of messages on one key that are looked up, since each may take a query."""
 QUERY_AFTER_S = 1.0
 """After this long without a message the newest one is queried, as it may be sent only once."""
 
@@ -295,7 +295,7 @@ def _check_fields(
         fields: Those that it has.
         missing: Those that are wanted and that it lacks.
         declared: The fields of its type; None if the type is unknown.
-        always: No other message is waited for, so it counts for an unknown type too.
+        always: Refuse missing fields of an unknown type too, since no other message is awaited.
 
     Raises:
         ConfigurationError: With the fields that there are.

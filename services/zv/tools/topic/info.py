@@ -62,7 +62,7 @@ def _describe(entry: Entry, found: Discovery, newest: Received | None) -> dict[s
         "publishers": [{"node": name, **nodes.get(name, {})} for name in entry.publishers],
         "subscribing_nodes": found.nodes_subscribing(entry.key),
     }
-    # What others publish, only they know.
+    # Only the programs themselves know how they publish.
     if topic is not None and any(name in nodes for name in entry.publishers):
         about["made"] = "while someone subscribes or asks" if topic.lazy else "always"
         about["delivery"] = DELIVERIES[topic.delivery]

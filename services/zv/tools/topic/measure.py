@@ -39,7 +39,7 @@ class Measure:
         title: Column of the value, ends in its unit; its name in JSON is made from it.
         scale: Factor from the base unit of expectations (Hz, bytes per second, seconds) to the
             value's unit.
-        spread_unit: Unit of the spread.
+        spread_unit: Unit of the samples and their spread.
         value: Returns the value between two times; None if there is none.
         samples: Returns the samples of the spread.
     """

@@ -146,8 +146,8 @@ class PubOptions(ToolOptions):
         Field(
             ge=1,
             le=1000,
-            description="send only when so many programs subscribe, however long that takes; "
-            "not set: one, for up to a second",
+            description="wait until this many programs subscribe, without a time limit; "
+            "not set: for one, up to a second",
         ),
     ] = None
     once: Annotated[

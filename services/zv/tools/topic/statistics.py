@@ -16,15 +16,15 @@ from zv.tools.topic.message_fields import Received, header_of, received
 
 MAX_STREAMS = 2000
 MAX_WAITING = 20_000
-"""Samples that wait for the next update."""
+"""Most samples that wait for the next update."""
 
 MAX_EPOCHS = 8
 FAR_AHEAD = 1000
-"""A larger step of the sequence number is believed only once the next number confirms it."""
+"""A larger step of the sequence number counts only when the next number confirms it."""
 MAX_MISSING = 10_000
 """Limit of missing numbers that are kept per epoch, so that late ones are not counted as lost."""
 MAX_ALL_MISSING = 200_000
-"""Limit of those of all streams together, some 15 MB; per epoch alone they could be 11 GB."""
+"""Limit for all streams together, some 15 MB; with the limit per epoch alone, it could be 11 GB."""
 
 SPREAD = ("min", "max", "std", "p50", "p99")
 """Statistics of a distribution; the percentiles are by nearest rank."""
@@ -73,7 +73,7 @@ class _Epoch:
 
 @dataclass(slots=True)
 class Room:
-    """How many more missing numbers may be kept, by all that share it."""
+    """The number of missing numbers that may still be kept, shared by all streams."""
 
     left: int = MAX_ALL_MISSING
 
@@ -197,7 +197,7 @@ class StreamMonitor:
         self._subscribers += [
             session.subscribe(str(key), partial(self._receive, ()))
             for key in keys
-            if not any(each.intersects(key) for each in wild)  # else that one gets its samples
+            if not any(each.intersects(key) for each in wild)  # else a wildcard covers it
         ]
 
     @property

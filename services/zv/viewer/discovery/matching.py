@@ -1,4 +1,4 @@
-"""Which streams the key expressions of subscribers match, by Zenoh's own rules, in bounded time."""
+"""Matches subscribers' key expressions with streams, by Zenoh's rules, in bounded time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import zenoh
 
 MAX_CHARACTERS = 200
 MAX_DEEP = 2
-"""``**`` and ``$*`` in an expression: with more, Zenoh takes up to seconds to match one key."""
+"""Most ``**`` and ``$*`` in an expression: with more, Zenoh may take seconds to match a key."""
 
 MAX_TESTS = 10_000
 LAST = "\U0010ffff"
@@ -23,7 +23,7 @@ def matches(expressions: Iterable[str], keys: Sequence[str]) -> dict[str, list[s
     """
     found, tests = {}, 0
     for text in sorted({text for text in expressions if "*" in text}):
-        literal = text.partition("*")[0].rpartition("/")[0]  # all that match begin so
+        literal = text.partition("*")[0].rpartition("/")[0]  # every match has this prefix
         first, last = bisect_left(keys, literal), bisect_left(keys, literal + LAST)
         tests += last - first
         if tests > MAX_TESTS:

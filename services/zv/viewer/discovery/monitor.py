@@ -38,9 +38,9 @@ DESCRIBE_EVERY = 10
 """Ticks between two queries for all descriptions, since a node's subscriptions change."""
 
 LOOK_EVERY = 4
-"""Ticks between two looks at the routers' sessions. Zenoh 1.10 can hang a router that is asked for
-its publishers while one is being declared (zenoh #2619). So it is asked when sessions have come or
-gone, and none has since the last look, and else rarely."""
+"""Ticks between two queries for the routers' sessions. Zenoh 1.10 can hang a router that is queried
+for its publishers while one is being declared (zenoh #2619). So it is queried when sessions were
+opened or closed, but none since the last tick, and otherwise rarely."""
 
 LIST_AGAIN_S = 60.0
 
@@ -176,7 +176,7 @@ class SystemMonitor:
         self.system.flush()
 
     def _ask(self, node: str) -> None:
-        """Begin to ask a node, or all with ``*``, unless that is going on."""
+        """Begin to query a node, or all with ``*``, unless a query is in progress."""
         if node not in self._asking:
             task = self._asking[node] = self.network.loop.create_task(self._learn(node))
             task.add_done_callback(lambda _: self._asking.pop(node))
@@ -199,14 +199,14 @@ class SystemMonitor:
         self._settle_soon()
 
     def _list(self) -> None:
-        """Begin to ask the routers who publishes what, unless that is going on."""
+        """Begin to query the routers for all publishers, unless a query is in progress."""
         if self._listing is None or self._listing.done():
             self._listing = self.network.loop.create_task(self._learn_publishers())
 
     async def _learn_publishers(self) -> None:
         """Query the routers for the keys on which anyone publishes, whether a node or not."""
         replies = await self.network.ask(ROUTERS)
-        # With the routers' keys, since the sessions are the same after a router's restart.
+        # The keys contain the routers' ids: after a router's restart, the sessions are the same.
         known = session_ids(replies)
         sessions = known | {reply.key for reply in replies}
         is_calm, self._sessions = sessions == self._sessions, sessions

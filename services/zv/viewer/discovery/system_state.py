@@ -30,7 +30,7 @@ MAX_PUBLISHED = 256
 MAX_STREAMS = 4096
 CUT_AGAIN_S = 60.0
 PANELS = frozenset({"health", "parameters", "log", "matches"})
-"""Kinds of texts that only panels of the page show."""
+"""Kinds of texts that are shown only in panels of the page."""
 
 
 class SystemState:
@@ -42,8 +42,8 @@ class SystemState:
 
     Args:
         namespace: First chunk of the nodes' keys.
-        say: Called with the text of each message to all pages, and with a name: the message
-            replaces a queued one of the same name. None replaces nothing.
+        say: Called with the text of each message to all pages, and a name. The message replaces a
+            queued one of the same name; None replaces nothing.
         wanted: Tells whether a page shows a kind of ``PANELS``; others are not made.
     """
 
@@ -81,12 +81,12 @@ class SystemState:
         router = [(self._router_text(), "router")] if new else []
         found = [*lines, *router, *self._lists(kinds, common=new)]
         for text, op in found:
-            if self._told.get(op) != text:  # so that this page is told too if it changes back
+            if self._told.get(op) != text:  # so that this page also learns of a change back
                 self._told.pop(op, None)
         return found
 
     def details(self, kinds: Collection[str] = PANELS) -> Iterator[tuple[str, Hashable]]:
-        """Yield the other messages that a new page needs, of each node as it is then."""
+        """Yield the other messages that a new page needs, made from each node's current state."""
         for name in [node.name for node in self.fleet.nodes()]:
             node = self.fleet.node(name)
             if "health" in kinds and node is not None and node.report is not None:
@@ -104,7 +104,7 @@ class SystemState:
             self._streams = sorted(found)
         return self._streams
 
-    # What happens
+    # Events
 
     def router(self, connected: bool) -> None:
         """Note that the router was connected or lost."""
@@ -163,10 +163,10 @@ class SystemState:
             self._say(_parameters_text(node), ("parameters", found.node))
 
     def set_published(self, found: Collection[str], *, complete: bool = True) -> None:
-        """Note which streams anyone publishes, whether a node or not, as the routers list them.
+        """Record the streams that nodes or other programs publish, as the routers list them.
 
-        One that was listed and is not any more is kept as one that is gone; as it was, if the list
-        is not complete.
+        A stream that is no longer listed is kept as gone; if the list is not complete, it does not
+        change.
         """
         if len(found) > MAX_STREAMS:
             self.say_cut(f"there are more than {MAX_STREAMS} streams; the list is cut")
@@ -204,7 +204,7 @@ class SystemState:
         """Keep a line of the log and send it to all pages."""
         line = events.text("log", at_ns=time.time_ns(), level=level, node=node, text=text[:500])
         self._lines_made += 1
-        replaces = ("log", self._lines_made % LINES)  # so that as many wait for a page at most
+        replaces = ("log", self._lines_made % LINES)  # limits the queue of a page
         self._lines.append((line, replaces))
         self._say(line, replaces)
 
@@ -213,7 +213,7 @@ class SystemState:
         self._say(events.text("tick", now_ns=time.time_ns()), "tick")
 
     def say_cut(self, text: str) -> None:
-        """Keep a line of the log that says what is left out, at most once a minute."""
+        """Log what is left out, at most once a minute."""
         if time.monotonic() - self._cut_said.get(text, -CUT_AGAIN_S) >= CUT_AGAIN_S:
             if len(self._cut_said) >= LINES:
                 self._cut_said.clear()
@@ -234,7 +234,7 @@ class SystemState:
             self.log(Level(report.level).name, node.name, report.message)
 
     def _node_changed(self, name: str) -> None:
-        """Make the items of a node anew, and have the lists sent."""
+        """Update the items of a node, and mark the lists to be sent."""
         self._changed = True
         self._streams = None
         node = self.fleet.node(name)
@@ -245,7 +245,7 @@ class SystemState:
         published = () if description is None else description.publishes
         streams = (key for key in published if is_stream(key, self.namespace))
         self._items[name] = item, {key: _stream_item(key, _gone_ns(node), name) for key in streams}
-        if len(self._items) > 2 * MAX_NODES:  # some are of nodes that the fleet has forgotten
+        if len(self._items) > 2 * MAX_NODES:  # the fleet has forgotten some of these nodes
             self._items = {each.name: self._items[each.name] for each in self.fleet.nodes()}
 
     # Texts

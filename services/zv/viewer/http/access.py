@@ -1,4 +1,4 @@
-"""Decides who may request what, by host, site of origin, and token or session."""
+"""Checks requests: by host, site of origin, and token or session."""
 
 from __future__ import annotations
 
@@ -57,14 +57,14 @@ class Access:
             self.principal(request)
 
     def principal(self, request: web.Request) -> Principal:
-        """Return who a request is from; raise HTTPUnauthorized as ``check_token``."""
+        """Return the sender of a request; raise HTTPUnauthorized as ``check_token``."""
         cookie = request.cookies.get(cookie_name(request.headers.get("Host")))
         return self.check_token(tokens_in(request), cookie)
 
     def check_host(self, host: str | None) -> None:
         """Raise HTTPForbidden for an unknown ``Host``: any name may resolve to this machine.
 
-        Even its own name may be answered for by others, so that it needs a token.
+        Others on the network can answer for its own name too, so that needs a token.
         """
         name = host_name(host or "")
         if is_loopback(name) or (self.token and (name in self.names or is_address(name))):
@@ -88,9 +88,9 @@ class Access:
             )
 
     def check_site(self, headers: Mapping[str, str], host: str | None) -> None:
-        """Raise HTTPForbidden for what a page of another site loads, except by a link."""
+        """Raise HTTPForbidden for resources that a page of another site loads, except by a link."""
         sent = headers.get("Sec-Fetch-Mode"), headers.get("Sec-Fetch-Dest")
-        if sent == ("navigate", "document"):  # a page that takes up the whole tab
+        if sent == ("navigate", "document"):  # navigation of a whole tab
             return
         self.check_origin(headers.get("Origin"), host)
         if headers.get("Sec-Fetch-Site") == "cross-site":
@@ -99,9 +99,10 @@ class Access:
             )
 
     def check_token(self, tokens: Iterable[str | None], session: str | None) -> Principal:
-        """Return who gave these tokens and this session, with the widest scope among them.
+        """Return the sender of these tokens and this session, with the widest scope among them.
 
-        Raise HTTPUnauthorized unless one is valid. A token is no session, nor the reverse.
+        Raise HTTPUnauthorized unless one is valid. A token does not count as a session, nor the
+        reverse.
         """
         if self.token is None:
             return NO_TOKEN
@@ -120,11 +121,11 @@ class Access:
         )
 
     def scope_of(self, text: str | None) -> Scope | None:
-        """Return what a token permits; None if a text is none."""
+        """Return the scope of a token; None if a text is not a token."""
         return None if self.token is None or text is None else scope_of(text, self.token)
 
     def redirect(self, request: web.Request) -> web.Response | None:
-        """Return the answer to a page's address with a token: a session, and the way to the page.
+        """Return the redirect that replaces the token in a page's address by a session.
 
         The token does not stay in the address bar and the history. None if there is no token.
         """
@@ -142,13 +143,13 @@ class Access:
             # Set by a TLS proxy. A client that invents it only loses its own session.
             secure=request.headers.get("X-Forwarded-Proto", "").lower().startswith("https"),
             httponly=True,
-            samesite="Lax",  # not Strict, else a link on another site could not open the page
+            samesite="Lax",  # with Strict, a link on another site could not open the page
         )
         return response
 
 
 def tokens_in(request: web.Request) -> tuple[str | None, str | None]:
-    """Return what a request gives as token: in its URL and in ``Authorization``."""
+    """Return the tokens of a request: in its URL and in ``Authorization``."""
     kind, _, bearer = request.headers.get("Authorization", "").partition(" ")
     return request.query.get("token"), bearer if kind.lower() == "bearer" else None
 

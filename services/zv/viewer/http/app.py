@@ -187,6 +187,6 @@ def _file_response(request: web.Request, file: PageFile) -> web.Response:
         "Vary": "Accept-Encoding",
     }
     accepted = request.headers.get("Accept-Encoding", "").replace(" ", "").split(",")
-    if not {"gzip", "*"}.intersection(accepted):  # also with a weight: plain files are never wrong
+    if not {"gzip", "*"}.intersection(accepted):  # weights are ignored
         return web.Response(body=file.body, headers=headers)
     return web.Response(body=file.compressed, headers=headers | {"Content-Encoding": "gzip"})

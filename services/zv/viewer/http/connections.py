@@ -92,7 +92,7 @@ class Connection(asyncio.Protocol):
 
     @property
     def stalled_s(self) -> float:
-        """Seconds for which the client has read nothing of what was sent; 0 if it has all."""
+        """Seconds for which the client has read nothing of the sent data; 0 if it has read all."""
         since_s = self._stalled_since_s
         return 0.0 if since_s is None else time.monotonic() - since_s
 

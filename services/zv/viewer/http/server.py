@@ -58,7 +58,7 @@ class WebServer:
             for name in ("aiohttp", "asyncio"):  # errors of clients do not belong in our log
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         _raise_file_limit()
-        gc.freeze()  # else each full collection of garbage reads all modules' objects again
+        gc.freeze()  # otherwise each full garbage collection would visit all modules' objects
         self._thread.start()
         self._started.result(START_S)
         return self

@@ -38,7 +38,7 @@ def token_for(
 
 
 def stored_token(path: Path) -> str:
-    """Return the token in a file; generate one if the file has none."""
+    """Return the token in a file; generate and store one if the file has none."""
     try:
         text = path.read_text(errors="replace").strip()
     except FileNotFoundError:

@@ -1,1 +1,1 @@
-"""Streams shared by all clients: subscriptions, pictures in several forms, messages, snapshots."""
+"""Streams shared by all clients: subscriptions, rendered pictures, messages, snapshots."""

@@ -108,7 +108,7 @@ def message_text(key: str, payload: bytes, encoding: str = "") -> tuple[str, int
 
 def _check_containers(fields: dict[object, object]) -> None:
     found: list[Collection[object]] = [fields]
-    for value in found:  # which grows meanwhile
+    for value in found:  # it grows during the loop
         inner = value.values() if isinstance(value, dict) else value
         found.extend(each for each in inner if isinstance(each, (dict, tuple)))
         if len(found) > MAX_CONTAINERS:

@@ -48,7 +48,7 @@ class PictureStream(SharedStream[FrameIntake]):
         return FrameIntake(self.key, consumer, raw=kind_of(self.key).raw, max_pixels=most)
 
     def _close_intake(self, intake: FrameIntake) -> None:
-        if not self._verifying:  # else its memory is being read, and ``_verified`` closes it
+        if not self._verifying:  # otherwise ``_verified`` closes it, as its memory is being read
             super()._close_intake(intake)
 
     # Clients
@@ -98,7 +98,7 @@ class PictureStream(SharedStream[FrameIntake]):
         self._drop_unreachable()
 
     def _drop_unreachable(self) -> None:
-        """Drop the frames that no client can get any more, since there are newer ones."""
+        """Drop the frames that no client can get any more, since newer ones exist."""
         held = set().union(*(rendition.held for rendition in self._renditions.values()))
         if self.newest is not None:
             held.add(self.newest[0].number)
@@ -203,7 +203,7 @@ class Rendition:
         if unchanged is not None:
             self._publish(arrival, unchanged)
             return
-        if time.monotonic() - self._rendered_s > OUTDATED_S:  # no client was ready for long
+        if time.monotonic() - self._rendered_s > OUTDATED_S:  # it is old, since no client was ready
             self.picture = None
         self._in_work = True
         work = self._context.run(self._render, self._context.settings().quality)

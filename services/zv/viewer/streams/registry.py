@@ -22,7 +22,7 @@ from zv.viewer.streams.shared_stream import SharedStream, StreamContext
 from zv.viewer.topics import kind_of
 
 MAX_KEYS = 256
-"""Streams that are subscribed to at once; beyond that, each client still has an equal share."""
+"""Limit of simultaneous subscriptions; beyond it, each client still has an equal share."""
 
 QUERY_S = 1.0
 SNAPSHOT_BYTES = 1 << 20
@@ -63,8 +63,8 @@ class StreamRegistry:
     ) -> PictureFeed:
         """Return a feed of the pictures of a key; it sets ``ready`` when one can be taken.
 
-        Like ``messages``, it raises TooManyStreams if the limit of keys is reached and the client,
-        which ``has`` that many, has its share.
+        Like ``messages``, it raises TooManyStreams if the limit of keys is reached and the client
+        has its share; ``has`` is the number of its streams.
         """
         return self._stream(PictureStream, self._pictures, key, has).feed(options, ready)
 

@@ -134,12 +134,12 @@ def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture
     depth = frame.depth
     packed = depth is not None and options.depth == "values"
     if depth is not None and options.depth == "gray" and options.quality is not None:
-        as_png = False  # a JPEG was asked for, which is smaller
+        as_png = False  # a JPEG was requested, which is smaller
     encoding = header.encoding or "bgr8"
     shown = "mono8" if encoding.startswith("mono") or depth is not None else "bgr8"
     pixels: Pixels
     if depth is not None and packed:
-        found = np.asarray(_resized(depth, size, cv2.INTER_NEAREST), np.uint16)  # none is mixed
+        found = np.asarray(_resized(depth, size, cv2.INTER_NEAREST), np.uint16)  # no mixed values
         pixels = _packed(found, frame.value_range)
         as_png = True
     elif depth is not None and as_png and options.depth == "original":
@@ -159,7 +159,7 @@ def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture
 
 
 def _resized(pixels: Pixels, size: tuple[int, int], interpolation: int | None = None) -> Pixels:
-    """Return pixels of a width and height; by default averaged if they become fewer."""
+    """Return pixels resized to a width and height; by default averaged when reduced."""
     if size == pixels.shape[1::-1]:
         return pixels
     if interpolation is None:

@@ -41,7 +41,7 @@ class MultipartResponse(web.StreamResponse):
 
 
 class RenderBudget:
-    """Limits the pixels that are rendered at once for one address; all share the threads."""
+    """Limits the pixels that are rendered at once for one address, since all share the threads."""
 
     def __init__(self) -> None:
         self._taken: Counter[tuple[str | None, str, RenderOptions]] = Counter()
@@ -79,7 +79,7 @@ class WebVideoServer:
             feed = self._registry.pictures(key, query.options)
             try:
                 if key not in self._system.streams:
-                    with suppress(PayloadError):  # data arrives, although it is not a picture
+                    with suppress(PayloadError):  # data arrives, but it is not a picture
                         if await self._registry.snapshot(key, query.options) is None:
                             raise self._not_found(query.topic)
                 return await self._send(request, feed)

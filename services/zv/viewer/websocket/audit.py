@@ -1,4 +1,4 @@
-"""Logs who changed which parameter through the viewer, from what to what."""
+"""Logs the changes of parameters through the viewer: client, parameter, old and new value."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ParameterAudit:
         *,
         refused: bool,
     ) -> None:
-        """Log soon that someone set parameters of a node; ``known`` are those before."""
+        """Record that a client set parameters of a node; ``known`` are the values before."""
         for name, value in values.items():
             shown = name if NAME.fullmatch(name) else shortened(name)
             before = shortened(known[name].value) if name in known else "unknown"
@@ -64,7 +64,7 @@ class ParameterAudit:
             self._add((who, node, shown, refused), change)
 
     def note_forbidden(self, who: str, node: str, outcome: str) -> None:
-        """Log soon that someone who may not set any parameter of a node tried to."""
+        """Record that a client without permission tried to set parameters of a node."""
         self._add((who, node, "parameters", True), LoggedChange("", "", outcome))
 
     def _add(self, key: tuple[str, str, str, bool], new: LoggedChange) -> None:

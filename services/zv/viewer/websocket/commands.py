@@ -45,11 +45,11 @@ class Watch(Command):
     height: Side | None = None
     quality: Annotated[int, Field(ge=1, le=100)] | None = None
     values: bool = False
-    """Whether a picture of 16 bits has its values in it; else it is grey."""
+    """Whether a picture of 16 bits is sent with its values; otherwise as grey."""
 
     @property
     def options(self) -> RenderOptions:
-        """How its pictures are rendered."""
+        """The options with which its pictures are rendered."""
         depth: Depth = "values" if self.values else "gray"
         return RenderOptions(self.width, self.height, fit=True, quality=self.quality, depth=depth)
 
@@ -69,7 +69,7 @@ class Shown(Command):
 
 
 class Show(Command):
-    """Say what the page shows in its panels now: it gets no other texts that are only for them."""
+    """Set the kinds of text that the page's panels show; others are not sent to it."""
 
     op: Literal["show"]
     kinds: frozenset[Literal["health", "parameters", "log", "matches"]]

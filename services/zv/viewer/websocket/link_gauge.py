@@ -4,7 +4,7 @@ from __future__ import annotations
 
 WINDOW_S = 2.0
 BUSY = 0.7
-"""The link limits if sending has waited for it for this share of the time."""
+"""The link is the limit if sending has waited for it for this share of the time."""
 
 
 class LinkGauge:
@@ -17,7 +17,7 @@ class LinkGauge:
         """Count bytes whose sending took from ``begun_s`` to ``done_s``.
 
         Returns:
-            About every 2 s, if the link limits: how much it carries, in bits per second.
+            About every 2 s, if the link is the limit: its throughput, bits per second; else None.
         """
         self._bytes += size
         self._busy_s += done_s - begun_s

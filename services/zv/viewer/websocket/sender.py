@@ -1,4 +1,4 @@
-"""What a page is sent over its WebSocket: texts, messages and pictures, each in its turn."""
+"""Sends texts, messages and pictures to a page over its WebSocket, in turn."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ AHEAD = 2
 
 ENDED_POLL_S = 0.2
 PART_BYTES = 32 << 10
-"""Pictures are sent in parts of this size. Between two, a page on a slow link gets about as much of
-everything else, and sees that the connection is alive."""
+"""Pictures are sent in parts of this size. Between two parts, a page on a slow link gets about as
+many bytes of everything else, and sees that the connection is alive."""
 
 MAX_TEXTS = 1000
-"""Texts that replace no other, such as replies; a page that lets more wait reads nothing."""
+"""Most queued texts that replace no other, such as replies. With more, the page reads nothing."""
 
 LENGTH = struct.Struct("<I")
 
@@ -72,10 +72,10 @@ class WatchedPictures:
 
 
 class PageSender:
-    """Sends one page what waits for it: queued texts, and what its feeds have.
+    """Sends one page its queued texts, and the messages and pictures of its feeds.
 
     Attributes:
-        wake: Set by whatever has something for the page.
+        wake: Set when there is something to send.
         pictures: The streams of pictures that the page watches, by key.
         messages: The streams of messages that the page watches, by key.
     """
@@ -96,7 +96,7 @@ class PageSender:
             self._abort()
 
     async def send_queued(self) -> None:
-        """Send what waits, forever; a page whose connection is broken is disconnected."""
+        """Send what is queued, forever; a page whose connection is broken is disconnected."""
         try:
             while True:
                 await self.wake.wait()
@@ -104,7 +104,7 @@ class PageSender:
                 more = True
                 while more:
                     more = await self._send_some()
-                    await asyncio.sleep(0)  # there may be much, and the link may never wait
+                    await asyncio.sleep(0)  # if there is much to send, and the link never waits
         except ConnectionError:
             self._abort()
 
@@ -160,7 +160,7 @@ class PageSender:
             key = turns.popleft()
             feed = self.messages.get(key)  # the page may have ended it meanwhile
             for message in feed.take(1) if feed else ():
-                self.messages[key] = self.messages.pop(key)  # its next turn is after the others'
+                self.messages[key] = self.messages.pop(key)  # to the end of the turns
                 turns.append(key)
                 size, due = size + len(message), False
                 yield message

@@ -1,4 +1,4 @@
-"""``/live``: what one page tells the viewer over its WebSocket, and what that causes.
+"""``/live``: handles the commands of one page over its WebSocket.
 
 docs/viewer.md describes the protocol.
 """
@@ -34,7 +34,7 @@ SHOW_S = 0.1
 """The panels that a page shows change at most once in this time."""
 
 MAX_ERROR = 200
-"""Characters of a node's refusal that the log repeats."""
+"""Most characters of a node's refusal in the log."""
 
 ADDRESSES = re.compile(r"[0-9A-Fa-f.:, ]{1,100}")
 
@@ -55,7 +55,7 @@ class WebSocketSession:
         self._registry = registry
         self._monitor = monitor
         self._principal = principal
-        proxied = request.headers.get("X-Forwarded-For")  # as true as whoever sent it
+        proxied = request.headers.get("X-Forwarded-For")  # only as trustworthy as its sender
         if proxied and not ADDRESSES.fullmatch(proxied):
             proxied = shortened(proxied)  # quoted, so that it cannot look like the rest of a line
         of = f" for {proxied}" if proxied else ""
@@ -70,7 +70,7 @@ class WebSocketSession:
         self._asked_again = asyncio.Event()
 
     def send(self, text: str, replaces: Hashable | None = None) -> None:
-        """Queue a text if it is for something that the page shows.
+        """Queue a text, unless it is for a panel that the page does not show.
 
         A page that has not read for too long is disconnected.
         """
@@ -176,13 +176,13 @@ class WebSocketSession:
         self.send(events.text("reply", id=command.id, **fields))
 
     async def _set(self, command: commands.SetParameters) -> ParameterList:
-        """Change parameters if the page may, and log who did so."""
+        """Change parameters if the page may, and log it."""
         if reason := self._principal.forbidden(time.time()):
             self._audit.note_forbidden(self._who, command.node, f"not accepted: {reason}")
             raise ParameterRefused(reason, "a page opened with the address that permits control")
         node = self._monitor.system.fleet.node(command.node)
         known = {} if node is None else dict(node.parameters)
-        # Without an answer, the node may have accepted, unless there is no such parameter.
+        # Without a reply, the node may have accepted, unless there is no such parameter.
         refused = not known.keys() >= command.values.keys()
         outcome = "the page was gone before an answer"
         try:
@@ -201,10 +201,10 @@ class WebSocketSession:
     # To the page
 
     async def _fill_panels(self) -> None:
-        """Queue all that there is of what the page shows and did not before.
+        """Queue the current state of the kinds of text that the page newly shows.
 
-        What is not of single nodes has been queued when the page was opened. The newest of many
-        commands ``show`` counts: each may cost some milliseconds.
+        The lists of all nodes were queued when the page was opened. Of many commands ``show``, only
+        the newest counts, since each may take some milliseconds.
         """
         system, new = self._monitor.system, self.shows
         while True:

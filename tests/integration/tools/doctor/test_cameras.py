@@ -112,7 +112,7 @@ def test_a_camera_that_only_puts_is_found_where_someone_subscribes_to_it(shared)
         assert Diagnosis(shared.endpoint, "putting", for_s=0.1).of("cameras") == []
 
 
-def test_who_finds_no_compressed_frames_is_told_of_the_raw_ones(shared, stand):
+def test_a_node_without_compressed_frames_is_pointed_to_the_raw_ones(shared, stand):
     raw = "crude/r1/image"
     stand(
         "tracker_r1",
@@ -132,7 +132,7 @@ def test_who_finds_no_compressed_frames_is_told_of_the_raw_ones(shared, stand):
     )
 
 
-def test_who_waits_for_both_where_nobody_publishes_either_is_told_of_the_cameras(shared, stand):
+def test_a_node_that_waits_for_two_unpublished_keys_is_pointed_to_the_cameras(shared, stand):
     keys = ("empty/r1/image/compressed", "empty/r1/image")
     stand("camera_front", namespace="empty")
     silence = {"level": 3, "message": "no frame"}

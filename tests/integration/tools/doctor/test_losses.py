@@ -44,7 +44,7 @@ def test_frames_that_a_real_tracker_drops_are_named_by_reason(shared, start):
     }.items(),
     ids=["stale", "missed"],
 )
-def test_a_loss_is_mended_by_the_parameter_of_who_can(shared, stand, reason, command):
+def test_the_suggested_parameter_of_the_right_node_ends_a_loss(shared, stand, reason, command):
     name = reason if reason == "missed" else f"dropped.{reason}"
     key = f"{reason}/front/image/compressed"
     stand(

@@ -60,7 +60,7 @@ def every_answer(session: zenoh.Session, key: str) -> list[zenoh.Reply]:
     return list(session.get(key, timeout=2.0, **every))
 
 
-def test_versions_that_differ_are_named_with_who_has_them(shared, stand):
+def test_different_versions_are_listed_with_their_nodes(shared, stand):
     stand("camera_front", namespace="versions", version="0.0.7")
     stand("tracker_front", namespace="versions", version="0.1.0")
     seen = Diagnosis(shared.endpoint, "versions")

@@ -153,9 +153,7 @@ def test_without_its_tracker_a_picture_is_shown_at_once_and_says_so(
     tab.wait("document.querySelector('.pane-badge').textContent.includes('without centroid')")
 
 
-def test_messages_that_are_none_are_not_drawn_and_nothing_complains_of_them(
-    open_tab: Open, system: Running
-) -> None:
+def test_invalid_messages_are_not_drawn_and_cause_no_error(open_tab: Open, system: Running) -> None:
     tab = _with_truth(open_tab)
     tab.page.evaluate("localStorage.removeItem('zv.trails')")
     tab.page.evaluate("localStorage.removeItem('zv.overlays')")

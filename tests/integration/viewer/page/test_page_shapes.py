@@ -120,7 +120,7 @@ def test_the_counts_of_the_frame_are_written_at_the_shapes(tab: Tab, system: Run
     assert tab.complaints == []
 
 
-def test_who_may_only_view_sees_the_shapes_and_cannot_draw(browser, system: Running) -> None:
+def test_a_page_for_viewing_shows_the_shapes_and_cannot_draw(browser, system: Running) -> None:
     _zv(system, "param", "set", "tracker_front", "lines=gate 200,30 200,200")
     viewer = system.service("view", "--port", 0, "--token", "of-16-characters-and-more")
     address = viewer.lines(r"view only: (\S+)")[0][1]

@@ -185,7 +185,7 @@ def test_a_port_that_accepts_and_then_says_nothing_ends_in_the_time_allowed(sche
 
 
 @pytest.mark.parametrize("scheme", ["http", "rtsp"])
-def test_a_port_where_nobody_listens_is_said(scheme: str):
+def test_a_port_without_a_listener_is_an_error(scheme: str):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     with pytest.raises(SourceError, match="nobody listens there"):

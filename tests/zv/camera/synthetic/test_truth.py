@@ -106,7 +106,7 @@ def test_truth_is_what_the_pictures_show_of_each_object(size: tuple[int, int]) -
     assert undecided < 0.2 * len(frames)  # at 64x48 much of an object is rim
 
 
-def test_who_stands_nearer_hides_who_stands_farther() -> None:
+def test_a_nearer_object_hides_a_farther_one() -> None:
     # The walker's lane is in front of the cart's.
     one, two = Scene(160, 120, objects=1), Scene(160, 120, objects=2)
     walker = of_object(tuple(one.truth(k) for k in range(900)), 1)

@@ -117,7 +117,7 @@ def test_a_camera_that_is_not_a_node_is_judged_by_what_arrives(camera, level, te
     assert finding.text.startswith(text)
 
 
-def test_cameras_without_end_are_not_all_checked_and_that_is_said():
+def test_only_some_of_very_many_cameras_are_checked_and_that_is_reported():
     one = OtherCamera("v/a/image", 9, 3.0, 3.0)
     *_, last = camera_findings(Observation({}, (), [], {}, others=(one,), others_left_out=7))
     assert (last.level, last.text[:20]) == ("WARN", "7 more programs that")
@@ -131,7 +131,7 @@ AT_ROUTER = {"r": Router("r", "1.10.2", (), ADDRESSES)}
 KEY = "vision/front/image/compressed"
 
 
-def test_who_declared_a_publisher_on_the_key_and_is_no_node_sends_what_is_refused():
+def test_a_program_with_a_declared_publisher_is_named_as_sender_of_refused_samples():
     seen = observation(
         node_state(session="a1", subscribes=(KEY,)),
         routers=AT_ROUTER,

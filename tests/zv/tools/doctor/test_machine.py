@@ -35,7 +35,7 @@ def test_the_files_of_the_project_are_right_and_checked_without_being_named(monk
         assert f"configs/{file.name}" in text
 
 
-def test_where_there_is_nothing_to_check_that_is_said(tmp_path, monkeypatch):
+def test_no_file_to_check_is_reported(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ((level, _, text),) = found()
     assert level == "OK"

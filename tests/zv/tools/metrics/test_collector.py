@@ -136,7 +136,7 @@ def test_a_node_without_a_histogram_has_no_latency(fleet: Fleet):
     assert not [key for key in series(fleet) if "latency" in key[0]]
 
 
-def test_who_a_node_is(fleet: Fleet):
+def test_the_info_metric_describes_a_node(fleet: Fleet):
     fleet.token("tracker_front", True, time.monotonic_ns())
     said = NodeDescription(
         node="tracker_front",

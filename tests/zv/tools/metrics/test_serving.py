@@ -60,7 +60,7 @@ def test_a_scrape_is_prometheus_text_with_its_content_type(url: str):
     assert values["process_cpu_seconds_total"] > 0
 
 
-def test_openmetrics_and_gzip_are_served_to_who_asks_for_them(url: str):
+def test_openmetrics_and_gzip_are_served_on_request(url: str):
     body, headers = get(
         url,
         Accept="application/openmetrics-text; version=1.0.0",
@@ -126,7 +126,7 @@ def test_a_port_that_is_taken_is_said_with_the_way_out(url: str):
     )
 
 
-def test_an_address_that_is_not_ours_is_said():
+def test_an_address_of_another_machine_is_an_error():
     with (
         pytest.raises(ConfigurationError, match=r"is not possible: .*; allowed: HOST:PORT of"),
         metrics_at("192.0.2.1:9464"),
@@ -134,7 +134,7 @@ def test_an_address_that_is_not_ours_is_said():
         pass
 
 
-def test_a_host_that_nobody_knows_is_said(monkeypatch: pytest.MonkeyPatch):
+def test_an_unknown_host_is_an_error(monkeypatch: pytest.MonkeyPatch):
     def unknown(*_: object, **__: object) -> None:
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 

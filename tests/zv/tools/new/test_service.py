@@ -116,7 +116,7 @@ def test_a_folder_that_cannot_be_written_is_3_and_one_line(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["Wheel", "2d", "a-b", "a.b", "../x", "", "x" * 41, "ä"])
-def test_a_name_that_is_none_is_refused_before_anything_is_written(name: str, tmp_path: Path):
+def test_an_invalid_name_is_refused_before_anything_is_written(name: str, tmp_path: Path):
     done = type_zv(["new", "service", name], folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith(f"zv: command line: NAME = {name!r} is not allowed")

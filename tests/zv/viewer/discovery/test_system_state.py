@@ -105,7 +105,7 @@ def test_a_list_of_publishers_that_stays_the_same_is_told_once(told):
     assert told.count("streams") == 1
 
 
-def test_a_stream_is_that_of_its_node_while_that_lives_and_then_of_who_still_publishes_it(told):
+def test_a_stream_belongs_to_its_node_while_that_lives_and_then_to_another_publisher(told):
     told.system.take("camera_front", True)
     told.system.set_published({IMAGE})
     told.system.describe(description("camera_front", IMAGE))

@@ -136,7 +136,7 @@ def test_while_one_frame_is_made_the_next_ones_replace_one_another(rendered, mon
     assert len(rendered) <= 3
 
 
-def test_who_begins_to_watch_gets_the_newest_at_once_but_not_of_a_stream_that_ended(monkeypatch):
+def test_a_new_client_gets_the_newest_picture_at_once_unless_the_stream_has_ended(monkeypatch):
     async def test(registry: Registry, source: Source) -> None:
         source.stream.feed(RenderOptions()).want()
         source.comes()

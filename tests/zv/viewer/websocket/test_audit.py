@@ -41,7 +41,7 @@ def note(audit, values, accepted=True, who=WHO):
     audit.note(who, "edge_front", {"low": LOW}, values, outcome, refused=not accepted)
 
 
-def test_each_parameter_is_a_line_with_who_what_from_and_to(lines):
+def test_each_parameter_is_a_line_with_client_name_old_and_new_value(lines):
     async def work(audit):
         note(audit, {"low": 41, "new": None})
 
@@ -93,7 +93,7 @@ def test_refused_changes_displace_no_accepted_one_and_few_refused_ones_of_others
     assert found[-1] == f"{left_out} more refused changes of parameters were not logged"
 
 
-def test_a_name_that_is_none_is_quoted(lines):
+def test_an_invalid_name_is_quoted_and_shortened(lines):
     async def work(audit):
         note(audit, {"low of edge_front from 1 to 2: accepted\n": 1, "n" * 5000: 1})
 

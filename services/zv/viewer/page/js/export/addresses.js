@@ -1,5 +1,5 @@
 // Addresses of a stream for other pages and programs. They never contain a token: a browser that
-// has opened this page has a session, and others are given a token by whoever may.
+// has opened this page has a session, and others need a token from the user.
 
 /**
  * The URL of a stream's pictures, or with `path` "snapshot" of its newest one. `choice` is {width,
@@ -21,6 +21,6 @@ export async function copyText(field) {
 		await navigator.clipboard.writeText(field.value);
 		return true;
 	} catch {
-		return false; // as in a page without HTTPS that is not on this machine
+		return false; // a page without HTTPS from another machine may not copy
 	}
 }

@@ -1,5 +1,5 @@
 // The large view's menu of how a picture is shown: turned, mirrored, its range stretched, in colours,
-// with the histogram of the leading stream. Nothing of it changes what is sent or saved as received.
+// with the histogram of the leading stream. It does not change what is sent or saved as received.
 
 import { byId, element, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
@@ -113,7 +113,7 @@ export class Adjust {
 		}
 		context.fillStyle = colour("dim");
 		histogram.counts.forEach((number, bin) => {
-			const high = Math.sqrt(number) / top * height; // else one large peak hides all others
+			const high = Math.sqrt(number) / top * height; // one peak must not hide all others
 			context.fillRect(bin * width / 256, height - high, width / 256, high);
 		});
 		const text = (value) => valueText(value, values.unit);

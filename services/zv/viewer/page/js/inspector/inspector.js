@@ -103,7 +103,7 @@ export class Inspector extends PaneGrid {
 
 	saveDrawn() {
 		if (!this.picture) return;
-		this.paint(); // since a new frame, whose predecessor's picture is closed, may not be painted yet
+		this.paint(); // a new frame may not be painted yet
 		saveDrawn(this.frame, this.lead, this.overlayOf(this.panes[0]), this.panes[0].toned.image);
 	}
 

@@ -79,7 +79,7 @@ export class Pane {
 		const corner = view.toPane(this.size, { x: 0, y: 0 });
 		this.toned.prepare(this.item, tone.choice, tone.isMeasured);
 		picture.imageSmoothingEnabled = view.scale < PIXELS_FROM_SCALE;
-		picture.imageSmoothingQuality = "medium"; // else lines of one pixel break into dashes
+		picture.imageSmoothingQuality = "medium"; // otherwise lines of one pixel break into dashes
 		picture.setTransform(view.scale, 0, 0, view.scale, corner.x, corner.y);
 		picture.transform(...orientation.transform(header));
 		picture.drawImage(this.toned.image, 0, 0, header.width, header.height);

@@ -6,7 +6,7 @@ import { Pane } from "./pane.js";
 
 const CAPTION_PX = 24;
 const LARGEST_SCALE = 64;
-const REACH_PX = 9; // a shape as far as this from the pointer is meant
+const REACH_PX = 9; // a shape within this distance of the pointer is selected
 
 /**
  * Zoom and pan as arithmetic: device pixels per frame pixel, and the frame's point at the middle of

@@ -1,5 +1,5 @@
 // Draws and changes the tracker's zones and lines with the mouse. Each change is sent to the tracker
-// at once; what it refuses is shown with its reason, and the shapes are those of the tracker again.
+// at once; if it is refused, the reason is shown, and the shapes become those of the tracker again.
 
 import { distance, freeName, readShapes, shapeAt, writeShapes } from "../model/shapes.js";
 import { hasShapes } from "../model/streams.js";
@@ -168,7 +168,7 @@ export class ShapeEditor {
 	async send(kind) {
 		const values = { [kind]: writeShapes(this[kind]) };
 		const reply = await this.connection.request({ op: "set", node: this.node, values });
-		// What was refused may be long; its reason is in the last brackets.
+		// The refused text may be long; the reason is in the last brackets.
 		this.refuse(reply.ok ? "" : /\((.*)\)$/s.exec(reply.error)?.[1] ?? reply.error);
 		if (!reply.ok) this.read();
 	}

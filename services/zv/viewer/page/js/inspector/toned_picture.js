@@ -1,4 +1,4 @@
-// What a pane draws of a picture: the picture itself, or a copy whose values were stretched or
+// The picture that a pane draws: the picture itself, or a copy whose values were stretched or
 // coloured. The copy is made once for each picture and choice.
 
 import { automaticRange, histogramOf, paintTone, valuesOf } from "../video/tone.js";

@@ -1,5 +1,6 @@
-// What the fragment of the URL says: which streams are shown, in which order and size, and which
-// parts of the page are hidden. It is validated when it is read, since anybody can write a URL.
+// The layout in the fragment of the URL: which streams are shown, in which order and size, and
+// which parts of the page are hidden. It is validated when it is read, since anybody can write a
+// URL.
 //
 //   #KEY+KEY                    these streams large, the first of which leads; none: the wall
 //   ?only=KEY+KEY               the wall shows these streams, in this order

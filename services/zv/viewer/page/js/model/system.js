@@ -102,7 +102,7 @@ export class System extends Events {
 		const { rate_hz: rate, latency_ms: latency } = diagnostics;
 		// The counters of a restarted node begin at 0.
 		const more = Math.max(0, lost - before.lost);
-		const drops = now - before.at > GAP_MS ? null : more; // of a gap they are not per second
+		const drops = now - before.at > GAP_MS ? null : more; // after a gap: not per second
 		history.push({ at: now, diagnostics, lost, rate, p50: latency?.p50, p99: latency?.p99, drops });
 		while (now - history[0].at > HISTORY_MS) history.shift();
 		this.histories.set(node, history);

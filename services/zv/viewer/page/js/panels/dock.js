@@ -3,7 +3,7 @@
 import { byId, element, setData, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 
-// What each panel needs of the server besides the lists. Of health, the count is always visible.
+// Kinds of text that each panel needs besides the lists. The count of health is always visible.
 const NEEDS = { parameters: ["parameters"], graph: ["matches"], log: ["log"] };
 
 export class Dock {

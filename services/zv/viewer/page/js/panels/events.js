@@ -1,5 +1,5 @@
 // The panel of events: tracks that started or ended, entered or left a zone, or crossed a line, of
-// all cameras, newest last. Only what comes while the panel is open is listed.
+// all cameras, newest last. Only events that arrive while the panel is open are listed.
 
 import { byId, element, syncViews } from "../ui/elements.js";
 import { clock, number } from "../ui/format.js";

@@ -120,7 +120,7 @@ export class FrameJoiner {
 		const id = `${epoch}:${seq}`;
 		const isLead = key === this.lead;
 		const part = this.parts.get(key);
-		// The server sends the pictures of a stream in order: a lower number is one that it believes.
+		// The server sends the pictures of a stream in order, so a lower number is a valid restart.
 		if (isLead && (epoch !== this.epoch || seq < this.taken)) {
 			Object.assign(this, { epoch, taken: -1, last: null });
 			this.drop((frame) => frame.epoch !== epoch || frame.seq > seq);
