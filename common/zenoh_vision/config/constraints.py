@@ -36,6 +36,8 @@ SHORT_REASONS = {
     "int_parsing": "not a whole number",
     "int_type": "not a whole number",
     "int_from_float": "not a whole number",
+    "string_too_short": "empty",  # no option has another least length than 1
+    "too_short": "empty",
     "string_pattern_mismatch": "",
     "literal_error": "",
 }

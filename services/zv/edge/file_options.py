@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from zenoh_vision.config.settings import Settings
+from zenoh_vision.config.settings import Letter, Settings
 
 FileName = Annotated[str, Field(min_length=1)]
 
@@ -20,6 +20,7 @@ class FileOptions(Settings):
     ] = None
     out: Annotated[
         FileName | None,
+        Letter("o"),
         Field(
             description="edge map: FILE.png, FILE.jpg or FILE.bits; a folder if --image is one, "
             "with files by --format"

@@ -153,7 +153,8 @@ def read_tables(path: Path) -> LaunchTables:
 
 
 def _refuse(path: Path, error: ValidationError) -> NoReturn:
-    first = error.errors(include_url=False)[0]
+    # What is missing may be there under a misspelled name, which then tells more.
+    first = min(error.errors(include_url=False), key=lambda each: each["type"] == "missing")
     loc = tuple(part for part in first["loc"] if part != "[key]")
     dotted = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
     place = f"{path}: {dotted.lstrip('.')}"

@@ -88,6 +88,8 @@ def test_a_wrong_flag_or_variable_is_named_as_the_user_spelled_it(
         ("rate", "fast", " (not a number)"),
         ("rate", "0", " (below 0.0001)"),
         ("camera", "Front", ""),
+        ("source", "", " (empty)"),
+        ("calibration", "", " (empty)"),
     ],
 )
 def test_why_a_value_is_wrong_is_said_in_short_or_left_to_what_is_allowed(

@@ -56,7 +56,7 @@ def test_the_map_of_a_file_is_the_services(image: Path, tmp_path: Path):
 def test_a_jpeg_is_decoded_as_the_service_decodes_it(tmp_path: Path):
     jpeg = codecs.encode_jpeg(PICTURE, "bgr8", 80)
     (tmp_path / "in.jpg").write_bytes(jpeg)
-    edge("--image", tmp_path / "in.jpg", "--out", tmp_path / "out.png")
+    edge("--image", tmp_path / "in.jpg", "-o", tmp_path / "out.png")
     header = Header(camera="a", epoch=0, seq=0, stamp_ns=0, width=96, height=72, encoding="bgr8")
     expected = EdgesOfFrame(Frame(header, compressed=jpeg), EdgeSettings()).edges
     assert np.array_equal(pixels(tmp_path / "out.png"), expected)

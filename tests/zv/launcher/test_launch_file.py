@@ -114,6 +114,8 @@ def test_the_keys_of_each_camera_of_a_tracker_are_shown(
         ("", ["node", "missing"]),
         ("node = 3\n", ["node", "3"]),
         ("nodes = []\n" + NODE, ["'nodes'", "did you mean 'node'"]),
+        (NODE.replace("node", "nodes"), ["'nodes'", "did you mean 'node'"]),
+        ('[[node]]\nservce = "camera"\n', ["'servce'", "did you mean 'service'"]),
         ('[router]\nlisen = "x"\n' + NODE, ["router.lisen", "did you mean 'listen'"]),
         ("[router]\nlisten = 7447\n" + NODE, ["router.listen = 7447", "a text"]),
         ('[router]\nzenoh_config = "x.json5"\n' + NODE, ["router.zenoh_config", "'x.json5'"]),

@@ -97,7 +97,10 @@ class MeasureOptions(ToolOptions):
         SECONDS,
     ] = None
     tolerance: Annotated[
-        float, Field(ge=0, lt=1, description="allowed deviation from --expect, such as 10%"), SHARE
+        float,
+        Field(ge=0, lt=1, description="allowed deviation from --expect"),
+        Form("at least 0 and below 1, or in percent, such as 10%"),
+        SHARE,
     ] = 0.1
 
 

@@ -167,7 +167,10 @@ def _json(data: str) -> Any:
     """Return the JSON in a text, a file or standard input, with tuples for lists."""
     place, text = "DATA", data
     if data.lstrip()[:1] not in ("{", "["):
-        place, text = data, _read(data).decode(errors="replace")
+        try:
+            place, text = data, _read(data).decode(errors="replace")
+        except SourceError as error:
+            raise SourceError(f"{error}; DATA is JSON in braces, a JSON file, or -") from None
     try:
         return _tuples(json.loads(text))
     except (ValueError, RecursionError) as error:

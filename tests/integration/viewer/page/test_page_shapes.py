@@ -104,7 +104,7 @@ def test_the_counts_of_the_frame_are_written_at_the_shapes(tab: Tab, system: Run
         "zones": {"a": {"entered": 7, "left": 5, "dwelled": 0, "inside": 2}},
         "lines": {"gate": {"left": 3, "right": 5}},
     }
-    wanted = json.dumps(["a: 2 in", "gate: 5 →  3 ←"], ensure_ascii=False, separators=(",", ":"))
+    wanted = json.dumps(["a: 2 in", "gate: 5 ←  3 →"], ensure_ascii=False, separators=(",", ":"))
     tab.page.evaluate("localStorage.setItem('zv.overlays', '{\"tracks\": true}')")
     tab.page.reload()
     with open_client(system.router.endpoint) as session:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 
 import cv2
@@ -96,9 +97,10 @@ def test_a_message_may_stand_in_a_file(tmp_path):
     assert Centroid.from_bytes(payload.sample(0, 1).payload).x == 5
 
 
-def test_a_file_that_is_not_there_is_named():
-    with pytest.raises(SourceError, match=r"/no/such\.json"):
-        payload_for(KEY, "/no/such.json", None)
+@pytest.mark.parametrize("data", ["/no/such.json", "x: 5"], ids=["a file", "YAML"])
+def test_of_what_is_neither_json_nor_a_file_both_are_said(data: str):
+    with pytest.raises(SourceError, match=f"^{re.escape(data)}: No such file .* JSON in braces"):
+        payload_for(KEY, data, None)
 
 
 # Pictures

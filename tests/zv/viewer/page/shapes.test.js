@@ -47,8 +47,18 @@ test("a corner is found before an edge, the nearest first, and nothing that is t
 
 test("a label has the count, if a message has one", () => {
   assert.equal(shapeLabel({ name: "belt" }, { entered: 7, left: 5, inside: 2 }), "belt: 2 in");
-  assert.equal(shapeLabel({ name: "gate" }, { left: 3, right: 5 }), "gate: 5 →  3 ←");
   for (const count of [undefined, null, {}, 5, "x", { inside: "2" }, { left: null, right: 5 }]) {
-    assert.equal(shapeLabel({ name: "gate" }, count), "gate");
+    assert.equal(shapeLabel({ name: "gate" }, count, { x: 1, y: 0 }), "gate");
   }
+});
+
+test("the arrows of a line's counts point where its sides are on the canvas", () => {
+  const label = (x, y) => shapeLabel({ name: "gate" }, { left: 3, right: 5 }, { x, y });
+  assert.equal(label(1, 0), "gate: 5 →  3 ←");
+  assert.equal(label(-1, 0), "gate: 5 ←  3 →");
+  assert.equal(label(-1, -0), "gate: 5 ←  3 →");
+  assert.equal(label(0, 1), "gate: 5 ↓  3 ↑");
+  assert.equal(label(0, -1), "gate: 5 ↑  3 ↓");
+  assert.equal(label(0.7, 0.7), "gate: 5 ↘  3 ↖");
+  assert.equal(label(0.95, 0.3), "gate: 5 →  3 ←");
 });

@@ -5,12 +5,18 @@ const LINE_COLOUR = "#ffb347";
 const CHOSEN_COLOUR = "#ffffff";
 const CORNER = 4;
 const ARROW = 9;
+const DIRECTIONS = "→↘↓↙←↖↑↗"; // clockwise, as y points down
 
-/** What is written at a shape; `count` is that of the Tracks message, or undefined. */
-export function shapeLabel({ name }, count) {
+/**
+ * What is written at a shape; `count` is that of the Tracks message, or undefined, and `toRight` the
+ * direction in which a line's right side lies on the canvas.
+ */
+export function shapeLabel({ name }, count, toRight) {
 	const { inside, left, right } = count ?? {};
 	if (Number.isFinite(inside)) return `${name}: ${inside} in`;
-	return Number.isFinite(right) && Number.isFinite(left) ? `${name}: ${right} →  ${left} ←` : name;
+	if (!Number.isFinite(right) || !Number.isFinite(left)) return name;
+	const eighth = Math.round(Math.atan2(toRight.y, toRight.x) * 4 / Math.PI) + 8;
+	return `${name}: ${right} ${DIRECTIONS[eighth % 8]}  ${left} ${DIRECTIONS[(eighth + 4) % 8]}`;
 }
 
 /**
@@ -47,11 +53,12 @@ export function drawShapes(context, { zones, lines, counts, chosen, draft }, toC
 			const colour = shape === chosen ? CHOSEN_COLOUR : plain;
 			const points = shape.points.map(at);
 			stroke(points, colour, isZone);
-			if (!isZone) drawArrow(context, shape.points, at, colour, ratio);
+			const toRight = isZone ? null : rightSide(shape.points, at);
+			if (toRight) drawArrow(context, toRight, colour, ratio);
 			if (chosen !== undefined) mark(points, colour);
 			const top = points.reduce((best, point) => (point.y < best.y ? point : best));
 			const count = counts?.[isZone ? "zones" : "lines"]?.[shape.name];
-			labels.push([shapeLabel(shape, count), top, colour]);
+			labels.push([shapeLabel(shape, count, toRight), top, colour]);
 		}
 	}
 	if (draft) {
@@ -61,14 +68,19 @@ export function drawShapes(context, { zones, lines, counts, chosen, draft }, toC
 	return labels;
 }
 
-/** Draw a triangle at a line's middle that points to its right side, also in a mirrored picture. */
-function drawArrow(context, [[ax, ay], [bx, by]], at, colour, ratio) {
+/** The middle of a line on the canvas, and the unit vector to its right side, also of a mirrored picture. */
+function rightSide([[ax, ay], [bx, by]], at) {
 	const length = Math.hypot(bx - ax, by - ay);
 	const middle = [(ax + bx) / 2, (ay + by) / 2];
 	const from = at(middle);
 	const to = at([middle[0] - (by - ay) / length, middle[1] + (bx - ax) / length]);
-	const size = ARROW * ratio / Math.hypot(to.x - from.x, to.y - from.y);
-	const [dx, dy] = [(to.x - from.x) * size, (to.y - from.y) * size];
+	const scale = Math.hypot(to.x - from.x, to.y - from.y);
+	return { from, x: (to.x - from.x) / scale, y: (to.y - from.y) / scale };
+}
+
+/** Draw a triangle at a line's middle that points to its right side. */
+function drawArrow(context, { from, x, y }, colour, ratio) {
+	const [dx, dy] = [x * ARROW * ratio, y * ARROW * ratio];
 	context.fillStyle = colour;
 	context.beginPath();
 	context.moveTo(from.x + 1.4 * dx, from.y + 1.4 * dy);
