@@ -86,11 +86,17 @@ class GhostFinder:
             np.asarray(cv2.morphologyEx(each, cv2.MORPH_CLOSE, BAND), np.uint8)
             for each in (cv2.medianBlur(still, 3), _cleaned(marked, 0))
         )
+        found = [
+            region
+            for region in fragments_of(still, LEAST_AREA, math.inf)
+            if picture_share(picture, model.picture(), mask, still, region) < GHOST_SHARE
+        ]
+        if not found:
+            self._times = None
+            return None
         ghosts = np.zeros_like(marked)
-        for region in fragments_of(still, LEAST_AREA, math.inf):
-            if picture_share(picture, model.picture(), mask, still, region) < GHOST_SHARE:
-                inside = _cut(region, 0)
-                ghosts[inside] = still[inside]
+        for inside in (_cut(region, 0) for region in found):
+            ghosts[inside] = still[inside]
         ghosts = self._sure(np.asarray(cv2.dilate(ghosts, BAND), np.uint8), known)
         return ghosts if ghosts.any() else None
 
@@ -98,7 +104,8 @@ class GhostFinder:
         """Return the ghosts outside of known objects, and those that were found often enough."""
         if self._times is None:
             self._times = np.zeros_like(ghosts)
-        self._times = np.where(ghosts > 0, np.minimum(self._times, 254) + 1, 0).astype(np.uint8)
+        more = cv2.add(self._times, np.ones_like(ghosts))  # at most 255
+        self._times = np.asarray(cv2.bitwise_and(more, ghosts), np.uint8)
         if known is None:
             return ghosts
         return np.where((known == 0) | (self._times >= KNOWN_TIMES), ghosts, np.uint8(0))
