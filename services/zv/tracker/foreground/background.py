@@ -125,9 +125,8 @@ class BackgroundModel:
             tint_square = shown_square - ratio * common  # of what is left of it without the ratio
             dark = (ratio >= SHADOW_RATIO) & (ratio <= 1.0)
             marks[found & dark & (tint_square < allowed_square * ratio * ratio)] = SHADOW
-        mask = np.zeros(picture.shape[:2], np.uint8)
-        mask.reshape(-1)[places] = marks
-        return mask
+        differs.reshape(-1)[places] = marks
+        return differs
 
     def alike_at(
         self, places: NDArray[np.intp], one: Image, others: Sequence[Image]

@@ -77,14 +77,16 @@ class GhostFinder:
         self._before = [*before[1 - STILL_PICTURES :], picture.copy()]
         if len(before) < STILL_PICTURES:
             return None
-        places = np.flatnonzero(_cleaned(marked, SHADOW))
+        cleaned = np.asarray(cv2.medianBlur(marked, 3), np.uint8)  # without single pixels
+        _, mask = cv2.threshold(cleaned, 0, 255, cv2.THRESH_BINARY)
+        places = np.flatnonzero(cleaned > SHADOW)
         places = places[model.alike_at(places, picture, before)]
         still = np.zeros_like(marked)
         still.reshape(-1)[places] = 255
         # Holes are where an object has the background's colour by chance.
         still, mask = (
             np.asarray(cv2.morphologyEx(each, cv2.MORPH_CLOSE, BAND), np.uint8)
-            for each in (cv2.medianBlur(still, 3), _cleaned(marked, 0))
+            for each in (cv2.medianBlur(still, 3), mask)
         )
         found = [
             region
@@ -168,12 +170,6 @@ def _step(
         deviations = np.sqrt(np.maximum(squares / counts - means * means, 0.0))
         found.append(np.concatenate([means, deviations], axis=1))
     return np.asarray(found[0] - found[1], np.float32)
-
-
-def _cleaned(marked: Image, above: int) -> Image:
-    """Return which pixels have a higher mark, 0 or 255, without single ones."""
-    _, mask = cv2.threshold(marked, above, 255, cv2.THRESH_BINARY)
-    return np.asarray(cv2.medianBlur(mask, 3), np.uint8)
 
 
 def _outline(region: Image) -> NDArray[np.bool_]:
