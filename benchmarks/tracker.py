@@ -13,6 +13,7 @@ from benchmarks.material import video
 from benchmarks.quality.tracker.baselines import Tutorial
 from benchmarks.stream import percentiles
 from benchmarks.system import System
+from zenoh_vision.host.allocator import keep_freed_memory
 from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
 from zenoh_vision.messages import Diagnostics
 from zenoh_vision.transport.session import direct
@@ -28,10 +29,12 @@ WIDTH, HEIGHT, CAMERA_RATE_HZ = 1920, 1080, 30.0
 def cpu_beside_tutorial(seconds: float) -> dict[str, Any]:
     """CPU of both pipelines on the same JPEGs of 768x576, frame by frame in turns, decode included.
 
-    OpenCV has one thread (``benchmarks.__main__``), so that the thread's time is all.
+    OpenCV has one thread (``benchmarks.__main__``), so that the thread's time is all. Freed memory
+    is kept, as ``zv tracker`` does.
     """
     from zv.tracker.pipelines.robust import RobustTracker, working_scale
 
+    keep_freed_memory()
     jpegs = [encode_jpeg(bgr, "bgr8", QUALITY) for bgr in video(*SIZE)]
     tutorial, robust = Tutorial(), RobustTracker()
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from zenoh_vision import Connection, Frame, Node
 from zenoh_vision.config.settings import ALL_CAMERAS
+from zenoh_vision.host.allocator import keep_freed_memory
 from zv.registry import published_by
 from zv.tracker.camera_tracking import CameraTracking, decoded
 from zv.tracker.settings import TrackerSettings
@@ -22,6 +23,7 @@ def run(settings: TrackerSettings, connection: Connection) -> None:
     Each camera has a state of its own. Of each, the newest frame waits, and the cameras are
     served in turn, so that one that is fast, slow or silent does not delay the others.
     """
+    keep_freed_memory()
     names = settings.cameras
     with Node(
         "tracker",

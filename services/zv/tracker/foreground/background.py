@@ -108,36 +108,36 @@ class BackgroundModel:
     def foreground(self, picture: Image) -> Image:
         """Return what differs: (height, width) uint8, 255 foreground, 127 shadow, 0 background."""
         background, limits = self.picture(), self._limits
-        beyond = cv2.subtract(cv2.absdiff(picture, background), limits)
-        same = cv2.inRange(beyond, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        # Single pixels that differ are noise; the few others are looked at closely.
-        places = np.flatnonzero(cv2.medianBlur(same, 3) == 0)
+        off = cv2.absdiff(picture, background)
+        beyond = cv2.compare(off, limits, cv2.CMP_GT, off)
+        # Grey is not 0 where any colour is 255. Single pixels that differ are noise.
+        differs = np.asarray(cv2.medianBlur(cv2.cvtColor(beyond, cv2.COLOR_BGR2GRAY), 3), np.uint8)
+        places = np.flatnonzero(differs > 0)  # few, and looked at closely
         shown, expected, allowed = (
             _taken(each, places).astype(np.float32) for each in (picture, background, limits)
         )
-        allowed_square = _dot(allowed, allowed)
-        difference = shown - expected
-        found = _dot(difference, difference) > allowed_square
-        marks = np.where(found, np.uint8(255), np.uint8(0))
+        allowed_square, shown_square = _dot(allowed, allowed), _dot(shown, shown)
+        common, expected_square = _dot(shown, expected), _dot(expected, expected)
+        found = shown_square - 2 * common + expected_square > allowed_square
+        marks = found.view(np.uint8) * np.uint8(255)
         if self._detect_shadows:
-            ratio = _dot(shown, expected) / np.maximum(_dot(expected, expected), 1.0)
-            tint = np.asarray(shown - ratio[:, np.newaxis] * expected, np.float32)
+            ratio = common / np.maximum(expected_square, 1.0)
+            tint_square = shown_square - ratio * common  # of what is left of it without the ratio
             dark = (ratio >= SHADOW_RATIO) & (ratio <= 1.0)
-            marks[found & dark & (_dot(tint, tint) < allowed_square * ratio * ratio)] = SHADOW
-        mask = np.zeros(picture.shape[:2], np.uint8)
-        mask.reshape(-1)[places] = marks
-        return mask
+            marks[found & dark & (tint_square < allowed_square * ratio * ratio)] = SHADOW
+        differs.reshape(-1)[places] = marks
+        return differs
 
     def alike_at(
         self, places: NDArray[np.intp], one: Image, others: Sequence[Image]
     ) -> NDArray[np.bool_]:
         """Return at which of some pixels, by their numbers, pictures differ by mere noise."""
-        limits, values = (_taken(each, places).astype(np.int16) for each in (self._limits, one))
-        alike = np.ones(len(places), np.bool_)
-        for other in others:
-            near = np.abs(values - _taken(other, places)) <= limits
-            alike &= near[:, 0] & near[:, 1] & near[:, 2]
-        return alike
+        values, most = _taken(one, places), np.zeros((len(places), 3), np.uint8)
+        for other in (_taken(each, places) for each in others):
+            off = np.maximum(values, other) - np.minimum(values, other)
+            np.maximum(most, off, out=most)
+        near = most <= _taken(self._limits, places)
+        return near[:, 0] & near[:, 1] & near[:, 2]
 
     def learn(self, picture: Image, stamp_ns: int, known: Image | None, time_s: float) -> None:
         """Learn from a picture if it is time for that.

@@ -41,20 +41,20 @@ def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> l
             continue
         region = mask[y : y + height, x : x + width]
         columns = _profile(region, 0)
-        area = float(columns.sum()) / 255
+        area = sum(columns) / 255
         if not least <= area <= max_area:
             continue
         for first, end in _cuts(columns, height):
             across, down = columns[first:end], _profile(region[:, first:end], 1)
             (left, right), (top, bottom) = _full(across), _full(down)
             at = x + first + _middle(across), y + _middle(down)
-            own = float(across.sum()) / 255
+            own = sum(across) / 255
             box = x + first + left, y + top, x + first + right, y + bottom
             found.append(Fragment(*box, own, at))
     return found
 
 
-def _cuts(columns: NDArray[np.int32], height: int) -> list[tuple[int, int]]:
+def _cuts(columns: list[int], height: int) -> list[tuple[int, int]]:
     """Return the ranges of columns of the objects that seem to stand side by side in a region.
 
     They are cut where a column is much less filled than the fullest ones on both sides of it, as
@@ -68,7 +68,7 @@ def _cuts(columns: NDArray[np.int32], height: int) -> list[tuple[int, int]]:
     narrow = max(3, round(NARROW * height))
     if width <= 2 * narrow:
         return [(0, width)]
-    if columns[narrow : width - narrow].min() > VALLEY * columns.max():
+    if min(columns[narrow : width - narrow]) > VALLEY * max(columns):
         return [(0, width)]  # as for most objects, without looking closer
     smooth = np.convolve(columns, SMOOTHING, mode="same")
     before = np.maximum.accumulate(smooth)
@@ -85,21 +85,20 @@ def _cuts(columns: NDArray[np.int32], height: int) -> list[tuple[int, int]]:
     ]
 
 
-def _profile(region: NDArray[np.uint8], axis: int) -> NDArray[np.int32]:
+def _profile(region: NDArray[np.uint8], axis: int) -> list[int]:
     """Return 255 times the number of pixels in each column (axis 0) or row (1)."""
-    return np.asarray(cv2.reduce(region, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel(), np.int32)
+    sums = cv2.reduce(region, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S)
+    return np.asarray(sums, np.int32).ravel().tolist()
 
 
-def _middle(profile: NDArray[np.int32]) -> float:
+def _middle(profile: list[int]) -> float:
     """Return the mean position of the pixels in columns or rows."""
-    places = np.arange(0.5, len(profile))
-    return float(profile @ places) / float(profile.sum())
+    moment = sum((place + 0.5) * number for place, number in enumerate(profile))
+    return moment / sum(profile)
 
 
-def _full(profile: NDArray[np.int32]) -> tuple[int, int]:
+def _full(profile: list[int]) -> tuple[int, int]:
     """Return the first and the end of the columns or rows that are not thin."""
-    least = THIN * profile.max()
-    if profile[0] >= least and profile[-1] >= least:
-        return 0, len(profile)
-    enough = np.flatnonzero(profile >= least)
-    return int(enough[0]), int(enough[-1]) + 1
+    least = THIN * max(profile)
+    enough = [place for place, number in enumerate(profile) if number >= least]
+    return enough[0], enough[-1] + 1

@@ -77,20 +77,28 @@ class GhostFinder:
         self._before = [*before[1 - STILL_PICTURES :], picture.copy()]
         if len(before) < STILL_PICTURES:
             return None
-        places = np.flatnonzero(_cleaned(marked, SHADOW))
+        cleaned = np.asarray(cv2.medianBlur(marked, 3), np.uint8)  # without single pixels
+        _, mask = cv2.threshold(cleaned, 0, 255, cv2.THRESH_BINARY)
+        places = np.flatnonzero(cleaned > SHADOW)
         places = places[model.alike_at(places, picture, before)]
         still = np.zeros_like(marked)
         still.reshape(-1)[places] = 255
         # Holes are where an object has the background's colour by chance.
         still, mask = (
             np.asarray(cv2.morphologyEx(each, cv2.MORPH_CLOSE, BAND), np.uint8)
-            for each in (cv2.medianBlur(still, 3), _cleaned(marked, 0))
+            for each in (cv2.medianBlur(still, 3), mask)
         )
+        found = [
+            region
+            for region in fragments_of(still, LEAST_AREA, math.inf)
+            if picture_share(picture, model.picture(), mask, still, region) < GHOST_SHARE
+        ]
+        if not found:
+            self._times = None
+            return None
         ghosts = np.zeros_like(marked)
-        for region in fragments_of(still, LEAST_AREA, math.inf):
-            if picture_share(picture, model.picture(), mask, still, region) < GHOST_SHARE:
-                inside = _cut(region, 0)
-                ghosts[inside] = still[inside]
+        for inside in (_cut(region, 0) for region in found):
+            ghosts[inside] = still[inside]
         ghosts = self._sure(np.asarray(cv2.dilate(ghosts, BAND), np.uint8), known)
         return ghosts if ghosts.any() else None
 
@@ -98,7 +106,8 @@ class GhostFinder:
         """Return the ghosts outside of known objects, and those that were found often enough."""
         if self._times is None:
             self._times = np.zeros_like(ghosts)
-        self._times = np.where(ghosts > 0, np.minimum(self._times, 254) + 1, 0).astype(np.uint8)
+        more = cv2.add(self._times, np.ones_like(ghosts))  # at most 255
+        self._times = np.asarray(cv2.bitwise_and(more, ghosts), np.uint8)
         if known is None:
             return ghosts
         return np.where((known == 0) | (self._times >= KNOWN_TIMES), ghosts, np.uint8(0))
@@ -161,12 +170,6 @@ def _step(
         deviations = np.sqrt(np.maximum(squares / counts - means * means, 0.0))
         found.append(np.concatenate([means, deviations], axis=1))
     return np.asarray(found[0] - found[1], np.float32)
-
-
-def _cleaned(marked: Image, above: int) -> Image:
-    """Return which pixels have a higher mark, 0 or 255, without single ones."""
-    _, mask = cv2.threshold(marked, above, 255, cv2.THRESH_BINARY)
-    return np.asarray(cv2.medianBlur(mask, 3), np.uint8)
 
 
 def _outline(region: Image) -> NDArray[np.bool_]:

@@ -42,10 +42,10 @@ class RestlessPixels:
 
     def __init__(self) -> None:
         self._counts: Image = np.zeros((0, 0), np.uint8)
-        self._before: NDArray[np.bool_] | None = None
+        self._before: Image | None = None
         self._tested_ns = 0
-        self._samples: list[Image] = []
-        self._oldest = 0
+        self._samples: Image = np.zeros((0, 0, 0, 3), np.uint8)
+        self._kept = 0  # so many pictures so far
         self._kept_ns = 0
         self._owed = 0.0  # of what seconds take away, the part below one
         self._places: NDArray[np.intp] = np.zeros(0, np.intp)
@@ -59,16 +59,13 @@ class RestlessPixels:
             marked: (height, width) uint8, not 0 where the picture differs from the background.
         """
         places = self._places
-        if not places.size or not self._samples:
+        if not places.size or not self._kept:
             return
         places = places[marked.reshape(-1)[places] > 0]
-        shown, allowed = (
-            each.reshape(-1, 3).take(places, axis=0).astype(np.int16) for each in (picture, limits)
-        )
-        alike = np.zeros(places.size, np.uint8)
-        for sample in self._samples:
-            near = np.abs(shown - sample.reshape(-1, 3).take(places, axis=0)) <= allowed
-            alike += near[:, 0] & near[:, 1] & near[:, 2]
+        shown, allowed = (each.reshape(-1, 3).take(places, axis=0) for each in (picture, limits))
+        samples = self._samples[: self._kept].reshape(-1, marked.size, 3).take(places, axis=1)
+        near = np.maximum(samples, shown) - np.minimum(samples, shown) <= allowed
+        alike = (near[:, :, 0] & near[:, :, 1] & near[:, :, 2]).sum(axis=0)
         marked.reshape(-1)[places[alike >= LEAST_ALIKE]] = 0
 
     def learn(
@@ -80,50 +77,51 @@ class RestlessPixels:
             picture: (height, width, 3) uint8 BGR.
             marked: (height, width) uint8, not 0 where the picture differs from the background,
                 before ``leave_out``.
-            known: (height, width) uint8, not 0 where an object is known to be; None for nowhere.
+            known: (height, width) uint8, 255 where an object is known to be, else 0; None for
+                nowhere.
             stamp_ns: When it was taken. Stamps that go backwards start the intervals anew.
             background: (height, width, 3) uint8 BGR, what is behind the known objects.
         """
-        differs = marked > 0
+        elapsed_s = (stamp_ns - self._tested_ns) / 1e9
+        if self._before is not None and 0 <= elapsed_s < TEST_EVERY_S:
+            return
+        differs = np.asarray(cv2.threshold(marked, 0, 255, cv2.THRESH_BINARY)[1], np.uint8)
         if self._before is None:
             self._counts = np.zeros_like(marked)
-        if self._before is None or stamp_ns < self._tested_ns:
+        if self._before is None or elapsed_s < 0:
             self._before, self._tested_ns, self._kept_ns = differs, stamp_ns, stamp_ns
             return
-        elapsed_s = (stamp_ns - self._tested_ns) / 1e9
-        if elapsed_s < TEST_EVERY_S:
-            return
-        changed = (differs != self._before).view(np.uint8)
+        changed = differs ^ self._before
         if known is not None:
-            changed[known > 0] = 0
+            cv2.subtract(changed, known, changed)
         if cv2.countNonZero(changed) > LIGHT_SHARE * changed.size:
             changed[:] = 0
-        more = cv2.add(self._counts, changed * np.uint8(CHANGE))
+        more = cv2.add(self._counts, changed & np.uint8(CHANGE))
         whole, self._owed = divmod(self._owed + PER_S * elapsed_s, 1)
         less = np.full_like(changed, min(255, int(whole)))
         self._counts = np.asarray(cv2.subtract(more, less), np.uint8)
         self._before, self._tested_ns = differs, stamp_ns
         self._places = np.flatnonzero(self._counts >= RESTLESS)
-        if not self._samples or stamp_ns - self._kept_ns >= KEEP_EVERY_S * 1e9:
+        if not self._kept or stamp_ns - self._kept_ns >= KEEP_EVERY_S * 1e9:
             self._keep(picture, known, background)
             self._kept_ns = stamp_ns
 
     def forget_colours(self) -> None:
         """Keep which pixels are restless, but not their colours: the light has changed."""
-        self._samples, self._oldest = [], 0
+        self._kept = 0
 
     def _keep(self, picture: Image, known: Image | None, background: Image) -> None:
         """Keep a picture as samples; where an object hides the background, an older one stays.
 
         Without an older one it is the colour of the background.
         """
-        sample = picture.copy()
-        if len(self._samples) < KEPT:
-            if known is not None:
-                cv2.copyTo(background, known, sample)
-            self._samples.append(sample)
-            return
-        if known is not None:
-            cv2.copyTo(self._samples[self._oldest], known, sample)
-        self._samples[self._oldest] = sample
-        self._oldest = (self._oldest + 1) % KEPT
+        if self._samples.shape[1:] != picture.shape:
+            self._samples = np.empty((KEPT, *picture.shape), np.uint8)
+        sample = self._samples[self._kept % KEPT]
+        if self._kept < KEPT:
+            sample[:] = background
+        if known is None:
+            sample[:] = picture
+        else:
+            cv2.copyTo(picture, cv2.bitwise_not(known), sample)
+        self._kept += 1

@@ -52,8 +52,6 @@ class RobustTracker:
 
     Attributes:
         tracks: Those of the last frame, oldest first.
-        detections: What was found in the last frame before tracking: box and area of each region,
-            full-resolution pixels.
         mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the size
             at which it works; ``enlarged`` makes it as large as the frame.
         scene_changed: Whether the light of the whole scene, or the view, changed with this frame.
@@ -62,7 +60,7 @@ class RobustTracker:
     def __init__(self, parameters: RobustParameters | None = None, first_id: int = 1) -> None:
         self.parameters = parameters or RobustParameters()
         self.tracks: list[Track] = []
-        self.detections: list[tuple[Box, float]] = []
+        self._fragments: list[Fragment] = []
         self.scene_changed = False
         self._first_id = first_id
         self._size: tuple[int, int] | None = None
@@ -124,12 +122,16 @@ class RobustTracker:
             )
         scale_area = self._scale * self._scale
         least = LEAST_PART * self.parameters.min_area / scale_area
-        fragments = fragments_of(mask, least, self.parameters.max_area / scale_area)
+        self._fragments = fragments_of(mask, least, self.parameters.max_area / scale_area)
         self.mask = mask
-        self.detections = [self._detection(each) for each in fragments]
-        self.tracks = self._tracker.update(fragments, stamp_ns, Scene(picture, mask))
+        self.tracks = self._tracker.update(self._fragments, stamp_ns, Scene(picture, mask))
         self._choose_main()
         return self.tracks
+
+    @property
+    def detections(self) -> list[tuple[Box, float]]:
+        """What was found in the last frame before tracking: box and area, full-size pixels."""
+        return [self._detection(each) for each in self._fragments]
 
     @property
     def centroid(self) -> Track | None:

@@ -53,13 +53,22 @@ class Appearance:
     Attributes:
         silhouette: How often each part of its box was foreground, 0 to 1, ``SILHOUETTE`` in shape;
             None before anything was learned.
-        colors: (BANDS, LEVELS ** 3), how often each colour occurs in each band, each with the
-            sum 1.
     """
 
     def __init__(self) -> None:
         self.silhouette: Floats | None = None
-        self.colors: Floats | None = None
+        self._histograms: Floats | None = None
+        self._smooth: Floats | None = None
+
+    @property
+    def colors(self) -> Floats | None:
+        """How often each colour occurs in each band, smoothed: (BANDS, LEVELS ** 3); or None.
+
+        Each band has the sum 1. They are wanted less often than learned.
+        """
+        if self._smooth is None and self._histograms is not None:
+            self._smooth = smoothed(self._histograms)
+        return self._smooth
 
     def learn(self, scene: Scene, box: Fragment, share: float) -> None:
         """Adapt to what a box shows.
@@ -75,12 +84,13 @@ class Appearance:
             return
         seen = cv2.resize(mask, SILHOUETTE[::-1], interpolation=cv2.INTER_AREA)
         silhouette = np.asarray(seen, np.float32) * np.float32(1 / 255)
-        colors = colors_of(scene.picture[cut], mask)
-        if self.silhouette is None or self.colors is None:
-            self.silhouette, self.colors = silhouette, colors
+        histograms = histograms_of(scene.picture[cut], mask)
+        self._smooth = None
+        if self.silhouette is None or self._histograms is None:
+            self.silhouette, self._histograms = silhouette, histograms
             return
         self.silhouette += (silhouette - self.silhouette) * np.float32(share)
-        self.colors += (colors - self.colors) * np.float32(share)
+        self._histograms += (histograms - self._histograms) * np.float32(share)
 
     def distance(self, scene: Scene, box: Fragment) -> float:
         """Return how different the colours in a box are: 0 the same, 1 none in common."""
@@ -88,35 +98,37 @@ class Appearance:
         mask = scene.mask[cut]
         if self.colors is None or not mask.size:
             return 0.5
-        common = float(np.sqrt(self.colors * colors_of(scene.picture[cut], mask)).sum()) / BANDS
+        found = smoothed(histograms_of(scene.picture[cut], mask))
+        common = float(np.sqrt(self.colors * found).sum()) / BANDS
         return math.sqrt(max(0.0, 1.0 - common))
 
 
 def levels_of(picture: Image) -> NDArray[np.intp]:
     """Return the colour of each pixel as a number below LEVELS ** 3, (height, width)."""
-    shift = 8 - LEVELS.bit_length() + 1
-    blue, green, red = (picture[:, :, k].astype(np.intp) >> shift for k in range(3))
-    return np.asarray((blue * LEVELS + green) * LEVELS + red, np.intp)
+    levels = picture // np.uint8(256 // LEVELS)
+    return np.asarray(levels @ np.array([LEVELS**2, LEVELS, 1]), np.intp)
 
 
-def colors_of(picture: Image, mask: Image) -> Floats:
+def histograms_of(picture: Image, mask: Image) -> Floats:
     """Return how often each colour occurs in each band, (BANDS, LEVELS ** 3), each with the sum 1.
-
-    The histograms are smoothed, so that a small change of a colour changes them little.
 
     Args:
         picture: (height, width, 3) uint8 BGR.
         mask: (height, width) uint8, not 0 on the object.
     """
-    own = mask > 0
     bands = np.arange(mask.shape[0]) * BANDS // max(1, mask.shape[0])
     numbers = levels_of(picture) + bands[:, None] * LEVELS**3
-    counts = np.bincount(numbers[own], minlength=BANDS * LEVELS**3).astype(np.float32)
-    cubes = counts.reshape(BANDS, LEVELS, LEVELS, LEVELS)
+    counts = np.bincount(numbers[mask > 0], minlength=BANDS * LEVELS**3)
+    found = counts.astype(np.float32).reshape(BANDS, -1)
+    return np.asarray(found / np.maximum(found.sum(axis=1, keepdims=True), 1.0), np.float32)
+
+
+def smoothed(histograms: Floats) -> Floats:
+    """Return histograms in which a small change of a colour changes little; the sums are kept."""
+    cubes = histograms.reshape(BANDS, LEVELS, LEVELS, LEVELS)
     for axis in (1, 2, 3):
         cubes = _smoothed(cubes, axis)
-    found = cubes.reshape(BANDS, -1)
-    return np.asarray(found / np.maximum(found.sum(axis=1, keepdims=True), 1.0), np.float32)
+    return cubes.reshape(BANDS, -1)
 
 
 def _smoothed(cubes: Floats, axis: int) -> Floats:

@@ -14,24 +14,34 @@ IMPOSSIBLE = 1e4
 """More than any other cost; lapjv itself takes 1e6 to be without bound."""
 
 
-def corners(boxes: Sequence[Fragment]) -> NDArray[np.float64]:
-    """Return left, top, right and bottom of boxes as (n, 4)."""
-    return np.array(
-        [(each.left, each.top, each.right, each.bottom) for each in boxes], np.float64
-    ).reshape(-1, 4)
-
-
 def overlaps(first: Sequence[Fragment], second: Sequence[Fragment]) -> NDArray[np.float64]:
     """Return the shared area of each pair of boxes, as a share of the smaller: (n, m), 0 to 1."""
-    one, two = corners(first)[:, None], corners(second)[None]
-    sides = np.minimum(one[..., 2:], two[..., 2:]) - np.maximum(one[..., :2], two[..., :2])
-    shared = np.clip(sides, 0, None).prod(axis=2)
-    areas = [np.prod(each[..., 2:] - each[..., :2], axis=2) for each in (one, two)]
-    smaller = np.minimum(*areas)
+    left, top, right, bottom = _edges(first)[:, :, None]
+    others_left, others_top, others_right, others_bottom = _edges(second)[:, None]
+    across = np.minimum(right, others_right) - np.maximum(left, others_left)
+    along = np.minimum(bottom, others_bottom) - np.maximum(top, others_top)
+    shared = np.maximum(across, 0) * np.maximum(along, 0)
+    areas = (right - left) * (bottom - top)
+    smaller = np.minimum(areas, (others_right - others_left) * (others_bottom - others_top))
     shares: NDArray[np.float64] = np.divide(
         shared, smaller, out=np.zeros_like(shared), where=smaller > 0
     )
     return shares
+
+
+def overlap(one: Fragment, other: Fragment) -> float:
+    """Return the shared area of two boxes, as a share of the smaller: 0 to 1."""
+    across = min(one.right, other.right) - max(one.left, other.left)
+    along = min(one.bottom, other.bottom) - max(one.top, other.top)
+    if across <= 0 or along <= 0:
+        return 0.0
+    return across * along / min(one.width * one.height, other.width * other.height)
+
+
+def _edges(boxes: Sequence[Fragment]) -> NDArray[np.float64]:
+    """Return left, top, right and bottom of boxes as (4, n)."""
+    edges = [(each.left, each.top, each.right, each.bottom) for each in boxes]
+    return np.array(edges, np.float64).reshape(-1, 4).T
 
 
 def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
@@ -47,7 +57,7 @@ def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
             row = root[row]
         return row
 
-    pairs = [(int(row), int(column)) for row, column in np.argwhere(links)]
+    pairs: list[list[int]] = np.argwhere(links).tolist()
     for row, column in pairs:
         one, two = root_of(row), root_of(first.setdefault(column, row))
         root[max(one, two)] = min(one, two)

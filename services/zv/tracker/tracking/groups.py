@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.tracker.tracking.appearance import Scene, levels_of
+from zv.tracker.tracking.appearance import BANDS, Scene, levels_of
 from zv.tracker.tracking.fragment import Fragment, union
 from zv.tracker.tracking.target import Target
 
@@ -126,7 +126,8 @@ def _likely(
         prior += cv2.remap(
             looks.silhouette, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
         )
-    bands = np.clip((v * len(looks.colors)).astype(np.intp), 0, len(looks.colors) - 1)
+    bands = (v * BANDS).astype(np.intp)
+    bands = np.minimum(np.maximum(bands, 0), BANDS - 1)
     return window, prior * (looks.colors[bands[:, None], levels[window]] + LEAST_COLOR)
 
 

@@ -110,8 +110,12 @@ class Matcher:
 
     def _near_another(self, target: Target) -> bool:
         """Return whether another object, that may be hidden, is expected in the target's box."""
-        others = [each.box for each in self._targets.all if each is not target]
-        return bool(others) and association.overlaps([target.box], others).max() > 0
+        box = target.box
+        return any(
+            association.overlap(box, each.box) > 0
+            for each in self._targets.all
+            if each is not target
+        )
 
     def _follow_several(self, members: list[Target], owned: list[Fragment]) -> None:
         """Correct objects that claim the same fragments."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+from itertools import combinations
 
 from zv.tracker.tracking import association
 from zv.tracker.tracking.fragment import Fragment, union
@@ -59,10 +59,9 @@ def join_stacked(members: list[Target], targets: Targets) -> None:
 def drop_duplicates(members: list[Target], whole: Fragment, targets: Targets) -> None:
     """End the newer of two tracks that share the box of one object, unless it is confirmed."""
     ordered = sorted(members, key=lambda each: each.id)
-    boxes = [each.box for each in ordered]
-    shared = np.triu(association.overlaps(boxes, boxes) > DUPLICATE_SHARE, 1)
-    for first, second in np.argwhere(shared):
-        one, two = ordered[first], ordered[second]
+    for one, two in combinations(ordered, 2):
+        if association.overlap(one.box, two.box) <= DUPLICATE_SHARE:
+            continue
         if whole.area < LEAST_TWO * max(one.area, two.area) and not two.confirmed:
             targets.drop(two.id)
 

@@ -117,14 +117,15 @@ class Target:
 
     def correct(self, measured: tuple[float, float], stamp_ns: int) -> None:
         """Include a measured middle."""
-        deviation = NOISE_SIDES * self.side + NOISE_PIXELS
-        for axis, position in zip((self.x, self.y), measured, strict=True):
+        side = self.side
+        deviation = NOISE_SIDES * side + NOISE_PIXELS
+        for axis, position in ((self.x, measured[0]), (self.y, measured[1])):
             axis.adapt(position, deviation)
             axis.correct(position, deviation)
         self.steady = _minus(measured, self.offset)
         self.seen_ns = stamp_ns
         self.hits += 1
-        self.travelled = max(self.travelled, self._distance() / self.side)
+        self.travelled = max(self.travelled, self._distance() / side)
 
     def place_at(self, middle: Point) -> None:
         """Move the middle, without a motion of the object, to where it is by another size."""

@@ -153,7 +153,7 @@ class Tracker:
         for found in _joined(free):
             if found.area < self.parameters.min_area:
                 continue
-            if known and association.overlaps([found], known).max() > OVERLAP:
+            if any(association.overlap(found, box) > OVERLAP for box in known):
                 continue
             target = self._targets.begin(found)
             if target is not None and scene is not None:

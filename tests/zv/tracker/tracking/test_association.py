@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from zv.tracker.tracking.association import IMPOSSIBLE, assigned, components, overlaps
+from zv.tracker.tracking.association import (
+    IMPOSSIBLE,
+    assigned,
+    components,
+    overlap,
+    overlaps,
+)
 from zv.tracker.tracking.fragment import Fragment
 
 
@@ -17,6 +23,8 @@ def test_the_overlap_is_a_share_of_the_smaller_box():
     away = Fragment(10, 0, 12, 5, 10)  # touches: nothing in common
     # 2 x 2 of 16 pixels
     assert overlaps([large], [inside, away]).tolist() == [[pytest.approx(0.25), 0.0]]
+    assert [overlap(large, other) for other in (inside, away)] == [pytest.approx(0.25), 0.0]
+    assert overlap(large, Fragment(30, 30, 40, 40, 9)) == 0.0  # away along both axes
 
 
 def test_connected_sets_are_found_across_several_links():
