@@ -91,9 +91,9 @@ def begun_at(shots: Shots, first: int) -> Shots:
     return lambda: (shot for shot in shots() if shot.index >= first)
 
 
-def every(shots: Shots, step: int) -> Shots:
-    """Return each ``step``-th picture of a sequence."""
-    return lambda: (shot for shot in shots() if shot.index % step == 0)
+def every(shots: Shots, step: int, first: int = 0) -> Shots:
+    """Return each ``step``-th picture of a sequence, from ``first`` on, which is below ``step``."""
+    return lambda: (shot for shot in shots() if shot.index % step == first)
 
 
 def dropped(shots: Shots, share: float, seed: int = 1) -> Shots:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.tracker.foreground.background import SHADOW, BackgroundModel, Subtractor
+from zv.tracker.foreground.beginning import Beginning
 from zv.tracker.foreground.ghosts import GhostFinder
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import Polygon, region_mask
@@ -28,11 +29,6 @@ SAME_CHANGE_S = 1.0
 
 MOVED_S = 0.5
 """After so long with most of the picture different, the background is learned anew."""
-
-START_S = (1.0, 2.0, 3.0, 4.5)
-"""Ages at which the background becomes the median of the pictures so far."""
-
-KEEP_EVERY_S = 0.25
 
 MARGIN, LEAST_MARGIN = 0.1, 2.0
 """What is protected around a box, in its longer side and at least in pixels: arms and feet."""
@@ -88,9 +84,7 @@ class ForegroundDetector:
     def reset(self) -> None:
         """Learn the background anew from the next picture on."""
         self._started_ns: int | None = None
-        self._early: list[Image] = []
-        self._early_ns = 0
-        self._medians = 0
+        self._beginning: Beginning | None = None
         self._differs_ns: int | None = None
         self._relit_ns: int | None = None
         self._ghosts = GhostFinder()
@@ -124,7 +118,7 @@ class ForegroundDetector:
         marked, changed = self._marked(picture, stamp_ns, known_mask), False
         mask = _cleaned(marked)
         if not self._parameters.frozen:
-            self._learn_start(picture, stamp_ns, known_mask)
+            self._learn_beginning(picture, stamp_ns, known_mask)
             if silent:
                 known_mask = None
             elif cv2.countNonZero(marked) > CHANGED_SHARE * marked.size:
@@ -155,35 +149,24 @@ class ForegroundDetector:
         ghosts = self._ghosts.update(picture, self.background, marked, known, stamp_ns)
         if ghosts is not None:
             self.background.learn_at_once(picture, ghosts)
-            for seen in self._early:
-                cv2.copyTo(picture, ghosts, seen)
+            if self._beginning is not None:
+                self._beginning.replace(picture, ghosts)
 
     def _start(self, picture: Image, stamp_ns: int) -> None:
         self.reset()
-        self._started_ns = self._early_ns = stamp_ns
-        self._early = [picture.copy()]
+        self._started_ns = stamp_ns
+        self._beginning = Beginning(picture, stamp_ns)
         self.background.start(picture, stamp_ns)
 
-    def _learn_start(self, picture: Image, stamp_ns: int, known: Image | None) -> None:
-        """Replace the first background by the median of the first seconds, without who walked.
-
-        Where an object is known to be, the background so far counts instead of what hides it.
-        """
-        assert self._started_ns is not None
-        if self._medians == len(START_S):
+    def _learn_beginning(self, picture: Image, stamp_ns: int, known: Image | None) -> None:
+        """Replace the first background by what was behind those who moved."""
+        if self._beginning is None:
             return
-        if stamp_ns - self._early_ns >= KEEP_EVERY_S * 1e9:
-            seen = picture.copy()
-            if known is not None:
-                cv2.copyTo(self.background.picture(), known, seen)
-            self._early.append(seen)
-            self._early_ns = stamp_ns
-        if (stamp_ns - self._started_ns) / 1e9 >= START_S[self._medians]:
-            if len(self._early) >= 3:
-                self.background.replace(_middle(self._early))
-            self._medians += 1
-            if self._medians == len(START_S):
-                self._early = []
+        found = self._beginning.update(picture, stamp_ns, known, self.background.picture())
+        if found is not None:
+            self.background.replace(found)
+        if self._beginning.over:
+            self._beginning = None
 
     def _adapt(
         self, picture: Image, stamp_ns: int, marked: Image, known: Image | None
@@ -201,7 +184,7 @@ class ForegroundDetector:
             if cv2.countNonZero(adapted) < RELIT_SHARE * cv2.countNonZero(marked):
                 self._differs_ns = None
                 self._restless.forget_colours()
-                self._early, self._medians = [], len(START_S)
+                self._beginning = None
                 return _cleaned(adapted), self._is_new(stamp_ns)
             self.background.replace(before)
         if (stamp_ns - self._differs_ns) / 1e9 >= MOVED_S and (
@@ -221,23 +204,6 @@ def _cleaned(marked: Image) -> Image:
     """Return the foreground without shadows and single pixels."""
     _, mask = cv2.threshold(marked, SHADOW, 255, cv2.THRESH_BINARY)
     return np.asarray(cv2.medianBlur(mask, 3), np.uint8)
-
-
-def _middle(pictures: Sequence[Image]) -> Image:
-    """Return about the median of each value of some pictures, at least 3, from first to last.
-
-    It is the median of the medians of three of nine pictures, which are taken from different
-    times, so that a value that is there for most of the time is found (J. W. Tukey, "The ninther",
-    1978). It costs a twentieth of a sort.
-    """
-    nine = [pictures[round(place)] for place in np.linspace(0, len(pictures) - 1, 9)]
-    thirds = [_median(*nine[first::3]) for first in range(3)]
-    return _median(*thirds)
-
-
-def _median(one: Image, two: Image, three: Image) -> Image:
-    larger, smaller = cv2.max(one, two), cv2.min(one, two)
-    return np.asarray(cv2.max(smaller, cv2.min(larger, three)), np.uint8)
 
 
 def _boxes_mask(boxes: Sequence[Fragment], size: tuple[int, int]) -> Image | None:

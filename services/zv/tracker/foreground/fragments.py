@@ -17,7 +17,7 @@ VALLEY = 0.6
 
 SMOOTHING = np.array([0.25, 0.5, 0.25])
 
-THIN = 0.03
+THIN = 0.06
 """Rows and columns at the ends of a region with less than this share of the fullest are cut."""
 
 THINNEST = 2.5

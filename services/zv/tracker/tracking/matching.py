@@ -130,7 +130,7 @@ class Matcher:
                         mine.append(owned[other])
                 self._measure(target, mine, alone=True)
             return
-        members = merging.without_parts(members, self._targets)
+        members = merging.without_parts(members, union(owned), self._targets)
         if len(members) == 1:
             self._measure(members[0], owned, alone=False)
             return

@@ -12,6 +12,9 @@ from zv.tracker.tracking.targets import Targets
 PROVEN_S = 0.4
 """After so long alone, complete and away from the border, something is an object of its own."""
 
+GROWN = 1.25
+"""A region is one object, if its box is larger than that object's by at most this factor."""
+
 STACKED_S = 1.0
 STACKED_SHARE = 0.6
 """One box is on top of the other if they share so much of their width and little height."""
@@ -21,20 +24,22 @@ LEAST_TWO = 1.2
 """Two objects in one region have at least so many times the area of the larger one."""
 
 
-def without_parts(members: list[Target], targets: Targets) -> list[Target]:
+def without_parts(members: list[Target], whole: Fragment, targets: Targets) -> list[Target]:
     """Return the objects in one region, and end what was never seen to be one of its own.
 
     What enters the picture in several parts is one object when they are found connected: of the
-    unproven tracks only the largest stays.
+    unproven tracks only the largest stays. Nor does a new one beside a proven object, such as a
+    head that was apart from its body, if the region they share is as large as that object.
     """
     unproven = [each for each in members if each.alone_s < PROVEN_S]
-    if len(unproven) < 2:
-        return members
-    kept = max(unproven, key=lambda each: (each.confirmed, each.area, -each.id))
-    for target in unproven:
-        if target is not kept:
-            targets.drop(target.id)
-    return [each for each in members if each is kept or each not in unproven]
+    largest = max(members, key=lambda each: (each.area, -each.id))
+    kept = max(unproven, key=lambda each: (each.confirmed, each.area, -each.id), default=largest)
+    parts = {each.id for each in unproven if each is not kept}
+    if kept is not largest and not kept.confirmed and _fits(whole, largest):
+        parts.add(kept.id)
+    for number in parts:
+        targets.drop(number)
+    return [each for each in members if each.id not in parts]
 
 
 def join_stacked(members: list[Target], targets: Targets) -> None:
@@ -64,6 +69,11 @@ def drop_duplicates(members: list[Target], whole: Fragment, targets: Targets) ->
             continue
         if whole.area < LEAST_TWO * max(one.area, two.area) and not two.confirmed:
             targets.drop(two.id)
+
+
+def _fits(whole: Fragment, target: Target) -> bool:
+    """Return whether the box of a region is about as large as that of an object."""
+    return whole.width < GROWN * target.width and whole.height < GROWN * target.height
 
 
 def _stacked(one: Fragment, other: Fragment) -> bool:

@@ -217,6 +217,12 @@ def test_fragments_have_limits_of_their_area():
     assert [f.area for f in fragments_of(mask, 100, 1000)] == [400]
 
 
+def test_a_tape_that_touches_an_object_is_not_part_of_it():
+    mask = np.zeros((100, 200), np.uint8)
+    mask[20:70, 100:120] = mask[30:32, 40:180] = 255
+    assert [(f.left, f.right) for f in fragments_of(mask, 10, 1e9)] == [(100, 120)]
+
+
 def test_another_threshold_applies_at_once():
     found = learned()
     assert found.update(with_object(), 60 * TENTH, [])[0].any()

@@ -120,3 +120,20 @@ def test_a_box_that_was_too_large_shrinks_as_soon_as_no_other_object_is_near():
     width, height = found[44 + 20][0].box[2:]
     assert height == pytest.approx(90, abs=8)
     assert width < 30 + 60 * 0.37 + 5  # 63 % of the way within 0.7 s, here 1 s
+
+
+@pytest.mark.parametrize("rate", [30, 10, 5])
+def test_a_head_that_was_apart_from_its_body_for_a_moment_becomes_no_track_beside_it(rate: int):
+    frames: list[Painted] = []
+    for k in range(4 * rate):
+        time_s = k / rate
+        left = 10 + 40 * time_s
+        whole, head = (left, 30, 20, 60), (left + 5, 30, 10, 8)
+        body = (left, 40, 20, 50)
+        seen = [body] if 1.2 <= time_s < 2.2 else [body, head] if 2.2 <= time_s < 2.5 else [whole]
+        frames.append([(part, RED) for part in seen])
+    found = tracked(frames, rate)
+    assert [track.state for track in found[-1]] == ["confirmed"]
+    assert found[-1][0].id == found[rate][0].id
+    for tracks in found:
+        assert sum(track.state == "confirmed" for track in tracks) <= 1

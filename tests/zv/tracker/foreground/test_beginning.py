@@ -1,0 +1,58 @@
+"""The background of the first seconds, behind objects that move in them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zv.tracker.foreground.beginning import usual_colours
+from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.tracking.fragment import Fragment
+
+TENTH = 100_000_000
+GREY = (110, 120, 130)
+
+
+def empty() -> np.ndarray:
+    """Return (60, 120, 3), a plain background."""
+    return np.full((60, 120, 3), GREY, np.uint8)
+
+
+def shown(colours: list[tuple[int, int, int]]) -> list[np.ndarray]:
+    """Return pictures of one pixel that has these colours one after the other."""
+    return [np.full((1, 1, 3), colour, np.uint8) for colour in colours]
+
+
+def everywhere(pictures: list[np.ndarray]) -> list[np.ndarray]:
+    return [np.ones(picture.shape[:2], np.uint8) for picture in pictures]
+
+
+def test_the_background_is_the_colour_that_comes_again_though_something_hides_it_mostly():
+    passing = [(k, 40, 200 - k) for k in (0, 30, 60, 90, 120, 150)]
+    pictures = shown([*passing[:4], GREY, (112, 122, 132), *passing[4:], (111, 121, 131)])
+    found = usual_colours(pictures, everywhere(pictures))
+    assert found.tolist() == [[[111, 121, 131]]]  # the mean of the three
+
+
+def test_a_picture_does_not_count_where_an_object_is_known():
+    red = [(20, 20, 200)] * 5
+    pictures = shown([GREY, GREY, GREY, *red])
+    free = everywhere(pictures)
+    assert usual_colours(pictures, free).tolist() == [[[20, 20, 200]]]
+    for each in free[3:]:
+        each[:] = 0
+    assert usual_colours(pictures, free).tolist() == [[list(GREY)]]
+
+
+def test_without_three_pictures_of_a_colour_it_is_the_median():
+    pictures = shown([(0, 0, 0), (50, 50, 50), (90, 90, 90)])
+    assert usual_colours(pictures, everywhere(pictures)).tolist() == [[[50, 50, 50]]]
+
+
+def test_who_was_seen_walking_and_then_stands_in_the_first_seconds_is_not_learned():
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(60):
+        picture, left = empty(), min(60, 4 * k)
+        picture[10:50, left : left + 20] = (20, 20, 200)
+        known = [Fragment(left, 10, left + 20, 50, 800)] if k >= 12 else []
+        mask, _ = found.update(picture, k * TENTH, known)
+    assert np.count_nonzero(mask[10:50, 60:80]) > 700
