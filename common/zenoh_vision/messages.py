@@ -69,6 +69,10 @@ class Header(Message):
         Field(description="true if the sender gave no header and the receiver made this one up"),
     ] = None
 
+    def to_map(self) -> dict[str, Any]:
+        """Return the fields as they are sent; they are flat, so nothing needs to be converted."""
+        return {name: value for name, value in self.__dict__.items() if value is not None}
+
     @classmethod
     def from_bytes(cls, payload: bytes) -> Self:
         """Decode the attachment of an image.
