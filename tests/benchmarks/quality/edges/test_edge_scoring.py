@@ -52,6 +52,16 @@ def test_one_threshold_for_all_images_scores_less_than_the_best_of_each():
     assert scores.ods == pytest.approx(6 / 7, abs=0.01)
 
 
+def test_strengths_that_never_err_have_an_area_of_one():
+    """All hundredths of recall but 0 count, as Berkeley's program has no precision there."""
+    drawn = sum(line(row) for row in (20, 40, 60, 80)) > 0
+    strength = np.zeros(drawn.shape, np.float32)
+    strength[drawn] = np.random.default_rng(0).permutation(320) + 1
+    thresholds = scoring.thresholds_of([strength])
+    scores = scoring.scores_of([scoring.count(strength, [drawn], thresholds)], thresholds)
+    assert (scores.ods, scores.ois, scores.ap) == pytest.approx((1, 1, 1))
+
+
 def test_thresholds_give_the_densities():
     strength = np.arange(10_000, dtype=np.float32).reshape(100, 100)
     thresholds = scoring.thresholds_of([strength])
