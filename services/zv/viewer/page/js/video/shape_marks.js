@@ -68,7 +68,7 @@ export function drawShapes(context, { zones, lines, counts, chosen, draft }, toC
 	return labels;
 }
 
-/** The middle of a line on the canvas, and the unit vector to its right side, also of a mirrored picture. */
+/** Middle of a line on the canvas, and unit vector to its right side, also of a mirrored picture. */
 function rightSide([[ax, ay], [bx, by]], at) {
 	const length = Math.hypot(bx - ax, by - ay);
 	const middle = [(ax + bx) / 2, (ay + by) / 2];
