@@ -51,7 +51,6 @@ class Header(Message):
     """
 
     schema_name: ClassVar[str] = "vision.Header.v1"
-    omit_nil: ClassVar[tuple[str, ...]] = ("encoding", "received_ns", "done_ns", "assumed")
 
     camera: Name
     epoch: Annotated[int, Field(ge=-(2**63), lt=2**63, description="start of the source's run, ns")]
@@ -70,7 +69,7 @@ class Header(Message):
     ] = None
 
     def to_map(self) -> dict[str, Any]:
-        """Return the fields as they are sent; they are flat, so nothing needs to be converted."""
+        """Return the fields that are not nil as they are; they are flat, so none is converted."""
         return {name: value for name, value in self.__dict__.items() if value is not None}
 
     @classmethod

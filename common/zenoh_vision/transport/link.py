@@ -36,7 +36,7 @@ REPLACE_AFTER_S = 10.0
 
 ASK_INTERVAL_S = 5.0
 ANSWER_S = 2.0
-"""A router that answers nothing for this long does not know what the session has declared."""
+"""A router that twice answers nothing for this long does not know what the session declared."""
 
 UNUSED_KEY = "@link"
 """Asked for as a liveliness token, which only routers answer; nobody declares it."""
@@ -189,11 +189,13 @@ class Link:
                     self._try_replacement(f"no router for {REPLACE_AFTER_S:g} s")
                     connected_s = time.monotonic()
                 if lost_s is None and (was_lost or now_s - asked_s > ASK_INTERVAL_S):
-                    if not self._is_answered():
+                    if not self._is_answered() and not self._is_answered():
                         self._try_replacement("the router does not answer", is_connected=True)
                     asked_s = time.monotonic()
             except Exception:
-                log.exception("the attempt to open another session failed")
+                if self._ending():
+                    return  # the session was closed meanwhile
+                log.exception("checking the session, or opening another one, failed")
                 asked_s = connected_s = time.monotonic()
 
     def _tell_change(self, lost_s: float | None) -> float | None:
@@ -215,12 +217,14 @@ class Link:
 
     def _is_answered(self) -> bool:
         """Ask the router for a token that nobody has; tell whether it has answered in time."""
+        until_s = time.monotonic() + 2 * ANSWER_S  # in case that not even a time-out is told
         answer: Future[Replies] = Future()
         query = Query(UNUSED_KEY, timeout_s=ANSWER_S, tokens=True)
         send(self._session, query, answer.set_result)
-        while not self._ending() and wait([answer], POLL_S).not_done:
-            pass
-        return not answer.done() or not answer.result().timed_out
+        while wait([answer], POLL_S).not_done and time.monotonic() < until_s:
+            if self._ending():
+                return True
+        return answer.done() and not answer.result().timed_out
 
     def _try_replacement(self, why: str, *, is_connected: bool = False) -> None:
         """Replace the session if another one can be opened, and it is still as it was."""

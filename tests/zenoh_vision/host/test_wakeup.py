@@ -28,20 +28,24 @@ def test_each_of_several_threads_wakes_for_the_condition_it_waits_for():
 
 
 def test_no_change_is_missed_that_comes_while_a_thread_looks():
-    wakeup, number = Wakeup(), 0
+    here, there = Wakeup(), Wakeup()
+    sent = seen = 0
     rounds = 2000
 
-    def count() -> None:
-        nonlocal number
-        for _ in range(rounds):
-            number += 1
-            wakeup.set()
+    def send() -> None:
+        nonlocal sent
+        for each in range(rounds):
+            assert there.wait_for(lambda each=each: seen == each, PATIENCE_S)
+            sent = each + 1
+            here.set()
 
-    thread = threading.Thread(target=count)
+    thread = threading.Thread(target=send)
     began_s = time.monotonic()
     thread.start()
     for each in range(1, rounds + 1):
-        assert wakeup.wait_for(lambda each=each: number >= each, PATIENCE_S)
+        assert here.wait_for(lambda each=each: sent == each, PATIENCE_S)
+        seen = each
+        there.set()
     assert time.monotonic() - began_s < PATIENCE_S  # none was found by a time-out alone
     thread.join()
 

@@ -65,9 +65,11 @@ class Beginning:
             self._pictures.append(seen)
             self._free.append(free)
             self._kept_ns = stamp_ns
-        if (stamp_ns - self._started_ns) / 1e9 < FOUND_AT_S[self._found]:
+        age_s = (stamp_ns - self._started_ns) / 1e9
+        if age_s < FOUND_AT_S[self._found]:
             return None
-        self._found += 1
+        while not self.over and age_s >= FOUND_AT_S[self._found]:
+            self._found += 1  # once for all that are due, as after a pause
         enough = len(self._pictures) >= LEAST_ALIKE
         return usual_colours(self._pictures, self._free) if enough else None
 
