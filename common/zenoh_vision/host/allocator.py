@@ -9,7 +9,7 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 
 KEPT_BYTES = 64 << 20
 LARGEST_BYTES = 32 << 20
-"""glibc takes no larger limit."""
+"""The largest value that glibc takes for M_MMAP_THRESHOLD."""
 
 
 def use_one_arena() -> None:
@@ -22,7 +22,7 @@ def use_one_arena() -> None:
 
 
 def keep_freed_memory() -> None:
-    """Have glibc keep what is freed, up to 64 MiB, for whoever asks next.
+    """Have glibc keep freed memory, up to 64 MiB in each arena, for the next allocation.
 
     By default it gives pictures back to the system after each frame, which then has to clear the
     same pages again for the next one.

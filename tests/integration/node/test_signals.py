@@ -67,7 +67,7 @@ def test_under_load(router, client, service, number):
         listener.wait_for(5)
     check_ends(programs, number)
     # The session was closed, so the token is gone before the lease of 2 s could be over.
-    wait_until(lambda: not living_nodes(client), 1.2)
+    wait_until(lambda: not living_nodes(client), 0.5)
 
 
 @SIGNALS

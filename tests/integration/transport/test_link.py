@@ -192,7 +192,7 @@ def test_closed_while_another_session_takes_over_it_leaves_neither(
         router.start()
         assert declaring.wait(40)
         between.close()
-        wait_until(lambda: not living_nodes(client))
+        wait_until(lambda: not living_nodes(client), 5)
 
 
 def test_while_the_router_is_away_a_camera_that_is_gone_is_still_said_to_be(
