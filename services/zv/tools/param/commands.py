@@ -135,10 +135,6 @@ def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
 
 def load(options: LoadOptions, connection: Connection, output: Output) -> None:
     """Send the values of a TOML file to a node, all or none."""
-    try:
-        Path(options.file).open("rb").close()
-    except OSError as error:
-        raise SourceError(f"{options.file}: {error.strerror or error}") from None
     values = read_toml(options.file)
     with ToolSession(connection) as session:
         _change(session, options.node, _ask(session, options.node), values, output)
