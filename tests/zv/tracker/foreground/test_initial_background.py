@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from zv.tracker.foreground.beginning import usual_colours
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.initial_background import usual_colours
 from zv.tracker.tracking.fragment import Fragment
 
 TENTH = 100_000_000
