@@ -1,4 +1,4 @@
-"""A background of several colours: what keeps changing is none, and what is before it is seen."""
+"""A dynamic background: changing pixels are not foreground, objects before them are."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_screen_that_flickers_becomes_background_within_10_s_and_an_object_bef
         )  # the corners, by the median
 
 
-def test_what_is_passed_now_and_then_by_objects_of_one_colour_is_not_dynamic():
+def test_pixels_passed_now_and_then_by_objects_of_one_colour_are_not_dynamic():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(600):  # one passes in a second, every 4 s
         picture = backdrop()
@@ -108,7 +108,7 @@ def test_a_change_of_the_light_makes_no_pixel_dynamic():
     assert seen.all()
 
 
-def test_who_stands_before_a_screen_stays_visible_after_the_light_has_changed():
+def test_an_object_that_stands_before_a_screen_stays_foreground_after_a_change_of_the_light():
     dynamic = DynamicBackground()
     screen = np.s_[30:80, 40:80]
     known = np.zeros((120, 160), np.uint8)
