@@ -201,7 +201,9 @@ def test_what_is_asked_for_wrongly_says_why(client, zv, tmp_path: Path):
 def test_where_nobody_answers_the_near_keys_of_pictures_are_named(client, zv, tmp_path: Path):
     own = "vision/c/thermal"
     publishers = [client.declare_publisher(key) for key in (KEY, own, NO_JPEG)]
-    with pytest.raises(ExpectationNotMet, match=rf"did you mean {KEY}\? these exist: {KEY}, {own}$"):
+    with pytest.raises(
+        ExpectationNotMet, match=rf"did you mean {KEY}\? these exist: {KEY}, {own}$"
+    ):
         zv("vision/c/image/compressedd", tmp_path / "a.jpg")
     for publisher in publishers:
         publisher.undeclare()
