@@ -43,7 +43,10 @@ class Comparison:
 
 
 def compare(
-    shots: Shots, each: Callable[[Shot, Result], None] | None = None, tutorial: bool = True
+    shots: Shots,
+    each: Callable[[Shot, Result], None] | None = None,
+    tutorial: bool = True,
+    convex: bool = False,
 ) -> Comparison:
     """Return the scores of all methods in a sequence.
 
@@ -51,11 +54,13 @@ def compare(
         shots: The sequence; gone through once.
         each: Called with each frame and what was found in it.
         tutorial: Whether to run the tutorial's chain, the slowest.
+        convex: Whether regions are cut where convex objects touch.
     """
-    from zv.tracker.pipelines.robust import RobustTracker
+    from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
 
     comparison = Comparison()
-    robust, chain, sort, bytetrack = RobustTracker(), Tutorial(), Sort(), ByteTrack()
+    robust = RobustTracker(RobustParameters(convex=convex))
+    chain, sort, bytetrack = Tutorial(), Sort(), ByteTrack()
     for shot in shots():
         tracks = robust.update(shot.bgr, shot.stamp_ns)
         detections = [
