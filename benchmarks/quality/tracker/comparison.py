@@ -44,7 +44,10 @@ class Comparison:
 
 
 def compare(
-    shots: Shots, each: Callable[[Shot, Result], None] | None = None, tutorial: bool = True
+    shots: Shots,
+    each: Callable[[Shot, Result], None] | None = None,
+    tutorial: bool = True,
+    convex: bool = False,
 ) -> Comparison:
     """Return the scores of all methods in a sequence.
 
@@ -52,11 +55,13 @@ def compare(
         shots: The sequence; it is iterated once.
         each: Called with each frame and its results.
         tutorial: Whether to run the tutorial's pipeline, the slowest.
+        convex: Whether regions are cut where convex objects touch.
     """
-    from zv.tracker.pipelines.robust import RobustTracker
+    from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
 
     comparison = Comparison()
-    robust, chain, sort, bytetrack = RobustTracker(), Tutorial(), Sort(), ByteTrack()
+    robust = RobustTracker(RobustParameters(convex=convex))
+    chain, sort, bytetrack = Tutorial(), Sort(), ByteTrack()
     for shot in shots():
         tracks = robust.update(shot.bgr, shot.stamp_ns)
         detections = [

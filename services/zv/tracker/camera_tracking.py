@@ -190,6 +190,7 @@ def robust_parameters(settings: TrackerSettings) -> RobustParameters:
         tracking=replace(TrackingParameters(), keep_lost_s=settings.keep_lost),
         min_area=settings.min_area,
         max_area=settings.max_area or math.inf,
+        convex=settings.convex,
     )
 
 

@@ -90,6 +90,14 @@ class TrackerSettings(ServiceSettings):
         ),
         Live("square pixels"),
     ] = 0.0
+    convex: Annotated[
+        bool,
+        Field(
+            description="robust: all objects are convex, as most parts on a belt are; those that "
+            "touch are told apart by the concavities between them"
+        ),
+        Live(),
+    ] = False
     regions: Annotated[
         str,
         Field(

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zv.tracker.foreground.concavities import cut_at_concavities
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
 from zv.tracker.tracking.appearance import Scene
@@ -36,6 +37,7 @@ class RobustParameters:
     scale: int = 0  # n, to process frames at 1/n of their size; 0: working_scale
     min_area: float = 160.0  # foreground of an object, square full-resolution pixels
     max_area: float = math.inf  # regions above it are ignored, square full-resolution pixels
+    convex: bool = False  # all objects are convex: a region that is not is several that touch
 
 
 def working_scale(width: int, height: int) -> int:
@@ -123,6 +125,8 @@ class RobustTracker:
             )
         scale_area = self._scale * self._scale
         least = LEAST_PART * self.parameters.min_area / scale_area
+        if self.parameters.convex:
+            mask = cut_at_concavities(mask, self.parameters.min_area / scale_area)
         self._fragments = fragments_of(mask, least, self.parameters.max_area / scale_area)
         self.mask = mask
         self.tracks = self._tracker.update(self._fragments, stamp_ns, Scene(picture, mask))
@@ -165,7 +169,7 @@ class RobustTracker:
 
     def _tracking(self) -> TrackingParameters:
         area = self.parameters.min_area / (self._scale * self._scale)
-        return replace(self.parameters.tracking, min_area=area)
+        return replace(self.parameters.tracking, min_area=area, convex=self.parameters.convex)
 
     def _detection(self, fragment: Fragment) -> tuple[Box, float]:
         scale = self._scale

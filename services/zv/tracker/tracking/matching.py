@@ -35,15 +35,23 @@ class Matcher:
         fragments: All fragments of the frame, the largest first.
         dt_s: Seconds since the last frame.
         scene: The pixels of the frame; None to match without appearance.
+        convex: Whether each fragment is an object, none a part of one.
     """
 
     def __init__(
-        self, targets: Targets, fragments: list[Fragment], dt_s: float, scene: Scene | None
+        self,
+        targets: Targets,
+        fragments: list[Fragment],
+        dt_s: float,
+        scene: Scene | None,
+        *,
+        convex: bool = False,
     ) -> None:
         self._targets = targets
         self._fragments = fragments
         self._dt_s = dt_s
         self._scene = scene
+        self._convex = convex
 
     def match(self) -> list[Fragment]:
         """Correct the predicted objects by their fragments; return the fragments without one."""
@@ -97,7 +105,7 @@ class Matcher:
             links[rows[number], columns[found]] = True
 
     def _follow_one(self, target: Target, owned: list[Fragment]) -> None:
-        parts = _parts(target, owned)
+        parts = _two_of(owned) if self._convex else _parts(target, owned)
         now_ns = self._targets.now_ns
         if parts is None:
             target.parted_ns = None
@@ -174,6 +182,11 @@ class Matcher:
         for each in (target, split):
             if each is not None and self._scene is not None:
                 each.appearance.learn(self._scene, each.box, 1.0)
+
+
+def _two_of(owned: list[Fragment]) -> tuple[Fragment, Fragment] | None:
+    """Return the largest two fragments of a target if each is an object; None if there is one."""
+    return (owned[0], owned[1]) if len(owned) > 1 else None
 
 
 def _parts(target: Target, owned: list[Fragment]) -> tuple[Fragment, Fragment] | None:

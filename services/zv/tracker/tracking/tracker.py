@@ -43,6 +43,7 @@ class TrackingParameters:
     keep_lost_s: float = 2.0  # how long a track that is not seen is kept
     min_area: float = 40.0  # of the foreground of a new object, square pixels of the mask
     protect_s: float = 120.0  # how long an object that stopped is kept out of the background
+    convex: bool = False  # each fragment is an object, none a part of one
 
 
 class Tracker:
@@ -101,7 +102,7 @@ class Tracker:
         fragments = fragments[:MAX_FRAGMENTS]
         for target in self.targets:
             target.predict(min(dt_s, MAX_STEP_S))
-        free = Matcher(self._targets, fragments, dt_s, scene).match()
+        free = Matcher(self._targets, fragments, dt_s, scene, convex=self.parameters.convex).match()
         self._begin(free, scene)
         self._confirm_and_end()
         return self.tracks()
@@ -152,7 +153,7 @@ class Tracker:
     def _begin(self, free: list[Fragment], scene: Scene | None) -> None:
         """Begin tracks for unmatched fragments; parts of one object are joined."""
         known = [target.box for target in self.targets]
-        for found in _joined(free):
+        for found in free if self.parameters.convex else _joined(free):
             if found.area < self.parameters.min_area:
                 continue
             if any(association.overlap(found, box) > OVERLAP for box in known):

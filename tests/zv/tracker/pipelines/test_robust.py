@@ -126,3 +126,29 @@ def test_a_changed_smallest_area_applies_to_the_next_frame():
 )
 def test_large_frames_are_processed_at_a_reduced_size(size: tuple[int, int], scale: int):
     assert working_scale(*size) == scale
+
+
+def touching(k: int) -> np.ndarray:
+    """Return a frame in which two objects that touch pass together, one above the other."""
+    picture = backdrop()
+    for left, top, width, height, color in (
+        (5 * k - 120, 90, 40, 30, (20, 20, 200)),
+        (5 * k - 112, 120, 48, 36, (20, 20, 200)),
+    ):
+        picture[top : top + height, max(0, left) : max(0, left + width)] = color
+    return picture
+
+
+@pytest.mark.parametrize("convex", [False, True])
+def test_objects_that_touch_at_all_times_are_two_if_all_are_convex(convex: bool):
+    robust = RobustTracker(RobustParameters(convex=convex))
+    ids = set()
+    for k in range(70):
+        confirmed = [t for t in robust.update(touching(k), k * TENTH) if t.state == "confirmed"]
+        ids |= {track.id for track in confirmed}
+        if k == 50:
+            boxes = sorted((track.box for track in confirmed), key=lambda box: box[1])
+    assert len(ids) == len(boxes) == 1 + convex
+    if convex:
+        assert boxes[0] == pytest.approx((130, 90, 40, 30), abs=3)
+        assert boxes[1] == pytest.approx((138, 120, 48, 36), abs=3)

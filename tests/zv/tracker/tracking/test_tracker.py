@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ def box(x: float, y: float, width: float = 20, height: float = 40) -> Fragment:
     )
 
 
-def tracker(**changes: float) -> Tracker:
+def tracker(**changes: Any) -> Tracker:
     return Tracker(TrackingParameters(**changes), SIZE)
 
 
@@ -175,3 +177,13 @@ def test_a_bounded_number_of_thousands_of_fragments_is_tracked():
 def test_an_hour_without_objects_gives_no_tracks():
     found = tracker()
     assert all(found.update([], k * SECOND) == [] for k in range(3600))
+
+
+def test_each_fragment_is_an_object_if_all_are_convex():
+    found = tracker(convex=True)
+    for k in range(20):
+        upper, lower = box(50 + 6 * k, 100, 30, 20), box(52 + 6 * k, 121, 30, 20)
+        together = box(51 + 6 * k, 110, 32, 41)
+        tracks = found.update([upper, lower] if k > 3 else [together], k * SECOND // 10)
+    assert [track.state for track in tracks] == ["confirmed"] * 2
+    assert sorted(track.y for track in tracks) == pytest.approx([100, 121], abs=1)
