@@ -42,7 +42,7 @@ class Capture:
     at once. At most ``MAX_ABANDONED`` readers are left behind in a call that does not end.
 
     Attributes:
-        ended: That the source has ended normally, for people; empty before.
+        ended: A text that says that the source has ended normally; empty before.
 
     Raises:
         SourceError: The settings name no source.

@@ -166,7 +166,7 @@ class TransportSettings(LampSettings):
     transport: Annotated[Transport, Field(description="which key"), Live()] = "jpeg"
 
 
-def test_shared_memory_that_this_process_cannot_use_is_refused_whenever_it_is_told(
+def test_shared_memory_that_this_process_cannot_use_is_refused_at_start_and_live(
     node: Node, monkeypatch
 ):
     node.parameters = ParameterStore(TransportSettings())
@@ -184,7 +184,7 @@ def test_shared_memory_that_this_process_cannot_use_is_refused_whenever_it_is_to
         node.frames(transport="shm")
 
 
-def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_whenever_it_is_told(
+def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_at_start_and_live(
     node: Node,
 ):
     node.parameters = ParameterStore(TransportSettings())
