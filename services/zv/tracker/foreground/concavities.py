@@ -15,16 +15,16 @@ region's area."""
 LEAST_MISSING = 0.02
 """A region that lacks a smaller share of its convex hull is one object."""
 
-MOST_LEFT = 0.5
+MAX_LEFT = 0.5
 """The parts together lack at most this share of what the whole lacked of its convex hull."""
 
 LEAST_PART = 0.15
 """Least share of the region's area; what is smaller is noise at the edge of an object."""
 
-LONGEST = 1.6
+LONGEST_CUT = 1.6
 """Longest cut, as a multiple of the root of the smaller part's area."""
 
-MOST_CORNERS, MOST_BEGINNINGS = 128, 8
+MAX_CORNERS, MAX_STARTS = 128, 8
 """Of an outline, and of cuts that are tried in it, so that the time for a region has a bound."""
 
 Outline = NDArray[np.int32]
@@ -53,15 +53,14 @@ def cut_at_concavities(mask: NDArray[np.uint8], min_area: float) -> NDArray[np.u
         if cut is mask:
             cut = mask.copy()
         one, other = (outline[each, 0].tolist() for each in ends)
-        cv2.line(
-            cut, one, other, (0,), lineType=cv2.LINE_4
-        )  # a line of 8 leaves corners that touch
+        # a line of 8-connected pixels leaves corners of the parts that touch
+        cv2.line(cut, one, other, (0,), lineType=cv2.LINE_4)
         outlines += _parts(outline, *ends)
     return cut
 
 
 def _thinned(outline: Outline) -> Outline:
-    return np.ascontiguousarray(outline[:: -(-len(outline) // MOST_CORNERS)])
+    return np.ascontiguousarray(outline[:: -(-len(outline) // MAX_CORNERS)])
 
 
 def _best_cut(outline: Outline, min_area: float) -> tuple[int, int] | None:
@@ -72,20 +71,20 @@ def _best_cut(outline: Outline, min_area: float) -> tuple[int, int] | None:
     missing = _missing(outline)
     if missing < LEAST_MISSING * area:
         return None
-    best, fewest = None, MOST_LEFT * missing
+    best, fewest = None, MAX_LEFT * missing
     least = max(min_area, LEAST_PART * area)
-    beginnings = _concavities(outline, max(LEAST_DEPTH, LEAST_DEPTH_SHARE * math.sqrt(area)))
-    for begin in beginnings:
-        lengths = np.hypot(*(outline[:, 0] - outline[begin, 0]).T)
-        near = set(np.flatnonzero(lengths <= LONGEST * math.sqrt(area / 2))[::2].tolist())
-        for end in near.union(beginnings) - {begin}:
-            parts = _parts(outline, *sorted((begin, end)))
+    starts = _concavities(outline, max(LEAST_DEPTH, LEAST_DEPTH_SHARE * math.sqrt(area)))
+    for start in starts:
+        lengths = np.hypot(*(outline[:, 0] - outline[start, 0]).T)
+        near = set(np.flatnonzero(lengths <= LONGEST_CUT * math.sqrt(area / 2))[::2].tolist())
+        for end in near.union(starts) - {start}:
+            parts = _parts(outline, *sorted((start, end)))
             smaller = min(map(cv2.contourArea, parts))
-            if smaller < least or lengths[end] > LONGEST * math.sqrt(smaller):
+            if smaller < least or lengths[end] > LONGEST_CUT * math.sqrt(smaller):
                 continue
             left = sum(map(_missing, parts))
             if left < fewest:
-                best, fewest = (min(begin, end), max(begin, end)), left
+                best, fewest = (min(start, end), max(start, end)), left
     return best
 
 
@@ -96,7 +95,7 @@ def _concavities(outline: Outline, least: float) -> list[int]:
     if defects is None:
         return []
     found = [(depth, at) for _, _, at, depth in defects.reshape(-1, 4).tolist()]
-    deepest = sorted(found, reverse=True)[:MOST_BEGINNINGS]
+    deepest = sorted(found, reverse=True)[:MAX_STARTS]
     return [int(at) for depth, at in deepest if depth >= least * 256]
 
 

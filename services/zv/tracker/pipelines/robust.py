@@ -37,7 +37,7 @@ class RobustParameters:
     scale: int = 0  # n, to process frames at 1/n of their size; 0: working_scale
     min_area: float = 160.0  # foreground of an object, square full-resolution pixels
     max_area: float = math.inf  # regions above it are ignored, square full-resolution pixels
-    convex: bool = False  # all objects are: regions that are not are several that touch
+    convex: bool = False  # all objects are convex: a region that is not is several that touch
 
 
 def working_scale(width: int, height: int) -> int:
