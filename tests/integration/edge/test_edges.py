@@ -176,5 +176,5 @@ def test_a_region_outside_of_the_frame_is_counted_until_it_is_inside(client, cam
 def test_contradictory_values_are_refused_with_the_reason(client):
     assert "above" in refusal(client, low=200.0)["error"]
     assert "aperture" in refusal(client, aperture=4)["error"]
-    assert "too little" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["error"]
+    assert "too small" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["error"]
     assert "at least 0.5" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["allowed"]

@@ -25,7 +25,8 @@ def test_a_frame_with_all_steps_needs_no_more_memory_than_stated(detector: str):
         cv2.resize(coarse, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST), np.uint8
     )
     settings = EdgeSettings.model_validate({"detector": detector})
-    stated = re.search(r"(\d+) bytes a pixel", EdgeSettings.model_fields["max_pixels"].description)
+    description = EdgeSettings.model_fields["max_pixels"].description
+    stated = re.search(r"(\d+) bytes of memory per pixel", description)
     assert stated
     tracemalloc.start()  # OpenCV's results are NumPy's memory, which it follows
     try:

@@ -120,7 +120,7 @@ class Paths:
             if np.isfinite(places).all():
                 found = _on_plane(times_s, places, at_s, view, last, path.center - last)
                 if found is not None:
-                    return found
+                    return _with_perspective(found, path, view)
         flat = forecast(times_s, path.center + moved, at_s, np.full(2, NOISE_PX))
         (x, y), (vx, vy) = flat.position.tolist(), flat.velocity.tolist()
         return Predicted(x, y, vx, vy, _two(flat.sigma))
@@ -153,6 +153,24 @@ def _on_plane(
         pair(there.velocity),
         pair(there.sigma),
     )
+
+
+def _with_perspective(found: Predicted, path: Path, view: PlaneView) -> Predicted:
+    """Return a prediction whose deviation on the plane includes that of the centre of the box.
+
+    Perspective shows the nearer half of a flat object larger. So the centre of its box is off the
+    centre of the object, by up to the difference between the place of that centre and the mean
+    place of the edges of the box.
+    """
+    if found.world_sigma is None or not np.array_equal(path.anchor, path.center):
+        return found
+    _, _, width, height = path.track.box
+    to_edges = np.array([(0, 0), (width, 0), (-width, 0), (0, height), (0, -height)]) / 2
+    center, *edges = view.positions(path.center - HALF_PIXEL + to_edges)
+    off = np.sum(edges, axis=0) / 2 - 2 * center
+    if not np.isfinite(off).all():
+        return found
+    return replace(found, world_sigma=_two(np.hypot(found.world_sigma, off)))
 
 
 def _two(numbers: Floats) -> Point:
