@@ -9,19 +9,21 @@ from __future__ import annotations
 from collections import deque
 
 WINDOW_NS = 60 * 10**9
-BUCKET_NS = 10**9
+STEP_NS = 10**9
+"""A frame within this time after a faster one is left out, so that few are kept."""
 
 
 class StalenessGauge:
     """The least ``now - stamp`` of the last minute, ``now`` being monotonic; not locked."""
 
     def __init__(self) -> None:
-        self._minima: deque[tuple[int, int]] = deque()  # time, least offset; both ns
+        # Time and offset, ns: the least first, and each the least of those that came after it.
+        self._minima: deque[tuple[int, int]] = deque()
 
     @property
     def offset_ns(self) -> int | None:
         """The least delay plus the difference of the clocks, ns; None if unknown."""
-        return min((offset for _, offset in self._minima), default=None)
+        return self._minima[0][1] if self._minima else None
 
     def lateness_ns(self, stamp_ns: int, now_ns: int) -> int:
         """Return how much later a frame is than the best of the last minute; 0 for the first."""
@@ -33,10 +35,9 @@ class StalenessGauge:
     def note(self, stamp_ns: int, now_ns: int) -> None:
         """Add a frame."""
         offset = now_ns - stamp_ns
-        if self._minima and now_ns - self._minima[-1][0] < BUCKET_NS:
-            begun, best = self._minima[-1]
-            self._minima[-1] = (begun, min(best, offset))
-        else:
+        while self._minima and self._minima[-1][1] > offset:
+            self._minima.pop()
+        if not self._minima or now_ns - self._minima[-1][0] >= STEP_NS:
             self._minima.append((now_ns, offset))
 
     def restart(self) -> None:

@@ -12,9 +12,16 @@ from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES, RAW_LIMIT, Sample, 
 from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.session import direct
 
+DELETE = zenoh.SampleKind.DELETE
 
-def sample_of(sample: zenoh.Sample, limit: SizeLimit = RAW_LIMIT) -> Sample:
+
+def sample_of(sample: zenoh.Sample, limit: SizeLimit = RAW_LIMIT, key: str | None = None) -> Sample:
     """Return a copy of a sample of Zenoh's, with the current time as its time of arrival.
+
+    Args:
+        sample: As it arrived.
+        limit: Of the size of its payload.
+        key: Its key, if that is known.
 
     Raises:
         PayloadError: The limit's reason for a payload over it, or ``bad_header`` for an attachment
@@ -25,11 +32,11 @@ def sample_of(sample: zenoh.Sample, limit: SizeLimit = RAW_LIMIT) -> Sample:
     if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
         raise PayloadError("bad_header", f"an attachment of {len(attachment)} bytes")
     return Sample(
-        key=str(sample.key_expr),
+        key=key or str(sample.key_expr),
         payload=payload.to_bytes(),
         encoding=str(sample.encoding),
         attachment=None if attachment is None else attachment.to_bytes(),
-        deleted=sample.kind == zenoh.SampleKind.DELETE,
+        deleted=sample.kind == DELETE,
     )
 
 
@@ -38,10 +45,11 @@ def subscribe(
 ) -> Declaration[zenoh.Subscriber[None]]:
     """Pass the samples on a key, by default the intake's, to the intake until ``undeclare()``."""
     expression = key or intake.key
+    only_key = None if "*" in expression else expression
 
     def on_sample(arrived: zenoh.Sample) -> None:
         try:
-            sample = sample_of(arrived, intake.limit_of(expression))
+            sample = sample_of(arrived, intake.limit_of(expression), only_key)
         except PayloadError as error:
             intake.reject(error)
         else:

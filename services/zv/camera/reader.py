@@ -158,11 +158,13 @@ class SourceReader:
         return self._read_with.settings
 
     def _read(self, source: Source) -> None:
+        # Asked once, since it costs as much as all else that is done here for a picture.
+        due_s = source.next_due_s if isinstance(source, KnowsNextDue) else None
         while not self.timer.stopped:
             self.timer.rest()
             self.timer.blocked_since_s = time.monotonic()
             self._current_settings()
-            if isinstance(source, KnowsNextDue) and not self.timer.wait_until(source.next_due_s):
+            if due_s is not None and not self.timer.wait_until(due_s):
                 return
             picture = source.read()
             self.timer.blocked_since_s = None

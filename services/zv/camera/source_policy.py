@@ -95,6 +95,8 @@ def same_picture(kind: Kind, one: CameraSettings, other: CameraSettings) -> bool
 
 def same_source(kind: Kind, one: CameraSettings, other: CameraSettings) -> bool:
     """Tell whether a source is opened in the same way with either settings."""
+    if one is other:
+        return True
     if kind == "synthetic":
         return (*one.size, one.seed) == (*other.size, other.seed)
     fixed = ("width", "height", "fourcc") if kind == "device" else ()
