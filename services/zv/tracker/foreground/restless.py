@@ -50,6 +50,11 @@ class RestlessPixels:
         self._owed = 0.0  # of what seconds take away, the part below one
         self._places: NDArray[np.intp] = np.zeros(0, np.intp)
 
+    @property
+    def changes(self) -> Image | None:
+        """The count of changes of each pixel, (height, width) uint8; None before two pictures."""
+        return self._counts if self._counts.size else None
+
     def leave_out(self, picture: Image, limits: Image, marked: Image) -> None:
         """Take away the marks of restless pixels that have one of their usual colours.
 

@@ -124,7 +124,8 @@ class RobustTracker:
         least = LEAST_PART * self.parameters.min_area / scale_area
         self._fragments = fragments_of(mask, least, self.parameters.max_area / scale_area)
         self.mask = mask
-        self.tracks = self._tracker.update(self._fragments, stamp_ns, Scene(picture, mask))
+        scene = Scene(picture, mask, self._detector.changes)
+        self.tracks = self._tracker.update(self._fragments, stamp_ns, scene)
         self._choose_main()
         return self.tracks
 
