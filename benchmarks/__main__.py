@@ -109,8 +109,8 @@ def measure_tracker(options: argparse.Namespace) -> None:
     if found(VIDEO):
         show("tracker, 768x576, CPU with decode", tracker.cpu_beside_tutorial(2 * options.seconds))
     name = f"{tracker.CAMERAS} cameras of {tracker.WIDTH}x{tracker.HEIGHT}, a tracker each"
-    for pipeline in ("tutorial", "robust"):
-        show(name, tracker.large_cameras(options.seconds, pipeline))
+    for pipeline, edges_too in (("tutorial", False), ("robust", False), ("robust", True)):
+        show(name, tracker.large_cameras(options.seconds, pipeline, edges=edges_too))
 
 
 def measure_peers(options: argparse.Namespace) -> None:

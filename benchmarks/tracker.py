@@ -1,4 +1,4 @@
-"""Measures the tracker's pipelines: CPU of robust beside the tutorial, and four large cameras."""
+"""Measures the CPU time of the tracker's pipelines, and the rate with four large cameras."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ WIDTH, HEIGHT, CAMERA_RATE_HZ = 1920, 1080, 30.0
 
 
 def cpu_beside_tutorial(seconds: float) -> dict[str, Any]:
-    """CPU of both pipelines on the same JPEGs of 768x576, frame by frame in turns, decode included.
+    """Return the CPU time of both pipelines on the same JPEGs of 768x576, decoding included.
 
-    OpenCV has one thread (``benchmarks.__main__``), so that the thread's time is all. Freed memory
-    is kept, as ``zv tracker`` does.
+    They take each frame in turn. OpenCV uses one thread (``benchmarks.__main__``), so the thread's
+    time is the whole CPU time. Freed memory is kept, as ``zv tracker`` does.
     """
     from zv.tracker.pipelines.robust import RobustTracker, working_scale
 
@@ -68,8 +68,16 @@ def cpu_beside_tutorial(seconds: float) -> dict[str, Any]:
     }
 
 
-def large_cameras(seconds: float, pipeline: str = "robust") -> dict[str, Any]:
-    """Four cameras of 1920x1080 at 30 Hz with a tracker each: the rate that each tracker keeps."""
+def large_cameras(
+    seconds: float, pipeline: str = "robust", *, edges: bool = False
+) -> dict[str, Any]:
+    """Return the rate of each of four trackers, each with a camera of 1920x1080 at 30 Hz.
+
+    Args:
+        seconds: Duration.
+        pipeline: Of the trackers.
+        edges: Whether each camera has an edge detector too, whose edges nobody subscribes to.
+    """
     names = [f"c{index}" for index in range(CAMERAS)]
     counts = dict.fromkeys(names, 0)
     latest: dict[str, Diagnostics] = {}
@@ -78,6 +86,8 @@ def large_cameras(seconds: float, pipeline: str = "robust") -> dict[str, Any]:
             camera = ("-m", "benchmarks.camera", f"{WIDTH}", f"{HEIGHT}", f"{CAMERA_RATE_HZ}")
             system.start(f"camera_{name}", *camera, system.endpoint, name)
             system.service(f"tracker_{name}", "tracker", "--camera", name, "--pipeline", pipeline)
+            if edges:
+                system.service(f"edge_{name}", "edge", "--camera", name)
         session = system.session()
 
         def on_centroid(sample: Any) -> None:
@@ -106,6 +116,7 @@ def large_cameras(seconds: float, pipeline: str = "robust") -> dict[str, Any]:
         session.close()
     return {
         "pipeline": pipeline,
+        "edges": edges,
         "hz": [round(rate, 1) for rate in rates],
         "slowest_hz": round(min(rates), 1),
         "cores_used": round(sum(cpu.values()) / elapsed_s, 2),
@@ -113,7 +124,7 @@ def large_cameras(seconds: float, pipeline: str = "robust") -> dict[str, Any]:
             kind: round(
                 sum(used for name, used in cpu.items() if name.startswith(kind)) / elapsed_s, 2
             )
-            for kind in ("router", "camera", "tracker")
+            for kind in ("router", "camera", "tracker", "edge")
         },
         "dropped": dropped(before, latest),
     }

@@ -1,4 +1,4 @@
-"""Finds the evaluation material, which is not part of the project."""
+"""Finds the evaluation data, which is not part of the project."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ ROOT = Path(__file__).parents[2]
 
 
 def data_folder() -> Path:
-    """Return the folder of the material: ``$ZV_TEST_DATA``, else ``../shared/data``."""
+    """Return the folder of the data: ``$ZV_TEST_DATA``, else ``../shared/data``."""
     return Path(os.environ.get("ZV_TEST_DATA") or ROOT.parent / "shared" / "data")
 
 
 def found(*names: str) -> list[Path] | None:
-    """Return the paths of files of the material; None, after saying which miss, if not all exist.
+    """Return the paths of data files; if any is missing, print which ones and return None.
 
     The measurement goes on without what depends on them.
     """

@@ -32,8 +32,8 @@ PNG. ``raw``: that of the raw pixels. ``shm``: shared memory. ``auto``: shared m
 consumer have it in common, else the compressed frames if they flow, else the raw ones."""
 
 TRANSPORT_VARIABLE: Final = "ZV_TRANSPORT"
-"""Environment variable: the transport of every consumer that is told none, and whether a camera
-offers shared memory: with ``auto`` and ``shm``."""
+"""Environment variable: the transport of every consumer without a setting of its own. A camera
+offers shared memory if it is ``auto`` or ``shm``."""
 
 
 def msgpack_of(schema_name: str) -> str:

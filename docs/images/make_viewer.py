@@ -37,12 +37,16 @@ LINE = "gate 230,250 230,470"
 LEVELS = 64
 """Of each colour: the textures of the room make a picture of 256 too large for a README."""
 
+SETTLED_FRAME = 10 * RATE_HZ
+"""The page is opened at this frame: while five programs start, a small machine may lose some."""
+
 SHOWN_FRAME = 14 * RATE_HZ
 LEAST_TRACKS = 3
 LIVE = f"""() => document.querySelectorAll(".pane[data-step=true][data-live=true]").length === 2
     && document.querySelector("canvas.picture").dataset.overlay === "joined"
     && Number(document.querySelector("canvas.picture").dataset.seq) >= {SHOWN_FRAME}
     && !Number(document.getElementById("health-count").textContent)
+    && document.getElementById("figure-lost").textContent === "0"
     && Number.parseFloat(document.getElementById("figure-rate").textContent) > {0.9 * RATE_HZ}"""
 """The frame is there, and the machine is quiet: figures of a busy one would misinform."""
 
@@ -66,17 +70,19 @@ def main() -> None:
         address = viewer.stdout.readline().decode().strip()
         browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
         page = browser.new_page(viewport=SIZE, color_scheme="dark")
-        page.goto(f"{address}#{IMAGE}+{EDGES}")
-        _keep(page, endpoint)
+        _keep(page, f"{address}#{IMAGE}+{EDGES}", endpoint)
         browser.close()
 
 
-def _keep(page: Page, endpoint: str) -> None:
-    page.keyboard.press("e")
+def _keep(page: Page, address: str, endpoint: str) -> None:
     config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
     states: list[str] = []
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         newest = session.declare_subscriber("vision/front/tracks", RingChannel(1))
+        while msgpack.unpackb(newest.recv().payload.to_bytes())["header"]["seq"] < SETTLED_FRAME:
+            pass
+        page.goto(address)
+        page.keyboard.press("e")
         while len(states) < LEAST_TRACKS or set(states) != {"confirmed"}:
             page.wait_for_function(LIVE, timeout=120_000)
             tracks = msgpack.unpackb(newest.recv().payload.to_bytes())["tracks"]

@@ -71,8 +71,8 @@ def test_the_table_of_localisation_is_what_is_measured(name: str):
 
 def test_the_brightness_of_a_magnitude_is_as_described():
     shown = as_gray(np.array([[100, 400]], np.float32), Canny().full_scale)
-    assert re.search(r"100 is (\d+) and 400 is (\d+)", TEXT)[0] == (
-        f"100 is {shown[0, 0]} and 400 is {shown[0, 1]}"
+    assert re.search(r"100 is shown as (\d+) and 400 as (\d+)", TEXT)[0] == (
+        f"100 is shown as {shown[0, 0]} and 400 as {shown[0, 1]}"
     )
 
 

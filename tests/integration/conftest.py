@@ -98,7 +98,7 @@ def service(router: Router, tmp_path: Path) -> Iterator[Service]:
 
 @pytest.fixture
 def quick_service(router: Router, tmp_path: Path) -> Iterator[Service]:
-    """As ``service``; but what they count is told ten times a second."""
+    """As ``service``, but their counters are published ten times a second."""
     with some_services(router.endpoint, tmp_path, QUICK_ZV) as start:
         yield start
 

@@ -1,1 +1,1 @@
-"""Measures edge detectors against what people draw, how steady they are, and how fast."""
+"""Measures edge detectors: scores against boundaries drawn by people, flicker, and speed."""

@@ -28,7 +28,7 @@ BARE: dict[str, Callable[[], Detector]] = {
     "cv2.Canny": partial(Canny, sigma=0.0),
     "cv2.Canny, blur 2": partial(Canny, sigma=2.0),
 }
-"""What a program without this project calls; the strength before its thresholds is scored."""
+"""The bare calls of OpenCV for comparison; the strength before their thresholds is scored."""
 
 CHOICES: dict[str, Callable[[], Detector]] = {**BARE, **DETECTORS}
 TIMED_SIZE = (640, 480)
@@ -44,7 +44,7 @@ def strengths_of(detector: Detector, folder: Path, names: Sequence[str]) -> list
 
 
 def thresholds_by_density(detector: Detector, folder: Path) -> list[float]:
-    """Return the strengths from which on 0, 1, ... 10 percent of the training pixels are edges."""
+    """Return the thresholds at which 0, 1, ... 10 percent of the training pixels are edges."""
     strengths = strengths_of(detector, folder, images.image_names(folder, held_back=False))
     pixels = sum(each.size for each in strengths)
     falling = np.sort(np.concatenate([each[each > 0] for each in strengths]))[::-1]

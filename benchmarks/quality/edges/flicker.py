@@ -18,7 +18,7 @@ MOVED = 10  # grey levels between two frames after smoothing
 
 
 def in_its_form(detector: Detector, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a BGR picture as the detector wants it."""
+    """Return a BGR picture in the form that the detector needs."""
     if detector.wants == "bgr":
         return picture
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
@@ -57,7 +57,7 @@ def still_pixels(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArray
 
 
 def flicker(detector: Detector, frames: Iterable[NDArray[np.uint8]]) -> tuple[float, float]:
-    """Return the share of edges that the next frame has not, and the density of edges.
+    """Return the share of edges that are missing in the next frame, and the density of edges.
 
     An edge pixel persists if the next frame has one within a pixel, diagonals included. Only
     pixels where nothing moves count.

@@ -21,7 +21,7 @@ HELD_BACK = 40
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """An image and what people drew in it.
+    """An image and the boundaries that people drew in it.
 
     Args:
         name: The file's name without suffix.

@@ -11,8 +11,8 @@ Map = NDArray[np.bool_]
 """(height, width)."""
 
 UNMATCHED = 100.0
-"""What a pixel without a partner costs, in units of the reach, as in Berkeley's program: so much
-that as many pixels as possible are matched, and of such matchings the nearest pixels."""
+"""Cost of an unmatched pixel, in units of the reach, as in Berkeley's program: so high that as many
+pixels as possible are matched, and among such matchings the nearest ones."""
 
 
 def match(found: Map, drawn: Map, reach: float) -> tuple[Map, int]:
@@ -43,7 +43,7 @@ def match(found: Map, drawn: Map, reach: float) -> tuple[Map, int]:
     matched = np.zeros_like(found)
     if y.size == 0:
         return matched, 0
-    # A column of its own for each pixel stands for no partner. A cost of 0 would be no entry.
+    # A separate column for each pixel stands for no match. A cost of 0 would be no entry.
     alone = rows.size + np.arange(y.size)
     partners = np.column_stack([partners, alone])
     costs = np.broadcast_to([*(distance + 1e-3), UNMATCHED * reach], partners.shape)

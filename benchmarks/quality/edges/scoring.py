@@ -1,4 +1,4 @@
-"""Scores thinned strengths of edges against what people drew: ODS, OIS and AP.
+"""Scores thinned strengths of edges against boundaries drawn by people: ODS, OIS and AP.
 
 As Berkeley's ``collect_eval_bdry``: the map above a threshold is thinned
 and matched one to one with the lines of each person, at most 0.0075 of the diagonal apart. A found
@@ -31,7 +31,7 @@ Counts = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """How well strengths tell boundaries; ``threshold`` is that of ``ods``."""
+    """The scores of a detector; ``threshold`` is that of ``ods``."""
 
     ods: float
     ois: float
@@ -54,7 +54,7 @@ def count(
     boundaries: Sequence[NDArray[np.bool_]],
     thresholds: NDArray[np.float32],
 ) -> Counts:
-    """Match one image's map at each threshold with what each person drew."""
+    """Match one image's map at each threshold with each person's boundaries."""
     counts = np.zeros((len(thresholds), 4))
     reach = REACH * float(np.hypot(*strength.shape))
     for row, threshold in zip(counts, thresholds, strict=True):
@@ -80,7 +80,7 @@ def curve(counts: Counts) -> tuple[Counts, Counts]:
 
 
 def finer(values: Counts) -> Counts:
-    """Return values with 20 steps between neighbours, for the curve between two thresholds."""
+    """Interpolate 20 steps between neighbouring values, for the curve between two thresholds."""
     places = np.arange(len(values))
     steps = np.linspace(0, len(values) - 1, 20 * (len(values) - 1) + 1)
     return np.interp(steps, places, values)

@@ -55,7 +55,7 @@ def convolution(inputs: int, outputs: int, *, stride: int = 1, dilation: int = 1
 
 
 class Residual(nn.Sequential):
-    """Convolutions of equal size, one for each dilation, each added to what it gets."""
+    """Residual convolutions of equal size, one for each dilation."""
 
     def __init__(self, channels: int, *dilations: int) -> None:
         super().__init__(*(convolution(channels, channels, dilation=each) for each in dilations))

@@ -18,7 +18,7 @@ FARTHEST_MM = 30.0
 
 @dataclass(frozen=True)
 class Crossing:
-    """One passage of the line X = ``LINE_MM``: when, in the belt's time, and at which Y."""
+    """One crossing of the line X = ``LINE_MM``: the belt's time, and Y."""
 
     time_s: float
     y_mm: float
@@ -29,12 +29,12 @@ class Counts:
     """How often the objects of a belt were counted.
 
     Attributes:
-        objects: That crossed in truth.
-        once: Those with exactly one crossing found.
-        missed: Those with none.
-        extra: Crossings that belong to no object, or to one that was counted already.
-        in_pairs: Objects that touch another.
-        pairs_once: Those of them with exactly one crossing.
+        objects: Number of objects that crossed the line.
+        once: Number of objects with exactly one crossing found.
+        missed: Number of objects without a crossing found.
+        extra: Number of crossings of no object, or of one that was already counted.
+        in_pairs: Number of objects that touch another one.
+        pairs_once: Number of these with exactly one crossing found.
         error_ms: Median difference between found and true time.
     """
 
@@ -76,10 +76,10 @@ def border_boxes(belt: Belt, time_s: float, whole: Mapping[int, Box]) -> list[Bo
 def crossings_of(
     belt: Belt, centres: Mapping[int, Sequence[tuple[float, float, float]]]
 ) -> list[Crossing]:
-    """Return where tracks pass the line in the direction of the belt.
+    """Return the crossings of the line by tracks in the direction of the belt.
 
     Args:
-        belt: Whose plane and lens relate pixels to millimetres.
+        belt: The belt; its plane and lens map pixels to millimetres.
         centres: Time in s, x and y in pixels of each track in the frames in which it is confirmed.
     """
     found = []
@@ -97,10 +97,10 @@ def crossings_of(
 
 
 def counts(belt: Belt, found: Sequence[Crossing]) -> Counts:
-    """Return how often each object was counted: crossings go to the nearest object in time and Y.
+    """Assign crossings to objects, by the least distance in time and Y, and count them.
 
-    A crossing belongs to an object if it is at most ``LATEST_S`` and ``FARTHEST_MM`` off; of two
-    that do, only one is assigned, the other is extra.
+    A crossing may belong to an object if it is at most ``LATEST_S`` and ``FARTHEST_MM`` off. Of two
+    such crossings, one is assigned and the other is extra.
     """
     truth = [Crossing(belt.crossing_s(one.id, LINE_MM), one.y_mm) for one in belt.objects]
     apart_s = np.array([[abs(a.time_s - b.time_s) for b in found] for a in truth])

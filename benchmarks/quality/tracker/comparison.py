@@ -15,7 +15,7 @@ METHODS = ("tutorial", "SORT", "ByteTrack", "robust")
 
 @dataclass
 class Found:
-    """What one method says of one frame: boxes by id to be drawn, and the centroid's box."""
+    """The result of one method in one frame: boxes by id, and the centroid's box."""
 
     boxes: dict[int, Box]
     centroid: Box | None
@@ -23,7 +23,7 @@ class Found:
 
 @dataclass
 class Result:
-    """What all methods found in one frame, and what the robust one knows beyond that."""
+    """The results of all methods in one frame, and the tracks and detections of ``robust``."""
 
     found: dict[str, Found]
     tracks: list[Track]
@@ -35,7 +35,8 @@ class Comparison:
     """Scores of each method in one sequence.
 
     SORT and ByteTrack get the boxes that the robust pipeline finds before it tracks, in the same
-    run, so that only the tracking differs. The tutorial's chain has no ids: it has only a fit.
+    run, so that only the tracking differs. The tutorial's pipeline has no ids, so it is scored by
+    its fit alone.
     """
 
     scorers: dict[str, Scorer] = field(default_factory=lambda: {name: Scorer() for name in METHODS})
@@ -43,19 +44,24 @@ class Comparison:
 
 
 def compare(
-    shots: Shots, each: Callable[[Shot, Result], None] | None = None, tutorial: bool = True
+    shots: Shots,
+    each: Callable[[Shot, Result], None] | None = None,
+    tutorial: bool = True,
+    convex: bool = False,
 ) -> Comparison:
     """Return the scores of all methods in a sequence.
 
     Args:
-        shots: The sequence; gone through once.
-        each: Called with each frame and what was found in it.
-        tutorial: Whether to run the tutorial's chain, the slowest.
+        shots: The sequence; it is iterated once.
+        each: Called with each frame and its results.
+        tutorial: Whether to run the tutorial's pipeline, the slowest.
+        convex: Whether regions are cut where convex objects touch.
     """
-    from zv.tracker.pipelines.robust import RobustTracker
+    from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
 
     comparison = Comparison()
-    robust, chain, sort, bytetrack = RobustTracker(), Tutorial(), Sort(), ByteTrack()
+    robust = RobustTracker(RobustParameters(convex=convex))
+    chain, sort, bytetrack = Tutorial(), Sort(), ByteTrack()
     for shot in shots():
         tracks = robust.update(shot.bgr, shot.stamp_ns)
         detections = [

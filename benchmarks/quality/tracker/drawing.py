@@ -24,7 +24,7 @@ def colour(identity: int) -> tuple[int, int, int]:
 
 
 def drawn(shot: Shot, result: Result) -> NDArray[np.uint8]:
-    """Return a frame, twice as large, with what is there and what was found.
+    """Return a frame, enlarged twice, with the true and the found boxes.
 
     White: truth with its id below; red if nothing fits it. In colour, with the id above: confirmed
     tracks, thick if it is the centroid. Grey: tentative (t) and lost (l) ones. Black: detections.

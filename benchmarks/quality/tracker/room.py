@@ -13,12 +13,12 @@ from zv.camera.synthetic.scene import Scene
 
 @dataclass(frozen=True)
 class Room:
-    """The scene with its defaults; the truth are the boxes of what is visible of each object.
+    """The scene with its defaults; the truth is the box of each object's visible part.
 
     Attributes:
-        name: For the table.
-        duration_s: From the empty room on.
-        seed: Of the scene.
+        name: Name in the table.
+        duration_s: Duration, beginning with the empty room.
+        seed: Seed of the scene.
     """
 
     name: str = "room, objects that meet"

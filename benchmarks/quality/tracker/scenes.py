@@ -26,8 +26,8 @@ class Actor:
     """An object that is in the scene from its first to its last waypoint.
 
     Attributes:
-        id: In the truth; the same when it comes again.
-        visits: Waypoints of each time that it is there.
+        id: Id in the truth; the same for all visits.
+        visits: The waypoints of each visit.
         size: Width and height, pixels.
         colours: BGR of its upper and lower half.
         shadow: x and y of the shadow's tip from the foot, pixels, or None.
@@ -40,7 +40,7 @@ class Actor:
     shadow: tuple[int, int] | None = None
 
     def foot(self, time_s: float) -> tuple[float, float] | None:
-        """Return x and y of its foot, or None while it is not there."""
+        """Return x and y of its foot, or None between its visits."""
         for visit in self.visits:
             times = [point[0] for point in visit]
             if times[0] <= time_s <= times[-1]:
@@ -63,13 +63,13 @@ class Scene:
     """Actors in a scene, nearer ones (with a lower foot) before others.
 
     Attributes:
-        name: For the table.
-        duration_s: The actors' times are within it.
-        actors: In any order.
+        name: Name in the table.
+        duration_s: Duration; the actors' times are within it.
+        actors: The actors, in any order.
         light: Gain of the whole picture at a time.
-        noise: Standard deviation of the sensor's, grey levels.
-        pillar: x, y, width, height of something that hides all actors, or None.
-        seed: Of the textures.
+        noise: Standard deviation of the sensor's noise, grey levels.
+        pillar: x, y, width, height of a pillar that hides all actors, or None.
+        seed: Seed of the textures.
     """
 
     name: str

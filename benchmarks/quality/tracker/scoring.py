@@ -35,7 +35,7 @@ def overlaps(one: Sequence[Box], other: Sequence[Box]) -> NDArray[np.float64]:
 def without_ignored(
     found: Mapping[int, Box], truth: Sequence[Box], ignored: Sequence[Box]
 ) -> dict[int, Box]:
-    """Return what was found without those that fit an ignored one best."""
+    """Return the found boxes except those whose best match is an ignored box."""
     kept = {}
     for identity, box in found.items():
         to_ignored = overlaps([box], ignored).max(initial=0.0)
@@ -54,9 +54,9 @@ class Score:
     misses: int
     false_boxes: int
     boxes: int
-    """In the truth."""
+    """Number of boxes in the truth."""
     fit: float
-    """Share of the frames with objects whose centroid's box has an IoU of 0.5 with one."""
+    """Share of the frames with objects in which the centroid's box has an IoU of 0.5 with one."""
     frames: int
 
 
@@ -76,7 +76,7 @@ class Scorer:
         found: Mapping[int, Box],
         centroid: Box | None,
     ) -> None:
-        """Take the result of a frame."""
+        """Add the result of a frame."""
         boxes = list(truth.values())
         self.history.append((index, dict(truth), without_ignored(found, boxes, ignored)))
         if boxes:
@@ -99,7 +99,7 @@ class Scorer:
         )
 
     def errors(self) -> list[tuple[int, str, int | None, int | None]]:
-        """Return picture, SWITCH or MISS or FP, id in the truth, id found, of each error."""
+        """Return the errors: picture, SWITCH or MISS or FP, id in the truth, id found."""
         events = self._events(0, None).events
         rows = []
         for (index, _), row in events.iterrows():

@@ -39,7 +39,7 @@ class Shot:
 
 
 Shots = Callable[[], Iterator[Shot]]
-"""A sequence that can be gone through several times, drawn or decoded each time."""
+"""A sequence that can be iterated several times; it is drawn or decoded each time."""
 
 
 def read_mot(path: Path) -> dict[int, dict[int, Box]]:
@@ -71,7 +71,7 @@ def read_mot(path: Path) -> dict[int, dict[int, Box]]:
 
 
 def video(path: Path, truth: dict[int, dict[int, Box]], rate_hz: float = VTEST_RATE_HZ) -> Shots:
-    """Return the pictures of a video as far as there is truth."""
+    """Return the pictures of a video up to the last one with truth."""
 
     def shots() -> Iterator[Shot]:
         opened = cv2.VideoCapture(str(path))

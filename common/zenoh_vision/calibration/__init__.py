@@ -1,10 +1,10 @@
-"""Camera calibration: from pixels to the world on a plane. Imports neither Zenoh nor settings.
+"""Camera calibration: maps pixels to a plane in the world. Imports neither Zenoh nor settings.
 
 - ``camera_model``: the lens; removes its distortion from points.
-- ``plane``: the homography from undistorted pixels to a plane in the world, and how it is found.
-- ``plane_view``: both together: positions, velocities and their uncertainty.
+- ``plane``: the homography from undistorted pixels to a plane in the world, and its estimation.
+- ``plane_view``: lens and homography together: positions, velocities and their covariance.
 - ``calibration``: the calibration of one camera, and its message ``CameraInfo``.
-- ``ros_yaml``: its file, which ROS' camera_info_manager reads and writes too.
+- ``ros_yaml``: the calibration file, in the format of ROS' camera_info_manager.
 
-Pixels are full-resolution ones; (0, 0) is the centre of the top left pixel, as in OpenCV.
+Coordinates are full-resolution pixels; (0, 0) is the centre of the top left pixel, as in OpenCV.
 """

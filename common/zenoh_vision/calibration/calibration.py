@@ -1,4 +1,4 @@
-"""The calibration of one camera: its lens and the plane that it looks at."""
+"""The calibration of one camera: its lens, and the plane in the world that it shows."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Calibration:
 
     Args:
         camera: The lens, for the size of picture at which it was calibrated.
-        name: Of the camera.
-        r: The rectification matrix by rows; only stereo cameras have another than the identity.
-        p: The projection matrix by rows; empty for the camera matrix with a column of zeros.
-        plane: From undistorted pixels to the world; None without one.
+        name: Name of the camera.
+        r: The rectification matrix, row by row; the identity except for stereo cameras.
+        p: The projection matrix, row by row; empty for the camera matrix with a column of zeros.
+        plane: Homography from undistorted pixels to the world; None without one.
 
     Raises:
-        CalibrationFault: A value is not possible.
+        CalibrationFault: A value is invalid.
     """
 
     camera: CameraModel
@@ -54,10 +54,10 @@ class Calibration:
         return None if self.plane is None else PlaneView(self.camera, self.plane)
 
     def scaled(self, width: int, height: int) -> Calibration:
-        """Return the calibration of the same picture at another size of the same shape.
+        """Return the calibration of the same picture at another size with the same aspect ratio.
 
         Raises:
-            CalibrationFault: The other size has another shape.
+            CalibrationFault: The other size has another aspect ratio.
         """
         camera = self.camera.scaled(width, height)
         if camera is self.camera:
@@ -100,7 +100,7 @@ class Calibration:
         return replace(self, camera=camera, r=r, p=tuple(p), plane=plane)
 
     def message(self, header: Header) -> CameraInfo:
-        """Return the calibration as the message of a frame."""
+        """Return the calibration as a ``CameraInfo`` message with the header of a frame."""
         return CameraInfo(
             header=header,
             width=self.camera.width,
@@ -115,10 +115,10 @@ class Calibration:
 
     @classmethod
     def of_message(cls, message: CameraInfo) -> Calibration:
-        """Return the calibration that a message carries.
+        """Return the calibration that a message contains.
 
         Raises:
-            PayloadError: ``bad_calibration``: a value is not possible; says which.
+            PayloadError: ``bad_calibration``: a value is invalid; the text names it.
         """
         try:
             camera = CameraModel(

@@ -20,25 +20,25 @@ COEFFICIENTS: Final[dict[DistortionModel, tuple[int, ...]]] = {
     "rational_polynomial": (0, 8),
     "equidistant": (0, 4),
 }
-"""The allowed numbers of coefficients of each model, by the model's name in ROS. None of them: no
-distortion."""
+"""The allowed numbers of coefficients of each model, by the model's name in ROS; 0 coefficients
+mean no distortion."""
 
 ALIASES: Final[dict[str, DistortionModel]] = {"fisheye": "equidistant", "": "plumb_bob"}
 """Other names for models: ROS' calibrator wrote ``fisheye``; a driver without distortion ``""``."""
 
 TOLERANCE_PX: Final = 0.1
-"""An undistorted point that is distorted again may be this far from its pixel."""
+"""Largest distance of a pixel from itself undistorted and distorted again."""
 
 CONVERGED: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 
 
 class CalibrationFault(ValueError):
-    """A value of a calibration that is not possible.
+    """A value of a calibration is invalid.
 
     Attributes:
-        key: Its name: ``k``.
-        found: What was found: ``3 numbers``.
-        allowed: What is allowed.
+        key: Name of the value, such as ``k``.
+        found: What was found, such as ``3 numbers``.
+        allowed: What is allowed instead.
     """
 
     def __init__(self, key: str, found: str, allowed: str) -> None:
@@ -49,10 +49,10 @@ class CalibrationFault(ValueError):
 
 
 def model_named(name: str) -> DistortionModel:
-    """Return a distortion model by its name in ROS, or by another one in use.
+    """Return the distortion model with a name in ROS, or with one of ``ALIASES``.
 
     Raises:
-        CalibrationFault: There is none.
+        CalibrationFault: No model has this name.
     """
     if name in COEFFICIENTS:
         return name
@@ -66,9 +66,9 @@ class CameraModel:
     """The intrinsic parameters of a camera for one size of its picture.
 
     Args:
-        width: Of the picture, pixels; so is ``height``.
-        height: As width.
-        k: fx, 0, cx, 0, fy, cy, 0, 0, 1: the camera matrix by rows, pixels.
+        width: Width of the picture, pixels.
+        height: Height of the picture, pixels.
+        k: The camera matrix, row by row, pixels: fx, 0, cx, 0, fy, cy, 0, 0, 1.
         distortion_model: Its name in ROS.
         d: The model's coefficients in OpenCV's order; empty for no distortion.
 
@@ -77,7 +77,7 @@ class CameraModel:
     fish-eye lenses", 2006 (equidistant).
 
     Raises:
-        CalibrationFault: A value is not possible.
+        CalibrationFault: A value is invalid.
     """
 
     width: int
@@ -108,18 +108,18 @@ class CameraModel:
 
     @cached_property
     def coefficients(self) -> NDArray[np.float64]:
-        """The coefficients of the distortion."""
+        """The coefficients of the distortion, (n,)."""
         return np.array(self.d)
 
     def undistorted(self, points: Points) -> Points:
-        """Return where an ideal lens with the same camera matrix would show points.
+        """Remove the lens's distortion from points.
 
         Args:
-            points: (n, 2) in pixels.
+            points: (n, 2), pixels of the picture.
 
         Returns:
-            (n, 2) in pixels; NaN for a point that no ray reaches by this model, which happens
-            outside of the calibrated part of the picture.
+            (n, 2), pixels of an ideal lens with the same camera matrix; NaN where the model has
+            no inverse, which happens outside of the calibrated part of the picture.
         """
         if not self.d or not len(points):
             return points.copy()
@@ -135,7 +135,7 @@ class CameraModel:
         return ideal
 
     def distorted(self, points: Points) -> Points:
-        """Return where the lens shows points that an ideal lens shows at these pixels, (n, 2)."""
+        """Add the lens's distortion to points, (n, 2), given in pixels of an ideal lens."""
         if not self.d or not len(points):
             return points.copy()
         fx, _, cx, _, fy, cy, *_ = self.k
@@ -149,11 +149,11 @@ class CameraModel:
         return np.asarray(shown, np.float64).reshape(-1, 2)
 
     def scaled(self, width: int, height: int) -> CameraModel:
-        """Return the model of the same picture at another size of the same shape.
+        """Return the model of the same picture at another size with the same aspect ratio.
 
         Raises:
-            CalibrationFault: The other size has another shape, so it shows another part of the
-                scene: by more than a pixel.
+            CalibrationFault: The aspect ratio differs by more than a pixel, so the picture shows
+                another part of the scene.
         """
         if (width, height) == (self.width, self.height):
             return self
@@ -163,7 +163,7 @@ class CameraModel:
             raise CalibrationFault(
                 "picture",
                 f"{width}x{height}",
-                f"{self.width}x{self.height} of the calibration, and sizes of the same shape",
+                f"{self.width}x{self.height} of the calibration, or the same aspect ratio",
             )
         fx, _, cx, _, fy, cy, *_ = self.k
         across, down = scale, height / self.height
@@ -190,10 +190,10 @@ class CameraModel:
 
 
 def checked_numbers(key: str, numbers: tuple[float, ...], count: int) -> None:
-    """Check that there are so many numbers, and that all are finite.
+    """Check that a value has ``count`` numbers, and that all are finite.
 
     Raises:
-        CalibrationFault: They are not.
+        CalibrationFault: It has not; ``key`` is the name of the value.
     """
     if len(numbers) != count:
         raise CalibrationFault(key, f"{len(numbers)} numbers", f"{count}")

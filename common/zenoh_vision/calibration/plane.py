@@ -1,4 +1,4 @@
-"""The homography from undistorted pixels to a plane in the world, and how it is found."""
+"""The homography from undistorted pixels to a plane in the world, and its estimation."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from zenoh_vision.calibration.camera_model import CalibrationFault, Points, chec
 
 LEAST_PAIRS: Final = 4
 
-MOST: Final = 1e12
+MAX_COORDINATE: Final = 1e12
 """Largest coordinate allowed, so that no product of coordinates overflows."""
 
 ROUNDING: Final = 1e-12
-"""Up to this ratio to the largest singular value, the smallest may be a rounding error of 0."""
+"""Ratio of the smallest to the largest singular value up to which a matrix counts as singular."""
 
 LEAST_RATIO: Final = 1e-3
-"""Least ratio to the largest singular value of one that must not be 0, with normalised points."""
+"""Least ratio of singular values, with normalised points, at which pairs are not degenerate."""
 
 
 class DegeneratePairs(ValueError):
-    """Pairs of points that do not determine a homography; says why, and what is needed."""
+    """Pairs of points do not determine a homography; the text says why, and what is needed."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,12 @@ class Plane:
     """A homography from undistorted pixels to X, Y on a plane, in the units of the world.
 
     Args:
-        h: Its nine numbers by rows. Their sign matters: the plane is where the third row gives a
-            number above 0; at 0 is the plane's horizon, and beyond it is no point of the plane.
+        h: Its nine numbers, row by row. Their sign matters: pixels for which the third row gives
+            a number above 0 show the plane, those with 0 its horizon, and the others no point of
+            it.
 
     Raises:
-        CalibrationFault: Not nine finite numbers, or not invertible.
+        CalibrationFault: ``h`` is not nine finite numbers, or the matrix is not invertible.
     """
 
     h: tuple[float, ...]
@@ -53,15 +54,15 @@ class Plane:
         return np.array(self.h, np.float64).reshape(3, 3)
 
     def world(self, points: Points) -> Points:
-        """Return X, Y of undistorted pixels, (n, 2); NaN at and beyond the horizon."""
+        """Map undistorted pixels, (n, 2), to X, Y on the plane; NaN at and beyond the horizon."""
         return _mapped(self.matrix, points, one_side=True)
 
     def pixels(self, world: Points) -> Points:
-        """Return the undistorted pixels of points X, Y on the plane, (n, 2)."""
+        """Map points X, Y on the plane, (n, 2), to undistorted pixels."""
         return _mapped(np.linalg.inv(self.matrix).astype(np.float64), world, one_side=False)
 
     def scaled(self, across: float, down: float) -> Plane:
-        """Return the homography of the same picture when it is so many times larger."""
+        """Return the homography of the picture enlarged by a factor across and one down."""
         shrink = np.array(
             [
                 [1 / across, 0, 0.5 / across - 0.5],
@@ -86,14 +87,14 @@ class Plane:
 
 @dataclass(frozen=True)
 class PlaneFit:
-    """A homography found from pairs of points, and how well it fits them.
+    """A homography estimated from pairs of points, and how well it fits them.
 
     Attributes:
         plane: The homography.
-        residuals: Distance in the world of each pair from where the homography puts it, (n,).
-        per_pixel: Distance in the world by which the places of the pairs move, in the worst case
-            of all pairs, if each coordinate of their pixels is wrong by a standard deviation of
-            one pixel. Four pairs are always fitted exactly, so their residuals say nothing.
+        residuals: Distance of each pair's world point from its mapped pixel, (n,), world units.
+            All are 0 with four pairs, which are always fitted exactly.
+        per_pixel: Largest standard deviation of a mapped pixel among the pairs, world units, if
+            each pixel coordinate of the pairs has a standard deviation of one pixel.
     """
 
     plane: Plane
@@ -107,7 +108,7 @@ class PlaneFit:
 
 
 def fit_plane(pixels: Points, world: Points) -> PlaneFit:
-    """Find the homography that maps undistorted pixels to the world with the least squared error.
+    """Estimate the homography from undistorted pixels to the world by least squares.
 
     Source: R. Hartley and A. Zisserman, "Multiple View Geometry in Computer Vision", 2004, 4.1 and
     4.4.4 (the direct linear transformation of normalised points), refined in world units.
@@ -117,8 +118,8 @@ def fit_plane(pixels: Points, world: Points) -> PlaneFit:
         world: (n, 2), the same points on the plane, in any unit.
 
     Raises:
-        DegeneratePairs: There are too few, three of four are on one line, they contradict each
-            other, or a number is not finite or too large.
+        DegeneratePairs: There are fewer than four pairs, three of four are on one line, they
+            contradict each other, or a number is not finite or too large.
     """
     if len(pixels) < LEAST_PAIRS:
         raise DegeneratePairs(
@@ -126,8 +127,10 @@ def fit_plane(pixels: Points, world: Points) -> PlaneFit:
             "no three of them on a line"
         )
     for name, points in (("pixels", pixels), ("world", world)):
-        if not (np.abs(points) <= MOST).all():
-            raise DegeneratePairs(f"a number of the {name} is not finite or beyond {MOST:g}")
+        if not (np.abs(points) <= MAX_COORDINATE).all():
+            raise DegeneratePairs(
+                f"a number of the {name} is not finite or beyond {MAX_COORDINATE:g}"
+            )
     matrix = _homography(pixels, world)
     if matrix is None or _independence(pixels, world, matrix) < LEAST_RATIO:
         raise DegeneratePairs(
@@ -150,7 +153,7 @@ def fit_plane(pixels: Points, world: Points) -> PlaneFit:
 
 
 def _per_pixel(pixels: Points, world: Points) -> float:
-    """Return the worst standard deviation in the world at the pairs, for one pixel at each."""
+    """Return the largest standard deviation of a mapped pixel, given one pixel of noise."""
     base = _mapped(_homography(pixels, world), pixels, one_side=False)
     variance = np.zeros(len(pixels))
     for index in np.ndindex(pixels.shape):
@@ -162,9 +165,10 @@ def _per_pixel(pixels: Points, world: Points) -> float:
 
 
 def _homography(pixels: Points, world: Points) -> NDArray[np.float64] | None:
-    """Return the homography of least squared error in the world; None if none is found.
+    """Return the homography of least squared error in the world; None if OpenCV finds none.
 
-    OpenCV's refinement depends on the units and on the distance from the origin.
+    Both sets of points are normalised first, since OpenCV's refinement depends on their units and
+    on their distance from the origin.
     """
     to_pixels, to_world = _normalisation(pixels), _normalisation(world)
     found, _ = cv2.findHomography(
@@ -179,7 +183,8 @@ def _independence(pixels: Points, world: Points, matrix: NDArray[np.float64]) ->
     """Return how far pairs are from being degenerate, and their homography from being singular.
 
     The result is the smaller of two ratios of singular values. For points on a line it is 0: the
-    first ratio if they are on a line in both, the second if only in one.
+    first ratio is 0 if they are on a line both in the picture and in the world, the second if
+    only in one of them.
     """
     to_pixels, to_world = _normalisation(pixels), _normalisation(world)
     rows = []
@@ -196,14 +201,14 @@ def _independence(pixels: Points, world: Points, matrix: NDArray[np.float64]) ->
 
 
 def _normalisation(points: Points) -> NDArray[np.float64]:
-    """Return the matrix that moves points around the origin and scales them to a size of 1."""
+    """Return the matrix that moves the points' mean to the origin and scales their spread to 1."""
     center = points.mean(axis=0)
     size = float(np.sqrt(((points - center) ** 2).sum(axis=1).mean() / 2)) or 1.0
     return np.array([[1 / size, 0, -center[0] / size], [0, 1 / size, -center[1] / size], [0, 0, 1]])
 
 
 def _is_singular(matrix: NDArray[np.float64]) -> bool:
-    """Tell whether a matrix cannot be inverted, whatever the units of its rows and columns."""
+    """Return whether a matrix is singular, independent of the units of its rows and columns."""
     for axis in (1, 0, 1, 0):
         sizes = np.abs(matrix).max(axis=axis, keepdims=True)
         if not sizes.all():

@@ -1,4 +1,4 @@
-"""A plane as a camera sees it: positions, velocities and their uncertainty, from pixels."""
+"""Maps pixels of a camera to positions, velocities and covariances on a plane."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zenoh_vision.calibration.camera_model import CameraModel, Points
 from zenoh_vision.calibration.plane import Plane
 
 STEP_PX: Final = 0.5
-"""Of the differences that give the Jacobian: small against the curvature of a lens."""
+"""Step of the finite differences for the Jacobian: small against the curvature of a lens."""
 
 AROUND: Final = np.array([[0, 0], [STEP_PX, 0], [-STEP_PX, 0], [0, STEP_PX], [0, -STEP_PX]])
 
@@ -31,26 +31,30 @@ class PlaneView:
 
     @property
     def mirrored(self) -> bool:
-        """Whether right in the picture is left on the plane, drawn with X to the right and Y up.
+        """Whether the picture shows the plane mirrored, if X is drawn to the right and Y up.
 
         A lens does not mirror, so this is the sign of the homography's determinant.
         """
         return bool(np.linalg.slogdet(self.plane.matrix).sign < 0)
 
     def positions(self, points: Points) -> Points:
-        """Return X, Y of pixels, (n, 2); NaN for a pixel that shows no point of the plane."""
+        """Map pixels, (n, 2), to X, Y; NaN for a pixel that shows no point of the plane."""
         return self.plane.world(self.camera.undistorted(points))
 
     def position(self, x: float, y: float) -> tuple[float, float] | None:
-        """Return X, Y of one pixel; None if it shows no point of the plane."""
+        """Map one pixel to X, Y; None if it shows no point of the plane."""
         return pair(self.positions(np.array([[x, y]], np.float64))[0])
 
     def pixels(self, world: Points) -> Points:
-        """Return where the picture shows points X, Y on the plane, (n, 2)."""
+        """Map points X, Y on the plane, (n, 2), to pixels of the picture."""
         return self.camera.distorted(self.plane.pixels(world))
 
     def jacobian(self, x: float, y: float) -> NDArray[np.float64] | None:
-        """Return how X, Y change with the pixel, (2, 2), world units per pixel; None if unknown."""
+        """Return the derivatives of X, Y by the pixel's x, y.
+
+        Returns:
+            (2, 2), world units per pixel; None if a pixel beside it shows no point of the plane.
+        """
         around = self.positions(AROUND + np.array([x, y]))
         if not np.isfinite(around).all():
             return None
@@ -58,7 +62,7 @@ class PlaneView:
         return np.stack(columns, axis=1) / (2 * STEP_PX)
 
     def velocity(self, x: float, y: float, vx: float, vy: float) -> tuple[float, float] | None:
-        """Return the velocity on the plane of a point that moves at vx, vy pixels per second.
+        """Map a velocity vx, vy in pixels per second, at a pixel, to the plane.
 
         Returns:
             World units per second; None if the pixel shows no point of the plane.
@@ -69,9 +73,7 @@ class PlaneView:
     def covariance(
         self, x: float, y: float, covariance: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
-        """Return the covariance on the plane of a position with a covariance in pixels.
-
-        It is propagated to first order: J C J'.
+        """Map the covariance of a pixel position to the plane, to first order: J C J'.
 
         Args:
             x: The position, pixels; so is ``y``.

@@ -52,7 +52,7 @@ KEY_OF: Final = {
     "p": "projection_matrix.data",
     "plane": "plane_homography.data",
 }
-"""The keys of the file by those of the message."""
+"""The file's key for each field of ``CameraInfo``."""
 
 
 def read_calibration(path: str | Path) -> Calibration:
@@ -60,7 +60,8 @@ def read_calibration(path: str | Path) -> Calibration:
 
     Raises:
         SourceError: It cannot be opened.
-        ConfigurationError: It is no such file; names the file, the key and what is allowed.
+        ConfigurationError: It is not a calibration file, or a value is invalid; the text names
+            the file, the key and what is allowed.
     """
     try:
         with Path(path).open("rb") as file:
@@ -86,7 +87,7 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def write_calibration(calibration: Calibration, path: str | Path) -> None:
-    """Write a calibration file; another program never sees half of it.
+    """Write a calibration file, atomically: other programs see the old file or the new one.
 
     Raises:
         SourceError: It cannot be written.
@@ -126,7 +127,7 @@ def _matrix(rows: int, columns: int, numbers: Sequence[float]) -> dict[str, obje
 
 def _calibration(fields: Mapping[object, object]) -> Calibration:
     for key in fields:
-        # Other keys are ignored, as ROS does; but not one that was meant to be one of these.
+        # Unknown keys are ignored, as in ROS, except misspelled ones.
         if key not in KEYS and (meant := similar_names(str(key), KEYS, similarity=0.8)):
             found = f"unknown key, {did_you_mean(meant)}"
             raise CalibrationFault(str(key)[:80], found, ", ".join(KEYS))
@@ -167,7 +168,7 @@ def _side(fields: Mapping[object, object], key: str) -> int:
 def _numbers(
     fields: Mapping[object, object], key: str, rows: int | None = None, columns: int | None = None
 ) -> tuple[float, ...]:
-    """Return the numbers of a matrix; those of distortion_coefficients may be any number."""
+    """Return the numbers of a matrix; ``rows`` and ``columns`` are checked if given."""
     matrix = fields[key]
     if not isinstance(matrix, dict):
         raise CalibrationFault(key, repr(matrix)[:80], "a map with rows, cols and data")
@@ -185,7 +186,7 @@ def _numbers(
 
 
 def _number(key: str, value: object) -> float:
-    """Return a number; YAML 1.1, which PyYAML reads, takes C++'s ``1e-05`` for a text."""
+    """Return a number, also from text: YAML 1.1, as PyYAML reads it, takes ``1e-05`` for text."""
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError

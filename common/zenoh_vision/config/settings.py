@@ -26,7 +26,7 @@ from zenoh_vision.config.constraints import (
     unknown_key,
     wrong_values,
 )
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.keys import DEFAULT_CAMERA, NAME
 
 NAME_FORM = Form("letters a-z, digits and _")
@@ -138,6 +138,7 @@ def load_settings(
         inline_place: The name of that table in errors.
 
     Raises:
+        SourceError: The file cannot be opened.
         ConfigurationError: Names the source, the option, its value and what is allowed.
     """
     sources: list[tuple[str, dict[str, Any], bool]] = []
@@ -166,13 +167,14 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     """Read a TOML file.
 
     Raises:
-        ConfigurationError: It cannot be read, or is not TOML; says where.
+        SourceError: It cannot be opened or read.
+        ConfigurationError: It is not TOML; says where.
     """
     try:
         with Path(path).open("rb") as file:
             return tomllib.load(file)
     except OSError as error:
-        raise ConfigurationError(f"{path}: {error.strerror or error}") from None
+        raise SourceError(f"{path}: {error.strerror or error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: not TOML: {error}") from None
 

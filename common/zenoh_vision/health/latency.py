@@ -11,6 +11,10 @@ from itertools import accumulate
 from zenoh_vision.messages import Histogram, Latency
 
 WINDOW_S = 5.0
+LEAST_S = 1.0
+"""Shortest time over which a rate is computed. The first frame takes longer than those after it, as
+what it needs is loaded and allocated, so the first intervals are too short."""
+
 BOUNDS_MS = tuple(
     map(float, (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000, 5000))
 )
@@ -43,10 +47,13 @@ class LatencyMonitor:
             self._sum_ms += counted_ms
 
     def rate_hz(self, at_s: float) -> float:
-        """Return items per second over the window, or since the first if that is shorter."""
+        """Return items per second over the window, or since the first if that is shorter.
+
+        It is 0 until ``LEAST_S`` after the first.
+        """
         with self._lock:
             self._forget(at_s)
-            if len(self._done) < 2:
+            if len(self._done) < 2 or at_s - self._done[0][0] < LEAST_S:
                 return 0.0
             periods = len(self._done) - 1
             span_s = self._done[-1][0] - self._done[0][0]

@@ -24,7 +24,7 @@ class SilenceLog:
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
-        self._told: set[str] = set()  # streams that are silent, and logged so
+        self._reported: set[str] = set()  # streams that are silent, and logged so
         self._logged_s: dict[str, float] = {}  # in the last minute
 
     def note(self, inputs: Iterable[InputState], now_s: float) -> None:
@@ -33,7 +33,7 @@ class SilenceLog:
         keys = {name: each.key for name, each in states.items()}
         silent = {name for name, each in states.items() if now_s - each.since_ns / 1e9 > SILENT_S}
         self._logged_s = {name: s for name, s in self._logged_s.items() if now_s - s < AGAIN_S}
-        if new := silent - self._told - self._logged_s.keys():
+        if new := silent - self._reported - self._logged_s.keys():
             self._log.warning(
                 "waiting: no frame on %s for %g s", _named([keys[name] for name in new]), SILENT_S
             )
@@ -41,9 +41,9 @@ class SilenceLog:
         alive = states.keys() - silent
         # An input with wildcards is listed under its own key until the first frame arrives. Any
         # other key that has disappeared was forgotten.
-        if back := {name for name in self._told if name in alive or (alive and "*" in name)}:
+        if back := {name for name in self._reported if name in alive or (alive and "*" in name)}:
             self._log.info("frames arrive on %s", _named([keys.get(name, name) for name in back]))
-        self._told = (self._told | new) & silent
+        self._reported = (self._reported | new) & silent
 
 
 def _named(keys: Collection[str]) -> str:

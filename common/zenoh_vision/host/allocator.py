@@ -22,11 +22,13 @@ def use_one_arena() -> None:
 
 
 def keep_freed_memory() -> None:
-    """Have glibc keep freed memory, up to 64 MiB in each arena, for the next allocation.
+    """Have glibc keep freed memory, up to 64 MiB, for the next allocation.
 
     By default it gives pictures back to the system after each frame, which then has to clear the
-    same pages again for the next one.
+    same pages again for the next one. With one arena, since each would keep as much for its threads
+    alone.
     """
+    use_one_arena()
     _set(M_MMAP_THRESHOLD, LARGEST_BYTES)
     _set(M_TRIM_THRESHOLD, KEPT_BYTES)
 

@@ -6,6 +6,7 @@ camera finds all of them in slow memory when it wakes, so that they take longer 
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -15,7 +16,7 @@ class Wakeup:
     """What threads wait for, each for a condition of its own; safe between threads."""
 
     def __init__(self) -> None:
-        self._asleep: dict[int, threading.Lock] = {}  # of each thread that has ever waited
+        self._asleep: dict[int, threading.Lock] = {}  # of each thread that has waited
 
     def set(self) -> None:
         """Wake the threads that wait; those that do not will not wait the next time."""
@@ -31,6 +32,8 @@ class Wakeup:
         thread = threading.get_ident()
         lock = self._asleep.get(thread)
         if lock is None:
+            for ended in set(self._asleep).difference(sys._current_frames()):
+                self._asleep.pop(ended, None)
             lock = threading.Lock()
             lock.acquire()
             self._asleep[thread] = lock  # what was set before is not known: it returns at once

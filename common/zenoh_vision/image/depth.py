@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-MOST: Final = 65535
+MAX_VALUE: Final = 65535
 RATIO: Final = 257  # 65535 / 255
 MM_PER_M: Final = 1000.0
 
@@ -44,7 +44,7 @@ class ValueRange:
     high: int
 
 
-WHOLE: Final = ValueRange(0, MOST)
+WHOLE: Final = ValueRange(0, MAX_VALUE)
 
 
 def eight_bits(pixels: NDArray[Any], values: ValueRange | None = None) -> NDArray[np.uint8]:
@@ -70,7 +70,7 @@ def millimetres(metres: NDArray[Any]) -> NDArray[np.uint16]:
         values = metres.astype(np.float32) * np.float32(MM_PER_M)
     np.rint(values, out=values)
     values[~(np.isfinite(metres) & (metres > 0))] = 0
-    return np.asarray(np.minimum(values, MOST, out=values), np.uint16)
+    return np.asarray(np.minimum(values, MAX_VALUE, out=values), np.uint16)
 
 
 def metres(millimetres: NDArray[np.uint16]) -> NDArray[np.float32]:
@@ -99,7 +99,7 @@ class RangeFinder:
             automatic = self._find(pixels)
             low = automatic.low if low is None else low
             high = automatic.high if high is None else high
-        low = min(low, MOST - 1)
+        low = min(low, MAX_VALUE - 1)
         return ValueRange(low, max(high, low + 1))
 
     def _find(self, pixels: NDArray[np.uint16]) -> ValueRange:
@@ -128,7 +128,7 @@ def _fits(values: ValueRange, ordered: NDArray[np.uint16]) -> bool:
 
 @lru_cache(maxsize=16)
 def _table(values: ValueRange) -> NDArray[np.uint8]:
-    steps = np.clip(np.arange(MOST + 1), values.low, values.high) - values.low
+    steps = np.clip(np.arange(MAX_VALUE + 1), values.low, values.high) - values.low
     table = 1 + np.rint(254 * steps / (values.high - values.low))
     table[0] = 0
     return table.astype(np.uint8)

@@ -57,7 +57,7 @@ def frame_input(
         _check_now_and_later(node.parameters, _check_of_all)
     fits = topic is COMPRESSED and camera != "*"
     if transport is None and fits and buffering.per_key:
-        transport = told_transport() or "auto"
+        transport = transport_from_environment() or "auto"
     if transport is not None and not fits:
         raise ValueError(f"transport {transport!r} needs {COMPRESSED.name} of one camera")
     raw_key = None if transport is None else RAW.key(namespace, camera)
@@ -100,20 +100,20 @@ def frame_input(
     return Input(node, intake, take, switch)
 
 
-def told_transport() -> Transport | None:
+def transport_from_environment() -> Transport | None:
     """Return the transport that the environment sets for all inputs; None if it sets none.
 
     Raises:
-        ConfigurationError: It names one that does not exist.
+        ConfigurationError: The variable names a transport that does not exist.
     """
-    told = os.environ.get(TRANSPORT_VARIABLE) or None
+    transport = os.environ.get(TRANSPORT_VARIABLE) or None
     known = get_args(Transport)
-    if told is not None and told not in known:
+    if transport is not None and transport not in known:
         raise ConfigurationError(
-            f"environment: {TRANSPORT_VARIABLE} = {told!r} is not allowed; allowed: "
+            f"environment: {TRANSPORT_VARIABLE} = {transport!r} is not allowed; allowed: "
             f"{', '.join(known)}"
         )
-    return cast("Transport | None", told)
+    return cast("Transport | None", transport)
 
 
 def _check_now_and_later(
@@ -144,10 +144,10 @@ def _check_of_all(settings: Settings) -> None:
     Raises:
         ParameterRefused: The setting names one.
     """
-    told = getattr(settings, "transport", None)
-    if told in ("shm", "raw"):
+    transport = getattr(settings, "transport", None)
+    if transport in ("shm", "raw"):
         raise ParameterRefused(
-            f"transport = {told}: the frames of all cameras come compressed over the network; "
+            f"transport = {transport}: the frames of all cameras come compressed over the network; "
             "name the cameras to take theirs another way",
             "auto, jpeg",
         )

@@ -19,10 +19,10 @@ class Buffering:
     """The limit of queued items, and which one is dropped when a newer one arrives.
 
     Attributes:
-        depth: Most items that wait, per key or in all.
-        per_key: Whether ``depth`` applies to each key.
+        depth: Largest number of waiting items, per key or in total.
+        per_key: Whether ``depth`` and ``max_bytes`` apply to each key.
         reason: Items that a newer one replaced are counted as ``dropped.{reason}``.
-        max_bytes: Most bytes that wait, counted as ``depth`` is; the newest item always may.
+        max_bytes: Largest number of waiting bytes. The newest item may exceed it alone.
     """
 
     depth: int
@@ -41,28 +41,31 @@ QUEUE_BYTES = 256 << 20
 def queue(depth: int, max_bytes: int = QUEUE_BYTES) -> Buffering:
     """Return a queue of at least 1 item; when full, it drops the oldest (``dropped.overflow``).
 
-    It is full when ``depth`` items wait, or payloads of ``max_bytes`` in all.
+    It is full when ``depth`` items wait, or payloads of ``max_bytes`` in total.
+
+    Raises:
+        ValueError: ``depth`` is below 1.
     """
     if depth < 1:
         raise ValueError(f"a queue of {depth} items; at least 1 is needed")
     return Buffering(depth, per_key=False, reason="overflow", max_bytes=max_bytes)
 
 
-class _Lane(Generic[T]):
-    """A queue of items, oldest first, each with its position and its size."""
+class _Queue(Generic[T]):
+    """Items, oldest first, each with its position among all items and its size in bytes."""
 
     def __init__(self) -> None:
         self.items: deque[tuple[int, int, T]] = deque()
         self.size = 0
 
-    def append(self, turn: int, size: int, item: T) -> None:
-        self.items.append((turn, size, item))
+    def append(self, position: int, size: int, item: T) -> None:
+        self.items.append((position, size, item))
         self.size += size
 
     def popleft(self) -> tuple[int, T]:
-        turn, size, item = self.items.popleft()
+        position, size, item = self.items.popleft()
         self.size -= size
-        return turn, item
+        return position, item
 
 
 class Buffer(Generic[T]):
@@ -72,9 +75,9 @@ class Buffer(Generic[T]):
     current epoch; verified items are taken first.
 
     Args:
-        buffering: How many items wait.
+        buffering: The limits, and which items they apply to.
         dropped: Called with each item that a newer one replaced.
-        filled: Shared by the buffers that one consumer waits for together.
+        filled: Set with each new item; shared by buffers that one consumer waits for.
     """
 
     def __init__(
@@ -87,25 +90,26 @@ class Buffer(Generic[T]):
         self._dropped = dropped
         self._filled = filled or Wakeup()
         self._lock = threading.Lock()
-        self._lanes: dict[tuple[str, bool], _Lane[T]] = {}
+        self._queues: dict[tuple[str, bool], _Queue[T]] = {}  # by key and whether unverified
         self._number = 0
 
     def put(self, item: T, key: str = "", *, unverified: bool = False, size: int = 0) -> None:
         """Add an item of ``size`` bytes; drop the oldest of its queue while that is full."""
         per_key = self._buffering.per_key
-        lane_key = (key, unverified) if per_key else ("", False)  # a queue keeps the order
+        # With ``queue``, all items share one queue, so that their order is kept.
+        queue_key = (key, unverified) if per_key else ("", False)
         with self._lock:
             self._number += 1
-            lane = self._lanes.setdefault(lane_key, _Lane())
+            items = self._queues.setdefault(queue_key, _Queue())
             replaced = []
-            while lane.items and (
-                len(lane.items) == self._buffering.depth
-                or lane.size + size > self._buffering.max_bytes
+            while items.items and (
+                len(items.items) == self._buffering.depth
+                or items.size + size > self._buffering.max_bytes
             ):
-                replaced.append(lane.popleft())
+                replaced.append(items.popleft())
             # A newer item takes the position of the one that it replaces.
-            turn = replaced[0][0] if replaced and per_key else self._number
-            lane.append(turn, size, item)
+            position = replaced[0][0] if replaced and per_key else self._number
+            items.append(position, size, item)
         self._filled.set()
         for _, oldest in replaced:
             self._dropped(oldest)
@@ -113,27 +117,29 @@ class Buffer(Generic[T]):
     @property
     def filled(self) -> bool:
         """Whether an item waits."""
-        return bool(self._lanes)
+        return bool(self._queues)
 
     def take(self, timeout_s: float) -> T | None:
-        """Return an item of the key that waits longest, a verified one first.
+        """Remove and return an item of the key that has waited longest, a verified one first.
 
-        None if none came, or another thread took it.
+        Returns:
+            The item; None after ``timeout_s`` without one, or if another thread took it.
         """
-        if not self._lanes and not self._filled.wait_for(lambda: self._lanes, timeout_s):
+        if not self._queues and not self._filled.wait_for(lambda: self._queues, timeout_s):
             return None
         with self._lock:
-            if not self._lanes:
+            if not self._queues:
                 return None  # another thread took it
-            key = min(self._lanes, key=lambda lane: self._lanes[lane].items[0][0])[0]
-            lane_key = (key, False) if (key, False) in self._lanes else (key, True)
-            lane = self._lanes[lane_key]
-            _, item = lane.popleft()
-            if not lane.items:
-                del self._lanes[lane_key]
+            oldest = min(self._queues, key=lambda each: self._queues[each].items[0][0])
+            key = oldest[0]
+            queue_key = (key, False) if (key, False) in self._queues else (key, True)
+            items = self._queues[queue_key]
+            _, item = items.popleft()
+            if not items.items:
+                del self._queues[queue_key]
             return item
 
 
 def wait_for_any(filled: Wakeup, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
-    """Wait until one of the buffers that share a wake-up has an item, or the time-out."""
+    """Wait until one of the buffers that share a wake-up has an item, or until the time-out."""
     filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)

@@ -216,8 +216,8 @@ class Link:
         return lost_s
 
     def _is_answered(self) -> bool:
-        """Ask the router for a token that nobody has; tell whether it has answered in time."""
-        until_s = time.monotonic() + 2 * ANSWER_S  # in case that not even a time-out is told
+        """Ask the router for a token that nobody has; return whether it answered in time."""
+        until_s = time.monotonic() + 2 * ANSWER_S  # should not even a time-out be reported
         answer: Future[Replies] = Future()
         query = Query(UNUSED_KEY, timeout_s=ANSWER_S, tokens=True)
         send(self._session, query, answer.set_result)

@@ -11,7 +11,7 @@ from typing import Any
 import zenoh
 
 from zenoh_vision.error_text import shortened
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.endpoints import FORM, PROTOCOLS, checked_endpoint
 
@@ -47,8 +47,9 @@ def client_config(connection: Connection) -> zenoh.Config:
     """Return the configuration of a node's session.
 
     Raises:
-        ConfigurationError: The file cannot be read or has settings unknown to Zenoh, or the
-            endpoint is malformed.
+        SourceError: There is no such file.
+        ConfigurationError: It cannot be read or has settings unknown to Zenoh, or the endpoint is
+            malformed.
     """
     _check_endpoints("connect", [connection.connect])
     config = _base(connection.zenoh_config, "client")
@@ -134,7 +135,7 @@ def _base(path: str | None, mode: str) -> zenoh.Config:
         config = zenoh.Config()
     else:
         if not Path(path).is_file():
-            raise ConfigurationError(f"--zenoh-config {path}: no such file")
+            raise SourceError(f"--zenoh-config {path}: no such file")
         try:
             config = zenoh.Config.from_file(path)
         except zenoh.ZError as error:

@@ -17,7 +17,7 @@ class CalibrationLatch:
     def __init__(self, calibration: Calibration, flip: str) -> None:
         self._calibration = calibration
         self._flip = flip
-        self._told: tuple[object, ...] | None = None
+        self._published_for: tuple[object, ...] | None = None
 
     def follow(
         self,
@@ -44,9 +44,9 @@ class CalibrationLatch:
         """
         published = header.width, header.height
         kind = (header.epoch, *published, flip, whole, box)
-        if kind == self._told:
+        if kind == self._published_for:
             return None
-        self._told = kind
+        self._published_for = kind
         scaled = self._calibration
         if box is None or whole is None:
             scaled = scaled.scaled(*published)

@@ -41,6 +41,9 @@ class Capture:
     until a picture arrives. A source that cannot follow a change of the settings is opened again
     at once. At most ``MAX_ABANDONED`` readers are left behind in a call that does not end.
 
+    Attributes:
+        ended: A text that says that the source has ended normally; empty before.
+
     Raises:
         SourceError: The settings name no source.
     """
@@ -65,6 +68,7 @@ class Capture:
         self._closing: SourceReader | None = None
         self._abandoned: list[SourceReader] = []
         self._failure = ""
+        self.ended = ""
         parameters.watch(self._on_change)
 
     @property
@@ -136,6 +140,7 @@ class Capture:
             if reader.live:
                 self._reopen_later("the source ended", report)
             elif not self._settings.loop:
+                self.ended = f"{self._shown} ended after {reader.captured} frames"
                 return self._buffer.filled  # the last picture is still to be published
             elif not self._buffer.filled:
                 self._start_reader().start_reading()
@@ -194,6 +199,7 @@ class Capture:
         report(self._failure)
 
     def _start_reader(self) -> SourceReader:
+        self.ended = ""
         self._epoch = max(self._epoch + 1, time.time_ns())
         self._reader = SourceReader(
             self._open_source,

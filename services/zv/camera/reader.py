@@ -54,7 +54,7 @@ class SourceReader:
         description: The source's; empty until it is open.
         live: Whether the source paces itself; False until it is open.
         captured: Number of captured frames.
-        timer: Paces the reading; it is told when the parameters change.
+        timer: Paces the reading; it is notified of changes of the parameters.
     """
 
     def __init__(

@@ -74,6 +74,9 @@ def run(
             for captured in capture.frames(stopping, report):
                 delivery.note(captured)
                 publish(node, converter, captured, limit, latch)
+            if capture.ended:
+                log.info("%s; --loop plays it again and again", capture.ended)
+                node.health.report(Level.OK, capture.ended)  # in the last report
 
 
 def publish(

@@ -1,1 +1,1 @@
-"""The edge detector: an edge map of each frame."""
+"""The edge detector: publishes an edge map of each frame."""

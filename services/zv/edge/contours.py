@@ -1,4 +1,4 @@
-"""Lines of an edge map as numbers: polylines, straight segments, circles."""
+"""Traces the lines of an edge map as polylines, straight segments and circles."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from zv.edge.detectors.detection import Gray
 
 MAX_POINTS: Final = 20_000
-"""Points of all polylines of a frame: with 7 bytes each they fit into a message."""
+"""Largest number of points of all polylines of a frame: at 7 bytes each, a message holds them."""
 
 CIRCLE_ARC: Final = 0.5
-"""A circle must be seen along at least this share of its circumference."""
+"""Least share of its circumference along which a circle must be seen."""
 CIRCLE_ERROR: Final = 0.02
-"""Root mean square distance of a contour from its circle over the radius, at most; 0.7 pixels are
-allowed in any case, since the pixels of a line are off by as much."""
+"""Largest root mean square distance of a contour from its circle, relative to the radius; 0.7
+pixels are always allowed, since the pixels of a line are off by as much."""
 SMALLEST_RADIUS: Final = 4.0
 
 NEIGHBOURS: Final = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)
@@ -30,8 +30,8 @@ class Polyline:
 
     Attributes:
         points: (n, 2) int32, x and y, n at least 1, along the line.
-        length: Of the line before it was simplified, pixels.
-        closed: The last point is joined to the first.
+        length: Length of the line before it was simplified, pixels.
+        closed: Whether the last point is joined to the first.
     """
 
     points: NDArray[np.int32]
@@ -44,10 +44,10 @@ class Lines:
     """The lines of an edge map, longest first.
 
     Attributes:
-        polylines: Those that were kept.
-        omitted: Number of further ones that are long enough.
+        polylines: The polylines that were kept.
+        omitted: Number of lines that were long enough, but not kept.
         segments: (n, 4) float64: x1, y1, x2, y2 of straight pieces.
-        circles: (n, 3) float64: x, y, radius, largest first; None if they were not looked for.
+        circles: (n, 3) float64: x, y, radius, largest first; None if circles were not requested.
     """
 
     polylines: tuple[Polyline, ...]
@@ -58,30 +58,30 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class LineLimits:
-    """What is kept of an edge map's lines.
+    """Limits for tracing an edge map.
 
     Attributes:
-        most: Polylines, and as many segments.
-        shortest: Number of pixels that a line has, and length of a segment in pixels.
-        tolerance: How far a polyline may be from the line's pixels, pixels.
-        circles: Whether to look for circles.
+        max_count: Largest number of polylines, and of segments.
+        min_length: Least number of pixels of a line, and least length of a segment, pixels.
+        tolerance: Largest distance of a polyline from the line's pixels, pixels.
+        circles: Whether to find circles.
     """
 
-    most: int = 100
-    shortest: float = 10
+    max_count: int = 100
+    min_length: float = 10
     tolerance: float = 1.0
     circles: bool = False
 
 
 def trace(edges: Gray, limits: LineLimits) -> Lines:
-    """Return the lines of an edge map.
+    """Trace the lines of an edge map.
 
-    The map is cut at the pixels where lines meet, so that each part is a plain curve: its contour
-    goes along it and back. Curves are simplified by the algorithm of Ramer, Douglas and Peucker.
+    The map is cut at the junctions of lines, so that each part is a plain curve whose contour goes
+    along it and back. Curves are simplified by the algorithm of Ramer, Douglas and Peucker.
 
     Args:
         edges: (height, width) uint8, not 0 on lines that are one pixel wide; not modified.
-        limits: What is kept.
+        limits: Which lines are kept.
     """
     curves, omitted = _longest_curves(_curve_pixels(edges), limits)
     polylines = []
@@ -98,7 +98,7 @@ def trace(edges: Gray, limits: LineLimits) -> Lines:
 
 
 def _curve_pixels(edges: Gray) -> Gray:
-    """Return the pixels of plain curves as 1: without corners that are not needed, and meetings."""
+    """Return the pixels of plain curves as 1, without redundant corners and without junctions."""
     thin = np.zeros((edges.shape[0] + 2, edges.shape[1] + 2), np.bool_)
     inner = thin[1:-1, 1:-1]
     inner[:] = edges != 0
@@ -106,20 +106,19 @@ def _curve_pixels(edges: Gray) -> Gray:
         _remove_corners(thin, up=up, left=left)
     ones = np.ascontiguousarray(inner).view(np.uint8)
     border = cv2.BORDER_CONSTANT
-    meetings = cv2.filter2D(ones, -1, NEIGHBOURS, borderType=border) > 2
-    return np.asarray(ones & ~meetings.view(np.uint8), np.uint8)
+    junctions = cv2.filter2D(ones, -1, NEIGHBOURS, borderType=border) > 2
+    return np.asarray(ones & ~junctions.view(np.uint8), np.uint8)
 
 
 def _remove_corners(thin: NDArray[np.bool_], *, up: bool, left: bool) -> None:
     """Remove the corners of stairs, whose two neighbours touch each other diagonally.
 
-    Two of them are never neighbours of each other in a way that would cut the line, so all can be
-    removed at once.
+    All can be removed at once, since removing two neighbouring ones never cuts the line.
 
     Args:
         thin: (height + 2, width + 2) with a margin of False; modified.
-        up: One of the two neighbours is above, else below.
-        left: The other one is on the left, else on the right.
+        up: Whether one of the two neighbours is above, else below.
+        left: Whether the other one is on the left, else on the right.
     """
     above, below = (slice(0, -2), slice(2, None)) if up else (slice(2, None), slice(0, -2))
     near, far = (slice(0, -2), slice(2, None)) if left else (slice(2, None), slice(0, -2))
@@ -138,14 +137,14 @@ Curve = tuple[NDArray[np.int32], float, bool]
 
 
 def _longest_curves(pixels: Gray, limits: LineLimits) -> tuple[list[Curve], int]:
-    """Return the longest curves, and the number of further ones that are long enough."""
+    """Return the longest curves, and the number of others that are long enough."""
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(pixels, connectivity=8)
     sizes = boxes[:, cv2.CC_STAT_AREA].copy()
-    sizes[0] = 0  # what is no line
-    # Twice as many are traced as are kept: the order of the numbers of pixels is not quite that of
-    # the lengths.
-    long_enough = np.flatnonzero(sizes >= max(1, limits.shortest))
-    kept = long_enough[np.argsort(-sizes[long_enough], kind="stable")][: 2 * limits.most]
+    sizes[0] = 0  # the background
+    # Twice as many are traced as are kept, since the order by number of pixels is not quite the
+    # order by length.
+    long_enough = np.flatnonzero(sizes >= max(1, limits.min_length))
+    kept = long_enough[np.argsort(-sizes[long_enough], kind="stable")][: 2 * limits.max_count]
     chosen = np.zeros(count, np.uint8)
     chosen[kept] = 1
     found, _ = cv2.findContours(chosen[labels], cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)[-2:]
@@ -160,7 +159,7 @@ def _longest_curves(pixels: Gray, limits: LineLimits) -> tuple[list[Curve], int]
         curves.append((points, float(cv2.arcLength(points, closed)), closed))
     curves.sort(key=lambda curve: -curve[1])
     untraced = len(long_enough) - len(kept)
-    return curves[: limits.most], untraced + max(0, len(curves) - limits.most)
+    return curves[: limits.max_count], untraced + max(0, len(curves) - limits.max_count)
 
 
 def _along(outline: NDArray[np.int32]) -> tuple[NDArray[np.int32], bool]:
@@ -183,12 +182,12 @@ def _segments(polylines: list[Polyline], limits: LineLimits) -> NDArray[np.float
     found = np.vstack(pieces)
     lengths = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
     order = np.argsort(-lengths, kind="stable")
-    order = order[lengths[order] >= limits.shortest]
-    return np.asarray(found[order[: limits.most]], np.float64)
+    order = order[lengths[order] >= limits.min_length]
+    return np.asarray(found[order[: limits.max_count]], np.float64)
 
 
 def _circles(curves: list[Curve]) -> NDArray[np.float64]:
-    """Return the circles on which curves lie, largest first.
+    """Fit circles to curves and return those that fit, (n, 3), largest first.
 
     Source: I. Kasa, "A Circle Fitting Procedure and Its Error Analysis", 1976: least squares of
     x^2 + y^2 = 2 a x + 2 b y + c.
@@ -198,8 +197,8 @@ def _circles(curves: list[Curve]) -> NDArray[np.float64]:
         place = points[:, 0].astype(np.float64)
         if len(place) < 2 * np.pi * SMALLEST_RADIUS * CIRCLE_ARC / 2**0.5:
             continue
-        middle = place.mean(0)
-        x, y = (place - middle).T
+        center = place.mean(0)
+        x, y = (place - center).T
         basis = np.column_stack([2 * x, 2 * y, np.ones_like(x)])
         (a, b, c), *_ = np.linalg.lstsq(basis, x * x + y * y, rcond=None)
         radius = np.sqrt(max(c + a * a + b * b, 0))
@@ -210,5 +209,5 @@ def _circles(curves: list[Curve]) -> NDArray[np.float64]:
             and error <= max(0.7, CIRCLE_ERROR * radius)
             and angles >= CIRCLE_ARC
         ):
-            found.append((middle[0] + a, middle[1] + b, radius))
+            found.append((center[0] + a, center[1] + b, radius))
     return np.array(sorted(found, key=lambda circle: -circle[2]), np.float64).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""The flags of ``zv edge`` that make it work on files."""
+"""The flags of ``zv edge`` for image files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FileName = Annotated[str, Field(min_length=1)]
 
 
 class FileOptions(Settings):
-    """Where pictures come from and where results go; all settings of ``zv edge`` hold too."""
+    """The files that ``zv edge`` reads and writes; all settings of ``zv edge`` apply too."""
 
     image: Annotated[
         FileName | None,

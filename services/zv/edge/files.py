@@ -37,13 +37,13 @@ FINAL: Final = "final"
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One image and where its results go, each None if it is not wanted.
+    """One image and the files of its results.
 
     Attributes:
         image: The image file.
-        out: File of the edge map.
-        stages: Folder of the steps.
-        strength: File of the strengths, a PNG.
+        out: File of the edge map; None if it is not wanted.
+        stages: Folder of the steps; None if they are not wanted.
+        strength: File of the strengths, a PNG; None if they are not wanted.
     """
 
     image: Path
@@ -68,13 +68,14 @@ def stage_file(folder: Path, name: str) -> Path:
 
 
 def run(settings: EdgeSettings, options: FileOptions) -> None:
-    """Find the edges of one image or of a folder's, with a progress bar on a terminal.
+    """Find the edges of one image or of all images of a folder, with a progress bar on a terminal.
 
-    An image of a folder that cannot be read is named and skipped.
+    An image of a folder that cannot be read is logged and skipped.
 
     Raises:
-        ConfigurationError: The flags do not fit together.
-        SourceError: A file cannot be read or written; with a folder, after all others were done.
+        ConfigurationError: The flags contradict each other.
+        SourceError: A file cannot be read or written. If images of a folder cannot be read, it is
+            raised after all others were processed.
     """
     jobs = planned(settings, options)
     mask = read_mask(settings.mask)
@@ -93,21 +94,21 @@ def run(settings: EdgeSettings, options: FileOptions) -> None:
 
 
 class UnreadableImage(SourceError):
-    """An image that cannot be read or is refused, while other images may be fine."""
+    """One image cannot be read or is refused; others may be usable."""
 
 
 def planned(settings: EdgeSettings, options: FileOptions) -> list[Job]:
-    """Return what is to be done, after a check of all flags.
+    """Check the flags and return a job for each image.
 
     Raises:
-        ConfigurationError: The flags do not fit together.
+        ConfigurationError: The flags contradict each other.
         SourceError: There is no image.
     """
     if options.image is None:
         raise ConfigurationError("--out, --stages and --strength need --image")
     if options.out is None and options.stages is None and options.strength is None:
         raise ConfigurationError(
-            "--image needs a place for the results: --out, --stages or --strength"
+            "--image needs a file or folder for the results: --out, --stages or --strength"
         )
     image = Path(options.image)
     if not image.exists():
@@ -127,10 +128,10 @@ def planned(settings: EdgeSettings, options: FileOptions) -> list[Job]:
 
 
 def check_places(jobs: Sequence[Job]) -> None:
-    """Check that no result is written over an image or over another result.
+    """Check that no result overwrites an image or another result.
 
     Raises:
-        ConfigurationError: One would be.
+        ConfigurationError: A result would overwrite a file; the text names both.
     """
     taken = {identity(job.image): f"{job.image} of --image" for job in jobs}
     for job in jobs:
@@ -141,7 +142,7 @@ def check_places(jobs: Sequence[Job]) -> None:
 
 
 def identity(path: Path) -> object:
-    """Return what two names of one file have in common, whether or not it exists yet."""
+    """Return a key that is equal for all names of one file: device and inode, or the real path."""
     try:
         found = path.stat()
     except OSError:
@@ -150,10 +151,10 @@ def identity(path: Path) -> object:
 
 
 def check_suffix(flag: str, path: Path, allowed: Iterable[str]) -> None:
-    """Check the end of the name of a file that is to be written.
+    """Check the suffix of a file that is to be written.
 
     Raises:
-        ConfigurationError: It is not one of those allowed.
+        ConfigurationError: The suffix is not allowed.
     """
     if path.suffix.lower() not in allowed:
         raise ConfigurationError(
@@ -192,10 +193,10 @@ def with_progress(jobs: list[Job]) -> Iterator[Job]:
 
 
 def do(job: Job, settings: EdgeSettings, mask: Gray | None) -> None:
-    """Find the edges of one image and write what is wanted.
+    """Find the edges of one image and write the requested results.
 
     Raises:
-        UnreadableImage: It cannot be read, or the settings refuse it.
+        UnreadableImage: The image cannot be read, or the settings refuse it.
         SourceError: A result cannot be written.
     """
     try:
@@ -216,7 +217,7 @@ def do(job: Job, settings: EdgeSettings, mask: Gray | None) -> None:
 
 
 def encoded(edges: Gray, suffix: str, quality: int) -> bytes:
-    """Return an edge map in the format of a file name's end."""
+    """Return an edge map encoded in the format of a file suffix."""
     if suffix == ".bits":
         return pack_bits(edges)
     if suffix == ".png":
@@ -225,7 +226,7 @@ def encoded(edges: Gray, suffix: str, quality: int) -> bytes:
 
 
 def write(path: Path, content: bytes) -> None:
-    """Write a file, and make its folder if needed.
+    """Write a file; create its folder if needed.
 
     Raises:
         SourceError: It cannot be written.
@@ -238,10 +239,12 @@ def write(path: Path, content: bytes) -> None:
 
 
 def read_frame(path: Path, settings: EdgeSettings) -> Frame:
-    """Return an image file as the frame that a camera would publish of it, decoded.
+    """Read an image file as a frame, decoded as it would be if a camera published it.
 
     Raises:
-        OSError, ValueError, PayloadError: It cannot be read, is damaged or is too large.
+        OSError: It cannot be read.
+        ValueError: It cannot be decoded.
+        PayloadError: It is damaged or too large.
     """
     data = path.read_bytes()
     if data.startswith((codecs.JPEG_START, codecs.PNG_START)):

@@ -1,4 +1,4 @@
-"""The edges of one frame by the settings: map, strength, steps and lines, each made on demand."""
+"""Finds the edges of one frame: map, strength, steps and lines, each computed on demand."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from zv.edge.settings import EdgeSettings
 
 
 class EdgesOfFrame:
-    """Edges of one frame; results are of the frame's size, whatever part was looked at.
+    """The edges of one frame; all results have the frame's size, also with a region or a scale.
 
     Args:
-        frame: Not borrowed: steps may be computed later.
-        settings: Detector, its parameters, region, scale.
-        mask: Image of the setting ``mask``.
+        frame: The frame; it must own its bytes, since steps may be computed later.
+        settings: The detector, its parameters, region and scale.
+        mask: The image of the setting ``mask``, (height, width) uint8; None without.
 
     Raises:
-        PayloadError: ``region_outside``.
+        PayloadError: ``region_outside``: the frame has no pixel of the region; ``corrupt``: it
+            cannot be decoded.
     """
 
     def __init__(self, frame: Frame, settings: EdgeSettings, mask: Gray | None = None) -> None:
@@ -51,7 +52,7 @@ class EdgesOfFrame:
 
     @property
     def full_scale(self) -> float:
-        """The strength that becomes 65535 in 16 bits."""
+        """The strength that is encoded as 65535 in 16 bits."""
         return self._detector.full_scale
 
     @property
@@ -70,8 +71,8 @@ class EdgesOfFrame:
         settings = self._settings
         pixel = float(self._part.factor.mean())  # lines are traced at the reduced scale
         limits = LineLimits(
-            most=settings.contours,
-            shortest=settings.contour_min / pixel,
+            max_count=settings.contours,
+            min_length=settings.contour_min / pixel,
             tolerance=settings.contour_tolerance / pixel,
             circles=settings.circles,
         )
@@ -79,12 +80,12 @@ class EdgesOfFrame:
 
     @property
     def density(self) -> float:
-        """The share of the pixels looked at that are edges."""
+        """The share of edge pixels in the selected part of the frame."""
         return float(np.count_nonzero(self._edges_of_part) / self._edges_of_part.size)
 
 
 def message_of(lines: Lines, density: float, header: Header) -> Contours:
-    """Return the message with the lines of a frame."""
+    """Return the ``Contours`` message with the lines of a frame."""
     return Contours(
         header=header,
         density=density,
@@ -103,5 +104,5 @@ def message_of(lines: Lines, density: float, header: Header) -> Contours:
 
 
 def wanted_form(settings: EdgeSettings) -> Form:
-    """Return the form of frames that the detector takes."""
+    """Return the form of frames that the configured detector needs."""
     return DETECTORS[settings.detector].wants

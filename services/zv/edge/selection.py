@@ -1,4 +1,4 @@
-"""The part of a frame in which edges are looked for: a region, a smaller scale, a mask."""
+"""Selects the part of a frame in which edges are detected: region, scale and mask."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Map = TypeVar("Map", NDArray[np.uint8], NDArray[np.float32])
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What of a frame is looked at, and how its results become those of the whole frame.
+    """The region, the scale and the mask with which edges are detected.
 
     Attributes:
-        box: Region of the frame; None for all of it. What is outside of the frame is ignored.
-        scale: Factor of its width and height before edges are found, over 0 and at most 1.
-        mask: (height, width) uint8 of any size, stretched to the frame: no edges where it is 0.
-            None for none.
+        box: Region of the frame, clipped to the frame; None for all of it.
+        scale: Factor by which the region is reduced before detection, above 0 and at most 1.
+        mask: (height, width) uint8 of any size, stretched to the frame; edges where it is 0 are
+            dropped. None without a mask.
     """
 
     box: Box | None = None
@@ -62,11 +62,11 @@ class Selection:
 
 @dataclass(frozen=True, slots=True)
 class SelectedPart:
-    """The selected part of one frame.
+    """The selected part of one frame; converts results to the whole frame.
 
     Attributes:
         picture: Its pixels, at the reduced scale.
-        box: Where it is in the frame.
+        box: Its position and size in the frame.
         frame_shape: Height and width of the frame.
         mask: As in ``Selection``.
     """
@@ -78,7 +78,7 @@ class SelectedPart:
 
     @property
     def is_whole(self) -> bool:
-        """Whether it is the frame itself."""
+        """Whether the part is the whole frame at its full scale."""
         return self.picture.shape[:2] == self.frame_shape
 
     @property
@@ -88,7 +88,7 @@ class SelectedPart:
         return np.array([width / self.picture.shape[1], height / self.picture.shape[0]])
 
     def whole(self, found: Map) -> Map:
-        """Return a picture of the part as one of the frame, 0 outside of the part.
+        """Return a picture of the part enlarged to the size of the frame, 0 outside of the part.
 
         Each pixel at a reduced scale becomes several equal ones.
         """
@@ -101,7 +101,7 @@ class SelectedPart:
         return whole
 
     def masked(self, found: Map) -> Map:
-        """Return edges or strengths of the part as 0 where the mask is."""
+        """Return edges or strengths of the part, set to 0 where the mask is 0."""
         if self.mask is None:
             return found
         height, width = self.frame_shape
@@ -112,12 +112,12 @@ class SelectedPart:
         return np.where(smaller > 0, found, found.dtype.type(0))
 
     def in_frame(self, lines: Lines) -> Lines:
-        """Return lines of the part in pixels of the frame."""
+        """Convert lines from pixels of the part to pixels of the frame."""
         if self.is_whole:
             return lines
         x, y = self.box[:2]
         factor = self.factor
-        # The middle of pixel 0 is half a pixel from the border, at either scale.
+        # At both scales, the centre of pixel 0 is half a pixel from the border.
         shift = np.array([x, y]) + (factor - 1) / 2
         polylines = tuple(
             replace(

@@ -19,7 +19,7 @@ from zv.registry import published_by
 
 
 def run(settings: EdgeSettings, connection: Connection) -> None:
-    """Publish the edge map of each frame, and steps and lines to those who ask, until stopped."""
+    """Publish edge map, steps and lines of each frame until told to stop."""
     mask = read_mask(settings.mask)
     with Node(
         "edge",
@@ -28,7 +28,7 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
         publishes=published_by("edge"),
         parameters=settings,
     ) as node:
-        active = settings  # of the frame before: decoding both forms costs little for one frame
+        active = settings  # of the previous frame; after a change, one frame is decoded twice
         frames = node.frames(
             "image/compressed",
             want=lambda frame: frame.form(wanted_form(active)),
@@ -47,7 +47,7 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
 
 
 def publish(node: Node, frame: Frame, found: EdgesOfFrame, settings: EdgeSettings) -> None:
-    """Publish the edge map of a frame; its steps and lines are made only if someone wants them."""
+    """Publish the edge map, the steps and the lines of a frame, each only while subscribed."""
     node.publish_picture(
         "edges/compressed",
         frame,
@@ -66,16 +66,18 @@ def publish(node: Node, frame: Frame, found: EdgesOfFrame, settings: EdgeSetting
 
 
 def contours_of(node: Node, frame: Frame, found: EdgesOfFrame) -> Contours:
-    """Return the message with the lines of a frame; its header states when they were found."""
+    """Return the message with the lines of a frame; the header is made after they are traced."""
     lines, density = found.lines, found.density
     return message_of(lines, density, node.header(frame))
 
 
 def read_mask(file: str | None) -> Gray | None:
-    """Return the image of the setting ``mask``, (height, width) uint8; None for none.
+    """Read the image of the setting ``mask``: (height, width) uint8, 0 where it is black, else 255.
+
+    None without a mask.
 
     Raises:
-        SourceError: It cannot be read.
+        SourceError: The file cannot be read or decoded.
     """
     if file is None:
         return None

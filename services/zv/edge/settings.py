@@ -41,8 +41,8 @@ class EdgeSettings(ServiceSettings):
         Field(
             ge=0,
             le=10,
-            description="of colour and learned: wanted share of edge pixels in an average picture, "
-            "the only dial that they have",
+            description="of colour and learned, their only parameter: wanted share of edge pixels "
+            "in an average picture",
         ),
         Live("percent"),
     ] = 3.5
@@ -58,7 +58,7 @@ class EdgeSettings(ServiceSettings):
     ] = 1.4
     low: Annotated[
         float,
-        Field(ge=0, le=100_000, description="of canny: gradients below it are no edge"),
+        Field(ge=0, le=100_000, description="of canny: gradients below it are not edges"),
         Live(),
     ] = 40.0
     high: Annotated[
@@ -96,7 +96,7 @@ class EdgeSettings(ServiceSettings):
         Field(
             max_length=40,
             pattern=REGION_PATTERN,
-            description="part of the frame that is looked at: X,Y,WIDTH,HEIGHT in pixels; "
+            description="part of the frame in which edges are found: X,Y,WIDTH,HEIGHT in pixels; "
             "empty: all of it",
         ),
         REGION_FORM,
@@ -107,8 +107,8 @@ class EdgeSettings(ServiceSettings):
         Field(
             ge=0.1,
             le=1,
-            description="frames are made smaller by it before edges are found; results stay in "
-            "pixels of the whole frame",
+            description="factor by which frames are reduced before edges are found; results stay "
+            "in pixels of the whole frame",
         ),
         Live(),
     ] = 1.0
@@ -126,22 +126,20 @@ class EdgeSettings(ServiceSettings):
     ] = 100
     contour_min: Annotated[
         int,
-        Field(ge=1, le=10_000, description="pixels that a line in edges/contours has at least"),
+        Field(ge=1, le=10_000, description="least number of pixels of a line in edges/contours"),
         Live("pixels"),
     ] = 10
     contour_tolerance: Annotated[
         float,
-        Field(ge=0, le=50, description="how far polylines may be from the edges' pixels"),
+        Field(ge=0, le=50, description="largest distance of polylines from the edges' pixels"),
         Live("pixels"),
     ] = 1.0
-    circles: Annotated[bool, Field(description="look for circles in edges/contours"), Live()] = (
-        False
-    )
+    circles: Annotated[bool, Field(description="find circles for edges/contours"), Live()] = False
     format: Annotated[
         Literal["png", "jpeg", "bits"],
         Field(
             description="png is lossless; jpeg also has values between 0 and 255; bits: packed, "
-            "one bit a pixel"
+            "one bit per pixel"
         ),
         Live(),
     ] = "png"
@@ -155,8 +153,8 @@ class EdgeSettings(ServiceSettings):
         Field(
             ge=1,
             le=7680 * 4320,
-            description="width times height; larger frames are dropped. The memory for one is up "
-            "to 42 bytes a pixel",
+            description="width times height; larger frames are dropped. One frame needs up to 42 "
+            "bytes of memory per pixel",
         ),
     ] = 4096 * 2304
 
@@ -169,7 +167,7 @@ class EdgeSettings(ServiceSettings):
     def _sigma_fits(self) -> Self:
         if self.detector == "laplacian_of_gaussian" and self.sigma < LEAST_LAPLACIAN_SIGMA:
             raise ValueError(
-                f"sigma = {self.sigma:g} is too little for laplacian_of_gaussian, whose second "
+                f"sigma = {self.sigma:g} is too small for laplacian_of_gaussian, whose second "
                 f"derivative falls between the pixels; allowed: at least {LEAST_LAPLACIAN_SIGMA:g}"
             )
         return self

@@ -91,6 +91,7 @@ def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan
         remap: Cameras of the file by the names to use instead; added to those in the file.
 
     Raises:
+        SourceError: The file cannot be opened.
         ConfigurationError: The file is wrong; the text has the key, its value and what is allowed.
     """
     tables = read_tables(path)

@@ -143,6 +143,7 @@ def read_tables(path: Path) -> LaunchTables:
     """Read a launch file and check the form of its tables.
 
     Raises:
+        SourceError: The file cannot be opened.
         ConfigurationError: The file is wrong; the text has the key, its value and what is allowed.
     """
     values = read_toml(path)

@@ -1,1 +1,1 @@
-"""The tracker: all moving objects of each frame, or the largest one as the tutorial finds it."""
+"""The tracker: finds all moving objects of each frame, or the largest one as the tutorial does."""

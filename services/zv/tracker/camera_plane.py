@@ -1,4 +1,4 @@
-"""Keeps the newest calibration of one camera, from its ``camera_info``."""
+"""Receives the calibration of one camera from its ``camera_info``."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from zenoh_vision.topics import topic_named
 from zenoh_vision.transport.query import Query, Replies, send
 from zenoh_vision.transport.session import direct
 
-WAITING: Final = 16
-"""Calibrations that wait for a frame; of more, the newest."""
+MAX_WAITING: Final = 16
+"""Calibrations that wait for the next frame; when there are more, the oldest are dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Arrival:
-    """What came on Zenoh's thread, to be read by the tracker's loop.
+    """A calibration received on Zenoh's thread, to be processed by the tracker's loop.
 
     Attributes:
-        sample: What was published or answered; None if nobody answered.
-        question: Number of the question that it answers; 0 if it was published.
+        sample: The published sample or the reply; None if a query had no reply.
+        query: Number of the query that it answers; 0 if it was published.
     """
 
     sample: zenoh.Sample | None
-    question: int = 0
+    query: int = 0
 
 
 class CameraPlane:
-    """The plane that a camera sees, for each of its frames.
+    """Maps the pixels of each frame to the plane of the camera's newest calibration.
 
-    A calibration may come at any time, from the camera or from another program. It is subscribed
-    to, and asked for with the first frame of each epoch, since it may have been published before.
-    One whose publisher answers is gone when nobody answers any more: the camera runs again, without
-    a calibration. One that was only published stays until another comes. One that is not possible
-    is dropped, and the former one stays.
+    A calibration may arrive at any time, from the camera or from another program. It is subscribed
+    to, and queried at the first frame of each epoch, since it may have been published earlier. If
+    its publisher answers queries, it is dropped at the first query without a reply: the camera was
+    started again without a calibration. If it was only published, it stays until another one
+    arrives. An invalid calibration is dropped and counted, and the previous one stays.
 
     Args:
         node: The tracker, open.
@@ -53,11 +53,11 @@ class CameraPlane:
         self._node = node
         self._camera = camera
         self._key = topic_named("camera_info").key(node.connection.namespace, camera)
-        self._arrived: deque[_Arrival] = deque(maxlen=WAITING)
+        self._arrived: deque[_Arrival] = deque(maxlen=MAX_WAITING)
         self._calibration: Calibration | None = None
-        self._is_answered = False  # its publisher answers queries
-        self._question = 0
-        self._published_since = False  # the question
+        self._is_answered = False  # whether the calibration's publisher answers queries
+        self._query = 0  # number of the newest query
+        self._published_since = False  # whether a calibration was published since that query
         self._epoch: int | None = None
         self._view: PlaneView | None = None
         self._made_for: tuple[Calibration | None, int, int] | None = None
@@ -72,16 +72,16 @@ class CameraPlane:
         self._subscription.undeclare()
 
     def view(self, header: Header) -> PlaneView | None:
-        """Return the way from a frame's pixels to the plane; None without a calibrated plane.
+        """Return the mapping from a frame's pixels to the plane; None without a calibrated plane.
 
-        A calibration for another size of the same shape is scaled; one for another shape is
-        not used.
+        A calibration for another size with the same aspect ratio is scaled; one for another
+        aspect ratio is not used.
         """
         while self._arrived:
-            self._take(self._arrived.popleft())
+            self._process(self._arrived.popleft())
         if header.epoch != self._epoch:
             self._epoch = header.epoch
-            self._ask()
+            self._send_query()
         calibration = self._calibration
         made_for = (calibration, header.width, header.height)
         if self._made_for != made_for:
@@ -89,20 +89,20 @@ class CameraPlane:
             self._view = _view(calibration, header)
         return self._view
 
-    def _ask(self) -> None:
-        self._question += 1
+    def _send_query(self) -> None:
+        self._query += 1
         self._published_since = False
-        question = self._question
+        number = self._query
 
         def done(replies: Replies) -> None:
             samples = [reply.ok for reply in replies if reply.ok is not None]
             if samples or not replies.timed_out:
-                self._arrived.append(_Arrival(samples[-1] if samples else None, question))
+                self._arrived.append(_Arrival(samples[-1] if samples else None, number))
 
         with suppress(zenoh.ZError):  # the session is being closed or replaced
             send(self._node.link.session, Query(self._key), done)
 
-    def _take(self, arrival: _Arrival) -> None:
+    def _process(self, arrival: _Arrival) -> None:
         calibration = None
         if arrival.sample is not None:
             try:
@@ -111,11 +111,11 @@ class CameraPlane:
                 self._node.counters.arrive()
                 self._node.drop(error)
                 return
-        if arrival.question == 0:
+        if arrival.query == 0:
             self._calibration, self._is_answered = calibration, False
             self._published_since = True
-        elif arrival.question != self._question:
-            return  # of an epoch before
+        elif arrival.query != self._query:
+            return  # a reply to the query of an earlier epoch
         elif arrival.sample is None:
             if self._is_answered:
                 self._calibration, self._is_answered = None, False

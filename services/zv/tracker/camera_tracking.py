@@ -1,4 +1,4 @@
-"""The tracker's work on the frames of one camera: its pipeline, its state, what it publishes."""
+"""Tracks the objects of one camera: runs the pipeline on its frames and publishes the results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from zenoh_vision.messages import Track as TrackMessage
 from zv.tracker import shapes
 from zv.tracker.camera_world import CameraWorld
 from zv.tracker.drawing import Trails, draw_tracks
-from zv.tracker.event_publisher import EventPublisher, begins_anew
+from zv.tracker.event_publisher import EventPublisher, tracks_end
 from zv.tracker.foreground.foreground import ForegroundParameters
 from zv.tracker.pipelines.largest import LargestObject, LargestObjectParameters, MovingObject, draw
 from zv.tracker.pipelines.robust import RobustParameters, RobustTracker, enlarged, working_scale
@@ -31,15 +31,16 @@ Pixels = NDArray[np.uint8]
 
 
 class CameraTracking:
-    """Tracks the objects of one camera and publishes what it finds.
+    """Tracks the objects of one camera and publishes the results.
 
-    The background is learned again for a new epoch, size, pipeline or range of depth, and when the
-    camera's clock was set back; a change of another setting keeps it. Ids begin with an epoch.
+    The background is learned anew for a new epoch, size, pipeline or range of depth, and when the
+    camera's clock was set back; a change of another setting keeps it. Ids start again from 1 in
+    each epoch.
 
     Args:
         node: Publishes the results.
         camera: The camera's name.
-        settings: Those with which it begins.
+        settings: The initial settings.
     """
 
     def __init__(self, node: Node, camera: str, settings: TrackerSettings) -> None:
@@ -60,28 +61,28 @@ class CameraTracking:
 
         Args:
             frame: The next frame of the camera.
-            picture: What ``decoded`` returned for it.
+            picture: Its pixels, as returned by ``decoded``.
         """
         settings: TrackerSettings = frame.revision.settings
-        self._follow(frame, settings)
+        self._apply(frame, settings)
         if settings.pipeline == "tutorial":
             self._largest_object(frame, picture, settings)
         else:
             self._all_objects(frame, picture, settings)
 
-    def _follow(self, frame: Frame, settings: TrackerSettings) -> None:
-        """Begin anew for another stream of frames; use the settings of this frame."""
+    def _apply(self, frame: Frame, settings: TrackerSettings) -> None:
+        """Apply the settings of a frame; reset the tracking if the frame does not continue it."""
         header, before = frame.header, self._header
         self._header = header
         if before is None or header.epoch != before.epoch:
             self._next_id = 1
-        anew = before is None or begins_anew(before, header)
+        restarts = before is None or tracks_end(before, header)
         stream = (
             (header.width, header.height),
             settings.pipeline,
             frame.value_range,
         )
-        if anew or stream != self._stream:
+        if restarts or stream != self._stream:
             self._stream = stream
             self._largest = LargestObject(largest_parameters(settings))
             self._robust = RobustTracker(robust_parameters(settings), self._next_id)
@@ -95,7 +96,7 @@ class CameraTracking:
         self._settings = settings
 
     def _largest_object(self, frame: Frame, bgr: Pixels, settings: TrackerSettings) -> None:
-        """Process a frame by the tutorial's pipeline, which knows no ids and so no tracks."""
+        """Process a frame with the tutorial's pipeline; it has no ids, so ``tracks`` is empty."""
         node = self._node
         found, mask = self._largest.update(bgr)
         node.publish("centroid", centroid_of(node, frame, found))
@@ -189,11 +190,12 @@ def robust_parameters(settings: TrackerSettings) -> RobustParameters:
         tracking=replace(TrackingParameters(), keep_lost_s=settings.keep_lost),
         min_area=settings.min_area,
         max_area=settings.max_area or math.inf,
+        convex=settings.convex,
     )
 
 
 def centroid_of(node: Node, frame: Frame, found: MovingObject | None) -> Centroid:
-    """Return the message for a frame, with the object that was found or without."""
+    """Return the ``Centroid`` message of a frame; its fields are None without an object."""
     header = node.header(frame)
     if found is None:
         return Centroid(header=header, x=None, y=None, box=None, area=None)
@@ -202,7 +204,7 @@ def centroid_of(node: Node, frame: Frame, found: MovingObject | None) -> Centroi
 
 
 def track_message(track: Track, world: tuple[float, float] | None = None) -> TrackMessage:
-    """Return the message of a track, with its place in the world if that is known."""
+    """Return the message of a track, with its position in the world if that is known."""
     return TrackMessage(
         id=track.id,
         state=track.state,

@@ -1,4 +1,4 @@
-"""The world as one camera sees it: places of tracks on its plane, and predictions."""
+"""World positions of one camera's tracks on its calibrated plane, and their predictions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Place = tuple[float, float]
 
 
 class CameraWorld:
-    """Follows a camera's calibration, and answers where its objects will be.
+    """Maps a camera's tracks to the world plane, and answers queries for predictions.
 
     Args:
         node: The tracker, open.
@@ -32,16 +32,16 @@ class CameraWorld:
     def update(
         self, frame: Frame, tracks: Sequence[Track], anchor: Anchor
     ) -> tuple[PlaneView | None, list[Place | None]]:
-        """Take all tracks of the next frame.
+        """Process all tracks of the next frame.
 
         Args:
             frame: The frame.
-            tracks: All of it, in full-resolution pixels.
-            anchor: The point of an object that has a place in the world.
+            tracks: All tracks of the frame, in full-resolution pixels.
+            anchor: The point of an object whose world position is wanted.
 
         Returns:
-            The way from pixels to the plane, None without one; and the place of each track, None
-            without a plane or beyond its horizon.
+            The mapping from pixels to the plane, None without one; and the position of each
+            track on it, None without a plane or beyond its horizon.
         """
         view = self._plane.view(frame.header)
         self._predictions.update(self._node.header(frame), tracks, anchor, view)
@@ -49,7 +49,7 @@ class CameraWorld:
 
 
 def places(tracks: Sequence[Track], anchor: Anchor, view: PlaneView | None) -> list[Place | None]:
-    """Return where tracks are on a plane: X, Y of the anchor of each, or None."""
+    """Return the positions of tracks on a plane: X, Y of each anchor, None if it is not on it."""
     if view is None or not tracks:
         return [None] * len(tracks)
     points = np.array([anchor_of(track, anchor) for track in tracks], np.float64)

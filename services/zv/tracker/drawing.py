@@ -15,19 +15,20 @@ TRAIL_S = 3.0
 MAX_POINTS = 200
 LOST_COLOR = (160, 160, 160)
 HUE_STEP = 111.25
-"""Between the hues of successive ids, of 180: the golden section keeps any few in a row apart."""
+"""Step between the hues of successive ids, modulo 180 as in OpenCV; by the golden ratio, the
+colours of any few successive ids differ clearly."""
 
 Point = tuple[int, int]
 
 
 class Trails:
-    """Where each track was in the last seconds."""
+    """The positions of each track in the last ``TRAIL_S`` seconds."""
 
     def __init__(self) -> None:
         self._points: dict[int, deque[tuple[int, Point]]] = {}
 
     def update(self, tracks: Sequence[Track], stamp_ns: int) -> None:
-        """Take the tracks of a frame; forget those that have ended, and what is too long ago."""
+        """Add the tracks of a frame; forget ended tracks and positions that are too old."""
         points: dict[int, deque[tuple[int, Point]]] = {}
         for track in tracks:
             trail = self._points.get(track.id, deque(maxlen=MAX_POINTS))
@@ -39,19 +40,19 @@ class Trails:
         self._points = points
 
     def lines(self) -> dict[int, list[Point]]:
-        """Return the points of each track, the oldest first."""
+        """Return the points of each trail by the track's id, oldest first."""
         return {number: [point for _, point in trail] for number, trail in self._points.items()}
 
 
 def draw_tracks(
     bgr: NDArray[np.uint8], tracks: Sequence[Track], trails: Mapping[int, Sequence[Point]]
 ) -> NDArray[np.uint8]:
-    """Return the frame with the confirmed and the lost tracks marked; itself without any.
+    """Return a copy of a frame with its confirmed and lost tracks drawn; the frame if it has none.
 
     Args:
         bgr: (height, width, 3) uint8; not modified.
         tracks: In full-resolution pixels; tentative ones are not drawn.
-        trails: Earlier positions by id.
+        trails: Earlier positions by id, as returned by ``Trails.lines``.
     """
     shown = [track for track in tracks if track.state != "tentative"]
     if not shown:
@@ -66,7 +67,7 @@ def draw_tracks(
         cv2.rectangle(picture, (x, y), (x + width - 1, y + height - 1), color, thickness)
         cv2.circle(picture, (round(track.x), round(track.y)), 3, color, -1)
         place = (x, y - 5 if y > 20 else y + height + 15)
-        for ink, width in (((0, 0, 0), 5), (color, 2)):  # legible on any ground
+        for ink, width in (((0, 0, 0), 5), (color, 2)):  # legible on any background
             cv2.putText(picture, str(track.id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, ink, width)
     return picture
 

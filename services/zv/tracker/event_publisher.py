@@ -19,10 +19,10 @@ from zv.tracker.tracking.track import Track
 log = logging.getLogger(__name__)
 
 SET_BACK_NS: Final = 1_000_000_000
-"""A stamp that is earlier than the one before by more is of a clock that was set back."""
+"""If a stamp is earlier than the previous one by more than this, the clock was set back."""
 
-ASKED_NS: Final = 2_000_000_000
-"""A calibration that was published before has been asked for and come by then."""
+CALIBRATION_WAIT_NS: Final = 2_000_000_000
+"""Time within which a calibration that was published earlier is queried and received."""
 
 Counted = tuple[dict[str, ZoneCount] | None, dict[str, LineCount] | None]
 
@@ -32,7 +32,7 @@ class EventPublisher:
 
     Args:
         node: Publishes ``events`` of the camera.
-        settings: Those with which it begins.
+        settings: The initial settings.
     """
 
     def __init__(self, node: Node, settings: TrackerSettings) -> None:
@@ -40,7 +40,7 @@ class EventPublisher:
         self._settings = settings
         self._events = TrackEvents(rules_of(settings))
         self._header: Header | None = None
-        self._told = False
+        self._warned = False
         self._without_plane_ns: int | None = None
 
     def update(
@@ -53,24 +53,24 @@ class EventPublisher:
         """Publish what happened from the last frame to this one.
 
         Args:
-            frame: The frame; a new epoch, and a clock that was set back, end all tracks before.
-            tracks: All of the frame, in full-resolution pixels.
+            frame: The frame; a new epoch or a clock that was set back ends all earlier tracks.
+            tracks: All tracks of the frame, in full-resolution pixels.
             settings: Zones, lines, dwell and anchor for this frame.
-            plane: The way from pixels to the world; None without a calibration.
+            plane: The mapping from pixels to the world; None without a calibration.
 
         Returns:
-            The counts of zones and of lines for the ``Tracks`` message of the frame; None each if
-            there are no such shapes.
+            The counts of zones and of lines for the ``Tracks`` message of the frame; None instead
+            of the counts if there are no zones or no lines.
         """
         if settings is not self._settings:
             self._settings = settings
             self._events.adjust(rules_of(settings))
-            self._told = False
-        if self._header is not None and begins_anew(self._header, frame.header):
+            self._warned = False
+        if self._header is not None and tracks_end(self._header, frame.header):
             self._publish(self._header, self._events.end())
             self._without_plane_ns = None
         self._header = self._node.header(frame)
-        self._tell_without_plane(plane, frame.header.stamp_ns)
+        self._warn_without_plane(plane, frame.header.stamp_ns)
         self._publish(self._header, self._events.update(tracks, frame.header.stamp_ns, plane))
         return self._counts()
 
@@ -92,40 +92,40 @@ class EventPublisher:
         }
         return zones or None, passed or None
 
-    def _tell_without_plane(self, plane: WorldPlane | None, stamp_ns: int) -> None:
+    def _warn_without_plane(self, plane: WorldPlane | None, stamp_ns: int) -> None:
         """Log once that shapes in world units have no events without a calibration."""
         if plane is not None or self._without_plane_ns is None:
             self._without_plane_ns = None if plane is not None else stamp_ns
             return
-        if stamp_ns - self._without_plane_ns < ASKED_NS:
+        if stamp_ns - self._without_plane_ns < CALIBRATION_WAIT_NS:
             return
         rules = self._events.rules
         shapes: tuple[Polygon | Line, ...] = (*rules.zones, *rules.lines)
         in_world = [each.name for each in shapes if each.unit == "world"]
-        if in_world and not self._told:
-            self._told = True
+        if in_world and not self._warned:
+            self._warned = True
             names = ", ".join(in_world)
             log.warning("no events of %s: in world units, but the camera has no plane", names)
 
 
-def begins_anew(before: Header, now: Header) -> bool:
-    """Tell whether nothing of a frame goes on in the next one.
+def tracks_end(before: Header, now: Header) -> bool:
+    """Return whether all tracks end between two successive frames.
 
-    Ids belong to their epoch. Times before a camera's clock was set back cannot be compared with
-    those after; small steps back are taken for no time.
+    They end with their epoch, since ids start again, and when the camera's clock is set back, since
+    times before and after cannot be compared. For a smaller step back, no time has passed.
     """
     return now.epoch != before.epoch or now.stamp_ns < before.stamp_ns - SET_BACK_NS
 
 
 def rules_of(settings: TrackerSettings) -> EventRules:
-    """Return what to look for from the settings."""
+    """Return the zones, the lines and the other rules of events from the settings."""
     return EventRules(
         polygons(settings.zones), lines(settings.lines), settings.dwell, settings.anchor
     )
 
 
 def message_of(event: Event, header: Header) -> TrackEvent:
-    """Return the message of an event that was found in the frame of a header."""
+    """Return the message of an event; the header is that of the frame in which it was found."""
     x, y = event.at.pixel
     return TrackEvent(
         header=header,

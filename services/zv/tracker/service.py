@@ -1,4 +1,4 @@
-"""The tracker's loop, over the frames of one camera, of several, or of all that there are."""
+"""The tracker's loop over the frames of one camera, several, or all."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from zv.tracker.camera_tracking import CameraTracking, decoded
 from zv.tracker.settings import TrackerSettings
 
 MAX_CAMERAS = 64
-"""With ``*``, cameras that appear later than so many others are not tracked: their frames count as
-processed and as ``cameras_left_out``."""
+"""Largest number of cameras tracked with ``*``; the frames of further ones count as processed and
+as ``cameras_left_out``."""
 
 
 def run(settings: TrackerSettings, connection: Connection) -> None:
     """Publish the moving objects of each frame until told to stop.
 
-    Each camera has a state of its own. Of each, the newest frame waits, and the cameras are
-    served in turn, so that one that is fast, slow or silent does not delay the others.
+    Each camera has its own state. Only its newest frame waits, and the cameras are served in turn,
+    so a fast, slow or silent camera does not delay the others.
     """
     keep_freed_memory()
     names = settings.cameras

@@ -51,7 +51,10 @@ class TrackerSettings(ServiceSettings):
     ] = "robust"
     subtractor: Annotated[
         Literal["mog2", "knn"],
-        Field(description="robust: model of the background, a mixture of Gaussians or neighbours"),
+        Field(
+            description="robust: background model. mog2: mixture of Gaussians; knn: nearest "
+            "neighbours"
+        ),
         Live(effect="a change learns the background anew"),
     ] = "mog2"
     learning_time: Annotated[
@@ -87,11 +90,19 @@ class TrackerSettings(ServiceSettings):
         ),
         Live("square pixels"),
     ] = 0.0
+    convex: Annotated[
+        bool,
+        Field(
+            description="robust: all objects are convex, as most parts on a belt are; those that "
+            "touch are told apart by the concavities between them"
+        ),
+        Live(),
+    ] = False
     regions: Annotated[
         str,
         Field(
             max_length=shapes.MAX_CHARACTERS,
-            description="robust: polygons in pixels inside of which objects are looked for; "
+            description="robust: polygons in pixels; objects are detected only inside them; "
             "empty: everywhere",
         ),
         AfterValidator(_pixel_polygons),
@@ -102,7 +113,7 @@ class TrackerSettings(ServiceSettings):
         str,
         Field(
             max_length=shapes.MAX_CHARACTERS,
-            description="robust: polygons in pixels inside of which objects are ignored",
+            description="robust: polygons in pixels; objects inside them are ignored",
         ),
         AfterValidator(_pixel_polygons),
         Form(shapes.POLYGONS_FORM),
@@ -155,7 +166,7 @@ class TrackerSettings(ServiceSettings):
         str,
         Field(
             max_length=shapes.MAX_CHARACTERS,
-            description="zones whose entering and leaving are events; in pixels, or in units of "
+            description="zones; entering and leaving one is an event; in pixels, or in units of "
             "the calibration after the word world",
         ),
         AfterValidator(_polygons),
@@ -166,7 +177,7 @@ class TrackerSettings(ServiceSettings):
         str,
         Field(
             max_length=shapes.MAX_CHARACTERS,
-            description="lines whose crossings are events; in pixels, or in units of the "
+            description="lines; crossing one is an event; in pixels, or in units of the "
             "calibration after the word world",
         ),
         AfterValidator(_lines),
@@ -175,7 +186,7 @@ class TrackerSettings(ServiceSettings):
     ] = ""
     dwell: Annotated[
         float,
-        Field(ge=0.01, le=86_400, description="stay in a zone after which it is an event"),
+        Field(ge=0.01, le=86_400, description="time in a zone after which it is an event"),
         Live("s"),
         SECONDS,
     ] = 10.0
@@ -197,14 +208,14 @@ class TrackerSettings(ServiceSettings):
         Field(
             ge=1,
             le=7680 * 4320,
-            description="width times height; larger frames are dropped. The memory for one is up "
-            "to 130 bytes a pixel",
+            description="width times height; larger frames are dropped. One frame needs up to 130 "
+            "bytes of memory per pixel",
         ),
     ] = 1920 * 1200
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """The cameras by name, each once; none if it is all that there are."""
+        """The names of the cameras, each once; empty for all cameras."""
         return cameras_of(self.camera)
 
     @model_validator(mode="after")

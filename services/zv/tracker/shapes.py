@@ -1,4 +1,4 @@
-"""Reads named polygons and lines from text, and says what is wrong with those that it refuses.
+"""Parses named polygons and lines from text; errors name the shape and the reason.
 
 A shape is a name and its points, `x,y` with spaces between them; shapes are separated by `;` or
 by a new line. Text after `#` is a comment. Coordinates are full-resolution pixels, or units of the
@@ -37,7 +37,7 @@ Points = tuple[Point, ...]
 
 
 class ShapeError(ValueError):
-    """A shape is refused; the text names the shape and the reason."""
+    """A shape is invalid; the text names the shape and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Polygon:
 
     Attributes:
         name: Unique in its text.
-        points: Its corners, either way round; the first is not repeated at the end.
+        points: Its corners, clockwise or not; the first is not repeated at the end.
         unit: ``pixels`` of the full-resolution frame, or units of the ``world`` plane.
     """
 
@@ -68,7 +68,7 @@ class Line:
         name: Unique in its text.
         start: Its first point.
         end: Its second point.
-        unit: As of a polygon.
+        unit: As for a polygon.
     """
 
     name: str
@@ -81,7 +81,7 @@ Shape = TypeVar("Shape", Polygon, Line)
 
 
 def polygons(text: str, *, world: bool = True) -> tuple[Polygon, ...]:
-    """Return the polygons of a text, in its order; none for an empty text.
+    """Parse the polygons of a text, in its order; none for an empty text.
 
     Args:
         text: As in the module's docstring.
@@ -89,28 +89,28 @@ def polygons(text: str, *, world: bool = True) -> tuple[Polygon, ...]:
 
     Raises:
         ShapeError: Names the polygon and the reason: a bad or repeated name, fewer than 3 points,
-            points that are no finite numbers or repeat each other, edges that cross or touch, too
-            many polygons or points.
+            a coordinate that is not a finite number, the same point twice in a row, edges that
+            cross or touch, too many polygons or points.
     """
     return _shapes(text, _polygon, world=world)
 
 
 def lines(text: str, *, world: bool = True) -> tuple[Line, ...]:
-    """Return the lines of a text, in its order; see ``polygons``.
+    """Parse the lines of a text, in its order; see ``polygons``.
 
     Raises:
-        ShapeError: As for polygons; a line has 2 points, which differ.
+        ShapeError: As for polygons; a line has two different points.
     """
     return _shapes(text, _line, world=world)
 
 
 def text_of(shapes: Sequence[Polygon | Line]) -> str:
-    """Return the text from which ``polygons`` or ``lines`` read these shapes again."""
+    """Return the text of shapes; ``polygons`` or ``lines`` parse it back to the same shapes."""
     return "; ".join(_text(shape) for shape in shapes)
 
 
 def contains(points: Points, point: Point) -> bool:
-    """Tell whether a point is inside a polygon. A point on an edge may count as either.
+    """Return whether a point is inside a polygon. A point on an edge may count as either.
 
     Source: the even-odd rule (Shimrat, Algorithm 112, CACM 1962).
     """
@@ -123,15 +123,15 @@ def contains(points: Points, point: Point) -> bool:
 
 
 def turn(a: Point, b: Point, c: Point) -> float:
-    """Return twice the area of a triangle: positive if ``c`` is right of a to b in a picture.
+    """Return twice the signed area of a triangle: positive if c is right of the line from a to b.
 
-    In a picture y points down, so right of the way from a to b is clockwise.
+    Right is meant as in a picture, where y points down; a, b, c are then clockwise.
     """
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def touch(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Tell whether the edge from a to b and the one from c to d have a point in common."""
+    """Return whether the edge from a to b and the one from c to d have a point in common."""
     first, second = _sign(turn(a, b, c)), _sign(turn(a, b, d))
     third, fourth = _sign(turn(c, d, a)), _sign(turn(c, d, b))
     if first != second and third != fourth:
@@ -145,7 +145,7 @@ def touch(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def distance(point: Point, a: Point, b: Point) -> float:
-    """Return the distance of a point from the edge between two others."""
+    """Return the distance of a point from the edge from a to b."""
     along = (b[0] - a[0], b[1] - a[1])
     length = along[0] ** 2 + along[1] ** 2
     share = ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / length if length else 0
@@ -154,12 +154,11 @@ def distance(point: Point, a: Point, b: Point) -> float:
 
 
 def passage(start: Point, end: Point, a: Point, b: Point) -> float | None:
-    """Return where the step from start to end goes through the edge from a to b.
+    """Return where the step from start to end crosses the edge from a to b.
 
     Returns:
-        The share of the step, 0 to 1; None if it ends on the side where it began, or goes beside
-        the edge. A point on the edge's line belongs to its right side, so that a path through it
-        goes through once.
+        The fraction of the step, 0 to 1; None if it does not cross the edge. A point on the
+        edge's line belongs to its right side, so that a path with a point there crosses once.
     """
     from_side, to_side = turn(a, b, start), turn(a, b, end)
     if (from_side >= 0) == (to_side >= 0):
@@ -204,7 +203,7 @@ def _head(words: list[str]) -> tuple[str, Unit, list[str]]:
         raise ShapeError(f"{_shown(name)}: a name must stand before the first point")
     if not NAME.fullmatch(name) or name == "world":
         raise ShapeError(
-            f"{_shown(name)} is no name; a name has 1 to 32 of a-z, 0-9 and _, and is not 'world'"
+            f"{_shown(name)} is not a name; a name has 1 to 32 of a-z, 0-9 and _, except 'world'"
         )
     if rest and rest[0] in ("world", "pixels"):
         return name, "world" if rest[0] == "world" else "pixels", rest[1:]
@@ -214,7 +213,7 @@ def _head(words: list[str]) -> tuple[str, Unit, list[str]]:
 def _point(name: str, word: str) -> Point:
     numbers = word.split(",")
     if len(numbers) != 2:
-        raise ShapeError(f"{name!r}: {_shown(word)} is no point; a point is X,Y")
+        raise ShapeError(f"{name!r}: {_shown(word)} is not a point; a point is X,Y")
     x, y = (_number(name, word, number) for number in numbers)
     return x, y
 
@@ -223,7 +222,7 @@ def _number(name: str, word: str, text: str) -> float:
     if text.lower().lstrip("+-") in ("nan", "inf", "infinity"):
         raise ShapeError(f"{name!r}: {_shown(word)} is not finite")
     if not NUMBER.fullmatch(text):
-        raise ShapeError(f"{name!r}: {_shown(word)} is no point; {_shown(text)} is no number")
+        raise ShapeError(f"{name!r}: {_shown(word)} is not a point; {_shown(text)} is not a number")
     number = float(text)
     if not math.isfinite(number) or abs(number) > MAX_COORDINATE:
         raise ShapeError(f"{name!r}: {_shown(word)} is beyond {MAX_COORDINATE:.0f}")
@@ -262,7 +261,7 @@ def _refuse_crossing(polygon: Polygon) -> None:
 
 
 def _turns_back(a: Point, b: Point, c: Point) -> bool:
-    """Tell whether the way from a to b goes on to c over itself."""
+    """Return whether the edge from b to c runs back along the edge from a to b."""
     return turn(a, b, c) == 0 and (a[0] - b[0]) * (c[0] - b[0]) + (a[1] - b[1]) * (c[1] - b[1]) > 0
 
 
@@ -293,7 +292,7 @@ def _shown(text: str) -> str:
 
 
 def _between(a: Point, point: Point, b: Point) -> bool:
-    """Tell whether a point on the line through a and b lies between them."""
+    """Return whether a point on the line through a and b lies between them."""
     return min(a[0], b[0]) <= point[0] <= max(a[0], b[0]) and (
         min(a[1], b[1]) <= point[1] <= max(a[1], b[1])
     )

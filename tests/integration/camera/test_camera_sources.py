@@ -59,14 +59,16 @@ def test_of_a_file_played_once_every_frame_is_accounted_for(client, lossless_ser
     images = Listener(client, IMAGE)
     camera = lossless_service("camera", "--source", video)
     assert camera.process.wait(START_S) == 0, camera.complaints
+    assert f"{video} ended after 20 frames" in camera.complaints
 
-    def all_told() -> dict[str, int]:
+    def all_reported() -> dict[str, int]:
         """Return the counters of its goodbye, which comes through the router."""
         last = health.messages[-1].body["counters"] if health.messages else {}
         return last if last.get("captured") == 20 and not last["pending"] else {}
 
-    last = wait_until(all_told)
+    last = wait_until(all_reported)
     assert balance(last) == 0
+    assert health.messages[-1].body["message"] == f"{video} ended after 20 frames"
     wait_until(lambda: len(images.messages) >= last["published"])
     assert len(images.messages) == last["published"]
     check_identities(images.messages)

@@ -78,7 +78,7 @@ def of_one_frame(listeners: dict[str, Listener]) -> dict[str, Message]:
     return wait_until(common)
 
 
-def test_steps_and_lines_are_of_the_same_frame_as_the_edge_map(client, camera):
+def test_steps_and_lines_belong_to_the_same_frame_as_the_edge_map(client, camera):
     keys = ["compressed", "contours", *(f"{stage}/compressed" for stage in STAGES)]
     listeners = {key: Listener(client, f"vision/front/edges/{key}") for key in keys}
     found = of_one_frame(listeners)
@@ -115,7 +115,7 @@ def test_the_detector_can_be_changed_while_it_runs(client, camera, detector: str
 
 
 @pytest.mark.parametrize("detector", ["colour", "haralick", "canny"])
-def test_each_step_is_answered_whichever_detector_finds_the_edges(client, camera, detector):
+def test_a_query_returns_each_step_of_every_detector(client, camera, detector):
     revision = set_all(client, detector=detector)
     for name in (*STAGES, ""):
         key = f"vision/front/edges/{name}/compressed".replace("//", "/")
@@ -144,7 +144,7 @@ def test_bits_are_the_same_map_as_the_png(client, camera):
     edges.close()
 
 
-def test_a_region_outside_of_the_frame_is_counted_and_over_when_it_is_inside(client, camera):
+def test_a_region_outside_of_the_frame_is_counted_until_it_is_inside(client, camera):
     edges = Listener(client, "vision/front/edges/compressed")
     health = Listener(client, "@vision/diagnostics/edge_front")
     edges.wait_for(1)
@@ -173,8 +173,8 @@ def test_a_region_outside_of_the_frame_is_counted_and_over_when_it_is_inside(cli
         listener.close()
 
 
-def test_values_that_make_no_sense_are_refused_with_the_reason(client):
+def test_contradictory_values_are_refused_with_the_reason(client):
     assert "above" in refusal(client, low=200.0)["error"]
     assert "aperture" in refusal(client, aperture=4)["error"]
-    assert "too little" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["error"]
+    assert "too small" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["error"]
     assert "at least 0.5" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["allowed"]

@@ -32,7 +32,6 @@ MISTAKES = {
         ["--encoding", "'yuyv'", "mono8, mono16, bgr8, rgb8, bgra8, rgba8"],
     ),
     "no endpoint to listen on": (["router", "--listen", "7447"], ["--listen", "'7447'", "tcp"]),
-    "no such config": (["tracker", "--config", "/no/such.toml"], ["/no/such.toml"]),
     "unknown command": (["trakker"], ["trakker"]),
 }
 
@@ -75,6 +74,11 @@ def test_a_source_that_cannot_be_opened_is_3_and_named(router, tmp_path, source)
     source = source.replace("tmp:", f"{tmp_path}/")
     said = failure("camera", "--connect", router.endpoint, "--source", source, status=3)
     assert source in said
+
+
+def test_a_configuration_file_that_cannot_be_opened_is_3_and_named():
+    said = failure("tracker", "--config", "/no/such.toml", status=3)
+    assert "/no/such.toml: No such file" in said
 
 
 @pytest.mark.parametrize("name", ["camera", "tracker", "edge"])

@@ -314,7 +314,6 @@ def test_a_file_that_was_played_is_not_played_again(tmp_path, router):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["nosuch.toml"], "nosuch.toml: No such file"),
         (["--connect", "tcp/127.0.0.1:1", "--listen", "tcp/127.0.0.1:2"], "give one"),
         (["--listen", "7447"], "--listen = '7447' is not allowed"),
     ],

@@ -1,4 +1,4 @@
-"""A service that is told to stop while it still starts ends with 0, wherever it is by then."""
+"""A service that receives a signal while it starts ends with status 0, at every step of that."""
 
 import signal
 import time

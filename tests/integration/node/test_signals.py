@@ -55,6 +55,7 @@ def start_all(start, *camera_flags: object) -> list[Program]:
     ]
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_under_load(router, client, service, number):
     programs = start_all(service)
@@ -70,6 +71,7 @@ def test_under_load(router, client, service, number):
     wait_until(lambda: not living_nodes(client), 0.5)
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_while_nothing_comes(router, client, service, number):
     programs = [service("tracker"), service("edge")]
@@ -77,6 +79,7 @@ def test_while_nothing_comes(router, client, service, number):
     check_ends(programs, number)
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_while_no_router_was_ever_there(tmp_path, number):
     with knocking(tmp_path) as (programs, door, visitors):
@@ -85,6 +88,7 @@ def test_while_no_router_was_ever_there(tmp_path, number):
         check_ends(programs, number)
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_while_the_port_is_taken_by_something_that_never_answers(tmp_path, number):
     with knocking(tmp_path) as (programs, _, _):
@@ -110,6 +114,7 @@ def knocking(
         yield programs, door, knocks
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_after_the_router_was_killed(router, service, number):
     with open_client(router.endpoint) as client:
@@ -120,6 +125,7 @@ def test_after_the_router_was_killed(router, service, number):
     check_ends(programs, number)
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_while_the_router_is_frozen(router, service, number):
     with open_client(router.endpoint) as client:
@@ -143,6 +149,7 @@ def test_while_a_frozen_router_makes_publishing_block(router, client, service, n
     router.resume()
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_while_the_source_is_stalled(router, client, service, number):
     camera = service("camera", *SMALL, "--faults", "stall@3+999999", "--stall-after", 3600)
@@ -156,6 +163,7 @@ def test_while_the_source_is_stalled(router, client, service, number):
     check_ends([camera], number)
 
 
+@pytest.mark.quiet
 @SIGNALS
 def test_the_router_itself(tmp_path, number):
     with (
@@ -168,6 +176,7 @@ def test_the_router_itself(tmp_path, number):
         check_ends([router.program], number)
 
 
+@pytest.mark.quiet
 def test_a_second_signal_does_no_harm(router, client, service):
     programs = start_all(service)
     wait_for_nodes(client, *NODES)

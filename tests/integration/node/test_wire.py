@@ -225,6 +225,8 @@ def test_the_tracked_picture_is_the_frame_with_a_green_box(system):
 
 
 def test_health_comes_once_a_second_from_every_node_and_balances(system):
+    for key in ("centroid", "edges/compressed"):
+        system.listen(key).wait_for(2)  # a frame counts as processed when the next one is taken
     listeners = {
         node: Listener(system.client, f"@vision/diagnostics/{node}") for node in system.programs
     }

@@ -283,7 +283,7 @@ def test_it_serves_before_there_is_a_router_and_through_its_death(tmp_path: Path
         router.close()
 
 
-def test_without_a_router_it_waits_for_ever_unless_told(tmp_path: Path):
+def test_without_a_router_it_waits_for_ever_without_a_time_out(tmp_path: Path):
     arguments = ["metrics", "--listen", "127.0.0.1:0"]
     nowhere = ["--connect", "tcp/127.0.0.1:1"]
     with (

@@ -151,7 +151,7 @@ def test_a_node_that_does_not_answer_is_listed_so(shared):
     assert "does not answer" in done.stdout
 
 
-def test_of_many_only_the_one_that_goes_is_told(shared, tmp_path):
+def test_of_many_nodes_only_the_one_that_leaves_is_reported(shared, tmp_path):
     flags = ["node", "list", "--watch", "--namespace", "crowd"]
     names = [f"edge_n{n}" for n in range(8)]
     with (

@@ -176,6 +176,11 @@ WRONG = {
     "no value": (["set", "camera_front", "quality"], (2, ["'quality' is not NAME=VALUE"])),
     "nothing to set": (["set", "camera_front"], (2, ["NAME=VALUE"])),
     "no such node": (["set", "camera_fornt", "quality=5"], (1, ["did you mean camera_front?"])),
+    "no node that matches": (
+        ["set", "edge_*", "quality=5"],
+        (1, ["nothing matches edge_*: these exist: camera_front, tracker_front"]),
+    ),
+    "several nodes": (["get", "camera_*", "quality"], (2, ["allowed: the name of one node"])),
     "no node's name": (["list", "@x/**"], (1, ["these exist: camera_front, tracker_front"])),
     "another namespace": (["list", "--namespace", "x"], (1, ["no node at all"])),
     "no such file": (["load", "camera_front", "missing.toml"], (3, ["missing.toml"])),
@@ -214,6 +219,26 @@ def test_a_file_that_is_wrong_is_refused_as_a_whole(system, tmp_path, text: str,
     assert (done.returncode, done.stdout) == (2, "")
     assert said in done.stderr
     assert system.value("camera_front", "quality") == 80
+
+
+def test_a_pattern_sets_each_node_that_matches_and_tells_of_those_that_refuse(system):
+    both = system.told("set", "*_front", "quality=61")
+    assert both == "camera_front quality: 80 -> 61\ntracker_front quality: 80 -> 61\n"
+    one = system.zv("set", "?????*_front", "quality=80", "closing=7")
+    assert (one.returncode, set(one.stdout.splitlines())) == (
+        2,
+        {"tracker_front quality: 61 -> 80", "tracker_front closing: 20 -> 7"},
+    )
+    assert "camera_front: there is no parameter 'closing'" in one.stderr
+    assert "1 of 2 nodes that match ?????*_front were not set" in one.stderr
+    assert system.value("camera_front", "quality") == 61
+    system.put_back("camera_front", quality=80)
+    system.put_back("tracker_front", closing=20)
+
+
+def test_a_pattern_lists_the_nodes_that_match(system):
+    rows = system.told("list", "track*").splitlines()[2:]
+    assert {row.split()[0] for row in rows} == {"tracker_front"}
 
 
 def test_a_node_that_has_no_parameters_says_so(system):

@@ -198,11 +198,15 @@ def test_what_is_asked_for_wrongly_says_why(client, zv, tmp_path: Path):
             zv(KEY, "-", as_json=True)
 
 
-def test_where_nobody_answers_the_near_key_is_named(client, zv, tmp_path: Path):
-    publisher = client.declare_publisher(KEY)
-    with pytest.raises(ExpectationNotMet, match=rf"did you mean {KEY}\?"):
+def test_where_nobody_answers_the_near_keys_of_pictures_are_named(client, zv, tmp_path: Path):
+    own = "vision/c/thermal"
+    publishers = [client.declare_publisher(key) for key in (KEY, own, NO_JPEG)]
+    with pytest.raises(
+        ExpectationNotMet, match=rf"did you mean {KEY}\? these exist: {KEY}, {own}$"
+    ):
         zv("vision/c/image/compressedd", tmp_path / "a.jpg")
-    publisher.undeclare()
+    for publisher in publishers:
+        publisher.undeclare()
 
 
 # --draw: each picture is of one grey level, its number; each result says the same number.

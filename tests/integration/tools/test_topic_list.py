@@ -25,7 +25,7 @@ from tests.support.publishing import (
 )
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.errors import ExpectationNotMet
-from zenoh_vision.messages import NodeDescription
+from zenoh_vision.messages import Diagnostics, Latency, NodeDescription
 from zenoh_vision.transport.connection import Connection
 from zv.tools.shared.discovery import discover
 from zv.tools.shared.session import ToolSession
@@ -187,6 +187,36 @@ def test_info_shows_publishers_subscribers_and_the_newest_sample(client, zv, nod
     assert text[0] == LAZY
     assert "    - node: tracker_c" in text
     queryable.undeclare()
+
+
+def test_info_says_how_the_frames_come_to_the_nodes_that_subscribe(client, zv, node):
+    report = Diagnostics(
+        node="tracker_c",
+        stamp_ns=1,
+        level=0,
+        message="ok",
+        uptime_s=1.0,
+        counters={},
+        rate_hz=30.0,
+        latency_ms=Latency(p50=None, p99=None),
+        transport="shm",
+    )
+    key = "@vision/diagnostics/tracker_c"
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(key, report.to_bytes())
+
+    queryable, publisher = (
+        client.declare_queryable(key, answer),
+        client.declare_publisher("vision/c/image"),
+    )
+    (line,) = zv(InfoOptions(key="vision/c/image", window=0.1), as_json=True)
+    found = json.loads(line)
+    assert (found["subscribers"], found["subscribing_nodes"]) == (0, ["tracker_c"])
+    assert found["transport"] == {"tracker_c": "shm"}
+    queryable.undeclare()
+    publisher.undeclare()
 
 
 def test_info_does_not_say_when_a_stream_of_others_is_made(client, zv):

@@ -1,4 +1,4 @@
-"""The tracker's knowledge of its camera's calibration: whenever it comes, and whatever comes."""
+"""The tracker's calibration: when one arrives, is replaced, is invalid or disappears."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def where(plane: CameraPlane, head: Header) -> tuple[float, float] | None:
     return None if view is None else view.position(100, 50)
 
 
-def test_a_calibration_counts_from_when_it_comes_and_a_newer_one_replaces_it(
+def test_a_calibration_applies_from_its_arrival_until_a_newer_one_replaces_it(
     plane: CameraPlane, client: zenoh.Session
 ):
     assert plane.view(header()) is None
@@ -64,7 +64,7 @@ def test_a_calibration_counts_from_when_it_comes_and_a_newer_one_replaces_it(
     wait_until(lambda: where(plane, header()) == (2, 1))
 
 
-def test_one_that_was_published_before_is_asked_for_and_forgotten_when_it_is_gone(
+def test_a_calibration_published_earlier_is_queried_and_dropped_when_its_publisher_is_gone(
     plane: CameraPlane, router
 ):
     with open_client(router.endpoint) as camera:
@@ -77,7 +77,7 @@ def test_one_that_was_published_before_is_asked_for_and_forgotten_when_it_is_gon
     wait_until(lambda: plane.view(header(epoch=6)) is None)
 
 
-def test_one_that_another_program_published_once_stays_through_epochs_in_which_nobody_answers(
+def test_a_calibration_published_without_a_queryable_stays_through_later_epochs(
     plane: CameraPlane, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ):
     answers = []
@@ -96,7 +96,7 @@ def test_one_that_another_program_published_once_stays_through_epochs_in_which_n
     assert answers == [[], [], []]
 
 
-def test_it_is_read_by_the_loop_and_not_on_zenohs_thread(
+def test_a_calibration_is_decoded_by_the_loop_and_not_on_zenohs_thread(
     plane: CameraPlane, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ):
     readers = []
@@ -113,7 +113,7 @@ def test_it_is_read_by_the_loop_and_not_on_zenohs_thread(
     assert set(readers) == {threading.current_thread()}
 
 
-def test_another_size_is_scaled_and_another_shape_has_no_plane(
+def test_a_calibration_is_scaled_to_another_size_but_not_to_another_aspect_ratio(
     plane: CameraPlane, client: zenoh.Session
 ):
     wait_for_subscriber(client, KEY)
@@ -138,7 +138,7 @@ def dropped(node: Node, reason: str) -> int:
     ],
     ids=["not msgpack", "not CameraInfo", "another camera's", "focal length 0"],
 )
-def test_a_bad_one_is_dropped_and_counted_and_the_former_one_stays(
+def test_an_invalid_calibration_is_dropped_and_counted_and_the_previous_one_stays(
     plane: CameraPlane, node: Node, client: zenoh.Session, payload: bytes, reason: str
 ):
     wait_for_subscriber(client, KEY)

@@ -12,9 +12,7 @@ from tests.support.waiting import wait_until
 
 
 @pytest.mark.parametrize("cameras", ["door,yard,away", "*"], ids=["by name", "by wildcard"])
-def test_a_tracker_serves_several_cameras_and_one_that_is_away_delays_none(
-    service, client, cameras
-):
+def test_a_tracker_serves_several_cameras_and_an_absent_one_delays_none(service, client, cameras):
     service("tracker", "--camera", cameras)
     wait_for_nodes(client, "tracker")
     listeners = {name: Listener(client, f"vision/{name}/tracks") for name in ("door", "yard")}

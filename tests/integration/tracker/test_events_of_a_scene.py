@@ -1,4 +1,4 @@
-"""From pictures to events: what crosses a line in front of a camera is told by the tracker."""
+"""From pictures to events: the tracker publishes what happens in front of a camera."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def picture(at_s: float) -> bytes:
     return cv2.imencode(".jpg", room, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
 
 
-def test_a_square_that_crosses_the_line_and_the_zone_is_told_once_each(client, lossless_service):
+def test_a_square_that_crosses_a_line_and_a_zone_has_each_event_once(client, lossless_service):
     """Its centre is at x = 120 (t - 1.5) - 20: on the line x = 160 at 3 s."""
     shapes = (
         "--lines",

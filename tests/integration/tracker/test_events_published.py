@@ -47,7 +47,7 @@ def ready(client: zenoh.Session, node: Node) -> Listener:
     return listener
 
 
-def test_a_crossing_goes_on_the_wire_with_all_that_is_known_of_it(client, node):
+def test_a_published_crossing_has_all_its_fields(client, node):
     listener = ready(client, node)
     publisher = EventPublisher(node, SETTINGS)
     publisher.update(frame(0), [track(60, 50)], SETTINGS)
@@ -122,7 +122,7 @@ def test_a_clock_that_is_set_back_ends_the_tracks_and_the_new_time_counts_from_t
     assert found[3:6] == [("started", 2, 900), ("confirmed", 2, 900), ("line_crossed", 2, 950)]
 
 
-def test_a_tracker_goes_on_after_the_cameras_clock_was_set_back(router):
+def test_a_tracker_continues_after_the_cameras_clock_was_set_back(router):
     """By an hour, while a square moves on: without that, no time would pass for an hour."""
     live = ParameterStore(TrackerSettings())
     revision = live.activate()
@@ -159,7 +159,7 @@ def test_a_tracker_goes_on_after_the_cameras_clock_was_set_back(router):
     assert not set().union(*seen[:40]) & set().union(*seen[41:])
 
 
-def test_changed_lines_act_from_the_next_frame_and_keep_the_counts_of_the_others(client, node):
+def test_changed_lines_apply_from_the_next_frame_and_others_keep_their_counts(client, node):
     publisher = EventPublisher(node, SETTINGS)
     publisher.update(frame(0), [track(60, 50)], SETTINGS)
     publisher.update(frame(1), [track(140, 50)], SETTINGS)
@@ -171,9 +171,7 @@ def test_changed_lines_act_from_the_next_frame_and_keep_the_counts_of_the_others
     assert msgpack.unpackb(ask(client, KEY)[0].payload)["zone"] == "exit"
 
 
-def test_shapes_in_world_units_without_a_calibration_are_told_once_after_it_had_time_to_come(
-    node, caplog
-):
+def test_shapes_in_world_units_without_a_calibration_are_logged_once_after_a_wait(node, caplog):
     settings = TrackerSettings(lines="pick world 0,0 0,1")
     publisher = EventPublisher(node, settings)
     told = "no events of pick: in world units, but the camera has no plane"

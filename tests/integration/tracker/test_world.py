@@ -83,7 +83,7 @@ def example(router, tmp_path: Path) -> Iterator[Program]:
         yield program
 
 
-def test_tracks_have_places_events_their_times_and_queries_get_predictions(
+def test_tracks_have_world_positions_events_have_times_and_queries_return_predictions(
     client, lossless_service, example: Program, belt: Belt, camera: BeltCamera
 ):
     wait_until(

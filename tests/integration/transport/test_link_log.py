@@ -50,7 +50,7 @@ def test_a_node_tells_once_that_it_waits_is_connected_lost_its_router_and_has_it
     assert lines(caplog) == back
 
 
-def test_a_wait_that_is_over_at_once_is_not_told(
+def test_a_wait_that_is_over_at_once_is_not_logged(
     router: Router, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)

@@ -29,7 +29,7 @@ def test_a_page_gets_the_running_nodes_and_their_streams(viewer: Viewer, service
             assert health["at_ns"].isdecimal()
             while not health["diagnostics"]["counters"]["captured"]:  # the first may be too early
                 health = await page.text("health", node="camera_front")
-        async with viewer.page() as page:  # a page that comes later is told all at once
+        async with viewer.page() as page:  # a page that connects later receives everything at once
             await page.text("streams")
             parameters = await page.text("parameters", node="edge_front")
             low = next(each for each in parameters["parameters"] if each["name"] == "low")

@@ -141,7 +141,7 @@ class Observer:
             connection.close()
 
     async def _watch(self) -> None:
-        """Be a page that watches messages, takes all that it is told, and asks for snapshots."""
+        """Connect as a page that watches messages, receives all of them, and asks for snapshots."""
         url = f"http://127.0.0.1:{self._port}"
         async with (
             aiohttp.ClientSession() as session,

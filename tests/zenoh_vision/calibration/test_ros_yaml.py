@@ -163,5 +163,5 @@ def test_scaled_scales_lens_projection_and_plane_together():
     assert half.view is not None
     assert half.view.position(100, 50) == (200.5, 100.5)  # a pixel has become two
     assert whole.scaled(640, 480) is whole
-    with pytest.raises(CalibrationFault, match="same shape"):
+    with pytest.raises(CalibrationFault, match="same aspect ratio"):
         whole.scaled(640, 400)

@@ -113,7 +113,7 @@ def test_the_help_has_the_docstring_the_settings_and_the_examples(
     [
         (["--gain", "9"], 2, "dimmer: command line: --gain = '9' is not allowed"),
         (["--gian", "1"], 2, "dimmer: no such option: --gian; did you mean --gain? see dimm"),
-        (["--config", "/no/file.toml"], 2, "dimmer: /no/file.toml: No such file or directory"),
+        (["--config", "/no/file.toml"], 3, "dimmer: /no/file.toml: No such file or directory"),
         (["--gain", "3"], 3, "dimmer: the lamp is gone"),
     ],
 )

@@ -133,7 +133,7 @@ def test_a_watcher_may_change_the_parameters_again_and_each_change_is_told_in_or
     assert told == [1, 2, 3]
 
 
-def test_a_watcher_that_fails_keeps_no_other_from_being_told(caplog):
+def test_a_watcher_that_fails_does_not_keep_the_others_from_being_called(caplog):
     live = ParameterStore(LampSettings())
     told: list[int] = []
 

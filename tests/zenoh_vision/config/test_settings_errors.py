@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from zenoh_vision.config.settings import Settings, load_settings
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zv.camera.settings import CameraSettings
 from zv.edge.settings import EdgeSettings
 from zv.tracker.settings import TrackerSettings
@@ -187,5 +187,7 @@ def test_a_file_that_is_no_toml_is_named(tmp_path: Path, content: bytes, words: 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path):
     missing = tmp_path / "missing.toml"
-    assert refusal(CameraSettings, config=missing) == f"{missing}: No such file or directory"
-    assert refusal(CameraSettings, config=tmp_path) == f"{tmp_path}: Is a directory"
+    for path, reason in ((missing, "No such file or directory"), (tmp_path, "Is a directory")):
+        with pytest.raises(SourceError) as caught:
+            load_settings(CameraSettings, config=path)
+        assert (str(caught.value), caught.value.exit_status) == (f"{path}: {reason}", 3)

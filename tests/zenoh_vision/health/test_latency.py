@@ -57,6 +57,16 @@ def test_a_rate_needs_two_frames(count: int):
     assert pace_of(*[1.0] * count).rate_hz(1.0) == 0.0
 
 
+def test_a_rate_needs_a_second_since_the_first_frame_is_slow():
+    # Due each 0.1 s; the first one was done 70 ms late.
+    pace = LatencyMonitor()
+    for at_s in (0.07, *(n * 0.1 for n in range(1, 12))):
+        pace.note(at_s, 1.0)
+    assert pace.rate_hz(1.06) == 0.0
+    # 11 intervals in 1.03 s; after the first alone it would be 1 / 0.03 s = 33 Hz.
+    assert pace.rate_hz(1.1) == pytest.approx(11 / 1.03)
+
+
 def test_the_rate_is_intervals_over_time():
     # 31 frames, 30 intervals of 0.1 s in 3 s.
     assert pace_of(*[1.0] * 31, step_s=0.1).rate_hz(3.0) == pytest.approx(10.0)

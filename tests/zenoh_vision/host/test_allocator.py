@@ -36,3 +36,34 @@ def test_pages_that_were_freed_are_not_cleared_again():
 
     assert faults("kept") < ROUNDS
     assert faults("by default") > ROUNDS * PAGES
+
+
+THREADS = 8
+SHARED = f"""
+import os, sys, threading
+from zenoh_vision.host.allocator import keep_freed_memory
+
+keep_freed_memory()
+def resident():
+    return int(open("/proc/self/statm").read().split()[1])
+before, done = resident(), threading.Barrier({THREADS} + 1)
+turn = threading.Lock()
+def use():
+    with turn:
+        blocks = [bytearray({PAGES} * os.sysconf("SC_PAGESIZE")) for _ in range(3)]
+        del blocks
+    done.wait()  # only threads that live have an arena each
+threads = [threading.Thread(target=use) for _ in range({THREADS})]
+for thread in threads:
+    thread.start()
+done.wait()
+print(resident() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has these options")
+def test_threads_share_the_memory_that_is_kept():
+    done = subprocess.run(
+        [sys.executable, "-c", SHARED], capture_output=True, text=True, check=True
+    )
+    assert int(done.stdout) < 2 * 3 * PAGES  # that of two threads; each would keep as much

@@ -59,3 +59,19 @@ def test_a_wait_ends_at_once_for_what_is_true_and_with_its_time_for_what_is_not(
     began_s = time.monotonic()
     assert not wakeup.wait_for(lambda: False, 0.05)
     assert time.monotonic() - began_s >= 0.05
+
+
+def test_nothing_is_kept_of_threads_that_have_ended():
+    wakeup, all_wait = Wakeup(), threading.Barrier(20)
+
+    def wait() -> None:
+        wakeup.wait(0)
+        all_wait.wait(PATIENCE_S)  # so that no two have the same number
+
+    threads = [threading.Thread(target=wait) for _ in range(20)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    wakeup.wait(0)
+    assert list(wakeup._asleep) == [threading.get_ident()]

@@ -135,7 +135,7 @@ def test_they_are_taken_again_at_once_when_the_offer_goes_and_when_nothing_comes
 
 
 @pytest.mark.parametrize(("transport", "keys"), [("raw", {RAW}), ("jpeg", {COMPRESSED})])
-def test_shared_memory_is_left_alone_if_another_way_is_told(system, transport, keys):
+def test_shared_memory_is_not_used_with_another_transport(system, transport, keys):
     system.memory.receiving = True
     system.after(1, came=SHM)
     assert system.after(0, transport) == keys

@@ -1,4 +1,4 @@
-"""The newest item wins, and nothing is lost without a word."""
+"""A newer item replaces an older one, and each loss is reported."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import threading
 from zenoh_vision.stream.buffer import Buffer, latest, queue
 
 
-def test_the_newest_item_displaces_the_one_that_waits():
+def test_the_newest_item_replaces_the_waiting_one():
     replaced: list[int] = []
     buffer = Buffer[int](latest, replaced.append)
     for item in range(4):
@@ -17,7 +17,7 @@ def test_the_newest_item_displaces_the_one_that_waits():
     assert buffer.take(0) is None
 
 
-def test_an_item_that_was_taken_displaces_nothing():
+def test_an_item_that_was_taken_is_not_counted_as_replaced():
     replaced: list[int] = []
     buffer = Buffer[int](latest, replaced.append)
     for item in range(4):
@@ -26,7 +26,7 @@ def test_an_item_that_was_taken_displaces_nothing():
     assert replaced == []
 
 
-def test_a_unverified_waits_beside_the_current_stream_and_behind_it():
+def test_an_unverified_item_replaces_no_current_one_and_is_taken_after_it():
     replaced: list[str] = []
     buffer = Buffer[str](latest, replaced.append)
     buffer.put("unverified", unverified=True)
@@ -35,7 +35,7 @@ def test_a_unverified_waits_beside_the_current_stream_and_behind_it():
     assert [buffer.take(0), buffer.take(0), buffer.take(0)] == ["current", "unverified", None]
 
 
-def test_each_lane_has_one_place():
+def test_current_and_unverified_items_are_replaced_separately():
     replaced: list[str] = []
     buffer = Buffer[str](latest, replaced.append)
     buffer.put("current 1")
@@ -46,7 +46,7 @@ def test_each_lane_has_one_place():
     assert [buffer.take(0), buffer.take(0)] == ["current 2", "unverified 2"]
 
 
-def test_filled_says_whether_an_item_waits_in_either_lane():
+def test_filled_is_true_for_a_current_and_for_an_unverified_item():
     buffer = Buffer[int](latest, lambda _: None)
     assert not buffer.filled
     buffer.put(0)
@@ -58,7 +58,7 @@ def test_filled_says_whether_an_item_waits_in_either_lane():
     assert not buffer.filled
 
 
-def test_taking_from_an_empty_slot_ends_after_the_time_given():
+def test_taking_from_an_empty_buffer_returns_none_after_the_timeout():
     assert Buffer[int](latest, lambda _: None).take(0.001) is None
 
 
@@ -88,7 +88,7 @@ def test_the_buffer_is_unlocked_while_the_drop_of_an_item_is_reported():
     assert seen == [True]
 
 
-def test_items_of_many_threads_are_each_taken_or_displaced_exactly_once():
+def test_each_item_of_many_threads_is_taken_or_replaced_exactly_once():
     replaced: list[tuple[int, int]] = []
     buffer = Buffer[tuple[int, int]](latest, replaced.append)
     putters, items = 4, 2000
@@ -110,7 +110,7 @@ def test_items_of_many_threads_are_each_taken_or_displaced_exactly_once():
     everything = sorted(taken + replaced)
     assert everything == [(number, item) for number in range(putters) for item in range(items)]
     for number in range(putters):  # newest wins: no thread's item is seen after a later one
-        mine = [item for who, item in taken if who == number]
+        mine = [item for putter, item in taken if putter == number]
         assert mine == sorted(mine)
 
 
@@ -127,7 +127,7 @@ def test_of_several_keys_the_one_that_waits_longest_is_next_whatever_arrives_mea
     assert taken == ["a2", "b1", "a4", "b4"]  # in turn, each the newest of its key
 
 
-def test_a_queue_keeps_the_order_of_arrival_also_where_an_epoch_is_verified_meanwhile():
+def test_a_queue_keeps_the_order_of_arrival_even_if_an_epoch_is_verified_in_between():
     buffer = Buffer[int](queue(10), lambda _: None)
     for number in range(5):
         buffer.put(number, unverified=number < 3)

@@ -1,4 +1,4 @@
-"""The camera's calibration follows its pictures, and is told once for each kind of them."""
+"""The camera's calibration follows its pictures, and is published once for each kind of them."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_narrow_region_may_be_made_smaller():
     assert (message.width, message.height) == (4, 100)
 
 
-def test_another_region_is_told():
+def test_another_region_publishes_it_again():
     latch = CalibrationLatch(BELT, "none")
     boxes = [None, (0, 0, 200, 160), (0, 0, 200, 160), (1, 0, 200, 160), None]
     sizes = [(640, 480), (200, 160), (200, 160), (200, 160), (640, 480)]

@@ -53,7 +53,7 @@ def in_bash(typed: str) -> list[str]:
         pytest.param("zv camera --source ", ["file,"], id="files, which the shell lists"),
     ],
 )
-def test_bash_is_told(typed: str, expected: list[str]):
+def test_bash_completes(typed: str, expected: list[str]):
     assert in_bash(typed) == expected
 
 

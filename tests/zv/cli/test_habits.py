@@ -198,10 +198,12 @@ def test_with_debug_a_fault_shows_its_traceback_too():
     ("arguments", "status"),
     [
         (["edge", "--sigma", "99"], 2),
-        (["edge", "--config", "missing.toml"], 2),
+        (["edge", "--config", "missing.toml"], 3),
+        (["top", "--zenoh-config", "missing.json5"], 3),
         (["topic", "list", "--connect", "tcp/127.0.0.1:1", "--timeout", "100ms"], 4),
         (["param", "load", "camera_front", "missing.toml"], 3),
-        (["up", "missing.toml"], 2),
+        (["up", "missing.toml"], 3),
+        (["doctor", "--expect", "missing.toml"], 3),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

@@ -47,7 +47,7 @@ def edge(*arguments: object, status: int = 0) -> str:
     return done.stderr
 
 
-def test_the_map_of_a_file_is_the_services(image: Path, tmp_path: Path):
+def test_the_map_of_a_file_is_that_of_the_service(image: Path, tmp_path: Path):
     out = tmp_path / "out.png"
     assert edge("--image", image, "--out", out, "--sigma", 2, "--high", 90) == ""
     assert np.array_equal(pixels(out), Canny(sigma=2, high=90).detect(GRAY).edges)
@@ -109,7 +109,7 @@ def folder(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_folder_gives_a_folder(folder: Path, tmp_path: Path):
+def test_a_folder_of_images_gives_a_folder_of_maps(folder: Path, tmp_path: Path):
     out = tmp_path / "new" / "out"
     places = ("--out", out, "--stages", tmp_path / "steps", "--strength", tmp_path / "strength")
     edge("--image", folder, *places)
@@ -143,7 +143,7 @@ def test_a_folder_shows_its_progress_on_a_terminal(folder: Path, tmp_path: Path)
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (("--image", "{image}"), 2, "--image needs a place for the results"),
+        (("--image", "{image}"), 2, "--image needs a file or folder for the results"),
         (("--out", "{folder}/out.png"), 2, "need --image"),
         (("--image", "{image}", "--out", "{image}"), 2, "overwrite {image} of --image"),
         (("--image", "{folder}", "--out", "{folder}"), 2, "overwrite {image} of --image"),
@@ -178,7 +178,7 @@ def test_a_folder_shows_its_progress_on_a_terminal(folder: Path, tmp_path: Path)
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else str(value),
 )
-def test_what_makes_no_sense_is_refused_in_one_line(
+def test_unusable_flags_are_refused_in_one_line(
     image: Path, arguments: tuple[str, ...], status: int, words: str
 ):
     places = {"image": str(image), "folder": str(image.parent)}
@@ -187,7 +187,7 @@ def test_what_makes_no_sense_is_refused_in_one_line(
     assert not (image.parent / "o.png").exists()
 
 
-def test_steps_are_not_written_over_the_image(tmp_path: Path):
+def test_steps_do_not_overwrite_the_image(tmp_path: Path):
     """It is named like a step, and a link beside it is another name of the same file."""
     image = tmp_path / "smoothed.png"
     image.write_bytes(before := codecs.encode_png(PICTURE))
@@ -221,7 +221,7 @@ assert GRAY.min() > 0
 
 @pytest.mark.parametrize("detector", ["canny", "colour", "haralick", "laplacian_of_gaussian"])
 @pytest.mark.parametrize("name", ODD)
-def test_unusual_images_have_right_maps(tmp_path: Path, name: str, detector: str):
+def test_images_of_unusual_formats_have_correct_maps(tmp_path: Path, name: str, detector: str):
     (tmp_path / "in.png").write_bytes(codecs.encode_png(ODD[name]))
     settings = EdgeSettings.model_validate(
         {"detector": detector, "depth_min": 0, "depth_max": 65535}

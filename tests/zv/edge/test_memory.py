@@ -19,13 +19,14 @@ WIDTH, HEIGHT = 1200, 1000
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_map_and_steps_of_a_frame_take_the_memory_that_is_stated(detector: str):
+def test_a_frame_with_all_steps_needs_no_more_memory_than_stated(detector: str):
     coarse = np.random.default_rng(0).integers(0, 256, (40, 48, 3)).astype(np.uint8)
     picture = np.asarray(
         cv2.resize(coarse, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST), np.uint8
     )
     settings = EdgeSettings.model_validate({"detector": detector})
-    stated = re.search(r"(\d+) bytes a pixel", EdgeSettings.model_fields["max_pixels"].description)
+    description = EdgeSettings.model_fields["max_pixels"].description
+    stated = re.search(r"(\d+) bytes of memory per pixel", description)
     assert stated
     tracemalloc.start()  # OpenCV's results are NumPy's memory, which it follows
     try:

@@ -1,4 +1,4 @@
-"""Region, scale and mask: what is looked at, and results in pixels of the whole frame."""
+"""Region, scale and mask: the selected part of a frame, and results in pixels of the frame."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_region_is_cut_out_and_put_back():
     assert np.array_equal(part.whole(np.full((8, 10), 255, np.uint8)), expected)
 
 
-def test_what_of_a_region_is_outside_of_the_frame_is_ignored():
+def test_the_part_of_a_region_outside_of_the_frame_is_ignored():
     part = Selection(box=(25, 15, 100, 100)).of(np.zeros((20, 30), np.uint8))
     assert part.picture.shape == (5, 5)
     with pytest.raises(PayloadError, match="region_outside"):
@@ -62,7 +62,7 @@ def test_nothing_is_found_where_the_mask_is_black():
     assert kept[:, 3:].all()
 
 
-def test_lines_of_a_scaled_region_are_where_they_are_in_the_frame():
+def test_lines_of_a_scaled_region_have_the_coordinates_of_the_frame():
     """Row 10 of the part at half scale is rows 20 and 21 of the region, the middle of which is
     20.5; the region begins at 30."""
     part = Selection(box=(40, 30, 100, 80), scale=0.5).of(np.zeros((200, 300), np.uint8))

@@ -39,7 +39,7 @@ HEADER = Header(camera="front", epoch=1, seq=0, stamp_ns=0, width=160, height=12
     ],
     ids=str,
 )
-def test_every_setting_is_canny_on_the_grey_decode(changed: dict):
+def test_all_settings_of_canny_reach_opencv(changed: dict):
     numbers = {"sigma": 1.4, "low": 40.0, "high": 100.0, "aperture": 3, "l2": True} | changed
     gray = cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_GRAYSCALE)
     if numbers["sigma"]:
@@ -76,14 +76,14 @@ def edges_of(changed: dict) -> EdgesOfFrame:
     ],
     ids=str,
 )
-def test_every_result_is_of_the_frames_size(changed: dict):
+def test_every_result_has_the_size_of_the_frame(changed: dict):
     found = edges_of(changed)
     assert found.edges.shape == found.strength.shape == (120, 160)
     assert set(np.unique(found.edges)) <= {0, 255}
     assert {make().shape[:2] for make in found.stages.values()} == {(120, 160)}
 
 
-def test_a_region_is_the_map_of_what_is_in_it():
+def test_the_map_of_a_region_is_that_of_its_pixels():
     """But for its border, and without hysteresis, which follows lines out of it and back."""
     options = {"sigma": 0.0, "low": 100.0}
     whole, part = edges_of(options), edges_of({**options, "region": "20,30,60,40"})
@@ -135,7 +135,7 @@ def test_lengths_of_lines_are_in_pixels_of_the_frame_at_any_scale():
         ({"aperture": 4}, "aperture"),
         ({"aperture": 9}, "aperture"),
         ({"sigma": -1.0}, "sigma"),
-        ({"sigma": 0.3, "detector": "laplacian_of_gaussian"}, "sigma = 0.3 is too little"),
+        ({"sigma": 0.3, "detector": "laplacian_of_gaussian"}, "sigma = 0.3 is too small"),
         ({"detector": "susan"}, "detector"),
         ({"window": 6}, "window"),
         ({"region": "1,2,3"}, "region"),
@@ -145,7 +145,7 @@ def test_lengths_of_lines_are_in_pixels_of_the_frame_at_any_scale():
     ],
     ids=str,
 )
-def test_settings_that_make_no_sense_are_refused_with_the_reason(values: dict, words: str):
+def test_contradictory_settings_are_refused_with_the_reason(values: dict, words: str):
     with pytest.raises(ConfigurationError, match=words):
         load_settings(EdgeSettings, flags=values)
 

@@ -34,7 +34,7 @@ def test_a_port_that_a_router_just_left_is_free():
     assert free(f"tcp/127.0.0.1:{port}") == f"tcp/127.0.0.1:{port}"
 
 
-def test_port_0_becomes_one_that_nodes_can_be_told():
+def test_port_0_becomes_a_free_port_that_nodes_can_connect_to():
     found = free("tcp/127.0.0.1:0#so_sndbuf=65536")
     assert found.startswith("tcp/127.0.0.1:")
     assert found.endswith("#so_sndbuf=65536")

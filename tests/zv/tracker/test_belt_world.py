@@ -27,7 +27,7 @@ AHEAD_S = 0.5
 
 @dataclass
 class Run:
-    """What the tracker said of a belt.
+    """The tracker's results for a belt.
 
     Attributes:
         off_mm: Of each confirmed track that was seen: how far its place is from an object's.
@@ -42,7 +42,7 @@ class Run:
 
 
 def view_of(belt: Belt) -> PlaneView:
-    """Return the way from the belt's pixels to its plane, positive in the middle."""
+    """Return the mapping from the belt's pixels to its plane, positive in the middle."""
     k = tuple(belt.lens.k.ravel().tolist())
     lens = CameraModel(belt.width, belt.height, k, "plumb_bob", belt.lens.d)
     h = belt.plane * np.sign(belt.plane[2] @ (belt.width / 2, belt.height / 2, 1))
@@ -82,30 +82,30 @@ def run() -> Run:
     return done
 
 
-def test_places_are_right_to_one_percent_of_the_field(run: Run):
+def test_world_positions_are_exact_to_one_percent_of_the_field_of_view(run: Run):
     assert len(run.off_mm) > 120
     assert np.quantile(run.off_mm, 0.98) < 0.01 * FIELD_MM
     assert np.median(run.off_mm) < 0.004 * FIELD_MM
 
 
-def test_each_object_crosses_the_line_once_and_at_the_right_time(run: Run):
+def test_each_object_crosses_the_line_once_at_the_exact_time(run: Run):
     said_s = sorted((each.at.stamp_ns - run.belt.start_ns) / 1e9 for each in run.crossings)
     true_s = sorted(run.belt.crossing_s(each.id, GATE_MM) for each in run.belt.objects)
     assert said_s == pytest.approx(true_s, abs=0.020)
 
 
-def test_a_prediction_is_right_and_says_how_right(run: Run):
+def test_predictions_and_their_standard_deviations_are_exact(run: Run):
     off = np.array([np.subtract(guess.world, true) for guess, true in run.predicted])
     sigma = np.array([guess.world_sigma for guess, _ in run.predicted])
     speed = np.array([guess.world_velocity for guess, _ in run.predicted])
     assert len(off) > 60
     assert np.quantile(np.abs(off), 0.95) < 0.01 * FIELD_MM
-    assert (np.abs(off) < 3 * sigma).mean() > 0.85  # what is left is the lens's view of the box
+    assert ((np.abs(off) < 2 * sigma).mean(axis=0) >= 0.95).all()  # along the belt and across
     assert np.median(sigma) < 0.01 * FIELD_MM
     assert np.median(speed, axis=0) == pytest.approx([run.belt.speed_mm_s, 0], abs=3)
 
 
-def test_the_velocity_is_right_a_second_after_a_small_picture_of_an_object_appears():
+def test_the_velocity_of_a_small_object_is_exact_one_second_after_it_appears():
     """At 320x240 a pixel is 3.4 mm wide, and the blocks of a JPEG reach over an object's edges."""
     young, old = [], []
     for seed in (1, 2, 3):
@@ -130,7 +130,7 @@ def test_the_velocity_is_right_a_second_after_a_small_picture_of_an_object_appea
     assert np.quantile(off[1], 0.95) < 0.015
 
 
-def test_a_prediction_in_pixels_is_where_the_plane_is_seen(run: Run):
+def test_a_prediction_in_pixels_is_the_projection_of_the_one_on_the_plane(run: Run):
     guess, _ = run.predicted[len(run.predicted) // 2]
     assert guess.world is not None
     (x, y) = run.belt.to_pixels(np.array([guess.world]))[0]

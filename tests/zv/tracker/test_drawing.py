@@ -1,4 +1,4 @@
-"""What is drawn into ``tracked``: boxes in the colours of their ids, trails of what was seen."""
+"""Drawing into ``tracked``: boxes in the colours of their ids, and trails."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_the_colours_of_a_dozen_ids_in_a_row_differ():
         assert min(np.abs(a - b).max() for a, b in combinations(colors, 2)) > 50
 
 
-def test_confirmed_and_lost_tracks_have_boxes_and_tentative_ones_have_not():
+def test_confirmed_and_lost_tracks_are_drawn_and_tentative_ones_are_not():
     tracks = [
         track(30, 60, id_=1),
         track(80, 60, id_=2, state="lost", missing_s=0.1),
@@ -34,11 +34,11 @@ def test_confirmed_and_lost_tracks_have_boxes_and_tentative_ones_have_not():
     assert (drawn[:, 105:] == 50).all()
 
 
-def test_without_such_tracks_it_is_the_frame_itself():
+def test_without_tracks_to_draw_the_result_is_the_frame_itself():
     assert draw_tracks(FRAME, [track(130, 60, state="tentative")], {}) is FRAME
 
 
-def test_a_trail_has_the_positions_that_were_seen_in_the_last_three_seconds():
+def test_a_trail_has_the_seen_positions_of_the_last_three_seconds():
     trails = Trails()
     for second in range(5):
         seen = second != 3

@@ -41,20 +41,20 @@ def node() -> Node:
     return Node("tracker", camera="rear", parameters=live)
 
 
-def test_a_centroid_carries_what_was_found(node: Node):
+def test_a_centroid_contains_the_detected_object(node: Node):
     centroid = centroid_of(node, FRAME, MovingObject((60, 40, 31, 30), 841.5))
     # 60 + int(31 / 2) = 75, 40 + int(30 / 2) = 55
     assert (centroid.x, centroid.y) == (75, 55)
     assert (centroid.box, centroid.area) == ((60, 40, 31, 30), 841.5)
 
 
-def test_a_centroid_of_nothing_is_nil(node: Node):
+def test_a_centroid_without_an_object_has_nil_fields(node: Node):
     centroid = centroid_of(node, FRAME, None)
     assert (centroid.x, centroid.y, centroid.box, centroid.area) == (None,) * 4
 
 
 @pytest.mark.parametrize("found", [None, MovingObject((0, 0, 1, 1), 0.0)], ids=["none", "one"])
-def test_a_centroid_carries_its_frames_identity_and_its_makers_name(
+def test_a_centroid_has_the_identity_of_its_frame_and_the_name_of_its_node(
     node: Node, found: MovingObject | None
 ):
     header = centroid_of(node, FRAME, found).header

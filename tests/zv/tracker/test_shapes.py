@@ -1,4 +1,4 @@
-"""Polygons and lines in text: what is read, and what is refused for which reason."""
+"""Polygons and lines in text: parsing, and refusals with their reasons."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zv.tracker import shapes
 from zv.tracker.shapes import Line, Polygon, ShapeError
 
 
-def test_polygons_are_read_in_order_with_names_and_units():
+def test_polygons_are_parsed_in_order_with_names_and_units():
     text = "belt 10,10 200,10 200,100;pick world 0,0 0.4,0 .4,-2e-1"
     assert shapes.polygons(text) == (
         Polygon("belt", ((10, 10), (200, 10), (200, 100))),
@@ -20,7 +20,7 @@ def test_polygons_are_read_in_order_with_names_and_units():
     )
 
 
-def test_lines_are_read_in_order_with_names_and_units():
+def test_lines_are_parsed_in_order_with_names_and_units():
     assert shapes.lines("gate 0,5 10,5\nexit world 1,1 1,2 ;") == (
         Line("gate", (0, 5), (10, 5)),
         Line("exit", (1, 1), (1, 2), "world"),
@@ -45,15 +45,15 @@ def test_an_empty_text_has_no_shapes(text: str):
     ("text", "reason"),
     [
         ("10,10 20,20 30,10", "'10,10': a name must stand before the first point"),
-        ("Belt 1,1 2,2 3,1", "'Belt' is no name"),
-        ("world 1,1 2,2 3,1", "'world' is no name"),
+        ("Belt 1,1 2,2 3,1", "'Belt' is not a name"),
+        ("world 1,1 2,2 3,1", "'world' is not a name"),
         ("a 1,1 2,2", "'a': 2 points; a polygon has at least 3"),
         ("a", "'a': 0 points"),
         ("a 1,1", "'a': 1 point;"),
-        ("a 1,1 2,2 3 4,4", "'a': '3' is no point; a point is X,Y"),
-        ("a 1,1 2,2 3,4,5", "'a': '3,4,5' is no point"),
-        ("a 1,1 2,2 x,4", "'a': 'x,4' is no point; 'x' is no number"),
-        ("a 1,1 2,2 1_0,4", "'a': '1_0,4' is no point; '1_0' is no number"),
+        ("a 1,1 2,2 3 4,4", "'a': '3' is not a point; a point is X,Y"),
+        ("a 1,1 2,2 3,4,5", "'a': '3,4,5' is not a point"),
+        ("a 1,1 2,2 x,4", "'a': 'x,4' is not a point; 'x' is not a number"),
+        ("a 1,1 2,2 1_0,4", "'a': '1_0,4' is not a point; '1_0' is not a number"),
         ("a 1,1 2,2 nan,4", "'a': 'nan,4' is not finite"),
         ("a 1,1 2,2 4,-Infinity", "'a': '4,-Infinity' is not finite"),
         ("a 1,1 2,2 1e400,4", "'a': '1e400,4' is beyond 10000000"),
@@ -109,7 +109,7 @@ def test_a_line_is_refused_with_its_name_and_the_reason(text: str, reason: str):
     assert str(refused.value) == reason
 
 
-def test_world_units_are_refused_where_only_pixels_make_sense():
+def test_world_units_are_refused_where_only_pixels_are_allowed():
     with pytest.raises(ShapeError, match="'a': must be in pixels"):
         shapes.polygons("a world 0,0 1,0 1,1", world=False)
 
@@ -119,7 +119,7 @@ corners = st.lists(st.tuples(numbers, numbers), min_size=3, max_size=7, unique=T
 
 
 @given(corners, st.sampled_from(["pixels", "world"]))
-def test_the_text_of_shapes_is_read_as_the_same_shapes(points, unit):
+def test_the_text_of_shapes_is_parsed_as_the_same_shapes(points, unit):
     polygon, line = Polygon("a", tuple(points), unit), Line("b", points[0], points[1], unit)
     assert shapes.lines(shapes.text_of([line])) == (line,)
     try:
@@ -129,7 +129,7 @@ def test_the_text_of_shapes_is_read_as_the_same_shapes(points, unit):
 
 
 @given(st.text(max_size=60))
-def test_no_text_does_worse_than_be_refused(text: str):
+def test_any_text_is_parsed_or_refused(text: str):
     for read in (shapes.polygons, shapes.lines):
         try:
             read(text)

@@ -1,6 +1,6 @@
-"""Edge detectors: from pictures to thin edge maps and their steps, independent of settings.
+"""Edge detectors: turn pictures into thin edge maps and their steps, independent of settings.
 
-``detection.py`` has the interface. Each detector is a frozen dataclass of its parameters in a
-module of its own, and ``available.py`` lists them by name. ``thinning.py`` and ``rendering.py``
-hold what they share: thin lines, and pictures of the steps.
+``detection.py`` defines the interface. Each detector is a frozen dataclass of its parameters, and
+``available.py`` lists the detectors by name. They share ``thinning.py``, for non-maximum
+suppression and hysteresis, and ``rendering.py``, for pictures of the steps.
 """

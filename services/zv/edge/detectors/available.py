@@ -1,4 +1,4 @@
-"""The detectors by name, and how one is made from settings of the same names."""
+"""The edge detectors by name, and their construction from settings."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ DETECTORS: Final[Mapping[str, type[Detector]]] = {
     "colour": Colour,
     "learned": Learned,
 }
-"""Each is a frozen dataclass whose fields have the names of settings."""
+"""The classes of the detectors: frozen dataclasses whose fields have the names of settings."""
 
 
 def detector_named(name: str, settings: Any) -> Detector:
-    """Return a detector with the attributes of ``settings`` that have its fields' names.
+    """Return a detector whose parameters are the attributes of ``settings`` with their names.
 
     Raises:
         KeyError: There is no detector of this name.

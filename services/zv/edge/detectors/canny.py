@@ -1,4 +1,4 @@
-"""Canny's edge detector after Gaussian smoothing, as one call of OpenCV and in its steps."""
+"""Canny's edge detector with Gaussian smoothing, by one call of OpenCV and in single steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GAIN_DIVISOR: Final = {3: 1, 5: 1, 7: 16}
 """``cv2.Canny`` divides gradient and thresholds by it, so that 16 bits hold the gradient."""
 
 LARGEST_L2_THRESHOLD: Final = 32767
-"""``cv2.Canny`` takes larger thresholds for this one, with ``l2``, after that division."""
+"""With ``l2``, ``cv2.Canny`` limits thresholds to this value, after that division."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Canny(Detector):
 
     @property
     def full_scale(self) -> float:
-        """The largest gradient's magnitude that 8-bit pixels can have, or a bound of it."""
+        """An upper bound of the gradient magnitude of 8-bit pixels."""
         return 255 * ONE_SIDED_GAIN[self.aperture] * (2**0.5 if self.l2 else 2)
 
     def detect(self, picture: Picture) -> CannyDetection:
@@ -62,13 +62,13 @@ class Canny(Detector):
 class CannyDetection(SmoothedDetection[Canny]):
     """The edges of one picture, by ``cv2.Canny`` itself, and its steps.
 
-    The steps are computed apart from the edge map, which costs nothing unless they are asked for:
-    hysteresis of ``suppressed`` gives the edge map bit for bit (``edges_by_steps``).
+    The steps are computed separately from the edge map, and only on demand. Hysteresis of
+    ``suppressed`` gives the same edge map, bit for bit (``edges_by_steps``).
     """
 
     @cached_property
     def edges(self) -> Gray:
-        """(height, width) uint8, 0 or 255."""
+        """The edge map, (height, width) uint8, 0 or 255."""
         canny = self._detector
         edges = cv2.Canny(
             self.smoothed,

@@ -12,30 +12,30 @@ from zv.edge.detectors.detection import Picture, Strength
 from zv.edge.detectors.ridges import RidgeDetector, half_size
 
 LIGHTNESS_WEIGHT: Final = 0.08
-"""Of squared differences of lightness; those of a and b weigh 1. Objects differ by colour, while
-shadows and texture differ by lightness."""
+"""Weight of squared differences of lightness; those of a and b have the weight 1. Objects differ by
+colour, while shadows and texture differ by lightness."""
 
 FLOOR: Final = 40.0
 """Added to the mean difference of the picture, so that the noise of an empty one stays weak."""
 
 FINE_WEIGHT: Final = np.float32(2.0)
-"""Of the difference at the finest scale; that at the middle one weighs 1."""
+"""Weight of the difference at the finest scale; the one at the middle scale has the weight 1."""
 
 COARSE_WEIGHT: Final = np.float32(0.5)
-"""Of the difference at the coarsest scale. It is taken between pixels that are twice as far apart,
-and thus twice as large."""
+"""Weight of the difference at the coarsest scale. Its pixels are twice as far apart, so that their
+differences are twice as large."""
 
 SURROUNDINGS: Final = 61
-"""Side of the square around a pixel whose mean counts as much as that of the picture, pixels of the
-half-size picture: a boundary in a calm part stands out more than one among texture."""
+"""Side of the square around a pixel whose mean has the same weight as that of the picture, pixels
+of the half-size picture: a boundary in a calm part is stronger than one among texture."""
 
 THRESHOLDS: Final = (1.0, 0.61, 0.535, 0.477, 0.428, 0.384, 0.344, 0.303, 0.261, 0.219, 0.179)
-"""Those of ``python -m benchmarks.quality edges --thresholds --detectors colour``."""
+"""Measured by ``python -m benchmarks.quality edges --thresholds --detectors colour``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Colour(RidgeDetector):
-    """Boundaries where colour changes over 2 to 8 pixels, thinned along their ridges.
+    """Finds boundaries where the colour changes over 2 to 8 pixels, thinned along their ridges.
 
     The half-size picture in CIE L*a*b* is smoothed at three scales. At each scale the difference
     is the length of the Sobel gradient summed over the three channels (S. Di Zenzo, "A note on the
@@ -63,17 +63,17 @@ class Colour(RidgeDetector):
         return np.asarray(total / (total + usual), np.float32)
 
     def seen(self, picture: Picture) -> Picture:
-        """Return the picture at the middle one of the three scales, in BGR."""
+        """Return the picture at the middle scale, BGR."""
         return nearly_gaussian(half_size(picture))
 
 
 def nearly_gaussian(picture: Picture) -> Picture:
-    """Return a picture after two means of 5 x 5, which have the variance of a Gaussian of 2."""
+    """Return a picture after two box filters of 5 x 5, about a Gaussian with sigma 2."""
     return np.asarray(cv2.blur(cv2.blur(picture, (5, 5)), (5, 5)), np.uint8)
 
 
 def difference(lab: Picture) -> Strength:
-    """Return the length of the gradient, (height, width) float32."""
+    """Return the length of the colour gradient of a picture in L*a*b*, (height, width) float32."""
     dx = cv2.Sobel(lab, cv2.CV_32F, 1, 0)
     dy = cv2.Sobel(lab, cv2.CV_32F, 0, 1)
     squares = np.zeros(lab.shape, np.float32)

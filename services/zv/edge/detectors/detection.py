@@ -1,7 +1,7 @@
 """``Detector`` and ``Detection``: the interface of all edge detectors.
 
-A detector is a frozen dataclass: its fields are its parameters. It makes a ``Detection`` of one
-picture, which computes the edge map, the strength and the stages only when each is asked for.
+A detector is a frozen dataclass whose fields are its parameters. Its ``detect`` returns a
+``Detection`` of one picture, which computes edge map, strength and stages on demand.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ Strength = NDArray[np.float32]
 """(height, width) float32, at least 0."""
 
 STAGES: Final = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
-"""The steps that a detector may show, in their order."""
+"""The names of a detector's steps, in order."""
 
 COLOURED: Final = frozenset({"direction"})
 """The steps whose pictures are (height, width, 3) in BGR order; the others are grey."""
 
 
 class Detection(ABC):
-    """What a detector finds in one picture; each part is computed when it is first asked for.
+    """The result of a detector for one picture; each part is computed on first access.
 
-    Subclasses use ``functools.cached_property``. Two threads that ask at the same time may both
-    compute a part; they get equal results.
+    Subclasses use ``functools.cached_property``. Two threads that access a part at the same time
+    may both compute it; they get equal results.
     """
 
     @property
@@ -71,8 +71,8 @@ class Detector(ABC):
     @property
     @abstractmethod
     def full_scale(self) -> float:
-        """The largest strength that is possible, whatever the picture; 65535 in 16 bits."""
+        """An upper bound of the strength in any picture; encoded as 65535 in 16 bits."""
 
     @abstractmethod
     def detect(self, picture: Picture) -> Detection:
-        """Return what is found in a picture, which is not modified; nothing is computed yet."""
+        """Return the detection of a picture, which is not modified; nothing is computed yet."""

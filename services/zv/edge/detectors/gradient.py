@@ -1,7 +1,7 @@
-"""The gradient operators of Roberts, Sobel, Prewitt and Scharr, each with thin lines.
+"""The gradient operators of Roberts, Sobel, Prewitt and Scharr, with non-maximum suppression.
 
-All strengths are in one unit, so that a threshold means the same for each: the magnitude of the
-3x3 Sobel operator, which is 8 times the slope of the grey levels per pixel.
+The strengths of all operators are in one unit, so that a threshold means the same for each: the
+magnitude of the 3x3 Sobel operator, which is 8 times the slope in grey levels per pixel.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from zv.edge.detectors.smoothing import SmoothedDetection
 from zv.edge.detectors.thinning import maxima
 
 SOBEL_GAIN: Final = 8
-"""What the 3x3 Sobel operator returns for a slope of one grey level per pixel."""
+"""Response of the 3x3 Sobel operator to a slope of one grey level per pixel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """A pair of kernels: ``weights`` across the derivative, ``differences`` along it.
+    """A pair of separable kernels, for the horizontal and the vertical derivative.
 
     Attributes:
-        weights: Of the columns of the vertical derivative, or the rows of the horizontal one.
-        differences: Negative on the dark side.
-        diagonal: The kernels are the sum and the difference of two diagonal ones, whose
-            magnitudes are never both at their largest.
+        weights: Factor of the kernel across the derivative's direction.
+        differences: Factor of the kernel along the derivative's direction, in rising coordinates.
+        diagonal: Whether the kernels are the sum and the difference of two diagonal ones, so that
+            their magnitudes are never both at their largest.
     """
 
     weights: tuple[int, ...]
@@ -41,12 +41,12 @@ class Operator:
 
     @property
     def gain(self) -> int:
-        """What it returns for a slope of one grey level per pixel."""
+        """Response to a slope of one grey level per pixel."""
         return sum(self.weights) * sum(x * each for x, each in enumerate(self.differences))
 
     @property
     def largest(self) -> int:
-        """The largest derivative of 8-bit pixels."""
+        """The largest derivative that 8-bit pixels can have."""
         return 255 * sum(self.weights) * sum(each for each in self.differences if each > 0)
 
 
@@ -64,12 +64,13 @@ SCHARR: Final = Operator((3, 10, 3), (-1, 0, 1))
 
 @dataclass(frozen=True, slots=True)
 class GradientDetector(Detector):
-    """Gradient, thin lines by non-maximum suppression, one threshold; a subclass per operator.
+    """Gradient, non-maximum suppression, one threshold; there is a subclass for each operator.
 
     Attributes:
-        sigma: Standard deviation of a Gaussian before it, pixels; 0, as in the textbook, for none.
+        sigma: Standard deviation of the Gaussian applied first, pixels; 0 for none, as in the
+            textbook.
         high: Only magnitudes above it are edges, in the unit of the 3x3 Sobel operator.
-        l2: The magnitude is sqrt(gx^2 + gy^2) instead of |gx| + |gy|.
+        l2: Whether the magnitude is sqrt(gx^2 + gy^2) instead of |gx| + |gy|.
     """
 
     sigma: float = 1.4
@@ -80,12 +81,12 @@ class GradientDetector(Detector):
 
     @property
     def scale(self) -> float:
-        """The unit of all operators over the one of this operator."""
+        """Factor from this operator's responses to the common unit."""
         return SOBEL_GAIN / self.operator.gain
 
     @property
     def full_scale(self) -> float:
-        """A bound of the magnitude that 8-bit pixels can have."""
+        """An upper bound of the magnitude that 8-bit pixels can have."""
         both = 1.0 if self.operator.diagonal else 2**0.5 if self.l2 else 2.0
         return self.operator.largest * self.scale * both
 
@@ -122,7 +123,7 @@ class Scharr(GradientDetector):
 
 
 class GradientDetection(SmoothedDetection[GradientDetector]):
-    """The edges of one picture by a gradient operator, and the steps."""
+    """The edges of one picture by a gradient operator, and its steps."""
 
     @cached_property
     def gradient(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
@@ -147,7 +148,7 @@ class GradientDetection(SmoothedDetection[GradientDetector]):
 
     @cached_property
     def edges(self) -> Gray:
-        """(height, width) uint8, 0 or 255."""
+        """The edge map, (height, width) uint8, 0 or 255."""
         threshold = self._detector.high / self._detector.scale
         gx, gy = self.gradient
         edges = cv2.Canny(gx, gy, threshold, threshold, L2gradient=self._detector.l2)
@@ -155,7 +156,7 @@ class GradientDetection(SmoothedDetection[GradientDetector]):
 
     @cached_property
     def magnitude(self) -> Strength:
-        """The gradient's magnitude, (height, width) float32, in the unit of all operators."""
+        """The gradient's magnitude, (height, width) float32, in the common unit."""
         gx, gy = (derivative.astype(np.float32) for derivative in self.gradient)
         size = cv2.magnitude(gx, gy) if self._detector.l2 else np.abs(gx) + np.abs(gy)
         return np.asarray(size * np.float32(self._detector.scale), np.float32)

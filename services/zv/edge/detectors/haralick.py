@@ -30,8 +30,9 @@ class Haralick(ZeroCrossingDetector):
     Derivatives", 1984.
 
     Attributes:
-        sigma: Standard deviation of a Gaussian before it, pixels; 0, as in the paper, for none.
-        high: Only gradients above it at the zero crossing are edges, in the unit of the 3x3 Sobel
+        sigma: Standard deviation of the Gaussian applied first, pixels; 0 for none, as in the
+            paper.
+        high: Only zero crossings with a gradient above it are edges, in the unit of the 3x3 Sobel
             operator.
         window: Side of the window, pixels: 5, 7, 9 or 11.
     """
@@ -44,7 +45,7 @@ class Haralick(ZeroCrossingDetector):
 
     @property
     def full_scale(self) -> float:
-        """A bound of the gradient at a pixel; one extrapolated beyond it is cut off in 16 bits."""
+        """An upper bound of the gradient at a pixel; larger extrapolated ones are clipped."""
         one, line, square, cube = polynomials(self.window)
         a, b = fit_constants(self.window)
         kernel = np.outer(one, line) - b * np.outer(one, cube) - a * np.outer(square, line)
@@ -64,8 +65,9 @@ class Haralick(ZeroCrossingDetector):
 def polynomials(side: int) -> tuple[NDArray[np.float32], ...]:
     """Return the weights that fit polynomials of degree 0 to 3 to a line of pixels, float32.
 
-    They are the discrete orthogonal ones, 1, x, x^2 - a and x^3 - b x, each over its sum of
-    squares: the correlation with a line of pixels is then the coefficient of the least squares.
+    They are the values of the discrete orthogonal polynomials 1, x, x^2 - a and x^3 - b x, each
+    divided by its sum of squares. Their correlation with a line of pixels gives the least-squares
+    coefficients.
     """
     x = np.arange(side, dtype=np.float64) - side // 2
     a, b = fit_constants(side)
@@ -100,7 +102,7 @@ class Facets:
 
 
 def fit(picture: Gray, side: int) -> Facets:
-    """Return the least-squares cubic of each pixel's window.
+    """Fit a cubic to each pixel's window by least squares.
 
     At the border the picture continues with its outermost pixels.
     """
@@ -128,7 +130,7 @@ def crossings_of(facets: Facets) -> Crossings:
     """Return the zero crossings of the cubics' second derivatives along their gradients.
 
     Along the gradient the cubic is c1 t + c2 t^2 + c3 t^3. Its second derivative is 0 at
-    t = -c2 / (3 c3), and the first is c1 - c2^2 / (3 c3) there: its maximum, if c3 < 0.
+    t = -c2 / (3 c3). There the first derivative is c1 - c2^2 / (3 c3), a maximum if c3 < 0.
     """
     f = facets
     u, v, c1 = unit_vectors(f.x, f.y)

@@ -1,4 +1,4 @@
-"""Zero crossings of the Laplacian of a Gaussian, with a threshold of their slope."""
+"""Zero crossings of the Laplacian of a Gaussian, with a threshold for their slope."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ CENTRAL = np.array([-0.5, 0, 0.5], np.float32)
 ONE = np.ones(1, np.float32)
 
 LEAST_REDUCED_SIGMA: Final = 4.0
-"""A wide Gaussian leaves nothing that every pixel is needed for: it is sampled so densely that it
-has this sigma at least, in pixels of the reduced picture."""
+"""A picture is reduced before a wide Gaussian, whose result needs fewer samples, as far as the
+Gaussian keeps this sigma, in pixels of the reduced picture."""
 
 
 @dataclass(frozen=True, slots=True)
 class LaplacianOfGaussian(ZeroCrossingDetector):
-    """Marks where the Laplacian of the smoothed picture is 0 and falls towards the bright side.
+    """Finds where the Laplacian of the smoothed picture crosses 0, falling to the bright side.
 
-    The slope there is given as the gradient of the ideal step that has it, so that ``high`` means
-    the same as for the gradient operators: a step of h grey levels has the slope
+    The slope there is expressed as the gradient of the ideal step with that slope, so that
+    ``high`` means the same as for the gradient operators: a step of h grey levels has the slope
     h / (sqrt(2 pi) sigma^3) and the gradient h / (sqrt(2 pi) sigma) per pixel.
 
     Source: D. Marr and E. Hildreth, "Theory of Edge Detection", 1980.
@@ -49,12 +49,12 @@ class LaplacianOfGaussian(ZeroCrossingDetector):
 
     @property
     def slope_scale(self) -> float:
-        """The gradient of an ideal step, in the unit of the Sobel operator, over its slope."""
+        """Gradient of an ideal step, in the unit of the Sobel operator, divided by its slope."""
         return SOBEL_GAIN * self.sigma**2
 
     @property
     def full_scale(self) -> float:
-        """A bound of the strength that 8-bit pixels can have."""
+        """An upper bound of the strength that 8-bit pixels can have."""
         return largest_responses(self.sigma)[1] * self.slope_scale
 
     @property
@@ -64,7 +64,7 @@ class LaplacianOfGaussian(ZeroCrossingDetector):
 
     @property
     def reach(self) -> int:
-        """The Gaussian's radius, the interpolation's, and a row for the slope."""
+        """The radius of the Gaussian plus that of the interpolation plus one row for the slope."""
         return int(4 * self.sigma + 0.5) + 4 * self.step + 1
 
     @property
@@ -94,14 +94,14 @@ def reduction(sigma: float) -> int:
 
 
 def derivatives(picture: Gray, sigma: float) -> tuple[Field, Field, Field]:
-    """Return the Laplacian of a picture smoothed by a Gaussian, and its gradient.
+    """Return the Laplacian and the gradient of a picture smoothed by a Gaussian.
 
-    With a large ``sigma`` they are taken of the picture reduced by averaging blocks of pixels, with
-    a Gaussian that is narrower by the blocks' variance, and interpolated between its pixels. The
-    time then does not grow with ``sigma``.
+    With a large ``sigma``, they are computed from the picture reduced by averaging blocks of
+    pixels, with a Gaussian that is narrower by the blocks' variance, and then interpolated. The
+    time therefore does not grow with ``sigma``.
 
     Args:
-        picture: (height, width) uint8; it continues with its outermost pixels.
+        picture: (height, width) uint8; at the border, the outermost pixels are replicated.
         sigma: Standard deviation, pixels.
 
     Returns:
@@ -113,7 +113,7 @@ def derivatives(picture: Gray, sigma: float) -> tuple[Field, Field, Field]:
     if factor == 1:
         return _derivatives(picture, inner)
     height, width = picture.shape
-    around = factor * (int(4 * inner) + 2)  # the means at the border would mix in other pixels
+    around = factor * (int(4 * inner) + 2)  # replicated before averaging, not after it
     down, right = -height % factor, -width % factor
     whole = cv2.copyMakeBorder(
         picture, around, around + down, around, around + right, cv2.BORDER_REPLICATE
@@ -168,7 +168,7 @@ def gaussian_kernels(
 
 @lru_cache(maxsize=4)
 def largest_responses(sigma: float) -> tuple[float, float]:
-    """Return the largest Laplacian of 8-bit pixels, and a bound of its slope per pixel."""
+    """Return the largest Laplacian of 8-bit pixels, and an upper bound of its slope per pixel."""
     gaussian, _, second = gaussian_kernels(sigma)
     rows = np.outer(gaussian, second) + np.outer(second, gaussian)
     differences = cv2.filter2D(np.pad(rows, 1), -1, CENTRAL[None], borderType=cv2.BORDER_CONSTANT)

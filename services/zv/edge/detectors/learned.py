@@ -1,4 +1,4 @@
-"""The detector ``learned``: boundaries as a small network finds them, run by OpenCV.
+"""The detector ``learned``: boundaries by a small convolutional network, run by OpenCV.
 
 ``learned.onnx`` beside this module holds the network; ``benchmarks/quality/edges/train.py`` trains
 and writes it. ``learned.md`` states where its training pictures come from and their terms.
@@ -20,26 +20,28 @@ from zv.edge.detectors.detection import Picture, Strength
 from zv.edge.detectors.ridges import RidgeDetector
 
 MULTIPLE: Final = 16
-"""The network halves the size four times."""
+"""The sides of the network's input are multiples of this: it halves the size four times."""
 
-MOST_PIXELS: Final = 36_000
-"""Pixels that the network gets, about, where a half to a quarter of the picture's width and height
-gives so many. It was trained with 240 x 160 pixels; boundaries of a larger picture are farther
-apart in pixels than it knows, so a reduced picture is as good and takes less time."""
+TARGET_PIXELS: Final = 36_000
+"""Approximate number of pixels of the network's input, as far as a half to a quarter of the
+picture's width and height allows. It was trained with 240 x 160 pixels; in larger pictures,
+boundaries are farther apart than in training, so a reduced picture is as good and takes less
+time."""
 
 SIZES: Final = 2
-"""Numbers of picture sizes whose buffers are kept, megabytes each."""
+"""Number of picture sizes whose buffers are kept, megabytes each."""
 
 THRESHOLDS: Final = (1.0, 0.666, 0.493, 0.338, 0.219, 0.136, 0.082, 0.048, 0.027, 0.015, 0.008)
-"""Those of ``python -m benchmarks.quality edges --thresholds --detectors learned``."""
+"""Measured by ``python -m benchmarks.quality edges --thresholds --detectors learned``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Learned(RidgeDetector):
-    """Boundaries that people would draw, by a convolutional network of 370,000 weights.
+    """Finds boundaries that people would draw, by a convolutional network of 370,000 weights.
 
-    The strength is the network's estimate of the share of people that would draw a boundary here,
-    with boundaries weighted up by its training; lines are thinned along their ridges.
+    The strength is the network's estimate of the share of people that would draw a boundary at a
+    pixel, too high since boundaries had a larger weight in its training. Lines are thinned along
+    their ridges.
     """
 
     margin: ClassVar = 3
@@ -52,32 +54,31 @@ class Learned(RidgeDetector):
         return NETWORK.probabilities(network_planes(self.seen(picture)))
 
     def seen(self, picture: Picture) -> Picture:
-        """Return the picture at the network's size, in BGR."""
+        """Return the picture at the network's size, BGR."""
         return reduced(picture)
 
 
 def network_size(height: int, width: int) -> tuple[int, int]:
-    """Return height and width of what the network gets of a picture.
+    """Return the height and width to which a picture is resized for the network.
 
-    They are multiples of 16: rows and columns that were added to a picture would be seen as a part
-    of it, with boundaries of their own.
+    They are multiples of 16, so that no padding is needed, which would have boundaries of its own.
     """
-    factor = min(0.5, max(0.25, (MOST_PIXELS / (height * width)) ** 0.5))
+    factor = min(0.5, max(0.25, (TARGET_PIXELS / (height * width)) ** 0.5))
     rows, columns = (round(side * factor / MULTIPLE) for side in (height, width))
     return max(rows, 1) * MULTIPLE, max(columns, 1) * MULTIPLE
 
 
 def reduced(picture: Picture) -> Picture:
-    """Return a picture at the network's size, (height, width, 3) uint8."""
+    """Return a picture resized to the network's size, (height, width, 3) uint8."""
     height, width = network_size(*picture.shape[:2])
-    # Interpolation takes the mean of two pixels a side; before it, that of an odd number is taken.
+    # Bilinear interpolation averages two pixels a side; a box filter averages the others before.
     side = 2 * round((picture.shape[1] / width - 1.3) / 2) + 1
     smooth = cv2.blur(picture, (side, side)) if side > 1 else picture
     return np.asarray(cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def network_planes(picture: Picture) -> NDArray[np.float32]:
-    """Return what the network takes of a picture: its channels and those of CIE L*a*b*.
+    """Return the network's input for a picture: the channels of BGR and of CIE L*a*b*.
 
     Args:
         picture: (height, width, 3) uint8, BGR.
@@ -94,10 +95,10 @@ def network_planes(picture: Picture) -> NDArray[np.float32]:
 
 
 class EdgeNetwork:
-    """The network, read when it is first used; one thread at a time runs it.
+    """The network, loaded on first use; it is run by one thread at a time.
 
-    OpenCV's networks are bound to one input size, and keep their buffers: one is kept for each of
-    the ``SIZES`` sizes that were used last.
+    A network of OpenCV is bound to one input size and keeps its buffers. One is kept for each of
+    the ``SIZES`` sizes used last.
     """
 
     def __init__(self) -> None:
@@ -122,7 +123,7 @@ class EdgeNetwork:
     def _network_for(self, shape: tuple[int, ...]) -> cv2.dnn.Net:
         network = self._networks.pop(shape, None)
         if network is None:
-            # Of bytes instead of a file OpenCV 5.0 ignores the engine, and takes the slower one.
+            # OpenCV 5.0 ignores the engine when it reads bytes, and uses the slower one.
             with as_file(files("zv.edge.detectors") / "learned.onnx") as path:
                 network = cv2.dnn.readNetFromONNX(str(path), cv2.dnn.ENGINE_CLASSIC)
             if len(self._networks) == SIZES:

@@ -1,4 +1,4 @@
-"""Shows the steps of a detector as pictures: strengths as grey, directions as hue."""
+"""Renders the steps of a detector as pictures: strengths as grey, directions as hue."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ WEAK, STRONG = 128, 255
 
 
 def as_gray(strength: Strength, full_scale: float) -> Gray:
-    """Return strengths as grey, (height, width) uint8: 255 times the root of their share.
+    """Return strengths as grey, (height, width) uint8: 255 * sqrt(strength / full_scale).
 
-    The scale is fixed, so that a video does not flicker, and the root shows weak edges: a tenth of
-    the largest strength that is possible becomes 81.
+    The scale is fixed, so that a video does not flicker, and the root makes weak edges visible: a
+    tenth of ``full_scale`` becomes 81.
     """
     shown = strength * np.float32(1 / full_scale)
     np.sqrt(shown, out=shown)
@@ -53,6 +53,6 @@ def as_hue(gx: NDArray[Any], gy: NDArray[Any], brightness: Gray) -> Picture:
 
 
 def in_two_grays(suppressed: Strength, low: float, high: float) -> Gray:
-    """Return strengths above ``low`` as 128 and those above ``high`` as 255, else 0."""
+    """Return strengths above ``high`` as 255, others above ``low`` as 128, and the rest as 0."""
     shown = np.where(suppressed > low, np.uint8(WEAK), np.uint8(0))
     return np.where(suppressed > high, np.uint8(STRONG), shown)

@@ -1,12 +1,12 @@
 """Thin lines along the ridges of a map of boundary strengths, of half the picture's size or less.
 
-``colour`` and ``learned`` estimate for each pixel of a reduced picture how probable a boundary
-is. Lines are the ridges of that map: non-maximum suppression goes across the ridge, whose direction
-follows from the map's second derivatives, and not along the picture's gradient, which is noisy
-where strengths come from several scales.
+``colour`` and ``learned`` estimate the probability of a boundary at each pixel of a reduced
+picture. Lines are the ridges of that map. Non-maximum suppression works across the ridge, whose
+direction follows from the map's second derivatives, and not along the picture's gradient, which is
+noisy where strengths come from several scales.
 
-One threshold is all: hysteresis adds hardly any boundary that people would draw, and makes whole
-lines come and go in a video.
+There is one threshold, without hysteresis, which adds hardly any boundary that people would draw,
+and makes whole lines appear and disappear in a video.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def across(strength: Strength, sigma: float) -> tuple[Strength, Strength]:
 
     Args:
         strength: (height, width) float32.
-        sigma: Of the smoothing before the derivatives are taken, pixels of the map.
+        sigma: Standard deviation of the Gaussian before the derivatives, pixels of the map.
 
     Returns:
         The components to the right and downwards, (height, width) float32.
@@ -60,18 +60,19 @@ def across(strength: Strength, sigma: float) -> tuple[Strength, Strength]:
 
 @dataclass(frozen=True, slots=True)
 class RidgeDetector(Detector):
-    """Finds the ridges of a map of strengths from 0 to 1, which a subclass makes of a picture.
+    """Finds the ridges of a map of strengths from 0 to 1, which a subclass computes.
 
     Attributes:
-        thresholds: Strengths from which on ridges are 0, 1, 2, ... percent of the pixels, on
+        thresholds: The thresholds at which ridges are 0, 1, 2, ... percent of the pixels, on
             average over BSDS500's training images; falling.
-        density: Wanted share of edge pixels, percent of an average picture. A fixed threshold
-            belongs to it: a plain wall has fewer edges and a tree has more.
-        margin: Width of the frame of pixels without edges around a picture, at most a sixteenth of
-            its smaller side. A network responds to the end of the picture itself.
-        smoothing: Sigma of the Gaussian that the map is smoothed with before it is thinned, pixels
-            of the map; the smaller, the more of the lines that lie close together remain.
-        ridge_sigma: That before the ridges' directions are taken.
+        density: Wanted share of edge pixels, percent of an average picture. It selects a fixed
+            threshold, so a plain wall has fewer edges and a tree has more.
+        margin: Width of the margin without edges around a picture, pixels, at most a sixteenth of
+            its smaller side: a network responds to the end of the picture itself.
+        smoothing: Standard deviation of the Gaussian that smooths the map before thinning, pixels
+            of the map; a smaller one keeps more of the lines that are close together.
+        ridge_sigma: Standard deviation of the Gaussian before the ridges' directions are
+            computed, pixels of the map.
     """
 
     density: float = 3.5
@@ -84,12 +85,12 @@ class RidgeDetector(Detector):
 
     @property
     def full_scale(self) -> float:
-        """The largest strength that is possible."""
+        """The largest possible strength, 1."""
         return 1.0
 
     @property
     def threshold(self) -> float:
-        """The strength from which on a ridge is an edge."""
+        """The strength above which a ridge is an edge."""
         return float(np.interp(self.density, np.arange(len(self.thresholds)), self.thresholds))
 
     @abstractmethod
@@ -98,7 +99,7 @@ class RidgeDetector(Detector):
 
     @abstractmethod
     def seen(self, picture: Picture) -> Picture:
-        """Return what ``strengths`` looks at, in BGR, of any size."""
+        """Return the reduced picture from which ``strengths`` are computed, BGR, of any size."""
 
     def detect(self, picture: Picture) -> RidgeDetection:
         """Return the edges of a picture in BGR, (height, width, 3) uint8."""
@@ -106,7 +107,7 @@ class RidgeDetector(Detector):
 
 
 class RidgeDetection(Detection):
-    """The edges of one picture as the ridges of its map of strengths, and the steps."""
+    """The edges of one picture as the ridges of its map of strengths, and its steps."""
 
     def __init__(self, detector: RidgeDetector, picture: Picture) -> None:
         self._detector = detector
@@ -114,18 +115,21 @@ class RidgeDetection(Detection):
 
     @cached_property
     def _ridges(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-        """Strength times the direction across the ridge, as ``cv2.Canny`` takes gradients."""
+        """Strength times the direction across the ridge, in the form of ``cv2.Canny``'s gradient.
+
+        (height, width) int16 each: the components to the right and downwards.
+        """
         strength = self._detector.strengths(self._picture)
         size = self._picture.shape[1::-1]
         full = cv2.resize(strength, size, interpolation=cv2.INTER_LINEAR)
-        # Bilinear maps have their tops at every other pixel, which makes jagged, broken lines.
+        # Bilinear interpolation has maxima at every other pixel, which gives broken lines.
         sigma = size[0] / strength.shape[1] * self._detector.smoothing
         side = 2 * round(2 * sigma) + 1
         full = cv2.GaussianBlur(full, (side, side), sigma)
         gx, gy = (
             cv2.multiply(
                 full,
-                # Directions that are turned by half a turn mean the same, so that no mean is taken.
+                # Opposite directions are equivalent, so they must not be averaged.
                 cv2.resize(component, size, interpolation=cv2.INTER_NEAREST),
                 scale=INTEGERS,
                 dtype=cv2.CV_16S,
@@ -150,7 +154,7 @@ class RidgeDetection(Detection):
 
     @property
     def smoothed(self) -> Gray:
-        """What the detector looks at, in grey, at the picture's size."""
+        """The reduced picture that the detector uses, in grey, enlarged to the picture's size."""
         seen = cv2.cvtColor(self._detector.seen(self._picture), cv2.COLOR_BGR2GRAY)
         size = self._picture.shape[1::-1]
         return np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_LINEAR), np.uint8)

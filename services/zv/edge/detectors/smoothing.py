@@ -1,4 +1,4 @@
-"""Gaussian smoothing, and what detections that begin with it have in common."""
+"""Gaussian smoothing, and the base class of detections that begin with it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from zv.edge.detectors.detection import Detection, Gray
 
 
 def smooth(gray: Gray, sigma: float) -> Gray:
-    """Return a grey picture after a Gaussian filter of ``sigma`` pixels; 0: the picture itself.
+    """Smooth a grey picture by a Gaussian of ``sigma`` pixels; 0 returns the picture itself.
 
-    At the border the picture continues as its mirror image without the outermost row.
+    At the border the picture is mirrored without repeating the outermost pixels.
     """
     return gray if sigma == 0 else np.asarray(cv2.GaussianBlur(gray, (0, 0), sigma), np.uint8)
 
@@ -39,5 +39,5 @@ class SmoothedDetection(Detection, Generic[Kind]):
 
     @cached_property
     def smoothed(self) -> Gray:
-        """(height, width) uint8 after the Gaussian."""
+        """The smoothed picture, (height, width) uint8."""
         return smooth(self._picture, self._detector.sigma)

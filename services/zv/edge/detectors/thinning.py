@@ -1,6 +1,6 @@
-"""Non-maximum suppression and hysteresis, the two steps of Canny that other detectors share.
+"""Non-maximum suppression and hysteresis, the two steps of Canny's detector that others share.
 
-Both run OpenCV's own code, so that a step that is shown is the one that ``cv2.Canny`` takes.
+Suppression is done by OpenCV's own code, so that the step shown is the one of ``cv2.Canny``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from zv.edge.detectors.detection import Gray
 
 
 def maxima(gx: NDArray[np.int16], gy: NDArray[np.int16], *, l2: bool) -> Gray:
-    """Return 255 where the gradient's magnitude is a maximum along its direction, else 0.
+    """Non-maximum suppression: return 255 at maxima of the magnitude along the gradient, else 0.
 
     The direction is rounded to horizontal, vertical or one of the diagonals. A pixel must exceed
     its left or upper neighbour and be at least its right or lower one, and exceed both on a
@@ -22,13 +22,13 @@ def maxima(gx: NDArray[np.int16], gy: NDArray[np.int16], *, l2: bool) -> Gray:
     Args:
         gx: (height, width) int16, derivative to the right.
         gy: The same, downwards.
-        l2: The magnitude is sqrt(gx^2 + gy^2), else |gx| + |gy|.
+        l2: Whether the magnitude is sqrt(gx^2 + gy^2), else |gx| + |gy|.
     """
     return np.asarray(cv2.Canny(gx, gy, 0, 0, L2gradient=l2), np.uint8)
 
 
 def hysteresis(weak: NDArray[np.bool_], strong: NDArray[np.bool_]) -> Gray:
-    """Return 255 at pixels of ``weak`` that 8-neighbours in it connect to one of ``strong``.
+    """Return 255 at weak pixels that are 8-connected, through weak ones, to a strong one, else 0.
 
     Args:
         weak: (height, width); includes ``strong``.

@@ -1,11 +1,11 @@
-"""Thin lines where a second derivative changes its sign along the direction of the gradient.
+"""Thin lines at the zero crossings of a second derivative along the direction of the gradient.
 
-The sign changes between pixels, so a pixel has no maximum that could be kept. Instead, the distance
-to the change is estimated for each pixel by one step of Newton's method, and of the pixels along
-the gradient the nearest one is kept.
+The sign changes between pixels, so there is no maximum to be kept at a pixel. Instead, the distance
+to the zero crossing is estimated at each pixel by one step of Newton's method, and among the pixels
+along the gradient the nearest one is kept.
 
-The derivatives are a dozen numbers for each pixel, so a picture is worked on in strips of rows, and
-only what is kept is as large as the picture.
+The derivatives need a dozen numbers per pixel. A picture is therefore processed in strips of rows,
+and only the results have the size of the picture.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from zv.edge.detectors.thinning import maxima
 Field = NDArray[np.float32]
 """(height, width) float32."""
 
-FARTHEST: Final = 1.0
-"""Distance from a pixel to the change of sign beyond which the pixel is no candidate, pixels."""
+MAX_DISTANCE: Final = 1.0
+"""Largest distance of a pixel from the zero crossing, pixels."""
 
 NEAREST: Final = 16_000
-"""What a distance of 0 becomes in 16 bits."""
+"""The 16-bit integer that stands for a distance of 0."""
 
 STRIP_PIXELS: Final = 1 << 18
-"""Of a strip without its margins, unless these are larger."""
+"""Number of pixels of a strip without its margins, unless these are larger."""
 
 
 @dataclass(frozen=True, slots=True)
 class Crossings:
-    """Where a second derivative is 0, as seen from each pixel.
+    """The zero crossing of a second derivative near each pixel; arrays of (height, width) float32.
 
     Attributes:
-        distance: To the change of sign along the gradient, pixels; infinite if there is none.
-        along_x: The gradient's direction, as a vector of length 1, or 0 without a direction.
-        along_y: The same, downwards.
-        strength: Of the edge there, in the unit of ``high``.
-        magnitude: What the step ``magnitude`` shows, 0 to ``largest_magnitude``.
+        distance: Distance to the zero crossing along the gradient, pixels; infinite without one.
+        along_x: Component to the right of the gradient's unit vector; 0 without a gradient.
+        along_y: Component downwards of the same vector.
+        strength: Strength of the edge at the crossing, in the unit of ``high``.
+        magnitude: The values of the step ``magnitude``, 0 to ``largest_magnitude``.
     """
 
     distance: Field
@@ -57,11 +57,12 @@ class Crossings:
 
 
 class ZeroCrossingDetector(Detector):
-    """A subclass takes the derivatives of a picture; all else follows from them.
+    """Finds edges at zero crossings, which a subclass computes from the derivatives of a picture.
 
     Attributes:
-        smooths: ``crossings`` gets the picture after a Gaussian of ``sigma``.
-        sigma: Standard deviation of that, or of the detector's own, Gaussian, pixels.
+        smooths: Whether ``crossings`` gets the picture smoothed by a Gaussian of ``sigma``; else
+            the subclass smooths it.
+        sigma: Standard deviation of the Gaussian, pixels.
         high: Only strengths above it are edges, in the unit of the 3x3 Sobel operator.
     """
 
@@ -73,11 +74,11 @@ class ZeroCrossingDetector(Detector):
     @property
     @abstractmethod
     def reach(self) -> int:
-        """How many rows away a pixel has influence on ``crossings``."""
+        """Number of rows by which a pixel may be away and still influence ``crossings``."""
 
     @property
     def step(self) -> int:
-        """Strips begin at multiples of so many rows."""
+        """Strips begin at multiples of this number of rows."""
         return 1
 
     @property
@@ -87,7 +88,7 @@ class ZeroCrossingDetector(Detector):
 
     @abstractmethod
     def crossings(self, picture: Gray) -> Crossings:
-        """Return the crossings of some rows, which continue with their outermost pixels."""
+        """Return the crossings of a strip of rows; its border pixels are replicated outside."""
 
     def detect(self, picture: Picture) -> ZeroCrossingDetection:
         """Return the edges of a grey picture, (height, width) uint8."""
@@ -95,7 +96,7 @@ class ZeroCrossingDetector(Detector):
 
 
 class ZeroCrossingDetection(SmoothedDetection[ZeroCrossingDetector]):
-    """The edges of one picture where a second derivative is 0, and the steps."""
+    """The edges of one picture at zero crossings, and its steps."""
 
     @cached_property
     def strength(self) -> Strength:
@@ -104,7 +105,7 @@ class ZeroCrossingDetection(SmoothedDetection[ZeroCrossingDetector]):
 
     @cached_property
     def edges(self) -> Gray:
-        """(height, width) uint8, 0 or 255."""
+        """The edge map, (height, width) uint8, 0 or 255."""
         return (self.strength > self._detector.high) * np.uint8(255)
 
     @property
@@ -126,11 +127,11 @@ class ZeroCrossingDetection(SmoothedDetection[ZeroCrossingDetector]):
         return as_hue(found.along_x, found.along_y, self._magnitude(found))
 
     def _of_strips(self, work: Callable[[Crossings], NDArray[Any]]) -> NDArray[Any]:
-        """Return what ``work`` makes of the crossings, (height, width[, channels])."""
+        """Apply ``work`` to the crossings, strip by strip; return (height, width[, channels])."""
         detector = self._detector
         source = self.smoothed if detector.smooths else self._picture
         height, width = source.shape
-        # A row more, since a crossing is compared with its neighbours.
+        # One more row, since a crossing is compared with its neighbours.
         margin = rounded_up(detector.reach + 1, detector.step)
         rows = rounded_up(max(STRIP_PIXELS // width, 2 * margin), detector.step)
         made: NDArray[Any] | None = None
@@ -145,31 +146,34 @@ class ZeroCrossingDetection(SmoothedDetection[ZeroCrossingDetector]):
 
 
 def rounded_up(number: int, step: int) -> int:
-    """Return the next multiple of ``step``."""
+    """Return a number rounded up to a multiple of ``step``."""
     return -(-number // step) * step
 
 
 def thin_strength(found: Crossings) -> Strength:
     """Return strengths at the pixels that are nearest to a crossing along the gradient, else 0."""
-    near = np.maximum(FARTHEST - np.abs(found.distance), 0) * np.float32(NEAREST / FARTHEST)
+    near = np.maximum(MAX_DISTANCE - np.abs(found.distance), 0) * np.float32(NEAREST / MAX_DISTANCE)
     gx, gy = (np.rint(near * along).astype(np.int16) for along in (found.along_x, found.along_y))
     return np.where(maxima(gx, gy, l2=True) > 0, found.strength, np.float32(0))
 
 
 def distance_to_crossing(second: Field, slope: Field) -> Field:
-    """Return how far along the gradient the second derivative is 0, pixels; infinite if nowhere.
+    """Return the distance along the gradient to a zero of the second derivative, pixels.
 
     Args:
-        second: Second derivative at each pixel.
-        slope: How fast it falls along the gradient; only where it falls is there an edge, since
-            the first derivative has a maximum there, and a minimum where it rises.
+        second: Second derivative at each pixel, (height, width).
+        slope: Rate at which it falls along the gradient, (height, width).
+
+    Returns:
+        (height, width); infinite where the second derivative does not fall: the first derivative
+        has a maximum, which is an edge, only where it falls.
     """
     far = np.full_like(second, np.inf)
     return np.divide(second, slope, out=far, where=slope > 1e-6)
 
 
 def unit_vectors(x: Field, y: Field) -> tuple[Field, Field, Field]:
-    """Return vectors divided by their lengths, and the lengths; 0 stays 0."""
+    """Return vectors divided by their lengths, and the lengths; a vector of 0 stays 0."""
     length = np.asarray(np.sqrt(x * x + y * y), np.float32)
     scale = np.float32(1) / np.maximum(length, np.float32(1e-6))
     return np.asarray(x * scale, np.float32), np.asarray(y * scale, np.float32), length

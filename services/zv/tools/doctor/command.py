@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, RouterUnreachable
+from zenoh_vision.errors import (
+    ConfigurationError,
+    ExpectationNotMet,
+    RouterUnreachable,
+    SourceError,
+)
 from zenoh_vision.transport.connection import Connection
 from zv.tools.doctor import network, streams
 from zv.tools.doctor.expected import Expectation, expectation
@@ -43,7 +48,7 @@ def run(options: DoctorOptions, connection: Connection, output: Output) -> None:
         diagnosis.add([Finding("FAIL", "router", said, remedy)])
         if not failed_here:
             raise RouterUnreachable(diagnosis.summary) from None
-    except ConfigurationError as error:
+    except (ConfigurationError, SourceError) as error:
         diagnosis.add([Finding("FAIL", "router", f"not checked: {error}", "correct this first")])
     if diagnosis.failed:
         raise ExpectationNotMet(diagnosis.summary)

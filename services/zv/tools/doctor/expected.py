@@ -106,6 +106,7 @@ def expectation(options: DoctorOptions, connection: Connection) -> Expectation |
     The router and the namespace are those of the file where the connection has the default.
 
     Raises:
+        SourceError: The file cannot be opened.
         ConfigurationError: The file is wrong, or there is something to rename but no file.
     """
     if options.expect is None:

@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from zenoh_vision.config.settings import load_settings, read_toml
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.host.video_devices import GIVE_ACCESS, describe, device_nodes
 from zenoh_vision.transport.zenoh_config import zenoh_error_text
 from zv.launcher.launch_file import read_launch_file
@@ -60,7 +60,7 @@ def toml_findings(path: Path) -> Iterator[Finding]:
             read_launch_file(path)
         else:
             load_settings(model_of(kind), config=path)
-    except ConfigurationError as error:
+    except (ConfigurationError, SourceError) as error:
         if not str(error).startswith("environment: "):  # reported once for all files
             yield Finding("FAIL", "files", str(error), CORRECT)
 

@@ -117,7 +117,11 @@ def other_form(key: str) -> str:
 
 
 def observe(session: ToolSession, for_s: float) -> Observation:
-    """Observe nodes and cameras for a time, and query the routers and the parameters."""
+    """Observe nodes and cameras for a time, and query the routers and the parameters.
+
+    The time begins with the first replies of the nodes: they can take longer than all of it, where
+    thousands of names are in use, and a node is judged by two reports.
+    """
     routers = [
         router_of(reply.key.split("/")[1], reply.ok.payload.to_bytes())
         for reply in session.ask(ROUTERS)
@@ -127,11 +131,14 @@ def observe(session: ToolSession, for_s: float) -> Observation:
     known = parameters_by_session(session, "*").values()
     arrivals = ArrivalCounter(session, declared)
     fleet = Fleet(window_s=float("inf"))
-    end_s, left_out = time.monotonic() + for_s, 0
+    end_s: float | None = None
+    left_out = 0
     while not session.stopping:
         found, left_out = running_nodes(session)
         fleet.update(found)
-        if time.monotonic() >= end_s:
+        now_s = time.monotonic()
+        end_s = end_s or now_s + for_s
+        if now_s >= end_s:
             break
         session.wait(PERIOD_S)
     return Observation(

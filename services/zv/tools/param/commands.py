@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from itertools import islice
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import Reply
 from zv.tools.param.options import DumpOptions, ListOptions, LoadOptions, NamedOptions, SetOptions
 from zv.tools.param.values import assignments, described, shown, value_of
-from zv.tools.shared.nodes import missing_node, places_by_session
+from zv.tools.shared.nodes import is_pattern, matching_nodes, missing_node, places_by_session
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
 
@@ -69,12 +70,16 @@ class Answers:
 def list_(options: ListOptions, connection: Connection, output: Output) -> None:
     """Print the parameters of a node, or of all nodes."""
     with ToolSession(connection) as session:
-        answers = _ask(session, options.node)
-        names = Counter(one.node for _, one in answers.found)
+        pattern = options.node or "*"
+        chosen = None if is_pattern(pattern) else pattern
+        answers = _ask(session, chosen)
+        names = Counter(one.node for _, one in answers.found if fnmatchcase(one.node, pattern))
         for name, count in islice(names.items(), MAX_NODES):
             if count > 1:
                 output.note(f"{count} nodes are called {name}; see zv node list")
-        found = answers.checked()
+        found = [one for one in answers.checked() if fnmatchcase(one.node, pattern)]
+        if not found:
+            raise missing_node(session, pattern, "parameters")
     parameters = [parameter for one in found for parameter in one.parameters]
     rows = [
         [
@@ -105,17 +110,41 @@ def describe(options: NamedOptions, connection: Connection, output: Output) -> N
 
 
 def set_(options: SetOptions, connection: Connection, output: Output) -> None:
-    """Set parameters, all or none."""
+    """Set parameters of a node, all or none; or of each node that a pattern matches.
+
+    Raises:
+        ParameterRefused: A node refuses; of a pattern, other nodes may have changed.
+        ExpectationNotMet: A node does not answer, or none matches.
+    """
     texts = assignments(options.values)
     with ToolSession(connection) as session:
-        before = _ask(session, options.node)
-        # An unknown name is sent unchanged: the node's error text is the most precise.
-        known = {one.name: one for one in before.checked()[0].parameters}
-        values = {
-            name: value_of(known[name], text) if name in known else text
-            for name, text in texts.items()
-        }
-        _change(session, options.node, before, values, output)
+        if not is_pattern(options.node):
+            _set(session, options.node, texts, output)
+            return
+        nodes = matching_nodes(session, options.node)
+        failures: list[VisionError] = []
+        for node in nodes:
+            try:
+                _set(session, node, texts, output, told_of=f"{node} ")
+            except (ConfigurationError, ExpectationNotMet) as error:
+                output.note(str(error))
+                failures.append(error)
+        if failures:
+            said = f"{len(failures)} of {len(nodes)} nodes that match {options.node} were not set"
+            refused = any(isinstance(error, ConfigurationError) for error in failures)
+            raise ConfigurationError(said) if refused else ExpectationNotMet(said)
+
+
+def _set(
+    session: ToolSession, node: str, texts: Mapping[str, str], output: Output, told_of: str = ""
+) -> None:
+    before = _ask(session, node)
+    # An unknown name is sent unchanged: the node's error text is the most precise.
+    known = {one.name: one for one in before.checked()[0].parameters}
+    values = {
+        name: value_of(known[name], text) if name in known else text for name, text in texts.items()
+    }
+    _change(session, node, before, values, output, told_of)
 
 
 def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
@@ -135,10 +164,6 @@ def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
 
 def load(options: LoadOptions, connection: Connection, output: Output) -> None:
     """Send the values of a TOML file to a node, all or none."""
-    try:
-        Path(options.file).open("rb").close()
-    except OSError as error:
-        raise SourceError(f"{options.file}: {error.strerror or error}") from None
     values = read_toml(options.file)
     with ToolSession(connection) as session:
         _change(session, options.node, _ask(session, options.node), values, output)
@@ -188,8 +213,11 @@ def _ask(session: ToolSession, node: str | None, payload: bytes | None = None) -
         payload: A change of parameters, which each node of the name makes before it replies.
 
     Raises:
+        ConfigurationError: It has wildcards.
         ExpectationNotMet: It does not run, or does not reply.
     """
+    if node is not None and is_pattern(node):
+        raise ConfigurationError(f"{node} has wildcards; allowed: the name of one node")
     replies: list[Reply] = []
     if node is None or keys.is_name(node):
         replies = session.ask(keys.parameters_key(session.namespace, node or "*"), payload)
@@ -226,8 +254,11 @@ def _change(
     before: Answers,
     values: Mapping[str, object],
     output: Output,
+    told_of: str = "",
 ) -> None:
     """Set parameters and print the values that have changed; with ``--json`` all given ones.
+
+    Each line begins with ``told_of``.
 
     Raises:
         ConfigurationError: No parameter can have such a value, or the node refuses.
@@ -249,7 +280,7 @@ def _change(
     changed = [one for one in given if one.value != was.get(one.name)]
     for one in given if output.as_json else changed:
         before_it = shown(was.get(one.name))
-        output.result(one.to_map(), f"{one.name}: {before_it} -> {shown(one.value)}")
+        output.result(one.to_map(), f"{told_of}{one.name}: {before_it} -> {shown(one.value)}")
     same = len(given) - len(changed)
     rest = f"; {same} value{'s' if same > 1 else ''} unchanged" if same else ""
     output.note(f"{after.node} is at revision {after.revision}{rest}")

@@ -19,7 +19,9 @@ class ListOptions(ToolOptions):
     """Options of ``zv param list``."""
 
     node: Annotated[
-        str | None, Argument("NODE"), Field(description="name of the node; default: all nodes")
+        str | None,
+        Argument("NODE"),
+        Field(description="name of the node, or a pattern such as 'tracker_*'; default: all nodes"),
     ] = None
 
 
@@ -33,7 +35,11 @@ class NamedOptions(ToolOptions):
 class SetOptions(ToolOptions):
     """Options of ``zv param set``."""
 
-    node: Node
+    node: Annotated[
+        str,
+        Argument("NODE"),
+        Field(description="name of the node; * matches any characters, ? one character"),
+    ]
     values: Annotated[
         tuple[str, ...],
         Argument("{NAME=VALUE|NAME VALUE}"),

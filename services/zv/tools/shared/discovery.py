@@ -118,11 +118,17 @@ class Discovery:
     def _subscriber_index(self) -> _Index:
         return _Index(self.subscribers)
 
-    def nothing_on(self, pattern: str) -> str:
-        """Return the error text for a key expression on which nothing arrived."""
+    def nothing_on(self, pattern: str, *, pictures: bool = False) -> str:
+        """Return the error text for a key expression on which nothing arrived.
+
+        With ``pictures`` it suggests no key that is known to carry messages.
+        """
         silent = sorted(self.keys(pattern))
         if not silent:
-            return nothing_matches(pattern, self.keys())
+            existing = self.keys()
+            if pictures:
+                existing = {key for key in existing if not _carries_messages(key)}
+            return nothing_matches(pattern, existing)
         publishers = {name for key in silent for name in self.nodes_publishing(key)}
         by = ", ".join(sorted(publishers)) or "a publisher"
         shown = ", ".join(silent[:MOST_SHOWN])
@@ -214,6 +220,11 @@ def no_nodes(session: ToolSession) -> str:
 def tokens_query(namespace: str) -> Query:
     """Return the query for the liveliness tokens of a namespace's nodes."""
     return Query(keys.node_key(namespace, "*"), timeout_s=TOKENS_S, tokens=True)
+
+
+def _carries_messages(key: str) -> bool:
+    topic = topic_of(key)
+    return topic is not None and topic.message is not None
 
 
 class _Index:

@@ -15,7 +15,7 @@ import msgpack
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.transport.connection import DEFAULT_ENDPOINT, Connection
 from zenoh_vision.transport.declarations import declared_expression, declared_key
 from zenoh_vision.transport.session import open_at_once
@@ -56,7 +56,7 @@ def names(kind: str, connection: Connection, node: str = "", parameter: str = ""
             return []
     try:
         session = open_at_once(connection, OPEN_S)
-    except ConfigurationError:
+    except (ConfigurationError, SourceError):
         return []
     if session is None:
         return []

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from contextlib import suppress
+from fnmatch import fnmatchcase
 from itertools import pairwise
 from typing import Any
 
@@ -101,6 +102,24 @@ def places_by_session(session: ToolSession, node: str) -> dict[str, str]:
 def place(about: NodeDescription) -> str:
     """Return where a node runs: ``pid 812 on host``."""
     return f"pid {about.pid} on {about.host}"
+
+
+def is_pattern(node: str) -> bool:
+    """Tell whether a node is named by a pattern: ``*`` matches any characters, ``?`` one."""
+    return "*" in node or "?" in node
+
+
+def matching_nodes(session: ToolSession, pattern: str) -> list[str]:
+    """Return the names of the running nodes that match a pattern, by their liveliness tokens.
+
+    Raises:
+        ExpectationNotMet: There is none; the text has the existing names.
+    """
+    (tokens,) = session.ask_all(tokens_query(session.namespace))
+    found = sorted({token.name for token in tokens if fnmatchcase(token.name, pattern)})
+    if not found:
+        raise missing_node(session, pattern, "parameters")
+    return found[:MAX_NODES]
 
 
 def missing_node(session: ToolSession, node: str, asked_for: str) -> VisionError:

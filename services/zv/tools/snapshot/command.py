@@ -108,7 +108,7 @@ def _next(session: ToolSession, pattern: str, patience_s: float) -> list[zenoh.S
         session.wait(patience_s if keys else UNLISTED_S, lambda: arrived)
         subscription.undeclare()
     if not arrived and not session.stopping:
-        raise ExpectationNotMet(found.nothing_on(pattern))
+        raise ExpectationNotMet(found.nothing_on(pattern, pictures=True))
     return arrived
 
 

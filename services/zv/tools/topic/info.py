@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from zenoh_vision import keys
 from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.keys import type_of
+from zenoh_vision.messages import Diagnostics
 from zenoh_vision.topics import topic_of
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.query import Query, messages_in
 from zv.tools.shared.discovery import Discovery, discover
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
@@ -33,22 +37,31 @@ def run(options: InfoOptions, connection: Connection, output: Output) -> None:
     with ToolSession(connection) as session:
         found = discover(session)
         entries, left_out = observe(session, found, pattern, options.window)
-        replies = [reply.ok for reply in session.ask(pattern) if reply.ok is not None]
+        reported = Query(keys.diagnostics_key(session.namespace, "*"))
+        answers, reports = session.ask_all(Query(pattern), reported)
+        replies = [reply.ok for reply in answers if reply.ok is not None]
+        transports = {
+            reply.name: report.transport
+            for reply, report in messages_in(reports, Diagnostics)
+            if report.node == reply.name and report.transport
+        }
         newest = {str(sample.key_expr): received(sample) for sample in replies}
         if session.stopping:
             return
         if not entries:
             raise ExpectationNotMet(found.nothing_on(pattern))
         for entry in entries:
-            about = _describe(entry, found, newest.get(entry.key))
+            about = _describe(entry, found, newest.get(entry.key), transports)
             shown = {name: value for name, value in about.items() if name != "key"}
             output.result(about, entry.key, *lines_of(shown, INDENT))
         if left_out:
             output.note(f"{left_out} more keys are left out; name a narrower key expression")
 
 
-def _describe(entry: Entry, found: Discovery, newest: Received | None) -> dict[str, Any]:
-    """Return the details of a key."""
+def _describe(
+    entry: Entry, found: Discovery, newest: Received | None, transports: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the details of a key; ``transports`` says how the frames of each node come."""
     topic = topic_of(entry.key)
     encoding = entry.encoding if newest is None else newest.encoding
     nodes = {
@@ -60,8 +73,10 @@ def _describe(entry: Entry, found: Discovery, newest: Received | None) -> dict[s
         "encoding": encoding or None,
         "type": type_of(encoding),
         "publishers": [{"node": name, **nodes.get(name, {})} for name in entry.publishers],
-        "subscribing_nodes": found.nodes_subscribing(entry.key),
+        "subscribing_nodes": (subscribing := found.nodes_subscribing(entry.key)),
     }
+    if ways := {name: transports[name] for name in subscribing if name in transports}:
+        about["transport"] = ways
     # Only the programs themselves know how they publish.
     if topic is not None and any(name in nodes for name in entry.publishers):
         about["made"] = "while someone subscribes or asks" if topic.lazy else "always"

@@ -1,4 +1,4 @@
-"""What happened to one track, where and when; and how often it has happened."""
+"""Events of tracks, with their times and positions, and the counts of zones and lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Direction = Literal["left", "right"]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """Where the anchor of an object was at a time.
+    """The position of an object's anchor at a time.
 
     Attributes:
         stamp_ns: The time, by the capture stamps.
@@ -37,21 +37,19 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What happened to one track.
+    """An event of one track.
 
     Attributes:
-        kind: ``started``: it was seen first; ``confirmed``: it is drawn now, for the first time
-            or again; ``lost``: it was seen last; ``ended``: as lost, for good; the others concern
-            a zone or a line.
-        id: Of the track.
-        at: When and where. Of a crossing, interpolated between two frames.
-        shape: Name of the zone or line.
-        direction: Of ``line_crossed``: the side of the line to which the object went, as the
-            picture shows it, seen from the line's first point to its second.
-        count: Of zones and lines: how many events of this kind and direction the shape has had,
-            with this one.
-        inside: Of zones: how many objects are in it after this event.
-        dwell_s: Of ``zone_dwell`` and ``zone_left``: how long the object had been in the zone.
+        kind: What happened; see docs/events.md.
+        id: The track's id.
+        at: Time and position; those of a crossing are interpolated between two frames.
+        shape: Name of the zone or line; None for other events.
+        direction: For ``line_crossed``, the side of the line to which the object moved, as the
+            picture shows it, looking from the line's first point to its second.
+        count: For zones and lines, the number of events of this kind and direction at the shape,
+            including this one.
+        inside: For zones, the number of objects in the zone after this event.
+        dwell_s: For ``zone_dwell`` and ``zone_left``, the time that the object was in the zone.
     """
 
     kind: Kind
@@ -66,7 +64,7 @@ class Event:
 
 @dataclass(slots=True)
 class LineCount:
-    """Crossings of a line since it has its position, by direction."""
+    """Crossings of a line by direction, since the line was set."""
 
     left: int = 0
     right: int = 0
@@ -74,7 +72,7 @@ class LineCount:
 
 @dataclass(slots=True)
 class ZoneCount:
-    """Stays in a zone since it has its shape, and the objects that are in it now."""
+    """Entries, exits and long stays in a zone since the zone was set, and the objects in it now."""
 
     entered: int = 0
     left: int = 0
@@ -91,7 +89,7 @@ class Counts:
 
 
 def between(first: Moment, second: Moment, share: float) -> Moment:
-    """Return the moment at a share, 0 to 1, of the way from one moment to another."""
+    """Interpolate linearly between two moments; ``share`` is 0 at the first, 1 at the second."""
     world = None
     if first.world is not None and second.world is not None:
         world = _between(first.world, second.world, share)

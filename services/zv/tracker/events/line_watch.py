@@ -1,11 +1,11 @@
 """Finds the crossings of one line, each exactly once.
 
 The path of an object is the polyline through the positions at which it was seen. Each passage of
-the path through the line counts +1 or -1, by its direction. Their sum changes back and forth while
-an object stands or jitters on the line, so it is reported only when the object is farther from the
-line than a margin, or ends: then one crossing, if the sum is not what it was before, with the time
-and place of the last passage in that direction. What an object crosses before it is confirmed is
-reported when it is.
+the path through the line counts +1 or -1, by its direction. The sum changes back and forth while
+an object stands or jitters on the line. It is therefore compared with its earlier value only when
+the object is farther from the line than a margin, or its track ends. If it differs, one crossing is
+reported, with the time and position of the last passage in that direction. Crossings of an
+unconfirmed track are reported when it is confirmed.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from zv.tracker.shapes import Line, Point, distance, passage, turn
 
 @dataclass(slots=True)
 class _Path:
-    """What is kept of the path of one object.
+    """The state of one object's path.
 
     Attributes:
         last: The last sighting; None before the first.
         passages: Sum of the passages: +1 to the right, -1 to the left.
-        settled: What ``passages`` was when the object was clear of the line last.
+        settled: Value of ``passages`` when the object was last clear of the line.
         latest: The last passage in each direction.
-        crossings: Those that are not reported yet.
+        crossings: The crossings that are not reported yet.
     """
 
     last: Sighting | None = None
@@ -37,7 +37,7 @@ class _Path:
     crossings: list[tuple[Direction, Moment]] = field(default_factory=list)
 
     def settle(self) -> None:
-        """Take a crossing if the object is on another side than when it was clear of the line."""
+        """Add a crossing if the object is not on the side where it was last clear of the line."""
         if self.passages != self.settled:
             sign = 1 if self.passages > self.settled else -1
             self.settled = self.passages
@@ -45,7 +45,7 @@ class _Path:
 
 
 class LineWatch:
-    """The crossings of one line by all objects."""
+    """Finds and counts the crossings of one line by all objects."""
 
     def __init__(self, line: Line) -> None:
         self.line = line
@@ -53,9 +53,9 @@ class LineWatch:
         self._paths: dict[int, _Path] = {}
 
     def see(self, id_: int, sighting: Sighting, *, confirmed: bool) -> Iterator[Event]:
-        """Take the next sighting of an object; yield its crossings that are to be reported.
+        """Process the next sighting of an object; yield its crossings.
 
-        Of an object that is not confirmed, nothing is reported until it is.
+        Those of an object that is not confirmed are yielded when it is.
         """
         path = self._paths.setdefault(id_, _Path())
         point = sighting.position(self.line.unit)
@@ -65,14 +65,14 @@ class LineWatch:
             yield from self._report(id_, path)
 
     def end(self, id_: int, *, confirmed: bool) -> Iterator[Event]:
-        """Forget an object that ended; yield the crossing that was not reported yet."""
+        """Forget an object whose track ended; yield a crossing that was not reported yet."""
         path = self._paths.pop(id_, None)
         if path is not None and confirmed:
             path.settle()
             yield from self._report(id_, path)
 
     def restart(self) -> None:
-        """Begin the paths anew: positions before and after have different meanings."""
+        """Begin all paths anew: earlier positions cannot be compared with later ones."""
         for path in self._paths.values():
             path.last = None
             path.passages = path.settled
@@ -87,7 +87,7 @@ class LineWatch:
             path.settle()
 
     def _pass(self, path: _Path, last: Sighting, sighting: Sighting, point: Point) -> None:
-        """Count a passage of the step from the last sighting to this one, if it is one."""
+        """Count a passage if the step from the last sighting to this one crosses the line."""
         start, end = self.line.start, self.line.end
         before = last.position(self.line.unit)
         assert before is not None

@@ -1,4 +1,4 @@
-"""The positions of objects in one frame in which they were seen, as shapes need them."""
+"""Positions of the objects seen in one frame, in pixels and on the plane, with their margins."""
 
 from __future__ import annotations
 
@@ -15,38 +15,40 @@ from zv.tracker.shapes import Point, Unit
 from zv.tracker.tracking.track import Track
 
 Anchor = Literal["centre", "foot"]
-"""The point of a box that counts: its centre, or the middle of its lower edge."""
+"""The point of an object that zones and lines refer to: the centre of its box, or the middle of
+the box's lower edge."""
 
 HALF_PIXEL = 0.5
-"""A box begins at the edge of its first pixel; a calibration counts from the middle of one."""
+"""In boxes, 0 is the left or upper edge of the first pixel; in a calibration, it is its centre."""
 
 MARGIN_PIXELS = 2.0
 MARGIN_SHARE = 0.1
-"""Of the smaller side of the box: boxes of large objects jitter more."""
+"""Margin as a share of the box's smaller side, since boxes of large objects jitter more."""
 
 
 class WorldPlane(Protocol):
-    """The way from pixels to a plane, such as a ``PlaneView``; equal ones are the same plane."""
+    """A mapping from pixels to a plane, such as a ``PlaneView``; equal ones are the same plane."""
 
     @property
     def mirrored(self) -> bool:
-        """Whether right of a way in the picture is left of it by X, Y of the plane."""
+        """Whether the plane's X, Y are mirrored in the picture, so that left and right change."""
         ...
 
     def positions(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return X, Y of full-resolution pixels, both (n, 2); NaN where there is no plane."""
+        """Map full-resolution pixels, (n, 2), to X, Y, (n, 2); NaN where there is no plane."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where an object was seen, and by how much it may seem to move while it stands.
+    """The position at which an object was seen, with the hysteresis for its jitter.
 
     Attributes:
-        at: Time and place.
-        margin_pixels: The hysteresis at the edges of shapes in pixels.
-        margin_world: The same for shapes in world units; infinite without a plane.
-        mirrored: As of its ``WorldPlane``; False without one.
+        at: Time and position.
+        margin_pixels: Hysteresis at the edges of shapes in pixels, pixels.
+        margin_world: Hysteresis at the edges of shapes in world units, world units; infinite
+            without a plane.
+        mirrored: The value of ``WorldPlane.mirrored``; False without a plane.
     """
 
     at: Moment
@@ -55,22 +57,22 @@ class Sighting:
     mirrored: bool = False
 
     def position(self, unit: Unit) -> Point | None:
-        """Return its position in the unit of a shape; None if there is none."""
+        """Return the position in the unit of a shape; None if it is unknown."""
         return self.at.pixel if unit == "pixels" else self.at.world
 
     def margin(self, unit: Unit) -> float:
-        """Return its margin in the unit of a shape."""
+        """Return the margin in the unit of a shape."""
         return self.margin_pixels if unit == "pixels" else self.margin_world
 
     def side_sign(self, unit: Unit) -> int:
-        """Return 1 if ``turn`` is positive on the right side in the picture, else -1."""
+        """Return 1 if ``shapes.turn`` is positive on the right side in the picture, else -1."""
         return -1 if unit == "world" and self.mirrored else 1
 
 
 def sightings_of(
     tracks: Sequence[Track], stamp_ns: int, anchor: Anchor, plane: WorldPlane | None = None
 ) -> list[Sighting]:
-    """Return the sightings of tracks at a stamp; with a plane, their places on it too."""
+    """Return the sightings of tracks at a stamp; with a plane, also their positions on it."""
     points = [anchor_of(track, anchor) for track in tracks]
     margins = [max(MARGIN_PIXELS, MARGIN_SHARE * min(track.box[2:])) for track in tracks]
     if plane is None or not tracks:
@@ -78,12 +80,12 @@ def sightings_of(
             Sighting(Moment(stamp_ns, point), margin)
             for point, margin in zip(points, margins, strict=True)
         ]
-    # A plane that is seen at an angle has another scale at every point, and in each direction.
+    # A plane seen at an angle has a different scale at every point and in every direction.
     pixels = np.array(points, np.float64)
     reach = np.array(margins)[:, None]
     around = np.concatenate([pixels, pixels + reach * (1, 0), pixels + reach * (0, 1)])
     places, beside, below = np.split(plane.positions(around - HALF_PIXEL), 3)
-    # Of infinite margins nothing is ever clear: a neighbour is beyond the horizon.
+    # Beyond the horizon the margin is infinite, so the object is never clear of a shape.
     wide = np.maximum(np.hypot(*(beside - places).T), np.hypot(*(below - places).T))
     wide = np.where(np.isfinite(wide), wide, math.inf)
     return [
@@ -93,7 +95,7 @@ def sightings_of(
 
 
 def anchor_of(track: Track, anchor: Anchor) -> Point:
-    """Return the point of a track that counts, full-resolution pixels."""
+    """Return the anchor of a track, x, y in full-resolution pixels."""
     return (track.x, track.y if anchor == "centre" else float(track.box[1] + track.box[3]))
 
 

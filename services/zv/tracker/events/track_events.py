@@ -15,13 +15,13 @@ from zv.tracker.tracking.track import Track
 
 @dataclass(frozen=True, slots=True)
 class EventRules:
-    """What to look for.
+    """Which events to find.
 
     Attributes:
-        zones: Polygons; names are unique.
-        lines: Lines; names are unique.
-        dwell_s: Stay in a zone after which ``zone_dwell`` is reported, once per stay.
-        anchor: The point of an object that counts.
+        zones: Polygons with unique names.
+        lines: Lines with unique names.
+        dwell_s: Time in a zone after which ``zone_dwell`` is reported, once per stay.
+        anchor: The point of an object that zones and lines refer to.
     """
 
     zones: tuple[Polygon, ...] = ()
@@ -35,10 +35,10 @@ class _Object:
     """A track that has not ended.
 
     Attributes:
-        first: Where it was seen first.
-        last: Where it was seen last.
-        confirmed: Whether it has ever been confirmed; events are only about those.
-        lost: Whether ``lost`` was reported, and no ``confirmed`` since.
+        first: When and where it was first seen.
+        last: When and where it was last seen.
+        confirmed: Whether it was ever confirmed; other tracks have no events.
+        lost: Whether ``lost`` was reported, without ``confirmed`` since.
     """
 
     first: Moment
@@ -48,15 +48,15 @@ class _Object:
 
 
 class TrackEvents:
-    """Finds the events in the tracks of one camera, frame after frame.
+    """Finds the events of one camera's tracks, frame by frame.
 
-    A track has events from when it is first confirmed; those of its time before, such as a line
-    that it had crossed, are then reported with their own stamps. Positions count only while a
-    track is seen, not while they are predicted: one that reappears has moved in a straight line
-    meanwhile. A stamp that goes back counts as the one before.
+    A track has events once it is confirmed. Earlier ones, such as crossing a line, are then
+    reported with their own stamps. Only positions at which a track was seen count, not predicted
+    ones: a track that reappears is assumed to have moved in a straight line. A stamp earlier than
+    the previous one counts as the same.
 
     Args:
-        rules: What to look for.
+        rules: Which events to find.
     """
 
     def __init__(self, rules: EventRules) -> None:
@@ -70,22 +70,22 @@ class TrackEvents:
 
     @property
     def rules(self) -> EventRules:
-        """What it looks for now."""
+        """The rules in force."""
         return self._rules
 
     @property
     def counts(self) -> Counts:
-        """The counts of all shapes, which live on and change."""
+        """The counts of all shapes; the objects are not copies, so they change later."""
         return Counts(
             {line.name: watch.count for line, watch in self._lines.items()},
             {zone.name: watch.count for zone, watch in self._zones.items()},
         )
 
     def adjust(self, rules: EventRules) -> None:
-        """Take other rules from the next frame on.
+        """Apply other rules from the next frame on.
 
-        Shapes that are the same as before keep counts and state. The stays in a zone that is gone
-        or has changed end; a changed shape begins to count at 0.
+        Unchanged shapes keep their counts and state. A removed or changed zone ends the stays in
+        it; a changed shape counts from 0 again.
         """
         if rules == self._rules:
             return
@@ -101,13 +101,13 @@ class TrackEvents:
     def update(
         self, tracks: Sequence[Track], stamp_ns: int, plane: WorldPlane | None = None
     ) -> list[Event]:
-        """Take all tracks of the next frame and return what happened, each track in its order.
+        """Process all tracks of the next frame and return their events, those of a track by time.
 
         Args:
-            tracks: All of the frame; one that is missing has ended.
+            tracks: All tracks of the frame; tracks that are missing have ended.
             stamp_ns: Capture time of the frame.
-            plane: The way from pixels to the world; None without a calibration. If it is another
-                one than before, paths in world units begin anew.
+            plane: The mapping from pixels to the world; None without a calibration. When it
+                changes, paths in world units begin anew.
         """
         self._stamp_ns = stamp_ns = max(stamp_ns, self._stamp_ns)
         if plane != self._plane:
@@ -125,7 +125,7 @@ class TrackEvents:
         return found
 
     def end(self) -> list[Event]:
-        """Return the ends of all tracks: the epoch is over, and ids begin anew. Counts stay."""
+        """End all tracks, as at the end of an epoch, and return their events. Counts stay."""
         found, self._waiting = self._waiting, []
         for id_ in list(self._objects):
             found += _in_order(self._end(id_))
@@ -177,7 +177,7 @@ class TrackEvents:
 
 
 def _in_order(events: Iterable[Event]) -> list[Event]:
-    """Return the events of one track in order of time; those of several stay in that of counts."""
+    """Sort the events of one track by time. Across tracks, the order is that of the counts."""
     return sorted(events, key=lambda event: event.at.stamp_ns)
 
 

@@ -1,8 +1,8 @@
-"""Finds the stays of objects in one zone: entered, left, and stayed for a while.
+"""Finds the stays of objects in one zone: when they enter, leave, and have stayed for a while.
 
-An object has entered when it is inside, and has left when it is farther outside than a margin, so
-that one that jitters on the edge enters once. Each stay ends with exactly one ``zone_left``. The
-stays of an object before it is confirmed are reported when it is.
+An object enters when it is inside, and leaves when it is farther outside than a margin, so that one
+that jitters on the edge enters once. Each stay ends with exactly one ``zone_left``. Stays of an
+unconfirmed track are reported when it is confirmed.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ class _Stay:
     """The stay of one object.
 
     Attributes:
-        entered: When and where it entered.
+        entered: When and where the object entered.
         last: The last sighting, inside or within the margin.
-        out: When and where it went through the edge, while it is outside within the margin; or
-            when and where the stay ended.
-        reported: Whether ``zone_entered`` was.
-        dwelled: Whether ``zone_dwell`` was.
+        out: When and where the object passed the edge, while it is outside within the margin, or
+            when and where the stay ended; None while it is inside.
+        reported: Whether ``zone_entered`` was reported.
+        dwelled: Whether ``zone_dwell`` was reported.
     """
 
     entered: Moment
@@ -36,21 +36,21 @@ class _Stay:
 
 
 class ZoneWatch:
-    """The stays of all objects in one zone."""
+    """Finds and counts the stays of all objects in one zone."""
 
     def __init__(self, zone: Polygon) -> None:
         self.zone = zone
         self.count = ZoneCount()
         self._before: dict[int, Sighting] = {}
         self._stays: dict[int, _Stay] = {}
-        self._ended: dict[int, list[_Stay]] = {}  # not reported: of objects not confirmed yet
+        self._ended: dict[int, list[_Stay]] = {}  # of unconfirmed objects, not reported yet
 
     def see(
         self, id_: int, sighting: Sighting, *, confirmed: bool, dwell_s: float
     ) -> Iterator[Event]:
-        """Take the next sighting of an object; yield what it did.
+        """Process the next sighting of an object; yield its events.
 
-        Of an object that is not confirmed, nothing is reported until it is.
+        Those of an object that is not confirmed are yielded when it is.
         """
         point = sighting.position(self.zone.unit)
         if point is not None:  # else beyond the world plane's horizon
@@ -68,7 +68,7 @@ class ZoneWatch:
             yield from self._leave(id_, stay.out)
 
     def end(self, id_: int) -> Iterator[Event]:
-        """Forget an object that ended; its stay ended when it was seen last."""
+        """Forget an object whose track ended; its stay ends where it was last seen."""
         self._before.pop(id_, None)
         stay = self._stays.get(id_)
         if stay is not None:
@@ -83,11 +83,11 @@ class ZoneWatch:
             yield from self._leave(id_, stay.out or Moment(stamp_ns, last.pixel, last.world))
 
     def restart(self) -> None:
-        """Forget the paths, but not the stays: positions before now have another meaning."""
+        """Begin all paths anew, but keep the stays: earlier positions cannot be compared."""
         self._before.clear()
 
     def _follow(self, id_: int, sighting: Sighting, point: Point) -> None:
-        """Begin or go on with the stay of an object that is inside, or was and is near."""
+        """Begin or continue the stay of an object that is inside or within the margin."""
         before = self._before.get(id_)
         self._before[id_] = sighting
         stay = self._stays.get(id_)
@@ -103,7 +103,7 @@ class ZoneWatch:
         stay.last = sighting
 
     def _edge(self, before: Sighting | None, now: Sighting) -> Moment:
-        """Return when and where the step between two sightings went through the edge."""
+        """Return when and where the step between two sightings passed the edge."""
         start = None if before is None else before.position(self.zone.unit)
         end = now.position(self.zone.unit)
         assert end is not None
@@ -117,7 +117,7 @@ class ZoneWatch:
         return min(distance(point, *edge) for edge in self.zone.edges)
 
     def _report(self, id_: int, stay: _Stay, dwell_s: float) -> Iterator[Event]:
-        """Yield what is to be said of a stay before its end, each once."""
+        """Yield the events of a stay other than its end, each once."""
         if not stay.reported:
             stay.reported = True
             self.count.entered += 1

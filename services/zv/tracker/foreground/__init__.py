@@ -1,1 +1,1 @@
-"""Foreground of a fixed camera: which pixels of a frame do not belong to the learned background."""
+"""Background subtraction for a fixed camera: learns the background and finds the foreground."""

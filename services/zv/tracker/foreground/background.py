@@ -1,4 +1,4 @@
-"""The learned background of a fixed camera, and the pixels of a picture that differ from it."""
+"""Learns the background of a fixed camera, and subtracts it from pictures."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Image = NDArray[np.uint8]
 
 HISTORY = 500
 BACKGROUND_RATIO = 0.5
-"""So the background is the value that a pixel has had most of the time, not a mean of two."""
+"""With this ratio, the background is the most frequent value of a pixel, not a mean of two."""
 
 SHADOW_RATIO = 0.5
-"""A pixel that is darker than the background by at most this factor, in its colour, is a shadow."""
+"""A shadow has the background's colour, and at least this share of its brightness."""
 
 SHADOW = 127
-"""Marks a shadow."""
+"""Value of shadows in a mask."""
 
-LEAST_VARIANCE, FIRST_VARIANCE, MOST_VARIANCE = 4.0, 15.0, 75.0
-"""Of a pixel's noise, the sum over its colours, square grey levels."""
+LEAST_VARIANCE, FIRST_VARIANCE, MAX_VARIANCE = 4.0, 15.0, 75.0
+"""Bounds and first value of a pixel's noise variance, the sum over colours, square grey levels."""
 
 MEDIAN_DEVIATION = 0.6745
 """Half of the values of a normal distribution are within this, in standard deviations."""
@@ -34,16 +34,16 @@ LEARN_EVERY_S = 1.0
 SETTLING_S = 1.0
 FORCED_RATE = 0.5
 FORCED_STEPS = 4
-"""So many steps give a new value 94 % of the weight, and so make it the background."""
+"""After this many steps, a new value has 94 % of the weight and is the background."""
 
 
 class BackgroundModel:
-    """A model of the background that learns by time, not by frames.
+    """A background model that learns by time, not by frames.
 
-    The background is learned in steps of a second, so the result does not depend on the frame
-    rate. Each frame is compared with the background picture. A pixel is foreground if its distance
-    in colour is beyond its own limit, which follows the noise that is seen there, unless it is as
-    dark as a shadow on the background would be.
+    The background is learned once a second, so that the result does not depend on the frame rate.
+    Each frame is compared with the background picture. A pixel is foreground if its distance in
+    colour exceeds the pixel's own limit, which follows the noise measured there, unless it looks
+    like a shadow on the background.
 
     Sources: Z. Zivkovic, F. van der Heijden, "Efficient adaptive density estimation per image pixel
     for the task of background subtraction", 2006, as OpenCV implements it (MOG2 and KNN), for the
@@ -75,12 +75,15 @@ class BackgroundModel:
 
     @property
     def empty(self) -> bool:
-        """Whether it has not seen a picture yet."""
+        """Whether no picture was learned yet."""
         return self._started_ns is None
 
     @property
     def limits(self) -> Image:
-        """How far each value may be off, (height, width, 3) uint8; not to be modified."""
+        """The difference up to which each value is background.
+
+        (height, width, 3) uint8, grey levels; not to be modified.
+        """
         return self._limits
 
     def adjust(self, var_threshold: float, *, detect_shadows: bool) -> None:
@@ -106,15 +109,19 @@ class BackgroundModel:
         self._picture, self._stale = picture.copy(), False
 
     def foreground(self, picture: Image) -> Image:
-        """Return what differs: (height, width) uint8, 255 foreground, 127 shadow, 0 background."""
+        """Subtract the background from a picture, (height, width, 3) uint8 BGR.
+
+        Returns:
+            (height, width) uint8: 255 foreground, 127 shadow, 0 background.
+        """
         background, limits = self.picture(), self._limits
         off = cv2.absdiff(picture, background)
         beyond = cv2.compare(off, limits, cv2.CMP_GT, off)
-        # Grey is not 0 where any colour is 255. Single pixels that differ are noise.
+        # The grey value is not 0 if any channel is 255. Single pixels that differ are noise.
         differs = np.asarray(cv2.medianBlur(cv2.cvtColor(beyond, cv2.COLOR_BGR2GRAY), 3), np.uint8)
-        places = np.flatnonzero(differs > 0)  # few, and looked at closely
+        places = np.flatnonzero(differs > 0)  # few, so the costly tests are affordable
         shown, expected, allowed = (
-            _taken(each, places).astype(np.float32) for each in (picture, background, limits)
+            _colours_at(each, places).astype(np.float32) for each in (picture, background, limits)
         )
         allowed_square, shown_square = _dot(allowed, allowed), _dot(shown, shown)
         common, expected_square = _dot(shown, expected), _dot(expected, expected)
@@ -122,7 +129,8 @@ class BackgroundModel:
         marks = found.view(np.uint8) * np.uint8(255)
         if self._detect_shadows:
             ratio = common / np.maximum(expected_square, 1.0)
-            tint_square = shown_square - ratio * common  # of what is left of it without the ratio
+            # Squared distance of the colour from the background's, darkened by the ratio.
+            tint_square = shown_square - ratio * common
             dark = (ratio >= SHADOW_RATIO) & (ratio <= 1.0)
             marks[found & dark & (tint_square < allowed_square * ratio * ratio)] = SHADOW
         differs.reshape(-1)[places] = marks
@@ -131,21 +139,31 @@ class BackgroundModel:
     def alike_at(
         self, places: NDArray[np.intp], one: Image, others: Sequence[Image]
     ) -> NDArray[np.bool_]:
-        """Return at which of some pixels, by their numbers, pictures differ by mere noise."""
-        values, most = _taken(one, places), np.zeros((len(places), 3), np.uint8)
-        for other in (_taken(each, places) for each in others):
+        """Return at which places a picture differs from some others only by noise.
+
+        Args:
+            places: (n,), indices of pixels in the flattened picture.
+            one: (height, width, 3) uint8 BGR.
+            others: The same.
+
+        Returns:
+            (n,).
+        """
+        values, largest = _colours_at(one, places), np.zeros((len(places), 3), np.uint8)
+        for other in (_colours_at(each, places) for each in others):
             off = np.maximum(values, other) - np.minimum(values, other)
-            np.maximum(most, off, out=most)
-        near = most <= _taken(self._limits, places)
+            np.maximum(largest, off, out=largest)
+        near = largest <= _colours_at(self._limits, places)
         return near[:, 0] & near[:, 1] & near[:, 2]
 
     def learn(self, picture: Image, stamp_ns: int, known: Image | None, time_s: float) -> None:
-        """Learn from a picture if it is time for that.
+        """Learn from a picture if an update is due.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
-            stamp_ns: When it was taken. Stamps that go backwards start the intervals anew.
-            known: (height, width) uint8, not 0 where an object is known to be: not learned.
+            stamp_ns: When it was taken. Stamps that go backwards restart the intervals.
+            known: (height, width) uint8, not 0 at known objects, which are not learned; None
+                without.
             time_s: Time after which a change has become background by 63 %.
         """
         if self._started_ns is None or stamp_ns < self._learned_ns:
@@ -164,9 +182,9 @@ class BackgroundModel:
         self._learned_ns = stamp_ns
 
     def _learn_noise(self, picture: Image, known: Image | None) -> None:
-        """Move each limit by one grey level towards the multiple of the median deviation.
+        """Move each limit by one grey level towards a multiple of the median deviation.
 
-        What is farther off than twice the limit is no noise, but an object or its shadow.
+        Differences above twice the limit are ignored: they are objects or shadows, not noise.
         """
         limits = self._limits
         off = np.asarray(cv2.absdiff(picture, self.picture()), np.uint8)
@@ -176,20 +194,20 @@ class BackgroundModel:
             near &= np.asarray(cv2.merge((free, free, free)), np.uint8)
         wanted = cv2.convertScaleAbs(off, alpha=self._deviations / MEDIAN_DEVIATION)
         more = np.asarray(cv2.compare(wanted, limits, cv2.CMP_GT), np.uint8)
-        # Unsigned numbers of 8 bits throughout, as the time for others is ten times as long.
+        # 8-bit unsigned numbers throughout, since other types take ten times as long.
         moved = limits + (more & np.uint8(2)) - np.uint8(1)
         cv2.copyTo(np.clip(moved, *self._limits_allowed()), near, limits)
 
     def _limits_allowed(self) -> tuple[np.uint8, np.uint8]:
-        """Return the least and the largest limit of one colour."""
-        return np.uint8(self._limit(LEAST_VARIANCE)), np.uint8(self._limit(MOST_VARIANCE))
+        """Return the smallest and the largest limit of one colour."""
+        return np.uint8(self._limit(LEAST_VARIANCE)), np.uint8(self._limit(MAX_VARIANCE))
 
     def _limit(self, variance: float) -> int:
         """Return the limit of one colour for a variance of all three: 1 to 255 grey levels."""
         return min(255, max(1, round(self._deviations * math.sqrt(variance / 3))))
 
     def learn_at_once(self, picture: Image, where: Image) -> None:
-        """Make what a picture shows the background, where ``where``, (height, width), is not 0."""
+        """Make a picture the background where the mask ``where``, (height, width), is not 0."""
         known = cv2.bitwise_not(where)
         for _ in range(FORCED_STEPS):
             self._apply(picture, np.asarray(known, np.uint8), FORCED_RATE)
@@ -198,9 +216,9 @@ class BackgroundModel:
         if known is None:
             self._model.apply(picture, learningRate=rate)
         elif isinstance(self._model, cv2.BackgroundSubtractorMOG2):
-            # By its keyword: a second positional argument is where the result is written to.
+            # By keyword: the second positional argument is the output array.
             self._model.apply(picture, knownForegroundMask=known, learningRate=rate)
-        else:  # KNN learns what it is told to be foreground, so it gets the background there
+        else:  # KNN also learns known foreground, so these pixels are replaced by the background
             cv2.copyTo(self.picture(), known, picture := picture.copy())
             self._model.apply(picture, learningRate=rate)
         self._stale = True
@@ -209,18 +227,18 @@ class BackgroundModel:
         """Return the background, (height, width, 3) uint8 BGR; not to be modified."""
         if self._stale:
             found = np.asarray(self._model.getBackgroundImage(), np.uint8)
-            if self.subtractor == "knn":  # it is black where the samples do not agree yet
+            if self.subtractor == "knn":  # its picture is black where samples do not agree yet
                 black = cv2.inRange(found, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
                 cv2.copyTo(self._picture, black, found)
             self._picture, self._stale = found, False
         return self._picture
 
 
-def _taken(picture: Image, places: NDArray[np.intp]) -> Image:
-    """Return the colours of some pixels, by their numbers, (n, 3)."""
+def _colours_at(picture: Image, places: NDArray[np.intp]) -> Image:
+    """Return the colours of pixels, (n, 3), by their indices in the flattened picture."""
     return picture.reshape(-1, 3).take(places, axis=0)
 
 
 def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the product of each row of one (n, 3) with that of another."""
+    """Return the dot products of the rows of two (n, 3) arrays, (n,)."""
     return np.asarray((one * other) @ np.ones(3, np.float32), np.float32)

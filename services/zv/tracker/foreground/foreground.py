@@ -1,4 +1,4 @@
-"""The foreground of each frame of a fixed camera, robust against light, shadows and start-up."""
+"""Finds the foreground of each frame of a fixed camera, robustly against light and shadows."""
 
 from __future__ import annotations
 
@@ -10,31 +10,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.tracker.foreground.background import SHADOW, BackgroundModel, Subtractor
-from zv.tracker.foreground.beginning import Beginning
+from zv.tracker.foreground.dynamic_background import DynamicBackground
 from zv.tracker.foreground.ghosts import GhostFinder
+from zv.tracker.foreground.initial_background import InitialBackground
 from zv.tracker.foreground.lighting import relit, same_texture
 from zv.tracker.foreground.regions import Polygon, region_mask
-from zv.tracker.foreground.restless import RestlessPixels
 from zv.tracker.tracking.fragment import Fragment
 
 Image = NDArray[np.uint8]
 
 CHANGED_SHARE = 0.25
-"""Share of the picture that differs when a change of the light is looked for."""
+"""If a larger share of the picture differs, a change of the light is tested for."""
+
+SAME_CHANGE_S = 1.0
+"""Changes of the light that follow each other faster count as one, as when a cloud comes."""
 
 SAME_TEXTURE = 0.5
 RELIT_SHARE = 0.5
-SAME_CHANGE_S = 1.0
-"""Light that changes again so soon is still the same change, such as a cloud that comes."""
-
 MOVED_S = 0.5
-"""After so long with most of the picture different, the background is learned anew."""
+"""If most of the picture differs for this long, the background is learned anew."""
 
 MARGIN, LEAST_MARGIN = 0.1, 2.0
-"""What is protected around a box, in its longer side and at least in pixels: arms and feet."""
+"""Margin protected around a box, for arms and feet: a share of its longer side, and at least so
+many pixels."""
 
 SILENT_S = 1.0
-"""Before, too little is known to tell what is background: nothing is foreground."""
+"""Nothing is foreground for this long after the start, while the background is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +46,16 @@ class ForegroundParameters:
     var_threshold: float = 25.0  # squared distance above which a pixel is foreground
     detect_shadows: bool = True
     learning_s: float = 10.0  # time after which a change has become background by 63 %
-    frozen: bool = False  # learn nothing
-    regions: tuple[Polygon, ...] = ()  # objects are looked for inside of these; none: everywhere
-    ignored: tuple[Polygon, ...] = ()  # and not inside of these
+    frozen: bool = False  # do not learn
+    regions: tuple[Polygon, ...] = ()  # detect only inside these; none: everywhere
+    ignored: tuple[Polygon, ...] = ()  # do not detect inside these
 
 
 class ForegroundDetector:
-    """Finds what does not belong to the background in each picture of a fixed camera.
+    """Finds the foreground of each picture of a fixed camera.
 
     Args:
-        parameters: See there.
+        parameters: Those of the background model, and where to detect.
         scale: Full-resolution pixels per pixel of the pictures, for the polygons.
 
     Attributes:
@@ -73,7 +74,7 @@ class ForegroundDetector:
     @property
     def changes(self) -> Image | None:
         """How often each pixel has changed lately; None before two pictures."""
-        return self._restless.changes
+        return self._dynamic.changes
 
     def adjust(self, parameters: ForegroundParameters) -> None:
         """Continue with other parameters; only another subtractor learns anew."""
@@ -89,11 +90,11 @@ class ForegroundDetector:
     def reset(self) -> None:
         """Learn the background anew from the next picture on."""
         self._started_ns: int | None = None
-        self._beginning: Beginning | None = None
+        self._initial: InitialBackground | None = None
         self._differs_ns: int | None = None
         self._relit_ns: int | None = None
         self._ghosts = GhostFinder()
-        self._restless = RestlessPixels()
+        self._dynamic = DynamicBackground()
 
     def update(
         self, picture: Image, stamp_ns: int, known: Sequence[Fragment]
@@ -103,11 +104,11 @@ class ForegroundDetector:
         Args:
             picture: (height, width, 3) uint8 BGR, of the same size each time.
             stamp_ns: When it was taken.
-            known: Boxes of objects, which are not learned.
+            known: Boxes of known objects, which are not learned.
 
         Returns:
-            (height, width) uint8 of 0 and 255; and whether the light of the whole scene has
-            changed, or the view, so that the background was adapted or learned anew.
+            The mask, (height, width) uint8 of 0 and 255; and whether the light of the whole scene
+            or the view has changed, so that the background was adapted or learned anew.
         """
         height, width = picture.shape[:2]
         if self._size != (width, height):
@@ -123,7 +124,7 @@ class ForegroundDetector:
         marked, changed = self._marked(picture, stamp_ns, known_mask), False
         mask = _cleaned(marked)
         if not self._parameters.frozen:
-            self._learn_beginning(picture, stamp_ns, known_mask)
+            self._learn_initial(picture, stamp_ns, known_mask)
             if silent:
                 known_mask = None
             elif cv2.countNonZero(marked) > CHANGED_SHARE * marked.size:
@@ -140,43 +141,43 @@ class ForegroundDetector:
         return mask, changed
 
     def _marked(self, picture: Image, stamp_ns: int, known: Image | None) -> Image:
-        """Return the foreground and its shadows, without usual colours of restless pixels."""
+        """Return the foreground and its shadows, without the usual colours of dynamic pixels."""
         marked = self.background.foreground(picture)
         if not self._parameters.frozen:
-            self._restless.learn(picture, marked, known, stamp_ns, self.background.picture())
-        self._restless.leave_out(picture, self.background.limits, marked)
+            self._dynamic.learn(picture, marked, known, stamp_ns, self.background.picture())
+        self._dynamic.unmark(picture, self.background.limits, marked)
         return marked
 
     def _forget_ghosts(
         self, picture: Image, stamp_ns: int, marked: Image, known: Image | None
     ) -> None:
-        """Learn at once what is the place of something that has left."""
+        """Learn the background of ghosts at once."""
         ghosts = self._ghosts.update(picture, self.background, marked, known, stamp_ns)
         if ghosts is not None:
             self.background.learn_at_once(picture, ghosts)
-            if self._beginning is not None:
-                self._beginning.replace(picture, ghosts)
+            if self._initial is not None:
+                self._initial.replace(picture, ghosts)
 
     def _start(self, picture: Image, stamp_ns: int) -> None:
         self.reset()
         self._started_ns = stamp_ns
-        self._beginning = Beginning(picture, stamp_ns)
+        self._initial = InitialBackground(picture, stamp_ns)
         self.background.start(picture, stamp_ns)
 
-    def _learn_beginning(self, picture: Image, stamp_ns: int, known: Image | None) -> None:
-        """Replace the first background by what was behind those who moved."""
-        if self._beginning is None:
+    def _learn_initial(self, picture: Image, stamp_ns: int, known: Image | None) -> None:
+        """Replace the background by an estimate from the first seconds, when one is due."""
+        if self._initial is None:
             return
-        found = self._beginning.update(picture, stamp_ns, known, self.background.picture())
+        found = self._initial.update(picture, stamp_ns, known, self.background.picture())
         if found is not None:
             self.background.replace(found)
-        if self._beginning.over:
-            self._beginning = None
+        if self._initial.over:
+            self._initial = None
 
     def _adapt(
         self, picture: Image, stamp_ns: int, marked: Image, known: Image | None
     ) -> tuple[Image, bool]:
-        """Fit the background to a picture that differs from it nearly everywhere.
+        """Fit the background to a picture of which a large part differs from it.
 
         Less light makes all of the picture a shadow, so shadows count as different here.
         """
@@ -188,8 +189,8 @@ class ForegroundDetector:
             adapted = self.background.foreground(picture)
             if cv2.countNonZero(adapted) < RELIT_SHARE * cv2.countNonZero(marked):
                 self._differs_ns = None
-                self._restless.forget_colours()
-                self._beginning = None
+                self._dynamic.forget_colours()
+                self._initial = None
                 return _cleaned(adapted), self._is_new(stamp_ns)
             self.background.replace(before)
         if (stamp_ns - self._differs_ns) / 1e9 >= MOVED_S and (
@@ -200,7 +201,7 @@ class ForegroundDetector:
         return mask, False
 
     def _is_new(self, stamp_ns: int) -> bool:
-        """Return whether a change of the light is another one than that of the frames before."""
+        """Return whether a change of the light is a new one, not a continued one."""
         before, self._relit_ns = self._relit_ns, stamp_ns
         return before is None or not 0 <= stamp_ns - before < SAME_CHANGE_S * 1e9
 

@@ -1,4 +1,4 @@
-"""The connected regions of a foreground mask."""
+"""Finds the connected regions of a foreground mask, and cuts those of several objects apart."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from zv.tracker.tracking.fragment import Fragment
 
 NARROW = 0.2
-"""Least width of an object beside another one, as a share of its height."""
+"""Least width of an object beside another one, as a share of the region's height."""
 
 TALL = 0.5
 VALLEY = 0.6
-"""Two objects are cut where this share of the lower one's fullest column remains."""
+"""Two objects are cut apart at a column with less than this share of the smaller peak beside it."""
 
 SMOOTHING = np.array([0.25, 0.5, 0.25])
 
@@ -21,16 +21,16 @@ THIN = 0.06
 """Rows and columns at the ends of a region with less than this share of the fullest are cut."""
 
 THINNEST = 2.5
-"""Regions whose mean thickness is less, in pixels, are edges that shook, tapes or wires."""
+"""Regions with a smaller mean thickness, in pixels, are jittering edges, tapes or wires."""
 
 
 def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> list[Fragment]:
-    """Return the connected regions of a mask without their thin ends, and without thin ones.
+    """Return the connected regions of a mask, except thin ones, and without their thin ends.
 
     Args:
         mask: (height, width) uint8, 255 on the foreground, else 0.
         min_area: Smaller regions are left out, square pixels.
-        max_area: Larger ones are left out.
+        max_area: Larger regions are left out, square pixels.
     """
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     found = []
@@ -55,21 +55,21 @@ def fragments_of(mask: NDArray[np.uint8], min_area: float, max_area: float) -> l
 
 
 def _cuts(columns: list[int], height: int) -> list[tuple[int, int]]:
-    """Return the ranges of columns of the objects that seem to stand side by side in a region.
+    """Return the column ranges of objects that seem to stand side by side in a region.
 
-    They are cut where a column is much less filled than the fullest ones on both sides of it, as
+    They are cut apart at a column with far fewer pixels than the fullest ones on both sides, as
     between two heads.
 
     Args:
         columns: 255 times the number of foreground pixels in each column.
-        height: Of the region.
+        height: Height of the region.
     """
     width = len(columns)
     narrow = max(3, round(NARROW * height))
     if width <= 2 * narrow:
         return [(0, width)]
     if min(columns[narrow : width - narrow]) > VALLEY * max(columns):
-        return [(0, width)]  # as for most objects, without looking closer
+        return [(0, width)]  # fast path for most objects
     smooth = np.convolve(columns, SMOOTHING, mode="same")
     before = np.maximum.accumulate(smooth)
     after = np.maximum.accumulate(smooth[::-1])[::-1]
@@ -98,7 +98,7 @@ def _middle(profile: list[int]) -> float:
 
 
 def _full(profile: list[int]) -> tuple[int, int]:
-    """Return the first and the end of the columns or rows that are not thin."""
+    """Return the range, end exclusive, from the first to the last column or row not thin."""
     least = THIN * max(profile)
     enough = [place for place, number in enumerate(profile) if number >= least]
     return enough[0], enough[-1] + 1

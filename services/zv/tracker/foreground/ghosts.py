@@ -1,4 +1,4 @@
-"""Finds ghosts: places of things that have left, which the learned background still shows."""
+"""Finds ghosts: foreground where an object has left but is still in the learned background."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Image = NDArray[np.uint8]
 
 TEST_EVERY_S = 0.25
 STILL_PICTURES = 3
-"""A pixel is still if it is alike in so many pictures before, one from each test."""
+"""A pixel is still if it has not changed since this many earlier tests."""
 
 KNOWN_TIMES = 4
-"""So many tests in a row must find a ghost where an object is known to be."""
+"""Number of tests in a row that must find a ghost at a known object."""
 
 LEAST_AREA = 10.0
-"""Of a ghost, pixels."""
+"""Least area of a ghost, square pixels."""
 
 GHOST_SHARE = 0.3
-"""A region is a ghost if its outline belongs to the picture by a smaller share."""
+"""A region is a ghost if its ``picture_share`` is smaller."""
 
 FREE_SHARE = 0.5
-"""Least share of the outline of a still region beside which there is no foreground."""
+"""Least share of a still region's outline that must border on background."""
 
 LIKELY = 0.5
 """Also if the share is smaller than this, and the likeness of its texture to the background's is
@@ -43,16 +43,17 @@ EVEN = 0.95
 """If so much of the difference is the same everywhere, it may be an object of about that colour."""
 
 SIDE = 7
-"""What is on a side of the outline is looked at in a square of so many pixels."""
+"""Side of the square window in which colours on both sides of the outline are compared, pixels."""
 
 BAND = np.ones((5, 5), np.uint8)
-"""The outline is so wide, since a mask ends a pixel or two beside the edge that causes it."""
+"""Width of the outline: a mask may end a pixel or two beside the edge that causes it."""
 
 
 class GhostFinder:
-    """Tests the parts of the foreground that do not change, every quarter of a second.
+    """Tests the unchanging parts of the foreground for ghosts, every quarter of a second.
 
-    So a ghost is found while what has left it is still beside it, in the same region.
+    Since only these parts are tested, a ghost is found even while the object that left it is still
+    in the same region.
     """
 
     def __init__(self) -> None:
@@ -61,7 +62,7 @@ class GhostFinder:
         self._tested_ns: int | None = None
 
     def due(self, stamp_ns: int) -> bool:
-        """Return whether it is time for a test; stamps that go backwards start anew."""
+        """Return whether a test is due; stamps that go backwards start anew."""
         if self._tested_ns is not None and stamp_ns < self._tested_ns:
             self._before, self._times, self._tested_ns = [], None, None
         return self._tested_ns is None or stamp_ns - self._tested_ns >= TEST_EVERY_S * 1e9
@@ -74,16 +75,19 @@ class GhostFinder:
         known: Image | None,
         stamp_ns: int,
     ) -> Image | None:
-        """Test a frame, and return where its ghosts are, (height, width), not 0; None for nowhere.
+        """Test a frame and return the mask of its ghosts.
 
-        A ghost that is followed as an object must be found several times in a row.
+        A ghost that is tracked as an object must be found several times in a row.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
-            model: Of the background.
+            model: The background model.
             marked: (height, width) uint8, 255 foreground, 127 shadow, else 0.
-            known: (height, width) uint8, not 0 where an object is known to be; None for nowhere.
-            stamp_ns: When it was taken.
+            known: (height, width) uint8, not 0 at known objects; None without.
+            stamp_ns: When the picture was taken.
+
+        Returns:
+            (height, width) uint8, not 0 on ghosts; None without ghosts.
         """
         before, self._tested_ns = self._before, stamp_ns
         self._before = [*before[1 - STILL_PICTURES :], picture.copy()]
@@ -95,7 +99,7 @@ class GhostFinder:
         places = places[model.alike_at(places, picture, before)]
         still = np.zeros_like(marked)
         still.reshape(-1)[places] = 255
-        # Holes are where an object has the background's colour by chance.
+        # Fill holes where an object has the background's colour by chance.
         still, mask = (
             np.asarray(cv2.morphologyEx(each, cv2.MORPH_CLOSE, BAND), np.uint8)
             for each in (cv2.medianBlur(still, 3), mask)
@@ -122,7 +126,7 @@ class GhostFinder:
         return ghosts if ghosts.any() else None
 
     def _sure(self, ghosts: Image, known: Image | None) -> Image:
-        """Return the ghosts outside of known objects, and those that were found often enough."""
+        """Return the ghosts outside of known objects, and those found often enough inside."""
         if self._times is None:
             self._times = np.zeros_like(ghosts)
         more = cv2.add(self._times, np.ones_like(ghosts))  # at most 255
@@ -135,24 +139,25 @@ class GhostFinder:
 def picture_share(
     picture: Image, background: Image, mask: Image, still: Image, box: Fragment
 ) -> float:
-    """Return by which share the outline of a region is an edge of the picture: about 0 to 1.
+    """Return to what extent the outline of a region is an edge in the picture: about 0 to 1.
 
-    Across the outline the difference of picture and background has a step. It is one of the
-    picture, if something is there that the background does not have, or one of the background, if
-    that remembers something that has left. The step is the difference of both pictures' steps, so
-    the projection of the picture's step onto it, divided by its square, is the picture's share,
-    and the rest is the background's. The steps are those of the mean colours and of their variation
-    on both sides, so that a plain object before a rough background is not mistaken for a ghost.
+    The difference of picture and background has a step across the outline of the region. The step
+    is in the picture if it shows a new object, or in the background if that still shows an object
+    that has left. It is the difference of the two pictures' steps. The result is the picture's
+    share of it: the projection of the picture's step onto the difference, divided by the squared
+    norm of the difference. Steps are measured in the mean colours and in their standard
+    deviations, so that a plain object before a textured background is not mistaken for a ghost.
 
     Args:
         picture: (height, width, 3) uint8 BGR.
         background: The same.
         mask: (height, width) uint8 of 0 and 255, the foreground.
-        still: The same, the part of it that contains the region.
-        box: Around the region.
+        still: The same, the unchanging part of the foreground, which contains the region.
+        box: Bounding box of the region.
 
     Returns:
-        1 if most of the region is surrounded by other foreground, so that nothing can be said.
+        1 for a new object, 0 for a ghost. Also 1 if most of the region is surrounded by other
+        foreground, so that this cannot be measured.
     """
     cut = _cut(box, SIDE)
     around, free = _outline(still[cut]), _outline(mask[cut])
@@ -186,9 +191,10 @@ def _step(
     outside: NDArray[np.bool_],
     where: NDArray[np.bool_],
 ) -> NDArray[np.float32]:
-    """Return the differences of what is nearby on both sides of an outline, (n, 6).
+    """Return the steps across an outline at its n pixels, (n, 6).
 
-    They are those of the means and of the standard deviations of the three colours.
+    They are the differences, inside minus outside, of the means and the standard deviations of the
+    three colours.
     """
     found = []
     for side in (inside, outside):

@@ -1,4 +1,4 @@
-"""Recognises that the light of the whole scene has changed, and fits the background to it."""
+"""Recognises a change of the light of the whole scene, and fits the background to it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 
 CELLS = 8
-"""The scene is compared in a grid of so many columns; its rows have the same height."""
+"""Number of columns of the grid in which pictures are compared; its cells are about square."""
 
 LEAST_GAIN, MOST_GAIN = 0.1, 10.0
 TEXTURE_SAMPLE = 2
@@ -18,14 +18,17 @@ TEXTURE_SAMPLE = 2
 def relit(background: Image, picture: Image, known: Image | None) -> Image:
     """Return a background as it would look in the light of a picture.
 
-    The gain of each colour is the ratio of the medians of both in each cell of a coarse grid,
-    smoothed over the neighbouring cells. So it follows lamps and clouds, but no object that is
+    The gain of each colour is the median ratio of the two pictures in each cell of a coarse grid,
+    interpolated between the cells. It therefore follows lamps and clouds, but not objects that are
     smaller than a cell.
 
     Args:
         background: (height, width, 3) uint8 BGR.
         picture: The same.
-        known: (height, width) uint8, not 0 where an object is: not compared. None for nowhere.
+        known: (height, width) uint8, not 0 at known objects, which are not compared; None without.
+
+    Returns:
+        (height, width, 3) uint8 BGR.
     """
     height, width = picture.shape[:2]
     rows = max(1, round(CELLS * height / width))
@@ -50,10 +53,10 @@ def relit(background: Image, picture: Image, known: Image | None) -> Image:
 
 
 def same_texture(background: Image, picture: Image, where: Image) -> float:
-    """Return how much of the background's texture a picture still shows, from -1 to 1.
+    """Return the correlation of the gradients of background and picture, from -1 to 1.
 
-    It is the correlation of both pictures' gradients: high if only the light has changed, low if
-    an object covers the scene or the camera was moved.
+    It is high if only the light has changed, low if an object covers the scene or the camera was
+    moved.
 
     Args:
         background: (height, width, 3) uint8 BGR.

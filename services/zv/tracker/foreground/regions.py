@@ -1,4 +1,4 @@
-"""Polygons as masks: where objects are looked for, and where they are ignored."""
+"""Draws the polygons inside of which objects are detected or ignored, as a mask."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ def region_mask(
     regions: Sequence[Polygon],
     ignored: Sequence[Polygon],
 ) -> NDArray[np.uint8] | None:
-    """Return where objects are looked for; None for everywhere.
+    """Return the mask of the region in which objects are detected; None for everywhere.
 
     Args:
         size: Width and height of the mask.
         scale: Full-resolution pixels per pixel of the mask.
-        regions: Objects are looked for inside of these; none means everywhere.
-        ignored: Not inside of these.
+        regions: Objects are detected only inside these; none means everywhere.
+        ignored: Objects inside these are ignored.
 
     Returns:
-        (height, width) uint8, 255 where objects are looked for, else 0.
+        (height, width) uint8, 255 where objects are detected, else 0.
     """
     if not regions and not ignored:
         return None
     width, height = size
     mask = np.full((height, width), 0 if regions else 255, np.uint8)
-    # OpenCV fills the pixels on the outline too, and it takes 1/16 pixels.
+    # OpenCV also fills the pixels on the outline. Corners are given in 1/16 pixels (shift=4).
     for polygons, value in ((regions, 255), (ignored, 0)):
         for polygon in polygons:
             corners = np.round((np.asarray(polygon, float) / scale - 0.5) * 16).astype(np.int32)

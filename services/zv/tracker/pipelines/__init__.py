@@ -1,1 +1,1 @@
-"""Tracking pipelines: from frames as arrays to objects and masks, independent of settings."""
+"""Tracking pipelines: turn frames, as arrays, into objects and masks; independent of settings."""

@@ -17,7 +17,7 @@ class MovingObject:
 
     Attributes:
         box: x, y, width, height of the bounding box, pixels.
-        area: Of the contour, square pixels.
+        area: Area of the contour, square pixels.
     """
 
     box: tuple[int, int, int, int]
@@ -25,7 +25,7 @@ class MovingObject:
 
     @property
     def center(self) -> tuple[int, int]:
-        """The box's centre as the tutorial computes it, which it calls the centroid."""
+        """The centre of the box, rounded as in the tutorial, which calls it the centroid."""
         x, y, width, height = self.box
         return x + int(width / 2), y + int(height / 2)
 
@@ -67,8 +67,8 @@ class LargestObject:
             bgr: (height, width, 3) uint8, of the same size each time; not modified.
 
         Returns:
-            The object with the largest contour area, the first of equals, or None; and the
-            foreground mask, (height, width) uint8 of 0 and 255, a new array each time.
+            The object with the largest contour area, the first of equal ones, or None without
+            contours; and the foreground mask, (height, width) uint8 of 0 and 255, a new array.
         """
         closing, median = self._parameters.closing, self._parameters.median
         mask = self._background.apply(bgr)
@@ -89,7 +89,7 @@ class LargestObject:
 
 
 def draw(bgr: NDArray[np.uint8], found: MovingObject | None) -> NDArray[np.uint8]:
-    """Return the frame with the object marked; the frame itself when nothing moves.
+    """Return a copy of the frame with the object drawn; the frame itself without an object.
 
     Args:
         bgr: (height, width, 3) uint8; not modified.

@@ -1,4 +1,4 @@
-"""All moving objects of each frame of a fixed camera, with ids: foreground, then tracking."""
+"""Tracks all moving objects of a fixed camera: background subtraction, then tracking."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zv.tracker.foreground.concavities import cut_at_concavities
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.fragments import fragments_of
 from zv.tracker.tracking.appearance import Scene
@@ -21,10 +22,10 @@ Image = NDArray[np.uint8]
 
 WORKING_PIXELS = 384 * 288
 LEAST_PART = 0.25
-"""Parts of an object with this share of the smallest area are still used to measure it."""
+"""Regions down to this share of ``min_area`` are used as parts of an object."""
 
 LARGER = 1.25
-"""The main track changes only to one whose box is larger by this factor."""
+"""Hysteresis of the main track: it changes only to a track whose box is larger by this factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,28 +34,30 @@ class RobustParameters:
 
     foreground: ForegroundParameters = field(default_factory=ForegroundParameters)
     tracking: TrackingParameters = field(default_factory=TrackingParameters)
-    scale: int = 0  # work at 1/n of the size; 0: by the size
-    min_area: float = 160.0  # of the foreground of an object, square full-resolution pixels
-    max_area: float = math.inf  # larger regions are left out
+    scale: int = 0  # n, to process frames at 1/n of their size; 0: working_scale
+    min_area: float = 160.0  # foreground of an object, square full-resolution pixels
+    max_area: float = math.inf  # regions above it are ignored, square full-resolution pixels
+    convex: bool = False  # all objects are convex: a region that is not is several that touch
 
 
 def working_scale(width: int, height: int) -> int:
-    """Return n, if frames of this size are processed at 1/n of it: 2 at 768x576."""
+    """Return n for processing frames of this size at 1/n of it: 2 at 768x576."""
     return max(1, round(math.sqrt(width * height / WORKING_PIXELS)))
 
 
 class RobustTracker:
-    """The tracks of one camera.
+    """Tracks all moving objects of one camera.
 
     Args:
-        parameters: See there.
-        first_id: Of the first track.
+        parameters: Those of the foreground and of the tracking; None for the defaults.
+        first_id: Id of the first track.
 
     Attributes:
-        tracks: Those of the last frame, oldest first.
-        mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the size
-            at which it works; ``enlarged`` makes it as large as the frame.
-        scene_changed: Whether the light of the whole scene, or the view, changed with this frame.
+        tracks: The tracks of the last frame, oldest first.
+        mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the reduced
+            size; ``enlarged`` scales it to the size of the frame.
+        scene_changed: Whether the light of the whole scene, or the view, changed with the last
+            frame.
     """
 
     def __init__(self, parameters: RobustParameters | None = None, first_id: int = 1) -> None:
@@ -96,14 +99,14 @@ class RobustTracker:
     def update(
         self, picture: Image, stamp_ns: int, size: tuple[int, int] | None = None
     ) -> list[Track]:
-        """Take a frame and return the tracks at its stamp.
+        """Process a frame and return the tracks at its stamp.
 
         Args:
-            picture: (height, width, 3) uint8 BGR, the frame, or the frame at a reduced size that
-                is not smaller than the one that is worked at; not modified.
+            picture: (height, width, 3) uint8 BGR, the frame, or the frame reduced to at least
+                1/n of its size, see ``working_scale``; not modified.
             stamp_ns: Its capture time. If that does not advance, no time passes.
-            size: Width and height of the full frame; None if ``picture`` has them. Another size
-                than before begins new tracks and learns the background anew.
+            size: Width and height of the full frame; None if ``picture`` is the full frame. A
+                change of the size begins new tracks and learns the background anew.
         """
         height, width = picture.shape[:2]
         size = size or (width, height)
@@ -122,6 +125,8 @@ class RobustTracker:
             )
         scale_area = self._scale * self._scale
         least = LEAST_PART * self.parameters.min_area / scale_area
+        if self.parameters.convex:
+            mask = cut_at_concavities(mask, self.parameters.min_area / scale_area)
         self._fragments = fragments_of(mask, least, self.parameters.max_area / scale_area)
         self.mask = mask
         scene = Scene(picture, mask, self._detector.changes)
@@ -131,20 +136,20 @@ class RobustTracker:
 
     @property
     def detections(self) -> list[tuple[Box, float]]:
-        """What was found in the last frame before tracking: box and area, full-size pixels."""
+        """The detections of the last frame: box and area, full-resolution pixels."""
         return [self._detection(each) for each in self._fragments]
 
     @property
     def centroid(self) -> Track | None:
         """The main object of the last frame: the largest confirmed track, with hysteresis.
 
-        It stays the same track as long as that is confirmed and no other one's box is larger than
-        its box by a factor of 1.25; then it changes to the confirmed track with the largest box.
+        It changes to the confirmed track with the largest box if the current one is no longer
+        confirmed, or if the largest box is larger than its own by a factor of 1.25.
         """
         return next((track for track in self.tracks if track.id == self._main), None)
 
     def background(self) -> Image:
-        """Return the learned background, (height, width, 3) uint8 BGR; safe on any thread.
+        """Return the learned background, (height, width, 3) uint8 BGR; safe to call on any thread.
 
         Raises:
             ValueError: There was no frame yet.
@@ -165,7 +170,7 @@ class RobustTracker:
 
     def _tracking(self) -> TrackingParameters:
         area = self.parameters.min_area / (self._scale * self._scale)
-        return replace(self.parameters.tracking, min_area=area)
+        return replace(self.parameters.tracking, min_area=area, convex=self.parameters.convex)
 
     def _detection(self, fragment: Fragment) -> tuple[Box, float]:
         scale = self._scale
@@ -191,5 +196,5 @@ class RobustTracker:
 
 
 def enlarged(mask: Image, size: tuple[int, int]) -> Image:
-    """Return a mask at another size, width and height: still of 0 and 255."""
+    """Return a mask scaled to another size, width and height; its values stay 0 and 255."""
     return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)

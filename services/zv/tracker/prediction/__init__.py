@@ -1,1 +1,1 @@
-"""Where an object will be: answers to queries, from where it has been."""
+"""Predicts the positions of objects from their earlier ones, as answers to queries."""

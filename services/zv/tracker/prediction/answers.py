@@ -1,4 +1,4 @@
-"""Answers the queries for predictions of one camera's objects."""
+"""Answers queries for predicted positions of one camera's objects."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class PredictionAnswers:
     def update(
         self, header: Header, tracks: Sequence[Track], anchor: Anchor, view: PlaneView | None
     ) -> None:
-        """Take all tracks of the next frame.
+        """Process all tracks of the next frame.
 
         Args:
-            header: Of the result for the frame; a new epoch forgets all paths.
-            tracks: All of the frame.
-            anchor: The point of an object that has a place in the world.
-            view: The way to the plane; None without one.
+            header: Header of the frame's results; a new epoch forgets all paths.
+            tracks: All tracks of the frame.
+            anchor: The point of an object whose world position is wanted.
+            view: The mapping to the plane; None without one.
         """
         with self._lock:
             former = self._header
@@ -60,8 +60,8 @@ class PredictionAnswers:
         """Return the prediction that a query asks for.
 
         Raises:
-            ParameterRefused: A parameter is wrong, or there is no such object; says what is
-                allowed.
+            ParameterRefused: A parameter is invalid, or there is no such track; the text says what
+                is allowed.
         """
         for name in parameters:
             if name not in ("id", "ahead_ms", "at_ns"):
@@ -102,7 +102,7 @@ class PredictionAnswers:
 
 
 def _time(parameters: Mapping[str, str], newest_ns: int) -> int:
-    """Return the time that a query asks for, by the clock of the stamps."""
+    """Return the time that a query asks for, in ns by the clock of the stamps."""
     if ("ahead_ms" in parameters) == ("at_ns" in parameters):
         raise ParameterRefused("either ahead_ms or at_ns must be given", PARAMETERS)
     if "at_ns" in parameters:

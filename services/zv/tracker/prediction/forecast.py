@@ -1,4 +1,4 @@
-"""Predicts a position from positions before it, and says how far it may be off."""
+"""Predicts a position, and its standard deviation, from earlier positions."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ WINDOWS_S: Final = (0.3, 0.6, 1.2, 2.4)
 """Times over which a straight line is fitted: short ones follow a turn, long ones average noise."""
 
 KEPT_S: Final = 3.0
-"""Positions older than this are of no use."""
+"""Positions older than this are not used."""
 
 LEAST_POSITIONS: Final = 4
-HINDSIGHT: Final = 12
-"""So many of the newest positions are predicted again to see how well that would have worked."""
+BACKTESTS: Final = 12
+"""Number of the newest positions that are predicted from earlier ones, to measure the error."""
 
 LEAST_HORIZON_S: Final = 0.1
 
 
 class TooShort(ValueError):
-    """A path of too few positions for a prediction."""
+    """A path has too few positions for a prediction."""
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """A position that is expected, its velocity, and their standard deviations.
+    """A predicted position, with its standard deviation, and a velocity.
 
     Attributes:
         position: (2,), in the unit of the path.
@@ -43,50 +43,50 @@ class Forecast:
 
 
 def forecast(times_s: Floats, path: Floats, at_s: float, noise: Floats) -> Forecast:
-    """Predict where what followed a path will be, if it goes on in a straight line.
+    """Predict the position of an object that continues its path in a straight line.
 
-    A line is fitted to the newest positions by least squares, over the one of ``WINDOWS_S`` with
-    the least standard deviation. That has two parts: that of a position around the line, and that
-    of the velocity times the time ahead; the latter is what the hindsight shows, and at least what
-    the scatter of the positions implies. So an object on a belt has a small one, and a person who
-    turns about a large one.
+    A line is fitted by least squares to the newest positions, over that of ``WINDOWS_S`` which
+    gives the least standard deviation. The variance is the sum of that of the fitted line, that of
+    the positions around the line, and that of the velocity times the squared time ahead. The last
+    one is measured by backtesting: the newest positions are predicted from earlier ones. It is
+    small for an object on a belt, and large for a person who turns back.
 
     Args:
-        times_s: (n,), ascending; when the object was at each position.
-        path: (n, 2), in any unit.
-        at_s: When the position is wanted; not before the last one.
-        noise: (2,), least standard deviation of a position: positions that were smoothed scatter
-            less around a line than they are off.
+        times_s: (n,), ascending; time of each position, seconds.
+        path: (n, 2), the positions, in any unit.
+        at_s: Time of the prediction, seconds; not before the last position.
+        noise: (2,), lower bound of a position's standard deviation, in the unit of the path: the
+            scatter of smoothed positions around a line is smaller than their error.
 
     Raises:
-        TooShort: There are fewer than four positions.
+        TooShort: There are fewer than ``LEAST_POSITIONS`` positions.
     """
     if len(times_s) < LEAST_POSITIONS:
         raise TooShort(f"seen in {len(times_s)} frames")
     ahead_s = max(LEAST_HORIZON_S, at_s - float(times_s[-1]))
-    lever_s = at_s - float(times_s[-1])
+    horizon_s = at_s - float(times_s[-1])
     tried: dict[int, tuple[_Line, Floats]] = {}
     for window_s in WINDOWS_S:
         count = max(LEAST_POSITIONS, _count(times_s, len(times_s), window_s))
         if count not in tried:
             line = _Line.fit(times_s[-count:], path[-count:], noise)
-            drift = _hindsight(times_s, path, window_s, ahead_s, noise)
-            tried[count] = line, line.variance(at_s) + line.scatter + (drift * lever_s) ** 2
+            drift = _velocity_error(times_s, path, window_s, ahead_s, noise)
+            tried[count] = line, line.variance(at_s) + line.scatter + (drift * horizon_s) ** 2
     line, variance = min(tried.values(), key=lambda each: float(each[1].sum()))
     return Forecast(line.at(at_s), line.velocity, np.sqrt(variance))
 
 
-def _hindsight(
+def _velocity_error(
     times_s: Floats, path: Floats, window_s: float, ahead_s: float, noise: Floats
 ) -> Floats:
-    """Return the rms of what the velocity would have been wrong by, (2,), units per second.
+    """Return the rms error of the velocity in backtests, (2,), units per second.
 
-    The newest positions are predicted from those that were known ``ahead_s`` before, or less if
-    the path is short.
+    The newest positions are predicted from those up to ``ahead_s`` before, or less if the path is
+    short.
     """
     ahead_s = min(ahead_s, float(times_s[-1] - times_s[0]) / 2)
     errors = []
-    for index in range(max(LEAST_POSITIONS, len(times_s) - HINDSIGHT), len(times_s)):
+    for index in range(max(LEAST_POSITIONS, len(times_s) - BACKTESTS), len(times_s)):
         known = int(np.searchsorted(times_s, times_s[index] - ahead_s, side="right"))
         if known < LEAST_POSITIONS - 1:
             continue
@@ -109,14 +109,15 @@ def _count(times_s: Floats, end: int, window_s: float) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """A straight line through positions over time, by least squares.
+    """A straight line fitted to positions over time by least squares.
 
     Attributes:
-        center_s: Mean of the times; ``center`` is that of the positions, (2,).
-        velocity: (2,), units per second.
+        center_s: Mean of the times, seconds.
+        center: Mean of the positions, (2,).
+        velocity: Slope of the line, (2,), units per second.
         scatter: Variance of a position around the line, (2,).
         count: Number of positions.
-        spread: Sum of the squared times from their mean.
+        spread: Sum of the squared differences of the times from their mean.
     """
 
     center_s: float
@@ -140,6 +141,6 @@ class _Line:
         return self.center + self.velocity * (at_s - self.center_s)
 
     def variance(self, at_s: float) -> Floats:
-        """Return the variance of the line itself at a time, (2,)."""
-        lever = (at_s - self.center_s) ** 2 / self.spread if self.spread > 0 else 0.0
-        return np.asarray(self.scatter * (1 / self.count + lever))
+        """Return the variance of the fitted line at a time, (2,)."""
+        leverage = (at_s - self.center_s) ** 2 / self.spread if self.spread > 0 else 0.0
+        return np.asarray(self.scatter * (1 / self.count + leverage))

@@ -1,4 +1,4 @@
-"""Where each object of a camera has been in the last seconds."""
+"""Keeps the paths of a camera's objects over the last seconds, and predicts their positions."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ Point = tuple[float, float]
 Floats = NDArray[np.float64]
 
 NOISE_PX = 0.3
-"""Least standard deviation of a position, pixels: of the mean of many edge pixels."""
+"""Least standard deviation of a position, pixels: that of a mean of many edge pixels."""
 
 KEPT = 128
-"""Positions of an object: 4 s at 30 Hz."""
+"""Largest number of positions kept of an object: 4 s at 30 Hz."""
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """Where an object is expected; as in the message ``Prediction``."""
+    """The predicted state of an object, with the fields of the message ``Prediction``."""
 
     x: float
     y: float
@@ -40,18 +40,18 @@ class Predicted:
 
 @dataclass(slots=True)
 class Path:
-    """Where one object has been.
+    """The path of one object.
 
     Attributes:
-        track: As of the newest frame.
-        seen: Stamp and steady point, for each frame in which it was measured.
-        middle: In the newest of them, (2,).
-        anchor: The same of its anchor.
+        track: Its track in the newest frame.
+        seen: Stamp and ``Track.steady`` of each frame in which it was measured.
+        center: Its centre in the newest of these frames, (2,), pixels.
+        anchor: Its anchor in the newest of these frames, (2,), pixels.
     """
 
     track: Track
     seen: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=KEPT))
-    middle: Floats = field(default_factory=lambda: np.zeros(2))
+    center: Floats = field(default_factory=lambda: np.zeros(2))
     anchor: Floats = field(default_factory=lambda: np.zeros(2))
 
 
@@ -59,7 +59,7 @@ class Paths:
     """The paths of all objects of one camera in one epoch.
 
     Args:
-        anchor_of: Returns the point of a track that has a place in the world.
+        anchor_of: Returns the point of a track whose world position is wanted.
     """
 
     def __init__(self, anchor_of: Callable[[Track], Point]) -> None:
@@ -68,11 +68,11 @@ class Paths:
 
     @property
     def ids(self) -> list[int]:
-        """The objects that are followed now."""
+        """The ids of the current tracks, ascending."""
         return sorted(self._paths)
 
     def update(self, tracks: Sequence[Track], stamp_ns: int) -> None:
-        """Take all tracks of the next frame; one that is not among them has ended."""
+        """Process all tracks of the next frame; tracks that are missing have ended."""
         former = self._paths
         self._paths = {}
         for track in tracks:
@@ -82,28 +82,29 @@ class Paths:
                 path.seen.clear()
             if track.steady is not None and (not path.seen or stamp_ns > path.seen[-1][0]):
                 path.seen.append((stamp_ns, track.steady))
-                path.middle = np.add(track.steady, track.offset)
-                x, y = path.middle.tolist()
+                path.center = np.add(track.steady, track.offset)
+                x, y = path.center.tolist()
                 path.anchor = np.array(self.anchor_of(replace(track, x=x, y=y)))
             self._paths[track.id] = path
 
     def track(self, id_: int) -> Track | None:
-        """Return a track as of the newest frame; None if it is not followed."""
+        """Return a track of the newest frame; None if there is none with this id."""
         path = self._paths.get(id_)
         return None if path is None else path.track
 
     def predict(self, id_: int, at_ns: int, view: PlaneView | None) -> Predicted:
-        """Predict where an object will be.
+        """Predict the position of an object.
 
-        With a plane it goes on in a straight line there, as on a belt; without one in the picture.
+        With a plane, the object is assumed to move in a straight line on it, as on a belt; without
+        one, in the picture.
 
         Args:
-            id_: Of an object that is followed.
-            at_ns: When, by the capture stamps.
-            view: The way to the plane; None without one.
+            id_: Id of a current track.
+            at_ns: Time of the prediction, by the clock of the stamps.
+            view: The mapping to the plane; None without one.
 
         Raises:
-            TooShort: It was seen in too few frames.
+            TooShort: The object was seen in too few frames.
         """
         path = self._paths[id_]
         recent = [each for each in path.seen if each[0] >= path.seen[-1][0] - KEPT_S * 1e9]
@@ -117,10 +118,10 @@ class Paths:
             last = path.anchor - HALF_PIXEL
             places = view.positions(last + moved)
             if np.isfinite(places).all():
-                found = _on_plane(times_s, places, at_s, view, last, path.middle - last)
+                found = _on_plane(times_s, places, at_s, view, last, path.center - last)
                 if found is not None:
-                    return found
-        flat = forecast(times_s, path.middle + moved, at_s, np.full(2, NOISE_PX))
+                    return _with_perspective(found, path, view)
+        flat = forecast(times_s, path.center + moved, at_s, np.full(2, NOISE_PX))
         (x, y), (vx, vy) = flat.position.tolist(), flat.velocity.tolist()
         return Predicted(x, y, vx, vy, _two(flat.sigma))
 
@@ -128,7 +129,7 @@ class Paths:
 def _on_plane(
     times_s: Floats, places: Floats, at_s: float, view: PlaneView, last: Floats, offset: Floats
 ) -> Predicted | None:
-    """Predict on the plane; None if the way there leaves the plane's visible side."""
+    """Predict on the plane; None if the path reaches the plane's horizon."""
     here = view.jacobian(*last.tolist())
     if here is None:
         return None
@@ -152,6 +153,24 @@ def _on_plane(
         pair(there.velocity),
         pair(there.sigma),
     )
+
+
+def _with_perspective(found: Predicted, path: Path, view: PlaneView) -> Predicted:
+    """Return a prediction whose deviation on the plane includes that of the centre of the box.
+
+    Perspective shows the nearer half of a flat object larger. So the centre of its box is off the
+    centre of the object, by up to the difference between the place of that centre and the mean
+    place of the edges of the box.
+    """
+    if found.world_sigma is None or not np.array_equal(path.anchor, path.center):
+        return found
+    _, _, width, height = path.track.box
+    to_edges = np.array([(0, 0), (width, 0), (-width, 0), (0, height), (0, -height)]) / 2
+    center, *edges = view.positions(path.center - HALF_PIXEL + to_edges)
+    off = np.sum(edges, axis=0) / 2 - 2 * center
+    if not np.isfinite(off).all():
+        return found
+    return replace(found, world_sigma=_two(np.hypot(found.world_sigma, off)))
 
 
 def _two(numbers: Floats) -> Point:

@@ -1,1 +1,1 @@
-"""Tracks from detections: pure arithmetic on boxes, pixels and stamps, without network or clock."""
+"""Tracks objects through frames: arithmetic on boxes, pixels and stamps, no network or clock."""

@@ -1,4 +1,4 @@
-"""What an object looks like: its silhouette, and the colours from its top to its bottom."""
+"""The appearance of an object: its silhouette, and colour histograms from its top to its bottom."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ MOST_CHANGES = 25.0
 the first time, and 26 to 200 on leaves that have swayed for a second or two."""
 
 LEVELS = 8
-"""Of each colour."""
+"""Bins of a histogram for each colour channel."""
 
 BANDS = 6
-"""Parts of an object from its top to its bottom; each has its own colours."""
+"""Horizontal bands of an object, from its top to its bottom; each has its own histogram."""
 
 SILHOUETTE = (12, 12)
 """Rows and columns into which a silhouette is divided."""
 
 SMOOTHING = 0.5
-"""Share of a count that its neighbouring levels of a colour get."""
+"""Share of each bin that is distributed to its two neighbours in a channel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Scene:
     changes: Image | None = None
 
     def cut(self, box: Fragment) -> tuple[slice, slice]:
-        """Return the rows and columns of a box inside the picture; they may be none."""
+        """Return the rows and columns of a box, clipped to the picture; they may be empty."""
         height, width = self.mask.shape
         left, top = max(0, round(box.left)), max(0, round(box.top))
         right, bottom = min(width, round(box.right)), min(height, round(box.bottom))
@@ -63,11 +63,11 @@ class Scene:
 
 
 class Appearance:
-    """The silhouette of an object and histograms of its colours, which adapt to it.
+    """The silhouette and the colour histograms of an object, learned over time.
 
     Attributes:
-        silhouette: How often each part of its box was foreground, 0 to 1, ``SILHOUETTE`` in shape;
-            None before anything was learned.
+        silhouette: How often each cell of the object's box was foreground, 0 to 1, of shape
+            ``SILHOUETTE``; None before anything was learned.
     """
 
     def __init__(self) -> None:
@@ -77,21 +77,22 @@ class Appearance:
 
     @property
     def colors(self) -> Floats | None:
-        """How often each colour occurs in each band, smoothed: (BANDS, LEVELS ** 3); or None.
+        """The smoothed histogram of each band, (BANDS, LEVELS ** 3); None before any was learned.
 
-        Each band has the sum 1. They are wanted less often than learned.
+        The sum of each band is 1. It is computed on demand, since it is used less often than
+        learned.
         """
         if self._smooth is None and self._histograms is not None:
             self._smooth = smoothed(self._histograms)
         return self._smooth
 
     def learn(self, scene: Scene, box: Fragment, share: float) -> None:
-        """Adapt to what a box shows.
+        """Adapt the appearance to a frame.
 
         Args:
             scene: The frame.
-            box: Where the object is, alone.
-            share: Weight of this frame, 0 to 1; the first one counts as a whole.
+            box: The object's box, which shows no other object.
+            share: Weight of this frame, 0 to 1; the first frame has the weight 1.
         """
         cut = scene.cut(box)
         mask = scene.mask[cut]
@@ -108,7 +109,11 @@ class Appearance:
         self._histograms += (histograms - self._histograms) * np.float32(share)
 
     def distance(self, scene: Scene, box: Fragment) -> float:
-        """Return how different the colours in a box are: 0 the same, 1 none in common."""
+        """Return the distance of the colours in a box: 0 the same, 1 none in common.
+
+        It is the Hellinger distance, with the Bhattacharyya coefficient averaged over the bands;
+        0.5 if nothing was learned or the box is empty.
+        """
         cut = scene.cut(box)
         mask = scene.mask[cut]
         if self.colors is None or not mask.size:
@@ -119,13 +124,13 @@ class Appearance:
 
 
 def levels_of(picture: Image) -> NDArray[np.intp]:
-    """Return the colour of each pixel as a number below LEVELS ** 3, (height, width)."""
+    """Return the number of each pixel's histogram bin, below LEVELS ** 3, (height, width)."""
     levels = picture // np.uint8(256 // LEVELS)
     return np.asarray(levels @ np.array([LEVELS**2, LEVELS, 1]), np.intp)
 
 
 def histograms_of(picture: Image, mask: Image) -> Floats:
-    """Return how often each colour occurs in each band, (BANDS, LEVELS ** 3), each with the sum 1.
+    """Return the colour histogram of each band, (BANDS, LEVELS ** 3), each with the sum 1.
 
     Args:
         picture: (height, width, 3) uint8 BGR.
@@ -139,7 +144,10 @@ def histograms_of(picture: Image, mask: Image) -> Floats:
 
 
 def smoothed(histograms: Floats) -> Floats:
-    """Return histograms in which a small change of a colour changes little; the sums are kept."""
+    """Return histograms smoothed along each channel, so that similar colours are near each other.
+
+    The sums stay the same.
+    """
     cubes = histograms.reshape(BANDS, LEVELS, LEVELS, LEVELS)
     for axis in (1, 2, 3):
         cubes = _smoothed(cubes, axis)
@@ -147,7 +155,7 @@ def smoothed(histograms: Floats) -> Floats:
 
 
 def _smoothed(cubes: Floats, axis: int) -> Floats:
-    """Return a mean of each value and its neighbours along an axis; the ends count twice."""
+    """Return the weighted mean of each bin and its neighbours along an axis; ends are repeated."""
     levels = np.arange(LEVELS)
     before = np.take(cubes, np.maximum(levels - 1, 0), axis)
     after = np.take(cubes, np.minimum(levels + 1, LEVELS - 1), axis)

@@ -1,4 +1,4 @@
-"""Which fragments belong to which objects."""
+"""Overlap of boxes, connected components of a bipartite graph, and minimum-cost assignment."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from zv.tracker.tracking.fragment import Fragment
 
 IMPOSSIBLE = 1e4
-"""More than any other cost; lapjv itself takes 1e6 to be without bound."""
+"""Cost of a pair that is never assigned, above all other costs; lapjv treats 1e6 as infinite."""
 
 
 def overlaps(first: Sequence[Fragment], second: Sequence[Fragment]) -> NDArray[np.float64]:
-    """Return the shared area of each pair of boxes, as a share of the smaller: (n, m), 0 to 1."""
+    """Return the intersection of each pair of boxes over the smaller area: (n, m), 0 to 1."""
     left, top, right, bottom = _edges(first)[:, :, None]
     others_left, others_top, others_right, others_bottom = _edges(second)[:, None]
     across = np.minimum(right, others_right) - np.maximum(left, others_left)
@@ -30,7 +30,7 @@ def overlaps(first: Sequence[Fragment], second: Sequence[Fragment]) -> NDArray[n
 
 
 def overlap(one: Fragment, other: Fragment) -> float:
-    """Return the shared area of two boxes, as a share of the smaller: 0 to 1."""
+    """Return the intersection of two boxes over the area of the smaller one: 0 to 1."""
     across = min(one.right, other.right) - max(one.left, other.left)
     along = min(one.bottom, other.bottom) - max(one.top, other.top)
     if across <= 0 or along <= 0:
@@ -45,9 +45,12 @@ def _edges(boxes: Sequence[Fragment]) -> NDArray[np.float64]:
 
 
 def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
-    """Return the connected sets of rows and columns of a matrix of links, in order.
+    """Return the connected components of a bipartite graph of rows and columns, in order of rows.
 
-    Rows and columns without a link are in none.
+    Rows and columns without a link are left out.
+
+    Args:
+        links: (n, m), the adjacency matrix.
     """
     root = list(range(links.shape[0]))
     first: dict[int, int] = {}  # the first row of each column
@@ -70,7 +73,9 @@ def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
 
 
 def assigned(costs: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Return the pairs of rows and columns with the least sum of costs, none ``IMPOSSIBLE``.
+    """Return the assignment of rows to columns with the least sum of costs.
+
+    Pairs whose cost is ``IMPOSSIBLE`` or more are left out.
 
     Source: R. Jonker and A. Volgenant, "A shortest augmenting path algorithm for dense and sparse
     linear assignment problems", 1987 (lap).

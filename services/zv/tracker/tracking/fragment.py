@@ -1,4 +1,4 @@
-"""A connected region of the foreground, which may be an object, a part of one, or several."""
+"""A connected region of the foreground: an object, a part of one, or several."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ class Fragment(NamedTuple):
     """A region of the foreground mask; all lengths in pixels of that mask.
 
     Attributes:
-        left: Of its bounding box, as are the others.
-        top: Smaller than ``bottom``.
-        right: The first column that does not belong to it.
-        bottom: The first row that does not belong to it.
-        area: In square pixels.
-        pixels_at: Mean position of its pixels, which shakes less than the edges of its box; None
-            if it is not known.
+        left: First column of its bounding box.
+        top: First row of its bounding box.
+        right: Column after the last one of its bounding box.
+        bottom: Row after the last one of its bounding box.
+        area: Area in square pixels.
+        pixels_at: Mean position x, y of its pixels, which jitters less than the edges of its box;
+            None if unknown.
     """
 
     left: float
@@ -28,22 +28,22 @@ class Fragment(NamedTuple):
 
     @property
     def width(self) -> float:
-        """Of its box."""
+        """Width of the bounding box."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
-        """Of its box."""
+        """Height of the bounding box."""
         return self.bottom - self.top
 
     @property
     def center(self) -> tuple[float, float]:
-        """Of its box."""
+        """Centre of the bounding box, x, y."""
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
 
 def union(fragments: Sequence[Fragment]) -> Fragment:
-    """Return one fragment with the box around several, and the sum of their areas."""
+    """Return one fragment with the bounding box and the total area of several."""
     if len(fragments) == 1:
         return fragments[0]
     area = sum(each.area for each in fragments)

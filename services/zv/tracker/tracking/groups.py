@@ -1,4 +1,4 @@
-"""Divides a region of the foreground that several objects share among them."""
+"""Divides a foreground region that several objects share among these objects."""
 
 from __future__ import annotations
 
@@ -15,37 +15,38 @@ from zv.tracker.tracking.fragment import Fragment, union
 from zv.tracker.tracking.target import Target
 
 MARGIN_SIDES = 0.1
-"""An object is looked for so far outside of its expected box, and its uncertainty farther."""
+"""An object is searched for within its expected box plus this margin, in sides, plus twice the
+standard deviation of its position."""
 
 LEAST_PRIOR = 0.05
 LEAST_COLOR = 0.0005
-"""Probability of a colour that an object never showed; all the same, it would be 0.002."""
+"""Probability of a colour that an object never showed; with all equal, it would be 0.002."""
 
 CLEAR = 6.0
-"""A pixel clearly belongs to an object for which it is so many times as probable."""
+"""A pixel clearly belongs to an object if it is more probable than for any other by this factor."""
 
 LEAST_CLEAR = 0.15
-"""Least share of an object in a group that must clearly be its own, or it is hidden."""
+"""An object in a group is hidden if a smaller share of it is clearly its own."""
 
 THIN = 0.1
 """Rows and columns with less than this share of the fullest one do not count for the edges."""
 
 OPEN = 0.5
-"""An edge is one if this share of it has background on its other side."""
+"""An edge is open if at least this share of it borders on background."""
 
 
 @dataclass(frozen=True, slots=True)
 class Portion:
-    """What belongs to one object in a shared region.
+    """The part of a shared region that belongs to one object.
 
     Attributes:
-        box: Around its pixels; None if there are none.
-        open: Whether the left, top, right and bottom edge of that box has background beside it:
-            else the object may go on behind another one.
-        visible: Its pixels as a share of the usual number.
-        clear: As ``visible``, but only pixels that are clearly its own and could not be those of
-            another one as well. Where that is so of hardly any pixel, all of the object that has
-            most count, since the region must be something.
+        box: Bounding box of its pixels; None if there are none.
+        open: Whether the left, top, right and bottom edge of that box borders on background;
+            otherwise the object may continue behind another one.
+        visible: Number of its pixels, relative to the object's usual area.
+        clear: As ``visible``, but only of the pixels that are clearly its own. If no object has
+            enough of these, all pixels of the most visible one count, since the region must show
+            some object.
         covered: Share of its expected box that is foreground, its own or that of others.
     """
 
@@ -57,11 +58,19 @@ class Portion:
 
 
 def divide(targets: Sequence[Target], region: Sequence[Fragment], scene: Scene) -> list[Portion]:
-    """Return what each object has of a shared region.
+    """Divide a shared region among objects, pixel by pixel.
 
-    Each pixel goes to the object for which it is most probable by two measures: how often the
-    object had foreground at this place of its box, which is where its motion predicts it, and how
-    often it had this colour at this height. Where objects look the same, the place decides.
+    Each pixel is assigned to the object with the largest product of two probabilities: that the
+    object is foreground at this place of its box, predicted by its motion, and that it has this
+    colour at this height. If objects look the same, the place decides.
+
+    Args:
+        targets: The objects.
+        region: The fragments that form the region.
+        scene: The pixels of the frame.
+
+    Returns:
+        The portion of each object, in the order of ``targets``.
     """
     areas = [_searched(target) for target in targets]
     rows, columns = scene.cut(union(region))
@@ -94,7 +103,7 @@ def divide(targets: Sequence[Target], region: Sequence[Fragment], scene: Scene) 
 
 
 def _searched(target: Target) -> Fragment:
-    """Return where the pixels of an object may be."""
+    """Return the box in which the pixels of an object are searched for."""
     box, side = target.box, target.side
     x, y = (
         min(0.5 * side, MARGIN_SIDES * side + 2 * math.sqrt(axis.pp))
@@ -138,7 +147,7 @@ def _portion(
     mask: NDArray[np.bool_],
     origin: tuple[int, int],
 ) -> Portion:
-    """Return the portion of an object to which the pixels ``own`` of a region's mask go."""
+    """Return the portion of an object, given its pixels ``own`` of a region's mask."""
     box = target.box
     top, left = max(0, round(box.top) - origin[0]), max(0, round(box.left) - origin[1])
     bottom, right = max(0, round(box.bottom) - origin[0]), max(0, round(box.right) - origin[1])
@@ -166,7 +175,7 @@ def _portion(
 
 
 def _is_open(own: NDArray[np.bool_], mask: NDArray[np.bool_], row: int, beside: int) -> bool:
-    """Return whether there is background in the row beside the outer one of an object's pixels."""
+    """Return whether the outer row of an object's pixels borders on background beside it."""
     if not 0 <= beside < len(mask):
         return True
     edge = own[row]
@@ -175,6 +184,6 @@ def _is_open(own: NDArray[np.bool_], mask: NDArray[np.bool_], row: int, beside: 
 
 
 def _extent(profile: NDArray[np.int_]) -> tuple[int, int]:
-    """Return the first and the end of the rows or columns that are not thin."""
+    """Return the range, end exclusive, from the first to the last row or column not thin."""
     enough = np.flatnonzero(profile >= THIN * profile.max())
     return int(enough[0]), int(enough[-1]) + 1

@@ -1,27 +1,28 @@
-"""Position and velocity along one axis, estimated from measurements at any times."""
+"""A Kalman filter for position and velocity along one axis, with measurements at any times."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 PLAUSIBLE_SIGMAS = 1.5
-"""A residual of more standard deviations than this says that the motion has changed."""
+"""A residual of more standard deviations than this means that the motion has changed."""
 
 MOST_FADING = 100.0
 
 
 @dataclass(slots=True)
 class AxisFilter:
-    """A Kalman filter of constant velocity, disturbed by a random acceleration.
+    """A Kalman filter with a constant-velocity model.
 
     Source: R. E. Kalman, "A new approach to linear filtering and prediction problems", 1960; the
-    noise is that of a piecewise constant acceleration.
+    process noise is a piecewise constant, random acceleration.
 
     Attributes:
-        position: In pixels.
-        velocity: In pixels per second.
-        pp: Variance of the position; ``pv`` is its covariance with the velocity, and ``vv`` the
-            variance of the velocity.
+        position: Position, pixels.
+        velocity: Velocity, pixels per second.
+        pp: Variance of the position.
+        pv: Covariance of position and velocity.
+        vv: Variance of the velocity.
     """
 
     position: float
@@ -31,7 +32,7 @@ class AxisFilter:
     vv: float
 
     def predict(self, dt_s: float, acceleration: float) -> None:
-        """Go on for some seconds, with a random acceleration of this standard deviation."""
+        """Predict the state some seconds ahead; ``acceleration`` is the standard deviation."""
         q = acceleration * acceleration
         dt2 = dt_s * dt_s
         self.position += self.velocity * dt_s
@@ -40,11 +41,12 @@ class AxisFilter:
         self.vv += q * dt2
 
     def adapt(self, measured: float, deviation: float) -> None:
-        """Trust the prediction less if a measured position is far from it.
+        """Enlarge the covariance if a measured position is far from the prediction.
 
-        So it follows what turns about or bounces. Source: D. H. Zhou and P. M. Frank, "Strong
-        tracking filtering of nonlinear time-varying stochastic systems with coloured noise", 1996:
-        the covariance is multiplied by a factor that makes the residual plausible.
+        The filter then follows objects that turn back or bounce. Source: D. H. Zhou and
+        P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems with
+        coloured noise", 1996: the covariance is multiplied by a factor that makes the residual
+        plausible.
         """
         noise = deviation * deviation
         if self.pp <= 0:
@@ -57,7 +59,7 @@ class AxisFilter:
             self.vv *= factor
 
     def correct(self, measured: float, deviation: float) -> None:
-        """Include a measured position of this standard deviation, in pixels."""
+        """Update the state with a measured position and its standard deviation, pixels."""
         gain_sum = self.pp + deviation * deviation
         if gain_sum <= 0:
             return

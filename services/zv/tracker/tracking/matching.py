@@ -1,4 +1,4 @@
-"""Finds which fragments of the foreground belong to which objects, and corrects these by them."""
+"""Associates the fragments of the foreground with the objects, and corrects the objects by them."""
 
 from __future__ import annotations
 
@@ -16,35 +16,45 @@ from zv.tracker.tracking.target import SHOWN_S, Target
 from zv.tracker.tracking.targets import Targets
 
 OVERLAP = 0.4
-"""A fragment that shares so much with the expected box of an object, of the smaller area, may
-belong to it."""
+"""A fragment may belong to an object if its intersection with the object's expected box is more
+than this share of the smaller of the two."""
 
 GATE_SIDES = 0.7
-OTHER_LOOKS = 0.75
+OTHER_APPEARANCE = 0.75
+"""A fragment whose appearance differs more than this from a missing object is another object."""
+
 PARTED_S = 0.4
-"""What has looked like two objects for so long is two."""
+"""An object that has looked like two for this long is divided into two."""
 
 
 class Matcher:
-    """Matches the fragments of one frame with the objects that are followed.
+    """Associates the fragments of one frame with the tracked objects.
 
     Args:
         targets: The objects.
-        fragments: All of the frame, the largest first.
+        fragments: All fragments of the frame, the largest first.
         dt_s: Seconds since the last frame.
-        scene: Its pixels; None without.
+        scene: The pixels of the frame; None to match without appearance.
+        convex: Whether each fragment is an object, none a part of one.
     """
 
     def __init__(
-        self, targets: Targets, fragments: list[Fragment], dt_s: float, scene: Scene | None
+        self,
+        targets: Targets,
+        fragments: list[Fragment],
+        dt_s: float,
+        scene: Scene | None,
+        *,
+        convex: bool = False,
     ) -> None:
         self._targets = targets
         self._fragments = fragments
         self._dt_s = dt_s
         self._scene = scene
+        self._convex = convex
 
     def match(self) -> list[Fragment]:
-        """Correct the objects, which are at their expected places; return what belongs to none."""
+        """Correct the predicted objects by their fragments; return the fragments without one."""
         targets, fragments = self._targets.all, self._fragments
         if not targets or not fragments:
             return fragments
@@ -65,7 +75,7 @@ class Matcher:
         return [fragments[column] for column in np.flatnonzero(~links.any(axis=0))]
 
     def _link_the_rest(self, links: NDArray[np.bool_]) -> None:
-        """Link targets and fragments that have no link yet, by the least sum of distances."""
+        """Link targets and fragments that have no link yet, by minimum-cost assignment."""
         fragments, scene = self._fragments, self._scene
         rows = np.flatnonzero(~links.any(axis=1))
         columns = np.flatnonzero(~links.any(axis=0))
@@ -87,15 +97,15 @@ class Matcher:
             if scene is None or target.missing_s(self._targets.now_ns) < SHOWN_S:
                 continue
             for column in np.flatnonzero(fits):
-                looks = target.appearance.distance(scene, fragments[columns[column]])
-                costs[number, column] += 3 * looks
-                if looks > OTHER_LOOKS:
+                difference = target.appearance.distance(scene, fragments[columns[column]])
+                costs[number, column] += 3 * difference
+                if difference > OTHER_APPEARANCE:
                     costs[number, column] = association.IMPOSSIBLE
         for number, found in association.assigned(costs):
             links[rows[number], columns[found]] = True
 
     def _follow_one(self, target: Target, owned: list[Fragment]) -> None:
-        parts = _parts(target, owned)
+        parts = _two_of(owned) if self._convex else _parts(target, owned)
         now_ns = self._targets.now_ns
         if parts is None:
             target.parted_ns = None
@@ -105,11 +115,11 @@ class Matcher:
             self._split(target, parts)
             return
         if target.grouped_ns is not None and not self._near_another(target):
-            target.grouped_ns = None  # what it shows now is all of it
+            target.grouped_ns = None  # its foreground is no longer shared with others
         self._measure(target, owned, alone=parts is None)
 
     def _near_another(self, target: Target) -> bool:
-        """Return whether another object, that may be hidden, is expected in the target's box."""
+        """Return whether another object, possibly hidden, is expected in the target's box."""
         box = target.box
         return any(
             association.overlap(box, each.box) > 0
@@ -118,7 +128,7 @@ class Matcher:
         )
 
     def _follow_several(self, members: list[Target], owned: list[Fragment]) -> None:
-        """Correct objects that claim the same fragments."""
+        """Correct objects that are linked with the same fragments."""
         pairs = _one_for_each(members, owned, self._scene)
         if pairs is not None:
             taken = {number for _, number in pairs}
@@ -149,13 +159,15 @@ class Matcher:
         measure(target, union(owned), self._targets, self._dt_s, self._scene, alone=alone)
 
     def _split(self, target: Target, parts: tuple[Fragment, Fragment]) -> None:
-        """Make one object two: the part that is more like it keeps its id."""
+        """Divide an object into two; the part that is nearer and more similar keeps its id."""
         costs = []
         for part in parts:
             x, y = part.center
             away = math.hypot(x - target.x.position, y - target.y.position) / target.side
-            looks = 0.5 if self._scene is None else target.appearance.distance(self._scene, part)
-            costs.append(away + looks)
+            difference = (
+                0.5 if self._scene is None else target.appearance.distance(self._scene, part)
+            )
+            costs.append(away + difference)
         mine, other = parts if costs[0] <= costs[1] else parts[::-1]
         target.parted_ns = None
         target.resize(mine.width, mine.height, mine.area, 1.0)
@@ -172,8 +184,13 @@ class Matcher:
                 each.appearance.learn(self._scene, each.box, 1.0)
 
 
+def _two_of(owned: list[Fragment]) -> tuple[Fragment, Fragment] | None:
+    """Return the largest two fragments of a target if each is an object; None if there is one."""
+    return (owned[0], owned[1]) if len(owned) > 1 else None
+
+
 def _parts(target: Target, owned: list[Fragment]) -> tuple[Fragment, Fragment] | None:
-    """Return two halves, left and right, if the fragments of a target look like two objects."""
+    """Return a left and a right part if the fragments of a target look like two objects."""
     ordered = sorted(owned, key=lambda each: each.center[0])
     for number in range(1, len(ordered)):
         one, two = union(ordered[:number]), union(ordered[number:])
@@ -193,7 +210,7 @@ def _parts(target: Target, owned: list[Fragment]) -> tuple[Fragment, Fragment] |
 def _one_for_each(
     members: list[Target], owned: list[Fragment], scene: Scene | None
 ) -> list[tuple[int, int]] | None:
-    """Return a fragment for each target, if there are as many that could be an object."""
+    """Return pairs of targets and fragments, one for each target; None if that is not possible."""
     if len(owned) < len(members):
         return None
     costs = np.full((len(members), len(owned)), association.IMPOSSIBLE)
@@ -207,11 +224,11 @@ def _one_for_each(
                 continue
             x, y = fragment.center
             away = math.hypot(x - target.x.position, y - target.y.position) / target.side
-            looks = 0.0
+            difference = 0.0
             if scene is not None and target.grouped_ns is not None:
-                looks = 2.0 * target.appearance.distance(scene, fragment)
+                difference = 2.0 * target.appearance.distance(scene, fragment)
             if away < 1.5:
-                costs[row, column] = away + looks
+                costs[row, column] = away + difference
     pairs = association.assigned(costs)
     return pairs if len(pairs) == len(members) else None
 

@@ -1,4 +1,4 @@
-"""Corrects the position, the size and the looks of an object by the foreground that is its own."""
+"""Corrects an object's position, size and appearance by its foreground in one frame."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from zv.tracker.tracking.target import SIZE_TIME_S, Target
 from zv.tracker.tracking.targets import Targets
 
 GROWN = 1.25
-"""A box that differs by this factor from what is known is measured by its better edge."""
+"""If a box differs from the expected size by more than this factor, only one edge is used."""
 
 PLAUSIBLE = 1.7
-"""Foreground that differs from an object's usual area by at most this factor is all of it: then its
-own box is the track's, whatever the size that the object had in other poses."""
+"""Foreground whose area differs from the object's usual one by less than this factor is all of the
+object: its bounding box is then the track's box, whatever the size in other poses."""
 
 WHOLE_TIME_S = 3.0
 """Time after which the size of an object that was seen from end to end has faded by 63 %."""
 
-LOOKS_TIME_S = 1.0
+APPEARANCE_TIME_S = 1.0
 LEARN_EVERY_S = 0.15
 GROUP_MEMORY_S = 1.5
-"""For so long after an object was in a group its size is not believed: others may be near."""
+"""For this long after an object was in a group, its size is not measured: others may be near."""
 
 WHOLE = 0.75
-"""With so much of its usual area visible, an object in a group is in front of the others."""
+"""If more than this share of its usual area is visible, an object in a group is in front."""
 
 HELD_S = 1.5
-"""So long an object that is hidden in a group counts as seen."""
+"""An object that is hidden in a group counts as seen for this long."""
 
 HIDDEN_STOP_S = 0.5
 COVERED = 0.5
@@ -49,10 +49,10 @@ def measure(
     Args:
         target: The object.
         found: All of its foreground.
-        targets: Of which it is one.
+        targets: All objects, including this one.
         dt_s: Seconds since the last frame.
-        scene: Its pixels, from which its looks are learned; None: they are not.
-        alone: Whether nothing else may be in that foreground.
+        scene: The pixels of the frame, from which the appearance is learned; None to not learn it.
+        alone: Whether that foreground shows no other object.
     """
     expected, at_border = target.box, targets.at_border(found)
     if target.grouped_ns is not None and targets.since_s(target.grouped_ns) > GROUP_MEMORY_S:
@@ -80,7 +80,7 @@ def measure(
         across, down = target.whole
         target.whole = max(found.width, faded * across), max(found.height, faded * down)
     before = target.travelled
-    if entering:  # it moves as its edge that is not cut does; its box is what is in view
+    if entering:  # its motion is that of the edge inside the picture; its box is the part in view
         target.correct((x, y), targets.now_ns)
         target.place_at(found.center)
     elif complete and found.pixels_at is not None:
@@ -92,16 +92,16 @@ def measure(
         target.moved_ns = targets.now_ns
     since_s = targets.since_s(target.learned_ns)
     if scene is not None and alone and complete and since_s >= LEARN_EVERY_S:
-        share = 1 - math.exp(-min(since_s, LOOKS_TIME_S) / LOOKS_TIME_S)
+        share = 1 - math.exp(-min(since_s, APPEARANCE_TIME_S) / APPEARANCE_TIME_S)
         target.appearance.learn(scene, _around(found.center, target), share)
         target.learned_ns = targets.now_ns
 
 
 def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: float) -> None:
-    """Correct an object by its part of a region that it shares with others.
+    """Correct an object by its portion of a region that it shares with others.
 
-    If none of it can be seen it goes on, ever slower, and counts as seen for a while as long as
-    there is foreground that may hide it.
+    While it is hidden, its predicted motion slows down, and it counts as seen for up to ``HELD_S``
+    if there is foreground that may hide it.
     """
     box = portion.box
     if box is None or portion.clear < LEAST_CLEAR:
@@ -120,7 +120,7 @@ def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: fl
 
 
 def _around(middle: tuple[float, float], target: Target) -> Fragment:
-    """Return a box of the object's size around a measured middle."""
+    """Return a box of the object's size around a measured centre."""
     (x, y), half_width, half_height = middle, target.width / 2, target.height / 2
     return Fragment(x - half_width, y - half_height, x + half_width, y + half_height, target.area)
 
@@ -133,11 +133,12 @@ def _along(
     end: int,
     moved: float | None,
 ) -> tuple[float, bool]:
-    """Return the middle of a box along one axis, and whether its length there can be believed.
+    """Return the centre of a box along one axis, and whether its length there is reliable.
 
-    If the length is not the expected one, as only a part is seen or something else is there too,
-    the edge that is nearer to the expected one is believed. While an object enters the picture,
-    having ``moved`` since the last frame, it is the edge that has not been at the border.
+    If the length is not the expected one, since only a part is seen or something else is there
+    too, the centre is measured from the edge that is nearer to the expected one. While an object
+    enters the picture, having ``moved`` since the last frame, the edge inside of the picture is
+    used.
     """
     length, expected = high - low, max(1e-6, expected_high - expected_low)
     cut_low, cut_high = low <= 1, high >= end - 1
@@ -164,10 +165,10 @@ def _between(
     open_high: bool,
     whole: bool,
 ) -> tuple[float, bool]:
-    """Return the middle of a portion along one axis, and whether it is seen from end to end.
+    """Return the centre of a portion along one axis, and whether it is seen from end to end.
 
-    An edge with another object beside it may be where that one begins to hide it: then the other
-    edge is believed, or the one that is nearer to the expected one.
+    At an edge that is not open, another object may hide the rest. The centre is then measured from
+    the other edge if that one is open, else from the edge that is nearer to the expected one.
     """
     expected = expected_high - expected_low
     if whole or (open_low and open_high and high - low > expected / GROWN):

@@ -1,4 +1,4 @@
-"""Finds out which of several tracks in one region are parts of one object, and ends the others."""
+"""Ends tracks that are parts or duplicates of another object in the same region."""
 
 from __future__ import annotations
 
@@ -10,26 +10,29 @@ from zv.tracker.tracking.target import Target
 from zv.tracker.tracking.targets import Targets
 
 PROVEN_S = 0.4
-"""After so long alone, complete and away from the border, something is an object of its own."""
+"""After being seen for this long alone, complete and away from the border, a track is an object of
+its own."""
 
 GROWN = 1.25
-"""A region is one object, if its box is larger than that object's by at most this factor."""
+"""A region is one object if its box is larger than that object's by less than this factor."""
 
 STACKED_S = 1.0
 STACKED_SHARE = 0.6
-"""One box is on top of the other if they share so much of their width and little height."""
+"""One box is on top of another if they share more than this part of their width, and little of
+their height."""
 
 DUPLICATE_SHARE = 0.8
 LEAST_TWO = 1.2
-"""Two objects in one region have at least so many times the area of the larger one."""
+"""A region with two objects has at least this many times the area of the larger one."""
 
 
 def without_parts(members: list[Target], whole: Fragment, targets: Targets) -> list[Target]:
-    """Return the objects in one region, and end what was never seen to be one of its own.
+    """End the tracks of parts of objects in one region, and return the others.
 
-    What enters the picture in several parts is one object when they are found connected: of the
-    unproven tracks only the largest stays. Nor does a new one beside a proven object, such as a
-    head that was apart from its body, if the region they share is as large as that object.
+    An object that enters the picture in several parts becomes one when these are connected: of the
+    unproven tracks, only the largest stays. An unproven track beside a proven object, such as a
+    head that was separate from its body, ends too if the shared region is only as large as that
+    object.
     """
     unproven = [each for each in members if each.alone_s < PROVEN_S]
     largest = max(members, key=lambda each: (_whole_area(each), -each.id))
@@ -44,9 +47,9 @@ def without_parts(members: list[Target], whole: Fragment, targets: Targets) -> l
 
 
 def join_stacked(members: list[Target], targets: Targets) -> None:
-    """Make two tracks one if one of them has been on top of the other for a while.
+    """Join two tracks of which one has been on top of the other for a while.
 
-    So do the parts of one object after something in front of it had divided it.
+    They are parts of one object that something in front of it divided.
     """
     ordered = sorted(members, key=lambda each: each.id)
     for number, younger in enumerate(ordered):

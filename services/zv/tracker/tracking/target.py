@@ -1,4 +1,4 @@
-"""The state of one object while it is followed."""
+"""The state of one tracked object."""
 
 from __future__ import annotations
 
@@ -22,46 +22,48 @@ UNSURE = 4.0
 """The error of a middle that is concluded from one edge is so many times as large."""
 
 SHOWN_S = 0.3
-"""A confirmed track that is not seen for so long is lost."""
+"""A confirmed track that is not seen for longer than this is lost."""
 
 SIZE_TIME_S = 0.7
-"""Time after which the size has followed a change by 63 %."""
+"""Time constant with which the size follows a change."""
 
 
 @dataclass(slots=True)
 class Target:
-    """One object that is followed; lengths in pixels of the mask.
+    """The state of one tracked object; lengths in pixels of the mask, times of ``Targets.now_ns``.
 
     Attributes:
-        id: Its number.
-        x: Of the middle of its box.
-        y: As x.
-        width: Of its box.
-        height: As width.
-        area: Of its foreground.
-        born_ns: When it was seen first.
-        seen_ns: When it was seen last.
-        origin: The box in which it was first.
-        cut: Whether that was at the border of the picture, and so perhaps incomplete.
-        hits: Frames in which it was seen.
-        travelled: Farthest distance from its origin, in sides.
-        confirmed: Whether it was ever.
+        id: The id of its track.
+        x: Filter of the centre of its box along x.
+        y: Filter of the centre of its box along y.
+        width: Width of its box, smoothed over time.
+        height: Height of its box, smoothed over time.
+        area: Area of its foreground, smoothed over time.
+        born_ns: When it was first seen.
+        seen_ns: When it was last seen.
+        origin: The box in which it was first seen.
+        cut: Whether that box was at the border of the picture, and so perhaps incomplete.
+        hits: Number of frames in which it was seen.
+        travelled: Largest distance from its origin, in sides.
+        confirmed: Whether it was ever confirmed.
         grouped_ns: When it last shared a fragment with others; None if that is long ago.
-        parted_ns: Since when it seems to be two objects; None if it does not.
-        moved_ns: When it was last found moving.
+        parted_ns: Since when it has looked like two objects; None if it does not.
+        moved_ns: When it was last seen moving.
         learned_ns: When its appearance was last learned.
-        stacked_ns: Since when it is on top of an older one in a group, or below; None if it is not.
+        stacked_ns: Since when it has been on top of an older object in a group, or below it; None
+            if it is not.
         clear_ns: When some of the foreground was last clearly its own.
         alone_s: For how long it was seen alone, complete, away from the border of the picture.
         full: Whether it was ever seen away from the border of the picture.
         whole: Width and height that it had when it was last seen from end to end; they fade, and
             are 0 if it never was.
         shown: Its own foreground in this frame, if that seems to be all of it.
-        steady: A point of the object as measured in this frame, which moves as the object does
-            even while that enters the picture and its middle does not; None if it was not measured.
-        offset: From there to the middle, x and y.
-        shift: From the mean position of its pixels to there; None if that is not known.
-        appearance: What it looks like.
+        steady: A point of the object as measured in this frame; None if it was not measured. It
+            moves with the object even while the object enters the picture, when the centre of the
+            part in view is slower.
+        offset: From ``steady`` to the centre, x and y.
+        shift: From the mean position of its pixels to ``steady``; None if unknown.
+        appearance: Its silhouette and colours.
     """
 
     id: int
@@ -94,23 +96,23 @@ class Target:
 
     @property
     def side(self) -> float:
-        """Of the square with its box's area."""
+        """Side of the square with the area of its box, at least 2."""
         return max(2.0, math.sqrt(self.width * self.height))
 
     @property
     def box(self) -> Fragment:
-        """Where it is, or is expected."""
+        """Its box, measured or predicted."""
         x, y = self.x.position, self.y.position
         half_width, half_height = self.width / 2, self.height / 2
         return Fragment(x - half_width, y - half_height, x + half_width, y + half_height, self.area)
 
     @property
     def speed(self) -> float:
-        """Sides per second."""
+        """Its speed, sides per second."""
         return math.hypot(self.x.velocity, self.y.velocity) / self.side
 
     def predict(self, dt_s: float) -> None:
-        """Go on for some seconds, to a frame in which it has not been seen yet."""
+        """Predict its state some seconds ahead, to the stamp of the next frame."""
         self.shown = self.steady = None
         acceleration = ACCELERATION * self.side
         self.x.predict(dt_s, acceleration)
@@ -124,7 +126,7 @@ class Target:
     def correct(
         self, measured: Point, stamp_ns: int, sure: tuple[bool, bool] = (True, True)
     ) -> None:
-        """Include a measured middle, less along an axis of which that is not sure."""
+        """Correct the state by a measured centre, less along an axis where that is not sure."""
         side = self.side
         deviation = NOISE_SIDES * side + NOISE_PIXELS
         for axis, position, is_sure in zip((self.x, self.y), measured, sure, strict=True):
@@ -138,29 +140,30 @@ class Target:
         self.hits += 1
         self.travelled = max(self.travelled, self._distance() / side)
 
-    def place_at(self, middle: Point) -> None:
-        """Move the middle, without a motion of the object, to where it is by another size."""
+    def place_at(self, center: Point) -> None:
+        """Set the centre, which moved since the size changed, without a motion of the object."""
         assert self.steady is not None
-        self.x.position, self.y.position = middle
-        self.offset, self.shift = _minus(middle, self.steady), None
+        self.x.position, self.y.position = center
+        self.offset, self.shift = _minus(center, self.steady), None
 
-    def steadied(self, middle: Point, pixels_at: Point, share: float) -> Point:
-        """Return the middle of its box by the mean position of all its pixels.
+    def steadied(self, center: Point, pixels_at: Point, share: float) -> Point:
+        """Return the centre of its box, estimated from the mean position of all its pixels.
 
-        An edge of the box moves by whole pixels, and by more where noise or the blocks of a JPEG
-        add some to it. What is usual between both places is learned by a share from 0 to 1.
+        The edges of the box move by whole pixels, and by more if noise or JPEG blocks add pixels.
+        The usual offset between the two positions is learned with the weight ``share``, 0 to 1.
         """
         if self.shift is None:
-            self.shift = _minus(_minus(middle, self.offset), pixels_at)
+            self.shift = _minus(_minus(center, self.offset), pixels_at)
         steady = pixels_at[0] + self.shift[0], pixels_at[1] + self.shift[1]
-        more = _minus(_minus(middle, steady), self.offset)
+        more = _minus(_minus(center, steady), self.offset)
         self.offset = self.offset[0] + share * more[0], self.offset[1] + share * more[1]
         return steady[0] + self.offset[0], steady[1] + self.offset[1]
 
     def _distance(self) -> float:
-        """Return how far it is from where it was first: what only grows or shrinks has not moved.
+        """Return the distance from its origin.
 
-        So both edges along an axis must have moved the same way.
+        Growing or shrinking is not a motion, so along an axis both edges must have moved in the
+        same direction.
         """
         box, origin = self.box, self.origin
         if self.cut:
@@ -171,7 +174,7 @@ class Target:
         return math.hypot(along_x, along_y)
 
     def resize(self, width: float, height: float, area: float, share: float) -> None:
-        """Let the size follow a measured one by a share from 0 to 1."""
+        """Move the size towards a measured one, by the weight ``share`` from 0 to 1."""
         self.width += (width - self.width) * share
         self.height += (height - self.height) * share
         self.area += (area - self.area) * share
@@ -183,7 +186,7 @@ class Target:
         self.shift = None
 
     def missing_s(self, stamp_ns: int) -> float:
-        """Seconds since it was seen."""
+        """Return the seconds since it was last seen."""
         return max(0.0, (stamp_ns - self.seen_ns) / 1e9)
 
 
@@ -196,7 +199,7 @@ def _both(low: float, high: float) -> float:
 
 
 def new_target(number: int, fragment: Fragment, stamp_ns: int) -> Target:
-    """Return an object that was seen for the first time."""
+    """Return the state of an object that was seen for the first time, as a fragment."""
     x, y = fragment.center
     side = max(2.0, math.sqrt(fragment.width * fragment.height))
     noise = (NOISE_SIDES * side + NOISE_PIXELS) ** 2

@@ -1,4 +1,4 @@
-"""The objects that are followed, with their ids and a clock that their stamps drive."""
+"""The tracked objects, their ids, and the time by the frames' stamps."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.target import Target, new_target
 
 MAX_TARGETS = 400
-"""More are left out, so that the time for a frame has a bound."""
+"""Further objects are not tracked, so that the time for a frame is bounded."""
 
 
 class Targets:
-    """All objects of one camera that are followed, oldest first.
+    """All tracked objects of one camera.
 
     Args:
         size: Width and height of the mask.
-        first_id: Of the first object; each further one gets the next number.
+        first_id: Id of the first object; each further one gets the next number.
 
     Attributes:
-        all: In the order in which they were begun.
-        next_id: Of the next new object.
-        now_ns: Time that the stamps have advanced since the first one. It never goes back.
+        all: The objects, oldest first.
+        next_id: Id of the next new object.
+        now_ns: Time by which the stamps have advanced since the first one. It never goes back.
     """
 
     def __init__(self, size: tuple[int, int], first_id: int) -> None:
@@ -30,18 +30,18 @@ class Targets:
         self._stamp_ns: int | None = None
 
     def pass_time(self, stamp_ns: int) -> float:
-        """Return the seconds since the last frame; after a step back, count on from there."""
+        """Return the seconds since the last frame; 0 if its stamp is later than this one."""
         step_ns = 0 if self._stamp_ns is None else max(0, stamp_ns - self._stamp_ns)
         self._stamp_ns = stamp_ns
         self.now_ns += step_ns
         return step_ns / 1e9
 
     def since_s(self, then_ns: int) -> float:
-        """Return the seconds since a time of the clock."""
+        """Return the seconds since a value of ``now_ns``."""
         return (self.now_ns - then_ns) / 1e9
 
     def begin(self, fragment: Fragment) -> Target | None:
-        """Follow what was found as a new object; None if there are too many already."""
+        """Begin to track a fragment as a new object; None if ``MAX_TARGETS`` are tracked."""
         if len(self.all) >= MAX_TARGETS:
             return None
         target = new_target(self.next_id, fragment, self.now_ns)
@@ -52,11 +52,11 @@ class Targets:
         return target
 
     def drop(self, number: int) -> None:
-        """Follow the object with this id no more."""
+        """Stop tracking the object with this id."""
         self.all = [each for each in self.all if each.id != number]
 
     def at_border(self, box: Fragment) -> bool:
-        """Return whether a box reaches the border of the picture, where it may be cut."""
+        """Return whether a box reaches the border of the picture, which may cut it off."""
         width, height = self.size
         return box.left <= 1 or box.top <= 1 or box.right >= width - 1 or box.bottom >= height - 1
 

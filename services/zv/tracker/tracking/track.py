@@ -1,4 +1,4 @@
-"""What is known of one object that is followed through the frames of a camera."""
+"""A track: the position, the velocity and the state of one object in one frame."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ class Track:
     """One object at the stamp of one frame.
 
     Attributes:
-        id: Never reused within an epoch.
-        state: ``confirmed`` are those that one would draw now; ``tentative`` are too new to be
-            sure of; ``lost`` were confirmed and are not seen at the moment.
-        x: Centre of the object, smoothed over time, at most a tenth of its side from the box's;
-            full-resolution pixels, as are all lengths here.
+        id: Its number, never reused within an epoch.
+        state: ``tentative`` if it is too new to be certain, ``confirmed``, or ``lost`` if it was
+            confirmed and is not seen at the moment.
+        x: Centre of the object, smoothed over time, at most a tenth of its side from the box's
+            centre; full-resolution pixels, as are all lengths here.
         y: As x.
         box: x, y, width, height.
-        area: Of its foreground, square pixels.
+        area: Area of its foreground, square pixels.
         vx: Velocity, pixels per second of the capture stamps.
         vy: As vx.
-        age_s: Since it was seen first.
-        missing_s: Since it was seen last; 0 if it is seen in this frame.
-        steady: A point of the object as measured in this frame alone; None if it was not. It moves
-            as the object does, while the middle lags behind, and is that of the part in view.
-        offset: From there to the middle, x and y.
+        age_s: Seconds since it was first seen.
+        missing_s: Seconds since it was last seen; 0 if it is seen in this frame.
+        steady: A point of the object as measured in this frame alone; None if it was not measured.
+            It moves with the object, while the centre is smoothed, and is that of the part in view
+            while the object enters the picture.
+        offset: From ``steady`` to the centre, x and y.
     """
 
     id: int

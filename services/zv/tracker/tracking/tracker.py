@@ -1,4 +1,4 @@
-"""Follows all objects of one camera from frame to frame, with an id for each."""
+"""Tracks all objects of one camera from frame to frame, each under an id."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from zv.tracker.tracking.targets import Targets
 from zv.tracker.tracking.track import Track
 
 MAX_FRAGMENTS = 400
-"""More are left out, the smallest first, so that the time for a frame has a bound."""
+"""Further fragments are ignored, the smallest first, so that the time for a frame is bounded."""
 
-MOST_STEP_S = 60.0
-"""Positions are not predicted over longer steps, such as those of a clock that is set: their
-variance would leave no digit for the rest of the arithmetic."""
+MAX_STEP_S = 60.0
+"""Positions are predicted by at most this time, also after a larger step of a clock that was set: a
+larger variance would exhaust the precision of floating-point numbers."""
 
 SMOOTHED = 0.1
-"""The smoothed middle is a track's place if it is so near to the middle of its box, in sides."""
+"""A track's position is the smoothed centre if that is within this distance, in sides, of the
+centre of its box."""
 
 LEAVING_SHOWN_S = 0.1
-"""What is not seen for so long, and is expected at the border or outside, has left."""
+"""A track that is expected at the border or outside is lost if not seen for longer than this."""
 
 TENTATIVE_S = 0.3
 PROTECTED_SIDES = 1.2
-"""What has moved so far is an object also while it stands, and is kept out of the background."""
+"""An object that has moved farther than this is kept out of the background even if it stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,20 +43,21 @@ class TrackingParameters:
     keep_lost_s: float = 2.0  # how long a track that is not seen is kept
     min_area: float = 40.0  # of the foreground of a new object, square pixels of the mask
     protect_s: float = 120.0  # how long an object that stopped is kept out of the background
+    convex: bool = False  # each fragment is an object, none a part of one
 
 
 class Tracker:
-    """Tracks of the objects that a sequence of fragments shows.
+    """Turns the fragments of successive frames into tracks.
 
     All times are in seconds of the frames' stamps, and all limits of lengths in sides of the
-    objects, so neither the frame rate nor the resolution changes the result. With a stamp that is
-    the same as the last one or before it, no time passes: positions are measured, nothing ages.
+    objects, so that they hold at any frame rate and resolution. If a stamp is not later than the
+    previous one, no time passes: positions are measured, but nothing ages.
 
     Args:
-        parameters: See there.
+        parameters: The limits.
         size: Width and height of the mask.
         scale: Full-resolution pixels per pixel of the mask.
-        first_id: Of the first track; each further one gets the next number.
+        first_id: Id of the first track; each further one gets the next number.
     """
 
     def __init__(
@@ -81,25 +83,26 @@ class Tracker:
 
     @property
     def now_ns(self) -> int:
-        """Time that the stamps have advanced since the first frame; it never goes back."""
+        """Time by which the stamps have advanced since the first frame; it never goes back."""
         return self._targets.now_ns
 
     def update(
         self, fragments: Sequence[Fragment], stamp_ns: int, scene: Scene | None = None
     ) -> list[Track]:
-        """Take the fragments of one frame, and return the tracks at its stamp, oldest first.
+        """Process the fragments of one frame; return the tracks at its stamp, oldest first.
 
         Args:
-            fragments: The regions of its foreground.
-            stamp_ns: Its capture time.
-            scene: Its pixels; without them, objects that meet are told apart by motion alone.
+            fragments: The connected regions of the frame's foreground.
+            stamp_ns: Capture time of the frame.
+            scene: Pixels of the frame; without them, objects that meet are distinguished by their
+                motion alone.
         """
         dt_s = self._targets.pass_time(stamp_ns)
         fragments = sorted(fragments, key=lambda each: (-each.area, each.left, each.top))
         fragments = fragments[:MAX_FRAGMENTS]
         for target in self.targets:
-            target.predict(min(dt_s, MOST_STEP_S))
-        free = Matcher(self._targets, fragments, dt_s, scene).match()
+            target.predict(min(dt_s, MAX_STEP_S))
+        free = Matcher(self._targets, fragments, dt_s, scene, convex=self.parameters.convex).match()
         self._begin(free, scene)
         self._confirm_and_end(scene)
         return self.tracks()
@@ -109,7 +112,7 @@ class Tracker:
         return [self._track(target) for target in self.targets]
 
     def protected(self) -> list[Fragment]:
-        """Return the boxes of objects that must not become background, though they may stand."""
+        """Return the boxes of objects that must not become background, even if they stand."""
         limit_ns = self.parameters.protect_s * 1e9
         return [
             target.box
@@ -149,9 +152,9 @@ class Tracker:
         )
 
     def _begin(self, free: list[Fragment], scene: Scene | None) -> None:
-        """Begin tracks for fragments that belong to none; parts of one object are joined."""
+        """Begin tracks for unmatched fragments; parts of one object are joined."""
         known = [target.box for target in self.targets]
-        for found in _joined(free):
+        for found in free if self.parameters.convex else _joined(free):
             if found.area < self.parameters.min_area:
                 continue
             if any(association.overlap(found, box) > OVERLAP for box in known):
@@ -186,12 +189,12 @@ class Tracker:
         self._targets.all = kept
 
     def _shown_s(self, target: Target) -> float:
-        """Return how long a confirmed track that is not seen stays confirmed."""
+        """Return for how long a track that is not seen stays confirmed."""
         return LEAVING_SHOWN_S if self._targets.leaving(target) else SHOWN_S
 
 
 def _joined(free: list[Fragment]) -> list[Fragment]:
-    """Return fragments joined with those above and below them that seem to be the same object."""
+    """Join fragments with those above and below that seem to belong to the same object."""
     found: list[Fragment] = []
     for fragment in free:  # the largest first
         for number, other in enumerate(found):

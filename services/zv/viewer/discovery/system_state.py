@@ -62,7 +62,7 @@ class SystemState:
         self._lines: deque[tuple[str, Hashable]] = deque(maxlen=LINES)
         self._lines_made = 0
         self._items: dict[str, tuple[str, dict[str, str]]] = {}  # a node's, its streams' by keys
-        self._told: dict[Hashable, str] = {}
+        self._sent: dict[Hashable, str] = {}
         self._published: dict[str, int | None] = {}
         self._changed = False
         self._streams: list[str] | None = None
@@ -81,8 +81,8 @@ class SystemState:
         router = [(self._router_text(), "router")] if new else []
         found = [*lines, *router, *self._lists(kinds, common=new)]
         for text, op in found:
-            if self._told.get(op) != text:  # so that this page also learns of a change back
-                self._told.pop(op, None)
+            if self._sent.get(op) != text:  # so that this page also learns of a change back
+                self._sent.pop(op, None)
         return found
 
     def details(self, kinds: Collection[str] = PANELS) -> Iterator[tuple[str, Hashable]]:
@@ -196,8 +196,8 @@ class SystemState:
             return
         self._changed = False
         for text, op in self._lists({kind for kind in PANELS if self._wanted(kind)}):
-            if self._told.get(op) != text:
-                self._told[op] = text
+            if self._sent.get(op) != text:
+                self._sent[op] = text
                 self._say(text, op)
 
     def log(self, level: str, node: str, text: str) -> None:

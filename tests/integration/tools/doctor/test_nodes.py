@@ -8,12 +8,14 @@ from importlib.metadata import version
 import pytest
 import zenoh
 
-from tests.support.diagnosing import GOOD_FILE, SMALL, Diagnosis
+from tests.support.diagnosing import GOOD_FILE, SMALL, WATCH_S, Diagnosis
 from tests.support.listening import newest, open_client
 from tests.support.standing_in import DAY_S
 from tests.support.typist import zv
 from tests.support.waiting import wait_until
 from zenoh_vision.errors import ExpectationNotMet
+from zv.tools.doctor import observation
+from zv.tools.shared.nodes import running_nodes
 
 
 def test_of_a_system_that_is_well_every_line_is_ok_and_the_status_is_0(shared, start):
@@ -40,6 +42,20 @@ def test_of_a_system_that_is_well_every_line_is_ok_and_the_status_is_0(shared, s
 def found_well(endpoint: str) -> Diagnosis | None:
     seen = Diagnosis(endpoint, "well", for_s=3.0)
     return None if seen.troubles else seen
+
+
+def test_nodes_are_looked_at_twice_however_long_the_first_replies_take(shared, stand, monkeypatch):
+    stand("camera_front", namespace="lengthy")
+    looks = []
+
+    def slow_look(*arguments: object) -> object:
+        looks.append(running_nodes(*arguments))
+        time.sleep(WATCH_S)  # as replies with thousands of names do
+        return looks[-1]
+
+    monkeypatch.setattr(observation, "running_nodes", slow_look)
+    Diagnosis(shared.endpoint, "lengthy", for_s=WATCH_S / 2)
+    assert len(looks) == 2
 
 
 def test_two_nodes_of_one_name_are_found_with_their_processes(shared, start):

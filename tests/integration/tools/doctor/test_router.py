@@ -73,7 +73,7 @@ def answer_anything(query: zenoh.Query) -> None:
         query.reply("roof/front/centroid", b"")
 
 
-def test_a_router_of_another_version_is_told(shared, monkeypatch):
+def test_a_router_of_another_version_is_reported(shared, monkeypatch):
     monkeypatch.setattr("zv.tools.doctor.network.installed", lambda _: "1.4.0")
     ((level, text, _),) = Diagnosis(shared.endpoint, "nobody_at_all").of("router")
     assert level == "WARN"

@@ -19,7 +19,7 @@ MOST_FALSE = {"laplacian_of_gaussian": 30}
 
 @pytest.mark.parametrize("noise", [0.0, 10.0])
 @pytest.mark.parametrize("name", GRAY_DETECTORS)
-def test_a_step_is_found_where_it_is_in_every_direction(name: str, noise: float):
+def test_a_step_is_found_at_its_position_in_every_direction(name: str, noise: float):
     """The nearest pixels of a line are up to 0.5 of a pixel off along the axes and 0.71 along the
     diagonals: 0.35 in the mean square is the least."""
     judged = []

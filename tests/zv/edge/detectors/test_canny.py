@@ -38,7 +38,7 @@ def edges(picture: np.ndarray, **changed) -> np.ndarray:
 @pytest.mark.parametrize("l2", [True, False], ids=["L2", "L1"])
 @pytest.mark.parametrize("aperture", [3, 5, 7])
 @pytest.mark.parametrize("sigma", [0.5, 1.4, 3.0])
-def test_edges_are_opencvs_after_its_gaussian(sigma: float, aperture: int, l2: bool):
+def test_edges_are_those_of_opencv_after_its_gaussian(sigma: float, aperture: int, l2: bool):
     low, high = {3: (40, 100), 5: (400, 1000), 7: (400, 1000)}[aperture]
     smoothed = cv2.GaussianBlur(SCENE, (0, 0), sigma)
     expected = cv2.Canny(smoothed, low, high, apertureSize=aperture, L2gradient=l2)
@@ -86,7 +86,7 @@ def test_a_diagonal_step_of_100_is_weaker_by_l2_than_by_l1(l2: bool, last: int):
     assert not edges(diagonal(), low=last + 1, high=last + 1, l2=l2)[inside, inside].any()
 
 
-def test_a_weak_edge_stands_only_beside_a_strong_one():
+def test_a_weak_edge_remains_only_beside_a_strong_one():
     """Hysteresis: steps of 40 have a gradient of 160, between low and high."""
     weak = np.zeros((40, 30), np.uint8)
     weak[:, 15:] = 40
@@ -104,7 +104,7 @@ def test_the_low_threshold_ends_a_line():
 
 
 @pytest.mark.parametrize("sigma", [0.0, 1.4])
-def test_an_edge_map_is_0_and_255_of_the_pictures_size(sigma: float):
+def test_an_edge_map_is_0_and_255_and_has_the_size_of_the_picture(sigma: float):
     before = SCENE.copy()
     found = edges(SCENE, sigma=sigma)
     assert (found.dtype, found.shape) == (np.uint8, SCENE.shape)

@@ -1,4 +1,4 @@
-"""The steps of Canny end in what ``cv2.Canny`` returns, and each is what its name says."""
+"""The steps of Canny end in the result of ``cv2.Canny``, and each follows its definition."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_step_of_the_whole_range_is_the_full_scale_of_l1_by_half(aperture: int
     assert canny.full_scale == 2 * 255 * gain
 
 
-def test_the_steps_are_pictures_of_the_frames_size():
+def test_the_steps_are_pictures_of_the_size_of_the_frame():
     found = Canny().detect(GRAY)
     shapes = {name: make().shape for name, make in found.stages.items()}
     assert shapes == {
@@ -132,7 +132,9 @@ def test_the_edge_map_computes_no_step(monkeypatch: pytest.MonkeyPatch):
     [(0, (0, 0, 255)), (1, (255, 0, 127)), (2, (255, 255, 0)), (3, (0, 255, 128))],
     ids=["right: red", "up: violet", "left: cyan", "down: yellow-green"],
 )
-def test_the_hue_says_where_the_picture_is_brighter(turned: int, hue: tuple[int, int, int]):
+def test_the_hue_shows_the_direction_towards_the_brighter_side(
+    turned: int, hue: tuple[int, int, int]
+):
     step = np.zeros((20, 20), np.uint8)
     step[:, 10:] = 255
     picture = np.rot90(step, turned)  # anticlockwise: bright on the right, above, left, below

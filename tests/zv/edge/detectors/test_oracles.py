@@ -84,7 +84,7 @@ def test_a_wide_laplacian_of_gaussian_is_that_of_scipy_within_1_percent(sigma: f
     [Haralick(), Haralick(window=11), LaplacianOfGaussian(), LaplacianOfGaussian(sigma=13)],
     ids=repr,
 )
-def test_strips_are_worked_on_as_the_whole_picture_is(
+def test_strips_give_the_result_of_the_whole_picture(
     detector: ZeroCrossingDetector, monkeypatch: pytest.MonkeyPatch
 ):
     tall = np.asarray(cv2.resize(GRAY, (40, 500), interpolation=cv2.INTER_CUBIC), np.uint8)
@@ -107,7 +107,7 @@ def test_the_slope_of_a_zero_crossing_is_that_of_the_formula():
     assert np.flatnonzero(found.edges[40] > 0).tolist() in ([39], [40])
 
 
-def test_the_dark_side_of_a_ramps_end_is_no_edge():
+def test_the_dark_side_of_the_end_of_a_ramp_is_no_edge():
     """Where a slope begins and ends, the Laplacian is not 0 but largest; between, it is 0 without
     a change of sign."""
     ramp = np.clip((np.arange(120) - 40) * 4, 0, 160).astype(np.uint8)
@@ -142,7 +142,7 @@ def test_the_crossing_of_a_cubic_is_found_exactly():
     assert strength[8, 3] == pytest.approx(8 * 12, abs=0.01)
 
 
-def test_a_valley_of_the_slope_is_no_edge():
+def test_a_minimum_of_the_slope_is_no_edge():
     """f(x) = 100 + t + t^3: the slope is smallest at t = 0, where the second derivative rises."""
     t = np.arange(-4, 5).astype(float)
     cubic = np.tile(100 + t + t**3, (16, 1))

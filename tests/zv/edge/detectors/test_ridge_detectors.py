@@ -1,4 +1,4 @@
-"""The detectors of boundaries in colour: what they find, where, and how steadily."""
+"""The detectors ``colour`` and ``learned``: boundaries, their positions, and density."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def test_a_larger_density_adds_edges_and_removes_none(name: str):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_density_zero_asks_for_no_edges(name: str):
+def test_density_zero_gives_no_edges(name: str):
     assert not DETECTORS[name](density=0.0).detect(in_halves(RED, (255, 255, 255))).edges.any()
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_edges_are_among_the_thinned_strengths_and_hold_the_strong_ones(name: str):
+def test_edges_are_a_subset_of_the_thinned_strengths_with_all_strong_ones(name: str):
     detector = DETECTORS[name]()
     found = detector.detect(in_halves(RED, GREEN))
     assert ((found.edges > 0) <= (found.strength > 0)).all()
@@ -125,7 +125,7 @@ def test_learned_marks_no_edge_along_the_border_of_a_picture():
         ((1, 9), (16, 16)),
     ],
 )
-def test_the_network_gets_whole_squares_of_16_pixels(
+def test_the_networks_input_has_sides_of_multiples_of_16(
     size: tuple[int, int], expected: tuple[int, int]
 ):
     assert network_size(*size) == expected

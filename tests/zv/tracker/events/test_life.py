@@ -15,7 +15,7 @@ def told(found) -> list[tuple[str, int, int]]:
     return [(event.kind, event.id, event.at.stamp_ns // 1_000_000) for event in found]
 
 
-def test_a_tracks_life_is_told_once_each_when_it_is_confirmed():
+def test_a_confirmed_track_has_each_event_of_its_life_once():
     events = TrackEvents(EventRules())
     found = []
     states = ["tentative", "tentative", "confirmed", "confirmed", "lost", "lost", "confirmed"]
@@ -49,7 +49,7 @@ def test_a_new_epoch_ends_all_tracks_and_the_same_id_is_another_track():
     assert crossings(found) == []
 
 
-def test_after_a_pause_the_same_track_goes_on_and_another_one_is_new():
+def test_after_a_pause_the_same_id_continues_its_track_and_another_one_is_new():
     events = TrackEvents(rules(zones="belt 0,0 200,0 200,100 0,100", dwell_s=5.0))
     walk(events, [(50, 50)])
     found = events.update([track(60, 50)], 100 * STEP_NS)
@@ -64,12 +64,12 @@ def test_after_a_pause_the_same_track_goes_on_and_another_one_is_new():
     ]
 
 
-def test_no_object_for_an_hour_is_no_event():
+def test_an_hour_without_objects_has_no_events():
     events = TrackEvents(rules(zones="belt 0,0 200,0 200,100", lines_="gate 100,0 100,200"))
     assert [events.update([], second * 10**9) for second in range(3600)] == [[]] * 3600
 
 
-def test_a_thousand_objects_are_each_told():
+def test_each_of_a_thousand_objects_has_its_events():
     events = TrackEvents(rules(lines_="gate 100,-9999 100,9999"))
     for number, x in enumerate((90, 110)):
         tracks = [track(x, 5 * id_, id_=id_) for id_ in range(1000)]
@@ -132,7 +132,7 @@ def test_a_pixel_line_and_the_same_line_in_world_units_have_the_same_directions(
 
 
 @pytest.mark.parametrize("up", [True, False], ids=["Y up", "Y down"])
-def test_who_stops_on_a_world_line_and_goes_on_has_crossed_it_once_in_the_direction_of_the_picture(
+def test_an_object_that_stops_on_a_world_line_and_goes_on_crosses_it_once(
     up: bool,
 ):
     events = TrackEvents(rules(lines_=f"in world {'1,-2 1,0' if up else '1,2 1,0'}"))
@@ -153,7 +153,7 @@ def test_the_margin_of_a_world_line_is_that_of_the_picture():
     assert crossings(events.update([track(103, 50)], 30 * STEP_NS, Plane())) == ["right"]
 
 
-def test_without_a_calibration_and_beyond_the_horizon_nothing_happens_in_world_shapes():
+def test_shapes_in_world_units_have_no_events_without_a_calibration_or_beyond_the_horizon():
     events = TrackEvents(rules(lines_="in world 1,-20 1,20"))
     assert crossings(walk(events, [(60, 50), (140, 50)], end=True)) == []
     events, found = TrackEvents(events.rules), []
@@ -164,7 +164,7 @@ def test_without_a_calibration_and_beyond_the_horizon_nothing_happens_in_world_s
     assert stamps_ns == pytest.approx([151_875_000], abs=1)  # X = 1 is at 100.5: 40.5 of 80
 
 
-def test_another_calibration_is_no_crossing():
+def test_a_change_of_the_calibration_is_not_a_crossing():
     events = TrackEvents(rules(lines_="in world 1,-20 1,20; gate 1,0 1,500"))
     events.update([track(60, 50)], 0, Plane())
     moved = events.update([track(60, 50)], STEP_NS, Plane(10.0))

@@ -21,7 +21,7 @@ def gate(**changes) -> TrackEvents:
     return TrackEvents(rules(lines_=GATE, **changes))
 
 
-def test_a_jump_over_the_line_is_one_crossing_with_its_time_and_place_between_the_frames():
+def test_a_jump_over_the_line_is_one_crossing_interpolated_between_the_frames():
     found = walk(gate(), [(40, 50), (60, 60), (140, 100)])
     (crossing,) = [event for event in found if event.kind == "line_crossed"]
     # From x = 60 at 100 ms to x = 140 at 200 ms: half way at 150 ms, where y = 80.
@@ -30,7 +30,7 @@ def test_a_jump_over_the_line_is_one_crossing_with_its_time_and_place_between_th
     assert crossing.at.pixel == (100, 80)
 
 
-def test_the_way_back_is_the_other_direction_with_a_count_of_its_own():
+def test_crossing_back_has_the_other_direction_and_a_separate_count():
     events = gate()
     found = walk(events, [(60, 50), (140, 50), (60, 50), (140, 50)])
     assert crossings(found) == ["left", "right", "left"]
@@ -42,7 +42,7 @@ def test_the_way_back_is_the_other_direction_with_a_count_of_its_own():
 @pytest.mark.parametrize(
     "line", ["gate 0,100 200,100", "gate 200,100 0,100", "gate 0,0 200,200", "gate 9,200 200,9"]
 )
-def test_the_right_side_of_a_line_is_that_of_a_walker_from_its_first_point(line: str):
+def test_right_is_the_right_hand_side_when_walking_from_the_first_point(line: str):
     first, second = (tuple(map(float, point.split(","))) for point in line.split()[1:])
     # Right of the way (dx, dy) is (-dy, dx), since y points down.
     dx, dy = second[0] - first[0], second[1] - first[1]
@@ -54,7 +54,7 @@ def test_the_right_side_of_a_line_is_that_of_a_walker_from_its_first_point(line:
 
 
 @pytest.mark.parametrize("y", [-10, 210])
-def test_who_goes_around_the_end_of_the_line_does_not_cross_it(y: int):
+def test_an_object_that_goes_around_the_end_of_the_line_does_not_cross_it(y: int):
     assert crossings(walk(gate(), [(60, y), (140, y), (140, 100)], end=True)) == []
 
 
@@ -63,12 +63,12 @@ def test_through_the_line_and_around_its_end_twice_is_two_crossings_in_one_direc
     assert crossings(walk(gate(), way)) == ["left", "left"]
 
 
-def test_who_stands_on_the_line_and_goes_back_has_not_crossed_it():
+def test_an_object_that_stands_on_the_line_and_goes_back_does_not_cross_it():
     way = [(60, 50), *[(100, 50)] * 9, (100.5, 50), (99.5, 50), (100, 50), (60, 50)]
     assert crossings(walk(gate(), way, end=True)) == []
 
 
-def test_who_stands_on_the_line_and_goes_on_has_crossed_it_once_when_they_went_on():
+def test_an_object_that_stands_on_the_line_and_goes_on_crosses_it_once_at_that_time():
     way = [(60, 50), *[(100, 50)] * 9, (140, 50)]
     found = walk(gate(), way, end=True)
     (crossing,) = [event for event in found if event.kind == "line_crossed"]
@@ -81,7 +81,7 @@ def test_jitter_on_the_line_is_one_crossing():
     assert crossings(walk(gate(), way)) == ["left"]
 
 
-def test_who_ends_just_beyond_the_line_has_crossed_it():
+def test_a_track_that_ends_just_beyond_the_line_has_crossed_it():
     found = walk(gate(), [(60, 50), (99, 50), (101, 50)], end=True)
     assert [event.kind for event in found][-2:] == ["line_crossed", "ended"]
     assert [event.at.stamp_ns for event in found][-2:] == [150_000_000, 200_000_000]
@@ -98,7 +98,7 @@ def test_predicted_positions_do_not_cross():
     assert crossings(walk(events, [(85, 50)], start=5)) == []
 
 
-def test_a_crossing_behind_something_is_one_with_its_time_between_the_sightings():
+def test_a_hidden_crossing_is_reported_once_interpolated_between_the_sightings():
     events = gate()
     walk(events, [(60, 50), (80, 50)])
     events.update([track(95, 50, state="lost", missing_s=0.1)], 2 * STEP_NS)
@@ -128,7 +128,7 @@ def test_each_crossing_before_the_track_is_confirmed_is_reported_when_it_is():
     assert passed == [50, 150, 250, 350]
 
 
-def test_stamps_that_stand_still_or_go_back_cross_once_and_at_no_earlier_time():
+def test_repeated_or_earlier_stamps_give_one_crossing_at_no_earlier_time():
     events = gate()
     found = []
     for x, stamp_ns in ((60, 5 * STEP_NS), (90, 5 * STEP_NS), (130, 3 * STEP_NS), (140, 0)):
@@ -144,7 +144,7 @@ def test_the_foot_crosses_where_the_centre_does_not():
     assert crossings(walk(TrackEvents(rules(lines_=line, anchor="centre")), way)) == []
 
 
-def test_another_anchor_is_no_crossing():
+def test_a_change_of_the_anchor_is_not_a_crossing():
     events = TrackEvents(rules(lines_="floor 0,100 200,100"))
     walk(events, [(100, 95)] * 3)
     events.adjust(rules(lines_="floor 0,100 200,100", anchor="foot"))
@@ -160,7 +160,7 @@ def test_an_unchanged_line_keeps_paths_and_counts_while_others_change():
     assert events.counts.lines["gate"].left == 1
 
 
-def test_a_line_that_is_moved_begins_to_count_at_0_and_from_where_objects_are_then():
+def test_a_moved_line_counts_from_0_and_from_the_current_positions():
     events = gate()
     walk(events, [(60, 50), (140, 50)])
     events.adjust(rules(lines_="gate 150,0 150,200"))
@@ -195,9 +195,7 @@ def test_the_crossings_of_a_walk_on_a_grid_are_those_of_its_steps(steps):
     st.lists(st.floats(-80, 80), min_size=80, max_size=80),
     st.floats(0, 6.3),
 )
-def test_the_crossings_of_any_walk_are_the_changes_of_side_of_those_who_are_clear_of_the_line(
-    across, along, angle
-):
+def test_the_crossings_of_any_walk_are_its_changes_of_side_beyond_the_margin(across, along, angle):
     """The oracle knows only the distances from a line that is long enough: an object that is more
     than the margin of 2 pixels beyond it, and was not when it was clear of it last, has crossed."""
     line = _long_line(angle)

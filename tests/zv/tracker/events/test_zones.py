@@ -22,7 +22,7 @@ def stays(found) -> list[tuple[str, int]]:
     return [(event.kind, event.at.stamp_ns // 1_000_000) for event in found if event.shape]
 
 
-def test_entering_and_leaving_have_the_time_and_place_of_the_edge():
+def test_entering_and_leaving_have_the_time_and_position_at_the_edge():
     found = walk(belt(), [(80, 50), (120, 60), (150, 60), (250, 50)])
     # In from x = 80 at 0 ms to 120 at 100 ms: the edge x = 100 half way. Out from x = 150 at
     # 200 ms to 250 at 300 ms: the edge x = 200 half way.
@@ -33,11 +33,11 @@ def test_entering_and_leaving_have_the_time_and_place_of_the_edge():
     assert (left.shape, left.count, left.inside, left.dwell_s) == ("belt", 1, 0, 0.2)
 
 
-def test_who_is_first_seen_inside_has_entered_then():
+def test_an_object_first_seen_inside_enters_at_that_time():
     assert stays(walk(belt(), [(150, 50), (150, 50)])) == [("zone_entered", 0)]
 
 
-def test_jitter_on_the_edge_is_one_stay():
+def test_an_object_that_jitters_on_the_edge_has_one_stay():
     way = [(80, 50), *[(100 + (-1) ** i * 1.9, 50) for i in range(30)], (80, 50)]
     assert kinds(walk(belt(), way), "zone_entered", "zone_left") == ["zone_entered", "zone_left"]
 
@@ -48,13 +48,13 @@ def test_a_zone_smaller_than_the_margin_is_entered_too():
     assert kinds(found, "zone_entered", "zone_left") == ["zone_entered", "zone_left"]
 
 
-def test_a_long_stay_is_reported_once_with_the_time_at_which_it_was_long_enough():
+def test_a_long_stay_is_reported_once_with_the_time_of_its_threshold():
     found = walk(belt(dwell_s=0.25), [(150, 50)] * 20)
     assert stays(found) == [("zone_entered", 0), ("zone_dwell", 250)]
     assert [event.dwell_s for event in found if event.kind == "zone_dwell"] == [0.25]
 
 
-def test_each_stay_can_be_long():
+def test_each_long_stay_of_an_object_is_reported():
     way = [*[(150, 50)] * 4, (250, 50), *[(150, 50)] * 4, (250, 50)]
     found = walk(belt(dwell_s=0.2), way)
     assert kinds(found, "zone_dwell", "zone_left") == ["zone_dwell", "zone_left"] * 2
@@ -66,7 +66,7 @@ def test_a_stay_that_ended_too_early_between_two_frames_was_not_long():
     assert stays(found) == [("zone_entered", 0), ("zone_left", 150)]
 
 
-def test_who_is_lost_in_the_zone_stays_in_it_and_leaves_when_the_track_ends():
+def test_an_object_lost_in_the_zone_leaves_it_when_its_track_ends():
     events = belt()
     found = walk(events, [(150, 50), (160, 50)])
     for number in (2, 3):
@@ -88,7 +88,7 @@ def test_who_is_lost_in_the_zone_stays_in_it_and_leaves_when_the_track_ends():
     assert events.counts.zones["belt"].inside == 0
 
 
-def test_two_objects_are_counted_apart():
+def test_two_objects_are_counted_separately():
     events = belt()
     found = []
     for number, xs in enumerate([(90, 95), (110, 115), (150, 190), (160, 250)]):
@@ -121,7 +121,7 @@ def unconfirmed(events: TrackEvents, way: Sequence[tuple[float, float]]) -> None
         assert events.update([track(x, y, state="tentative")], number * STEP_NS) == []
 
 
-def test_a_stay_that_ended_before_the_track_was_confirmed_is_told_once_when_it_is():
+def test_a_stay_that_ended_before_confirmation_is_reported_once_at_confirmation():
     events = belt(dwell_s=0.15)
     # In from x = 80 to 120: half way at 50 ms. Out from x = 180 at 300 ms to 220: at 350 ms.
     unconfirmed(events, [(80, 50), (120, 50), (150, 50), (180, 50), (220, 50)])
@@ -134,7 +134,7 @@ def test_a_stay_that_ended_before_the_track_was_confirmed_is_told_once_when_it_i
     assert (count.entered, count.left, count.dwelled, count.inside) == (1, 1, 1, 0)
 
 
-def test_each_stay_before_the_track_was_confirmed_is_told_and_the_one_that_goes_on():
+def test_all_stays_before_confirmation_are_reported_including_the_current_one():
     events = belt()
     unconfirmed(events, [(150, 50), (250, 50), (150, 50), (250, 50), (150, 50)])
     found = walk(events, [(150, 50), (160, 50)], start=5)
@@ -148,7 +148,7 @@ def test_each_stay_before_the_track_was_confirmed_is_told_and_the_one_that_goes_
     assert events.counts.zones["belt"].inside == 1
 
 
-def test_the_stays_in_a_zone_that_is_moved_end_and_begin_again_where_it_is_now():
+def test_moving_a_zone_ends_its_stays_and_begins_those_at_its_new_place():
     events = belt()
     walk(events, [(110, 50), (110, 50)])
     events.adjust(rules(zones="belt 105,0 200,0 200,100 105,100"))
@@ -179,7 +179,7 @@ def test_a_new_epoch_ends_the_stays_and_keeps_the_counts():
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(60, 240), st.integers(-40, 140)), max_size=60))
-def test_any_walk_has_the_stays_of_one_who_compares_coordinates(way):
+def test_the_stays_of_any_walk_are_those_found_by_comparing_coordinates(way):
     """The oracle of the square: inside it, or more than 2 pixels outside; between, as before."""
     way = [(x + 0.5, y + 0.5) for x, y in way]
     expected, inside = [], False

@@ -38,7 +38,7 @@ def with_object(x: int = 60) -> np.ndarray:
 
 
 @pytest.mark.parametrize("subtractor", ["mog2", "knn"])
-def test_an_object_is_foreground_and_nothing_else_is(subtractor: str):
+def test_exactly_the_object_is_foreground(subtractor: str):
     mask, changed = learned(subtractor=subtractor).update(with_object(), 60 * TENTH, [])
     expected = np.zeros_like(mask)
     expected[40:80, 60:80] = 255
@@ -53,14 +53,14 @@ def test_nothing_is_foreground_in_the_first_second():
         assert not mask.any()
 
 
-def test_who_walked_away_in_the_first_seconds_leaves_no_ghost():
+def test_a_person_who_walks_away_in_the_first_seconds_leaves_no_ghost():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(40):
         mask, _ = found.update(with_object(min(135, 5 + 6 * k)), k * TENTH, [])
     assert not mask[:, :100].any()
 
 
-def test_a_known_object_that_stands_stays_and_an_unknown_one_melts():
+def test_a_standing_object_stays_foreground_if_known_and_becomes_background_if_not():
     known = [Fragment(60, 40, 80, 80, 800)]
     kept, melted = learned(learning_s=2.0), learned(learning_s=2.0)
     for k in range(60, 460):
@@ -80,7 +80,7 @@ def test_nothing_is_learned_while_frozen():
 
 
 @pytest.mark.parametrize("gain", [1.5, 0.7])
-def test_another_light_is_recognised_and_survived_with_the_object_in_it(gain: float):
+def test_an_object_stays_foreground_through_a_change_of_the_light(gain: float):
     found = learned()
     found.update(with_object(), 60 * TENTH, [])
     other = np.clip(with_object() * gain, 0, 255).astype(np.uint8)
@@ -104,7 +104,7 @@ def test_a_cloud_that_comes_within_a_second_is_one_change():
     assert changes == 1
 
 
-def test_another_view_is_learned_anew_within_a_second():
+def test_a_changed_view_is_learned_anew_within_a_second():
     found = learned()
     other = backdrop()[::-1, ::-1].copy()
     other[:60] = 255 - other[:60]
@@ -114,8 +114,8 @@ def test_another_view_is_learned_anew_within_a_second():
     assert not found.update(other, 80 * TENTH, [])[0].any()
 
 
-def test_objects_are_looked_for_in_regions_and_not_in_ignored_ones():
-    # In full-resolution pixels: the mask has half of them.
+def test_objects_are_detected_inside_regions_and_not_inside_ignored_ones():
+    # In full-resolution pixels; the mask is half as large.
     region = ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0))
     ignored = ((20.0, 0.0), (40.0, 0.0), (40.0, 40.0), (20.0, 40.0))
     mask = region_mask((40, 30), 2, [region], [ignored])
@@ -133,7 +133,7 @@ def test_a_shadow_is_left_out():
     assert found.update(shadow, 60 * TENTH, [])[0].any()
 
 
-def test_the_outline_of_a_ghost_is_an_edge_of_the_background_however_faint():
+def test_the_outline_of_a_ghost_is_an_edge_in_the_background_even_if_faint():
     mask = np.zeros((120, 160), np.uint8)
     mask[40:80, 60:80] = 255
     box = Fragment(60, 40, 80, 80, 800)
@@ -145,7 +145,7 @@ def test_the_outline_of_a_ghost_is_an_edge_of_the_background_however_faint():
     assert picture_share(backdrop(), with_object(), np.asarray(surrounded), mask, box) == 1
 
 
-def test_a_ghost_is_found_beside_what_left_it_and_what_stands_is_none():
+def test_a_ghost_is_found_beside_its_object_and_a_standing_object_is_not_a_ghost():
     model, finder = BackgroundModel(), GhostFinder()
     model.start(with_object(60), 0)
     found: list[int] = []
@@ -162,7 +162,7 @@ def test_a_ghost_is_found_beside_what_left_it_and_what_stands_is_none():
     assert found == [9]  # the fourth test, one each 0.3 s
 
 
-def test_who_stood_at_the_start_and_left_is_forgotten_within_a_second():
+def test_the_ghost_of_a_person_present_at_the_start_disappears_within_a_second():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(60):
         mask, _ = found.update(with_object(60 if k < 28 else 100), k * TENTH, [])
@@ -171,7 +171,7 @@ def test_who_stood_at_the_start_and_left_is_forgotten_within_a_second():
             assert np.count_nonzero(mask[40:80, 100:120]) > 700
 
 
-def test_a_ghost_that_is_followed_as_an_object_is_forgotten_within_3_s():
+def test_a_ghost_tracked_as_an_object_disappears_within_3_s():
     found, box = ForegroundDetector(ForegroundParameters()), Fragment(60, 40, 80, 80, 800)
     for k in range(60):
         found.update(with_object(60), k * TENTH, [])
@@ -206,7 +206,7 @@ def test_a_ghost_is_found_where_the_background_has_an_edge_of_its_own():
     assert not mask.any()
 
 
-def test_who_stands_still_in_the_first_seconds_after_walking_is_not_learned():
+def test_a_person_who_stops_walking_in_the_first_seconds_is_not_learned():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(60):
         x = min(60, 4 * k)
@@ -216,7 +216,7 @@ def test_who_stands_still_in_the_first_seconds_after_walking_is_not_learned():
     assert np.abs(found.background.picture().astype(int) - backdrop()).max() < 8
 
 
-def test_a_background_in_another_light_is_that_of_the_picture():
+def test_a_background_is_relit_like_the_picture():
     brighter = np.clip(backdrop() * 1.4, 0, 255).astype(np.uint8)
     difference = np.abs(relit(backdrop(), brighter, None).astype(int) - brighter)
     assert difference.mean() < 2
@@ -225,7 +225,7 @@ def test_a_background_in_another_light_is_that_of_the_picture():
     assert same_texture(backdrop(), backdrop()[::-1].copy(), everywhere) < 0.5
 
 
-def test_two_side_by_side_in_one_region_are_two_fragments_and_a_block_is_one():
+def test_two_people_side_by_side_are_two_fragments_and_a_block_is_one():
     mask = np.zeros((100, 200), np.uint8)
     mask[20:80, 20:42] = 255
     mask[20:80, 50:72] = 255
@@ -236,7 +236,7 @@ def test_two_side_by_side_in_one_region_are_two_fragments_and_a_block_is_one():
     assert sum(f.area for f in found) == np.count_nonzero(mask)
 
 
-def test_fragments_have_limits_of_their_area():
+def test_fragments_outside_the_limits_of_the_area_are_left_out():
     mask = np.zeros((100, 200), np.uint8)
     mask[10:14, 10:14] = mask[30:50, 30:50] = mask[10:90, 100:180] = 255
     assert [f.area for f in fragments_of(mask, 100, 1000)] == [400]
@@ -257,7 +257,7 @@ def test_another_threshold_applies_at_once():
     assert found.update(with_object(), 62 * TENTH, [])[0].any()
 
 
-def test_a_line_is_no_object():
+def test_a_thin_line_is_not_a_fragment():
     mask = np.zeros((100, 200), np.uint8)
     mask[10:12, 10:150] = mask[50:90, 50] = 255
     mask[30:50, 170:175] = 255

@@ -1,4 +1,4 @@
-"""What the tracker finds in scenes whose answer is known."""
+"""The largest moving object in scenes where it is known."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def warmed_up(**changes) -> LargestObject:
     return tracker
 
 
-def test_an_empty_room_gives_nothing():
+def test_an_empty_room_has_no_moving_object():
     found, mask = warmed_up().update(room())
     assert found is None
     assert mask.shape == (120, 160)
@@ -66,7 +66,7 @@ def test_a_square_is_found_one_pixel_down_and_right_by_the_tutorials_kernel():
     ("box", "center"),
     [((0, 0, 1, 1), (0, 0)), ((10, 20, 5, 4), (12, 22)), ((3, 4, 30, 31), (18, 19))],
 )
-def test_the_centre_is_the_boxs_rounded_down(box, center: tuple[int, int]):
+def test_the_centre_is_that_of_the_box_rounded_down(box, center: tuple[int, int]):
     assert MovingObject(box, 0.0).center == center
 
 
@@ -78,7 +78,7 @@ def test_the_largest_of_several_is_found():
     assert found == MovingObject((100, 80, 30, 30), 841.0)
 
 
-def test_of_equal_objects_the_first_of_opencvs_list_is_found():
+def test_of_equally_large_objects_the_first_contour_of_opencv_is_found():
     scene = room()
     scene[20:40, 20:40] = 220
     scene[80:100, 100:120] = 220
@@ -96,7 +96,7 @@ def test_a_single_pixel_counts():
 
 
 @pytest.mark.parametrize("numbers", [{}, {"closing": 0, "median": 0}], ids=["tutorial", "bare"])
-def test_each_mask_is_an_array_of_its_own(numbers: dict):
+def test_each_mask_is_a_new_array(numbers: dict):
     """It is encoded later, on another thread, while the next frame is in work."""
     tracker = warmed_up(**numbers)
     scene = room()
@@ -109,7 +109,7 @@ def test_each_mask_is_an_array_of_its_own(numbers: dict):
     assert np.array_equal(first, kept)
 
 
-def test_a_new_tracker_knows_no_background():
+def test_a_new_tracker_has_learned_no_background():
     """A first frame of black pixels is all foreground, as MOG2 has it; the next is background."""
     black = np.zeros((120, 160, 3), np.uint8)
     tracker = LargestObject(TUTORIAL)
@@ -124,7 +124,7 @@ def test_nothing_is_drawn_when_nothing_moves():
     assert draw(frame, None) is frame
 
 
-def test_drawing_leaves_the_frame_alone():
+def test_drawing_does_not_modify_the_frame():
     """Others still read it: the mask's publisher, a query."""
     frame = room()
     drawn = draw(frame, MovingObject((60, 40, 30, 30), 841.0))
@@ -143,7 +143,7 @@ def noisy(count: int) -> list[np.ndarray]:
     return [random.normal(90, 4, (120, 160, 3)).clip(0, 255).astype(np.uint8) for _ in range(count)]
 
 
-def test_parameters_set_before_the_first_frame_are_those_it_could_have_been_made_with():
+def test_parameters_set_before_the_first_frame_act_like_those_of_the_constructor():
     adjusted, made = LargestObject(TUTORIAL), LargestObject(OTHERS)
     adjusted.adjust(OTHERS)
     for frame in noisy(40):
@@ -152,7 +152,7 @@ def test_parameters_set_before_the_first_frame_are_those_it_could_have_been_made
         assert np.array_equal(mask, expected_mask)
 
 
-def test_other_parameters_leave_what_was_learned_of_the_background():
+def test_changed_parameters_keep_the_learned_background():
     scene = room()
     scene[40:70, 60:90] = 220
     tracker = warmed_up()

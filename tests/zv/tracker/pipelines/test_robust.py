@@ -25,7 +25,7 @@ def frame(k: int) -> np.ndarray:
     return picture
 
 
-def test_objects_that_cross_are_found_where_they_are_and_keep_their_ids():
+def test_crossing_objects_are_located_and_keep_their_ids():
     robust = RobustTracker()
     before: dict[int, float] = {}
     for k in range(110):
@@ -64,7 +64,7 @@ def test_a_reduced_picture_gives_coordinates_of_the_full_one():
     assert left.box == pytest.approx((2 * (4 * 69 - 150), 200, 50, 140), abs=9)
 
 
-def test_the_main_track_changes_only_for_one_that_is_clearly_larger():
+def test_the_main_track_changes_only_to_a_clearly_larger_one():
     robust = RobustTracker()
     mains = [
         None if robust.update(frame(k), k * TENTH) is None else robust.centroid for k in range(110)
@@ -74,7 +74,7 @@ def test_the_main_track_changes_only_for_one_that_is_clearly_larger():
     assert len(set(ids)) == 1
 
 
-def test_another_size_begins_anew_and_reuses_no_id():
+def test_a_change_of_the_size_begins_new_tracks_with_unused_ids():
     robust = RobustTracker()
     for k in range(60):
         robust.update(frame(k), k * TENTH)
@@ -99,7 +99,7 @@ def test_the_background_and_the_mask_have_the_size_of_the_frame():
     assert enlarged(robust.mask, (640, 480)).shape == (480, 640)
 
 
-def test_a_reset_learns_anew_and_keeps_the_ids_going():
+def test_a_reset_learns_the_background_anew_and_keeps_the_tracks():
     robust = RobustTracker()
     for k in range(60):
         robust.update(frame(k), k * TENTH)
@@ -110,7 +110,7 @@ def test_a_reset_learns_anew_and_keeps_the_ids_going():
     assert robust.next_id == last
 
 
-def test_the_smallest_area_applies_live():
+def test_a_changed_smallest_area_applies_to_the_next_frame():
     robust = RobustTracker()
     for k in range(60):
         robust.update(frame(k), k * TENTH)
@@ -126,3 +126,29 @@ def test_the_smallest_area_applies_live():
 )
 def test_large_frames_are_processed_at_a_reduced_size(size: tuple[int, int], scale: int):
     assert working_scale(*size) == scale
+
+
+def touching(k: int) -> np.ndarray:
+    """Return a frame in which two objects that touch pass together, one above the other."""
+    picture = backdrop()
+    for left, top, width, height, color in (
+        (5 * k - 120, 90, 40, 30, (20, 20, 200)),
+        (5 * k - 112, 120, 48, 36, (20, 20, 200)),
+    ):
+        picture[top : top + height, max(0, left) : max(0, left + width)] = color
+    return picture
+
+
+@pytest.mark.parametrize("convex", [False, True])
+def test_objects_that_touch_at_all_times_are_two_if_all_are_convex(convex: bool):
+    robust = RobustTracker(RobustParameters(convex=convex))
+    ids = set()
+    for k in range(70):
+        confirmed = [t for t in robust.update(touching(k), k * TENTH) if t.state == "confirmed"]
+        ids |= {track.id for track in confirmed}
+        if k == 50:
+            boxes = sorted((track.box for track in confirmed), key=lambda box: box[1])
+    assert len(ids) == len(boxes) == 1 + convex
+    if convex:
+        assert boxes[0] == pytest.approx((130, 90, 40, 30), abs=3)
+        assert boxes[1] == pytest.approx((138, 120, 48, 36), abs=3)

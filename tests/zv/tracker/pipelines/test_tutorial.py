@@ -68,7 +68,9 @@ def check(frame: np.ndarray, tutorial: Tutorial, ours: LargestObject) -> bool:
     return found is not None
 
 
-def test_all_795_frames_of_a_real_video_are_the_tutorials(real_data: Callable[[str], Path]):
+def test_all_795_frames_of_a_real_video_have_the_results_of_the_tutorial(
+    real_data: Callable[[str], Path],
+):
     """At half its size, which takes a quarter of the time; the test below has the full size."""
     video = cv2.VideoCapture(str(real_data("vtest.avi")))
     tutorial, ours = Tutorial(), LargestObject(parameters_of(TrackerSettings()))
@@ -81,7 +83,9 @@ def test_all_795_frames_of_a_real_video_are_the_tutorials(real_data: Callable[[s
     assert 700 < moving <= 795
 
 
-def test_the_first_100_frames_of_a_real_video_are_the_tutorials(real_data: Callable[[str], Path]):
+def test_the_first_100_frames_of_a_real_video_have_the_results_of_the_tutorial(
+    real_data: Callable[[str], Path],
+):
     video = cv2.VideoCapture(str(real_data("vtest.avi")))
     tutorial, ours = Tutorial(), LargestObject(parameters_of(TrackerSettings()))
     moving = sum(check(video.read()[1], tutorial, ours) for _ in range(100))
@@ -116,7 +120,7 @@ def walkers(count: int) -> Iterator[np.ndarray]:
     ],
     ids=str,
 )
-def test_each_number_of_the_tutorial_can_be_another(changed: dict):
+def test_each_number_of_the_tutorial_can_be_changed(changed: dict):
     names = {"shadows": "detect_shadows"}
     settings = {names.get(name, name): value for name, value in changed.items()}
     ours = LargestObject(parameters_of(TrackerSettings.model_validate(settings)))
@@ -126,8 +130,8 @@ def test_each_number_of_the_tutorial_can_be_another(changed: dict):
     assert sum(check(frame, tutorial, ours) for frame in walkers(60)) > 30
 
 
-def test_the_numbers_matter_in_this_scene():
-    """Else the test above would say nothing."""
+def test_each_number_changes_the_result_in_this_scene():
+    """Otherwise the test above would pass without comparing them."""
     numbers: list[dict] = [{"history": 30}, {"var_threshold": 4}, {"shadows": False}]
     numbers += [{"closing": 3}, {"median": 9}, {"threshold": 126}]
     plain = [mask.sum() for _, mask in map(Tutorial().loop, walkers(60))]

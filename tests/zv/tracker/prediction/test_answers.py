@@ -1,4 +1,4 @@
-"""Queries for predictions: what is answered, and what is refused with what is allowed."""
+"""Queries for predictions: replies, and refusals with the allowed values."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ VIEW = PlaneView(LENS, Plane((0.01, 0, 0, 0, 0.01, 0, 0, 0, 1)))
 
 
 class StandIn:
-    """The part of a node that is used."""
+    """The part of a node that ``PredictionAnswers`` uses."""
 
     def answer(self, topic: Any, reply_to: Callable[..., Any], *, camera: str) -> None:
-        """Keep what answers."""
+        """Keep the callback that answers."""
         self.reply_to = reply_to
 
 
@@ -43,14 +43,14 @@ def header(frame: int, epoch: int = 1, newest_ns: int = NOW_NS) -> Header:
 
 
 def followed(view: PlaneView | None = VIEW, anchor: Any = "centre", **options: Any) -> Any:
-    """Return what answers, after ten frames with track 7."""
+    """Return the answers to queries after ten frames with track 7."""
     answers = PredictionAnswers(StandIn(), "front")  # type: ignore[arg-type]
     for frame in range(10):
         answers.update(header(frame, **options), [moving(frame)], anchor, view)
     return answers
 
 
-def test_a_track_goes_on_in_a_straight_line_on_the_plane():
+def test_a_track_is_predicted_in_a_straight_line_on_the_plane():
     found: Prediction = followed().answer({"id": "7", "at_ns": str(NOW_NS + 500_000_000)})
     assert (found.id, found.state, found.stamp_ns) == (7, "confirmed", NOW_NS + 500_000_000)
     assert (found.x, found.y, found.vx) == pytest.approx((240, 50, 100), abs=1e-3)
@@ -62,13 +62,13 @@ def test_a_track_goes_on_in_a_straight_line_on_the_plane():
     assert Prediction.from_bytes(found.to_bytes()) == found
 
 
-def test_the_place_is_that_of_the_anchor_and_the_pixel_that_of_the_centre():
+def test_a_world_position_is_that_of_the_anchor_and_a_pixel_position_that_of_the_centre():
     found = followed(anchor="foot").answer({"id": "7", "at_ns": str(NOW_NS)})
     assert found.world == pytest.approx((1.895, 0.695))
     assert (found.x, found.y) == pytest.approx((190, 50), abs=1e-3)
 
 
-def test_without_a_plane_it_goes_on_in_the_picture():
+def test_without_a_plane_a_track_is_predicted_in_the_picture():
     found = followed(view=None).answer({"id": "7", "at_ns": str(NOW_NS + 500_000_000)})
     assert (found.x, found.y) == pytest.approx((240, 50))
     assert (found.world, found.world_velocity, found.world_sigma) == (None, None, None)
@@ -81,7 +81,7 @@ def test_ahead_ms_counts_from_now():
     assert found.x == pytest.approx(190 + 100 * (found.stamp_ns - now_ns) / 1e9, abs=0.01)
 
 
-def test_a_lost_track_is_predicted_from_where_it_was_seen_last():
+def test_a_lost_track_is_predicted_from_its_last_seen_position():
     answers = followed()
     lost = Track(7, "lost", 300.0, 50.0, (290, 40, 20, 30), 500.0, missing_s=0.1)
     answers.update(header(10), [lost], "centre", VIEW)
@@ -107,7 +107,7 @@ def test_a_lost_track_is_predicted_from_where_it_was_seen_last():
         ({"id": "7", "ahead": "1"}, "unknown parameter 'ahead'", "id, and ahead_ms or at_ns"),
     ],
 )
-def test_a_wrong_query_is_refused_saying_what_is_allowed(
+def test_an_invalid_query_is_refused_with_the_allowed_values(
     asked: Mapping[str, str], error: str, allowed: str
 ):
     with pytest.raises(ParameterRefused, match=error) as caught:
@@ -125,14 +125,14 @@ def test_a_new_track_and_a_new_epoch_have_no_prediction_yet():
         answers.answer({"id": "7", "at_ns": str(NOW_NS + 2 * FRAME_NS)})
 
 
-def test_a_track_that_ended_is_not_known_any_more():
+def test_an_ended_track_has_no_prediction():
     answers = followed()
     answers.update(header(10), [], "centre", VIEW)
     with pytest.raises(ParameterRefused, match="no track 7 now; allowed: none is followed now"):
         answers.answer({"id": "7", "at_ns": str(NOW_NS + FRAME_NS)})
 
 
-def test_before_the_first_frame_nothing_is_followed():
+def test_before_the_first_frame_there_are_no_tracks_to_predict():
     answers = PredictionAnswers(StandIn(), "front")  # type: ignore[arg-type]
     with pytest.raises(ParameterRefused, match="none is followed now"):
         answers.answer({"id": "7", "ahead_ms": "1"})

@@ -1,4 +1,4 @@
-"""A path that goes on: where it leads, and how sure that is."""
+"""Predicted positions and their standard deviations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ QUIET = np.full(2, 1e-6)
 TIMES_S = np.arange(30) / 10
 
 
-def test_a_straight_path_goes_on_exactly():
+def test_a_straight_path_is_predicted_exactly():
     path = np.stack([5 + 2 * TIMES_S, 1 - TIMES_S], axis=1)
     found = forecast(TIMES_S, path, 3.9, QUIET)
     np.testing.assert_allclose(found.position, [12.8, -2.9])
@@ -19,14 +19,14 @@ def test_a_straight_path_goes_on_exactly():
     assert (found.sigma < 1e-3).all()
 
 
-def test_it_does_not_depend_on_the_rate_or_on_gaps():
+def test_a_prediction_does_not_depend_on_the_rate_or_on_gaps():
     rng = np.random.default_rng(1)
     times_s = np.sort(rng.uniform(0, 3, 40))
     path = np.stack([5 + 2 * times_s, 1 - times_s], axis=1)
     np.testing.assert_allclose(forecast(times_s, path, 4.0, QUIET).position, [13, -3])
 
 
-def test_the_deviation_is_that_of_many_predictions_of_noisy_straight_paths():
+def test_the_standard_deviation_is_that_of_many_predictions_of_noisy_straight_paths():
     """Of a normal distribution 68 % lie within one standard deviation and 95 % within two."""
     rng = np.random.default_rng(2)
     straight = np.stack([100 * TIMES_S, 20 * TIMES_S], axis=1)
@@ -41,7 +41,7 @@ def test_the_deviation_is_that_of_many_predictions_of_noisy_straight_paths():
 
 
 @pytest.mark.parametrize("rate_hz", [4, 5, 6, 10, 15])
-def test_at_any_rate_an_object_that_wanders_is_mostly_within_two_deviations(rate_hz):
+def test_a_wandering_object_is_mostly_within_two_standard_deviations_at_any_rate(rate_hz):
     """Each component of its velocity changes by 20 px/s in a second; it is seen for 3 s."""
     rng = np.random.default_rng(3)
     times_s = np.arange(0, 4, 1 / 60)
@@ -57,7 +57,7 @@ def test_at_any_rate_an_object_that_wanders_is_mostly_within_two_deviations(rate
     assert np.mean(inside) > 0.75
 
 
-def test_a_turn_is_followed_and_makes_it_unsure():
+def test_after_a_turn_the_prediction_follows_with_a_larger_deviation():
     turned = np.where(TIMES_S < 2, 100 * TIMES_S, 200.0)
     path = np.stack([turned, np.maximum(0, 100 * (TIMES_S - 2))], axis=1)
     found = forecast(TIMES_S, path, 3.4, QUIET)
@@ -67,13 +67,13 @@ def test_a_turn_is_followed_and_makes_it_unsure():
     assert forecast(TIMES_S, straight, 3.4, QUIET).sigma.max() < 1
 
 
-def test_what_stands_stays():
+def test_a_standing_object_is_predicted_to_stand():
     found = forecast(TIMES_S, np.full((30, 2), 7.0), 12.0, QUIET)
     np.testing.assert_allclose(found.position, [7, 7])
     np.testing.assert_allclose(found.velocity, [0, 0])
 
 
-def test_noise_is_the_least_deviation():
+def test_noise_is_the_least_standard_deviation():
     path = np.stack([TIMES_S, TIMES_S], axis=1)
     assert (forecast(TIMES_S, path, 3.0, np.array([0.5, 2.0])).sigma >= [0.5, 2.0]).all()
 

@@ -1,4 +1,4 @@
-"""Which fragments belong to which objects."""
+"""Overlaps, connected components and assignments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from zv.tracker.tracking.association import (
 from zv.tracker.tracking.fragment import Fragment
 
 
-def test_the_overlap_is_a_share_of_the_smaller_box():
+def test_the_overlap_is_relative_to_the_smaller_box():
     large, inside = Fragment(0, 0, 10, 10, 100), Fragment(8, 8, 12, 12, 16)
     away = Fragment(10, 0, 12, 5, 10)  # touches: nothing in common
     # 2 x 2 of 16 pixels
@@ -27,7 +27,7 @@ def test_the_overlap_is_a_share_of_the_smaller_box():
     assert overlap(large, Fragment(30, 30, 40, 40, 9)) == 0.0  # away along both axes
 
 
-def test_connected_sets_are_found_across_several_links():
+def test_components_are_connected_across_several_links():
     links = np.array([[1, 1, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, 0]], bool)
     assert components(links) == [([0, 2], [0, 1]), ([1], [2])]
 
@@ -42,13 +42,13 @@ def test_the_assignment_has_the_least_sum():
     assert found == pytest.approx(best)
 
 
-def test_what_is_impossible_is_not_assigned():
+def test_impossible_pairs_are_not_assigned():
     costs = np.array([[1.0, IMPOSSIBLE], [IMPOSSIBLE, IMPOSSIBLE]])
     assert assigned(costs) == [(0, 0)]
     assert assigned(np.empty((0, 3))) == []
 
 
-def test_the_sum_of_an_assignment_is_the_least_also_where_much_is_impossible():
+def test_the_assignment_has_the_least_sum_even_with_many_impossible_pairs():
     random = np.random.default_rng(1)
     for _ in range(300):
         costs = random.uniform(0, 9, random.integers(1, 9, 2))

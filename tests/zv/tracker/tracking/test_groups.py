@@ -1,4 +1,4 @@
-"""Objects that share one region of the foreground: each gets the pixels that are its own."""
+"""Dividing a foreground region that several objects share: each gets its own pixels."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_colours_divide_a_region_where_the_prediction_is_some_pixels_off():
     assert of_two.open == (False, True, True, True)
 
 
-def test_objects_of_the_same_colour_are_divided_by_their_places():
+def test_objects_of_the_same_colour_are_divided_by_their_positions():
     left, right = (40, 20, 60, 80), (55, 24, 75, 84)
     scene = painted((left, RED), (right, RED))
     seen = (120, 20, 140, 80)
@@ -69,7 +69,7 @@ def test_objects_of_the_same_colour_are_divided_by_their_places():
     assert edges(of_right.box)[2] == 75
 
 
-def test_an_object_behind_another_one_has_nothing_and_is_covered():
+def test_an_object_behind_another_one_has_no_pixels_and_is_covered():
     front = (60, 10, 100, 90)
     scene = painted((front, RED))
     hidden = known(2, (120, 40, 140, 60), BLUE, (70, 40, 90, 60))
@@ -81,7 +81,7 @@ def test_an_object_behind_another_one_has_nothing_and_is_covered():
     assert edges(of_front.box) == front
 
 
-def test_of_two_tracks_of_one_object_only_one_has_pixels_that_are_clearly_its_own():
+def test_only_one_of_two_tracks_of_an_object_has_clear_pixels():
     at, seen = (60, 20, 80, 80), (120, 20, 140, 80)
     one, other = divide(
         [known(1, seen, RED, at), known(2, seen, RED, at)], [fragment(at)], painted((at, RED))
@@ -89,7 +89,7 @@ def test_of_two_tracks_of_one_object_only_one_has_pixels_that_are_clearly_its_ow
     assert (one.clear, other.clear) == (pytest.approx(1.0, abs=0.05), 0.0)
 
 
-def test_other_regions_of_the_foreground_belong_to_none_of_a_group():
+def test_foreground_outside_of_a_shared_region_is_not_divided():
     one, two, elsewhere = (40, 20, 60, 80), (60, 50, 80, 80), (62, 24, 80, 46)
     scene = painted((one, RED), (two, BLUE), (elsewhere, BLUE))
     _, of_two = divide(

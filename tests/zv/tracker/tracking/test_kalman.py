@@ -26,7 +26,7 @@ def test_the_filter_is_the_one_of_the_textbook():
     assert [axis.pp, axis.pv, axis.vv] == pytest.approx(covariance[[0, 0, 1], [0, 1, 1]])
 
 
-def test_two_short_predictions_equal_a_long_one_without_disturbance():
+def test_without_process_noise_two_short_predictions_equal_a_long_one():
     one, two = AxisFilter(0, 3, 1, 0.2, 2), AxisFilter(0, 3, 1, 0.2, 2)
     one.predict(0.5, 0.0)
     two.predict(0.2, 0.0)
@@ -43,7 +43,7 @@ def test_no_variance_is_negative_after_a_clock_was_set_forward_by_decades():
         assert min(axis.pp, axis.vv) >= 0
 
 
-def test_a_residual_that_is_not_plausible_widens_the_prediction_until_it_is():
+def test_an_implausible_residual_enlarges_the_covariance_until_it_is_plausible():
     axis = AxisFilter(0.0, 0.0, 1.0, 0.5, 2.0)
     axis.adapt(2.0, 1.0)  # 2 of sqrt(1 + 1): plausible
     assert (axis.pp, axis.pv, axis.vv) == (1.0, 0.5, 2.0)

@@ -42,7 +42,7 @@ def tracked(frames: Iterable[Painted], rate: int = 20) -> list[list[Track]]:
 
 
 @pytest.mark.parametrize("rate", [30, 10])
-def test_one_that_stands_keeps_its_box_and_id_while_another_passes_behind(rate: int):
+def test_a_standing_object_keeps_its_box_and_id_while_another_passes_behind(rate: int):
     frames: list[Painted] = []
     for k in range(6 * rate):
         time_s = k / rate
@@ -58,7 +58,7 @@ def test_one_that_stands_keeps_its_box_and_id_while_another_passes_behind(rate: 
         assert large.box == pytest.approx((100, 10, 30, 100), abs=5)
 
 
-def test_one_that_stops_behind_another_one_does_not_go_on():
+def test_an_object_that_stops_behind_another_one_is_not_moved_on():
     frames: list[Painted] = []
     for k in range(120):
         time_s = k / 20
@@ -91,7 +91,7 @@ def test_an_object_that_enters_in_two_parts_is_one_track_when_they_are_connected
     assert found[-1][0].box[3] == pytest.approx(100, abs=6)
 
 
-def test_what_is_expected_outside_of_the_picture_is_lost_at_once():
+def test_a_track_expected_outside_of_the_picture_is_lost_at_once():
     frames: list[Painted] = [[((150 + 6 * k, 30, 24, 60), RED)] for k in range(40)]
     states = [[track.state for track in tracks] for tracks in tracked(frames)]
     gone = next(k for k in range(40) if 150 + 6 * k >= SIZE[0])
@@ -99,7 +99,7 @@ def test_what_is_expected_outside_of_the_picture_is_lost_at_once():
     assert "confirmed" not in states[gone + 4]
 
 
-def test_two_tracks_of_one_object_that_something_had_divided_become_one():
+def test_two_tracks_of_an_object_that_was_divided_become_one():
     frames: list[Painted] = []
     for k in range(90):
         upper, lower = ((20 + 2 * k, 10, 24, 40), RED), ((20 + 2 * k, 70, 24, 40), BLUE)
@@ -124,7 +124,7 @@ def test_a_box_that_was_too_large_shrinks_as_soon_as_no_other_object_is_near():
 
 
 @pytest.mark.parametrize("rate", [30, 10, 5])
-def test_a_head_that_was_apart_from_its_body_for_a_moment_becomes_no_track_beside_it(rate: int):
+def test_a_head_briefly_separate_from_its_body_does_not_become_a_track(rate: int):
     frames: list[Painted] = []
     for k in range(4 * rate):
         time_s = k / rate

@@ -1,6 +1,8 @@
-"""Tracks from boxes alone: lives, ids, time."""
+"""Tracks from boxes alone: lifetimes, ids, time."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,11 +22,11 @@ def box(x: float, y: float, width: float = 20, height: float = 40) -> Fragment:
     )
 
 
-def tracker(**changes: float) -> Tracker:
+def tracker(**changes: Any) -> Tracker:
     return Tracker(TrackingParameters(**changes), SIZE)
 
 
-def test_an_object_that_moves_is_confirmed_with_its_speed_and_keeps_its_id():
+def test_a_moving_object_is_confirmed_with_its_velocity_and_keeps_its_id():
     found = tracker()
     for k in range(30):
         tracks = found.update([box(50 + 6 * k, 100)], k * SECOND // 10)
@@ -36,7 +38,7 @@ def test_an_object_that_moves_is_confirmed_with_its_speed_and_keeps_its_id():
     assert track.missing_s == 0
 
 
-def test_what_enters_the_picture_is_as_fast_as_its_front_edge():
+def test_an_entering_object_has_the_velocity_of_its_front_edge():
     found, steady = tracker(), []
     for k in range(6):  # 20 pixels wide; from k = 4 on it is inside
         front = 6.0 * (k + 1)
@@ -48,7 +50,7 @@ def test_what_enters_the_picture_is_as_fast_as_its_front_edge():
     assert steady[-1] + track.offset[0] == pytest.approx(26)
 
 
-def test_noise_at_an_edge_hardly_moves_what_has_many_other_pixels():
+def test_noise_at_an_edge_hardly_moves_an_object_of_many_pixels():
     found, steady = tracker(), []
     for k in range(12):
         x = 50 + 6.0 * k
@@ -59,7 +61,7 @@ def test_noise_at_an_edge_hardly_moves_what_has_many_other_pixels():
     assert track.x == pytest.approx(x + 1, abs=0.5)  # the middle is that of the mean box
 
 
-def test_what_does_not_move_or_only_grows_is_never_confirmed():
+def test_an_object_that_does_not_move_or_only_grows_is_never_confirmed():
     standing, growing = tracker(), tracker()
     for k in range(100):
         (still,) = standing.update([box(100, 100)], k * SECOND // 10)
@@ -68,7 +70,7 @@ def test_what_does_not_move_or_only_grows_is_never_confirmed():
 
 
 @pytest.mark.parametrize("rate", [5, 10, 30])
-def test_the_rate_of_the_frames_changes_neither_ids_nor_lives(rate: int):
+def test_the_frame_rate_changes_neither_ids_nor_lifetimes(rate: int):
     found = tracker()
     confirmed_s = lost_s = ended_s = None
     for k in range(6 * rate):
@@ -97,7 +99,7 @@ def test_a_pause_and_dropped_frames_keep_the_track():
     assert [track.id for track in tracks] == [1]
 
 
-def test_the_id_of_a_track_that_ended_is_not_used_again():
+def test_the_id_of_an_ended_track_is_not_reused():
     found = tracker(keep_lost_s=0.5)
     ids = set()
     for k in range(90):
@@ -106,7 +108,7 @@ def test_the_id_of_a_track_that_ended_is_not_used_again():
     assert ids == {1, 2, 3}
 
 
-def test_stamps_that_stand_still_age_nothing_and_those_that_go_back_count_on():
+def test_repeated_stamps_age_nothing_and_after_an_earlier_stamp_time_continues():
     found = tracker()
     for k in range(10):
         found.update([box(50 + 6 * k, 100)], k * SECOND // 10)
@@ -134,7 +136,7 @@ def test_the_same_input_gives_the_same_tracks():
     assert results() == results()
 
 
-def test_two_objects_that_cross_without_pixels_keep_their_ids_by_their_motion():
+def test_crossing_objects_keep_their_ids_by_their_motion_if_no_pixels_are_given():
     found = tracker()
     for k in range(60):
         one, two = box(50 + 5 * k, 100), box(345 - 5 * k, 104)
@@ -150,7 +152,7 @@ def test_two_objects_that_cross_without_pixels_keep_their_ids_by_their_motion():
     assert {track.id: round(track.vx / 50) for track in tracks} == {1: 1, 2: -1}
 
 
-def test_two_that_entered_as_one_are_two_tracks_once_there_is_a_gap():
+def test_two_objects_that_entered_as_one_become_two_tracks_at_a_gap():
     found = tracker()
     for k in range(30):
         x = 60 + 5 * k
@@ -163,7 +165,7 @@ def test_two_that_entered_as_one_are_two_tracks_once_there_is_a_gap():
     assert sorted(round(track.x) for track in tracks) == pytest.approx([193, 217], abs=3)
 
 
-def test_of_thousands_of_fragments_a_bounded_number_is_followed():
+def test_a_bounded_number_of_thousands_of_fragments_is_tracked():
     found = tracker()
     crowd = [box(10 + 8 * (k % 45), 10 + 6 * (k // 45), 5, 4) for k in range(2000)]
     found.parameters = TrackingParameters(min_area=1)
@@ -172,6 +174,16 @@ def test_of_thousands_of_fragments_a_bounded_number_is_followed():
     assert len(tracks) <= MAX_TARGETS
 
 
-def test_no_object_for_an_hour_gives_no_tracks():
+def test_an_hour_without_objects_gives_no_tracks():
     found = tracker()
     assert all(found.update([], k * SECOND) == [] for k in range(3600))
+
+
+def test_each_fragment_is_an_object_if_all_are_convex():
+    found = tracker(convex=True)
+    for k in range(20):
+        upper, lower = box(50 + 6 * k, 100, 30, 20), box(52 + 6 * k, 121, 30, 20)
+        together = box(51 + 6 * k, 110, 32, 41)
+        tracks = found.update([upper, lower] if k > 3 else [together], k * SECOND // 10)
+    assert [track.state for track in tracks] == ["confirmed"] * 2
+    assert sorted(track.y for track in tracks) == pytest.approx([100, 121], abs=1)

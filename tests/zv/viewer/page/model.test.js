@@ -58,8 +58,10 @@ test("a new epoch begins with no rate and nothing usual", () => {
   statistics.add(40_000, { header: { epoch: "2" } });
   assert.equal(statistics.rate(40_000), null);
   assert.equal(statistics.isLive(41_001), false);
-  statistics.add(40_100, { header: { epoch: "2" } });
-  assert.equal(statistics.rate(40_100), 10);
+  for (let now = 40_030; now < 41_000; now += 100) statistics.add(now, { header: { epoch: "2" } });
+  assert.equal(statistics.rate(40_999), null);
+  statistics.add(41_000, { header: { epoch: "2" } });
+  assert.equal(statistics.rate(41_000), 11);
 });
 
 const STREAMS = ["mask/compressed", "image/compressed", "edges/smoothed/compressed", "image"]

@@ -6,6 +6,7 @@ import { numericFields } from "./model/fields.js";
 import { axis } from "./panels/chart.js";
 import { FieldRecorder } from "./panels/field_recorder.js";
 import { layOut } from "./panels/graph.js";
+import { linesOf } from "./panels/plots.js";
 
 const LOW = { type: "float", minimum: 0, maximum: 100_000, default: 40 };
 const QUALITY = { type: "int", minimum: 1, maximum: 100, default: 80 };
@@ -124,4 +125,16 @@ test("only chosen numbers of the chosen camera are kept, and nothing is watched 
   recorder.follow("rear", ["brightness"], [["brightness", "mean"]]);
   assert.deepEqual([...watched.keys()], ["v/rear/brightness"]);
   assert.deepEqual(recorder.points("brightness", "mean"), []);
+});
+
+test("a line of a node that serves several cameras says that it is of all of them", () => {
+  const nodes = [
+    { node: "camera_left", service: "camera", cameras: ["left"] },
+    { node: "camera_right", service: "camera", cameras: ["right"] },
+    { node: "tracker", service: "tracker", cameras: ["left", "right"] },
+  ];
+  const histories = new Map([["tracker", [{ at: 5, rate: 60 }]]]);
+  const lines = linesOf({ nodes, histories }, "left", ["rate"], (name) => name);
+  assert.deepEqual(lines.map(({ name, points }) => [name, points]),
+    [["camera", []], ["tracker (all 2 cameras)", [{ at: 5, value: 60 }]]]);
 });

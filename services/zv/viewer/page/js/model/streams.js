@@ -10,6 +10,7 @@ export const STAGES = ["smoothed", "magnitude", "direction", "suppressed", "thre
 const ORDER = ["image", "tracked", "mask", "edges", ...STAGES, "background", RAW];
 const OVERLAY_ORDER = ["centroid", "tracks", "truth"];
 const WINDOW_MS = 3000;
+const LEAST_MS = 1000; // over less time, a single late picture makes a rate much too high
 const SILENCE_MS = 1000;
 const FRAMES_OF_SILENCE = 3;
 const INTERVALS = 8;
@@ -113,13 +114,13 @@ export class StreamStatistics {
 		this.endedSince = null;
 	}
 
-	/** Frames a second of the stream, whether shown here or not; null before the second frame. */
+	/** Frames a second of the stream, whether shown here or not; null in its first second. */
 	rate(now) {
 		const [, ...counted] = this.samples;
 		return this.perSecond(now, counted.reduce((sum, sample) => sum + sample.frames, 0));
 	}
 
-	/** Pictures a second that arrived here; null before the second. */
+	/** Pictures a second that arrived here; null in the first second. */
 	arrivalRate(now) {
 		return this.perSecond(now, this.samples.length - 1);
 	}
@@ -127,6 +128,7 @@ export class StreamStatistics {
 	/** The rate of so many frames after the first of the samples. */
 	perSecond(now, frames) {
 		if (this.samples.length < 2 || !this.isLive(now)) return null;
+		if (now - this.samples[0].now < LEAST_MS) return null;
 		return 1000 / Math.max((this.samples.at(-1).now - this.samples[0].now) / frames, 0.1);
 	}
 

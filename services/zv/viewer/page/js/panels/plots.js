@@ -49,7 +49,8 @@ export class PlotsPanel {
 		const style = getComputedStyle(document.documentElement);
 		const colour = (name) => style.getPropertyValue(`--${name}`);
 		const { now } = this.system;
-		for (const { fields, view } of this.charts) view.draw(this.linesOf(fields, colour), now, colour);
+		const lines = (fields) => linesOf(this.system, camera, fields, colour);
+		for (const { fields, view } of this.charts) view.draw(lines(fields), now, colour);
 		syncViews(byId("field-plots"), this.views, this.fields.map((field) => field.join(" ")),
 			(key) => this.makeChart(this.fields.find((field) => field.join(" ") === key)));
 		for (const [topic, name] of this.fields) {
@@ -57,18 +58,6 @@ export class PlotsPanel {
 			const line = { name, colour: colour("series-1"), dash: [], points };
 			this.views.get(`${topic} ${name}`).draw([line], now, colour);
 		}
-	}
-
-	/** The lines of a chart of the nodes: [{name, colour, dash, points: [{at, value}]}]. */
-	linesOf(fields, colour) {
-		const nodes = this.system.nodes.filter((node) => node.cameras?.includes(this.cameras.camera));
-		return nodes.flatMap(({ node, service }, index) => fields.map((field, second) => ({
-			name: service,
-			colour: colour(`series-${(index % COLOURS) + 1}`),
-			dash: second ? [3, 3] : [],
-			points: (this.system.histories.get(node) ?? []).map((sample) =>
-				({ at: sample.at, value: sample[field] ?? null })),
-		})));
 	}
 
 	makeChart(field) {
@@ -99,6 +88,21 @@ export class PlotsPanel {
 		savePreference("plots", fields);
 		this.draw();
 	}
+}
+
+/**
+ * The lines of a chart of a camera's nodes: [{name, colour, dash, points: [{at, value}]}]. A node
+ * reports of all its cameras together, so its name says how many those are.
+ */
+export function linesOf(system, camera, fields, colour) {
+	const nodes = system.nodes.filter((node) => node.cameras?.includes(camera));
+	return nodes.flatMap(({ node, service, cameras }, index) => fields.map((field, second) => ({
+		name: cameras.length > 1 ? `${service} (all ${cameras.length} cameras)` : service,
+		colour: colour(`series-${(index % COLOURS) + 1}`),
+		dash: second ? [3, 3] : [],
+		points: (system.histories.get(node) ?? []).map((sample) =>
+			({ at: sample.at, value: sample[field] ?? null })),
+	})));
 }
 
 function loadFields() {

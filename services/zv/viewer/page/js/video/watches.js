@@ -3,7 +3,7 @@
 
 import { milliseconds } from "../transport/connection.js";
 
-const MOST = 30; // the server's limit is 32
+const MAX_WATCHES = 30; // the server's limit is 32
 const SETTLE_MS = 60; // so that scrolling past a tile causes no watch and unwatch
 const HIDDEN_MS = 2000;
 const RETRY_MS = 5000;
@@ -100,7 +100,7 @@ export class Watches {
 
 	/** Tell whether a stream is not watched because of the limit. */
 	isLeftOut(key) {
-		return this.sent.size >= MOST && !this.sent.has(key) && this.pictures.has(key);
+		return this.sent.size >= MAX_WATCHES && !this.sent.has(key) && this.pictures.has(key);
 	}
 
 	syncSoon() {
@@ -115,7 +115,7 @@ export class Watches {
 		const wanted = new Map(this.hidden ? [] : [
 			...[...new Set(this.messages.values())].map((key) => [key, null]),
 			...[...this.pictures].map(([key, watch]) => [key, watch.size]),
-		].slice(0, MOST));
+		].slice(0, MAX_WATCHES));
 		for (const key of this.sent.keys()) {
 			if (wanted.has(key)) continue;
 			this.connection.send({ op: "unwatch", key });

@@ -1,4 +1,4 @@
-"""Pixels whose background has several colours: leaves in the wind, water, a flickering screen."""
+"""Models a background that keeps changing: leaves in the wind, water, flickering screens."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ TEST_EVERY_S = 0.15
 """At 30, 10 and 5 Hz tests are then 0.17, 0.2 and 0.2 s apart."""
 
 CHANGE, PER_S = 10, 5
-"""What a change between background and other adds to the count of a pixel, and what a second takes
-away: only a pixel that changes more than once in 2 s is ever restless."""
+"""Each change between background and foreground adds ``CHANGE`` to the count of a pixel; each
+second subtracts ``PER_S``. Only a pixel that changes more than once in 2 s can become dynamic."""
 
-RESTLESS = 60
-"""From this count on a pixel is restless; who walks past adds 20 to 40."""
+DYNAMIC = 60
+"""From this count on, a pixel is dynamic; a person who walks past adds 20 to 40."""
 
 LIGHT_SHARE = 0.25
-"""If a larger share of the picture changes at once, it is the light."""
+"""If a larger share of the picture changes at once, the light has changed."""
 
 KEEP_EVERY_S = 0.5
 KEPT = 20
-"""So many pictures of the last seconds are kept; each pixel of them is a sample."""
+"""Number of pictures of the last seconds that are kept; each pixel of them is a sample."""
 
 LEAST_ALIKE = 2
-"""A colour that occurs so often among the samples is one of the background's."""
+"""A colour belongs to the background if at least this many samples have it."""
 
 
-class RestlessPixels:
-    """Knows the pixels that keep changing, and the colours that they have had.
+class DynamicBackground:
+    """Finds the pixels whose background keeps changing, and keeps samples of their colours.
 
-    Only pixels that keep changing between background and something else are treated so, and what is
-    known as an object counts neither as a change nor as a sample: who stands stays visible.
+    A pixel is dynamic if it keeps changing between background and foreground. Known objects count
+    neither as changes nor as samples, so an object that stands still stays foreground.
 
     Sources: P.-L. St-Charles et al., "SuBSENSE: a universal change detection method with local
     adaptive sensitivity", 2015, for the count of changes; O. Barnich, M. Van Droogenbroeck, "ViBe:
@@ -45,23 +45,24 @@ class RestlessPixels:
         self._before: Image | None = None
         self._tested_ns = 0
         self._samples: Image = np.zeros((0, 0, 0, 3), np.uint8)
-        self._kept = 0  # so many pictures so far
+        self._kept = 0  # number of pictures kept so far
         self._kept_ns = 0
-        self._owed = 0.0  # of what seconds take away, the part below one
-        self._places: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._remainder = 0.0  # fraction of a count, to be subtracted later
+        self._places: NDArray[np.intp] = np.zeros(0, np.intp)  # of dynamic pixels
 
     @property
     def changes(self) -> Image | None:
         """The count of changes of each pixel, (height, width) uint8; None before two pictures."""
         return self._counts if self._counts.size else None
 
-    def leave_out(self, picture: Image, limits: Image, marked: Image) -> None:
-        """Take away the marks of restless pixels that have one of their usual colours.
+    def unmark(self, picture: Image, limits: Image, marked: Image) -> None:
+        """Set the mask to 0 at dynamic pixels that have one of their usual colours.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
-            limits: Of the same shape, how far each value may be off.
-            marked: (height, width) uint8, not 0 where the picture differs from the background.
+            limits: Of the same shape, the difference up to which two values are the same.
+            marked: (height, width) uint8, not 0 where the picture differs from the background;
+                modified.
         """
         places = self._places
         if not places.size or not self._kept:
@@ -76,16 +77,15 @@ class RestlessPixels:
     def learn(
         self, picture: Image, marked: Image, known: Image | None, stamp_ns: int, background: Image
     ) -> None:
-        """Count changes, and keep samples.
+        """Count the changes of a picture, and keep it as samples, if these are due.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
             marked: (height, width) uint8, not 0 where the picture differs from the background,
-                before ``leave_out``.
-            known: (height, width) uint8, 255 where an object is known to be, else 0; None for
-                nowhere.
-            stamp_ns: When it was taken. Stamps that go backwards start the intervals anew.
-            background: (height, width, 3) uint8 BGR, what is behind the known objects.
+                before ``unmark``.
+            known: (height, width) uint8, 255 at known objects, else 0; None without.
+            stamp_ns: When the picture was taken. Stamps that go backwards restart the intervals.
+            background: (height, width, 3) uint8 BGR, used behind the known objects.
         """
         elapsed_s = (stamp_ns - self._tested_ns) / 1e9
         if self._before is not None and 0 <= elapsed_s < TEST_EVERY_S:
@@ -102,23 +102,23 @@ class RestlessPixels:
         if cv2.countNonZero(changed) > LIGHT_SHARE * changed.size:
             changed[:] = 0
         more = cv2.add(self._counts, changed & np.uint8(CHANGE))
-        whole, self._owed = divmod(self._owed + PER_S * elapsed_s, 1)
+        whole, self._remainder = divmod(self._remainder + PER_S * elapsed_s, 1)
         less = np.full_like(changed, min(255, int(whole)))
         self._counts = np.asarray(cv2.subtract(more, less), np.uint8)
         self._before, self._tested_ns = differs, stamp_ns
-        self._places = np.flatnonzero(self._counts >= RESTLESS)
+        self._places = np.flatnonzero(self._counts >= DYNAMIC)
         if not self._kept or stamp_ns - self._kept_ns >= KEEP_EVERY_S * 1e9:
             self._keep(picture, known, background)
             self._kept_ns = stamp_ns
 
     def forget_colours(self) -> None:
-        """Keep which pixels are restless, but not their colours: the light has changed."""
+        """Forget the samples, but not which pixels are dynamic: the light has changed."""
         self._kept = 0
 
     def _keep(self, picture: Image, known: Image | None, background: Image) -> None:
-        """Keep a picture as samples; where an object hides the background, an older one stays.
+        """Keep a picture as samples; where an object hides the background, the old sample stays.
 
-        Without an older one it is the colour of the background.
+        If there is none, it is the colour of ``background``.
         """
         if self._samples.shape[1:] != picture.shape:
             self._samples = np.empty((KEPT, *picture.shape), np.uint8)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from zv.tracker.foreground.beginning import usual_colours
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.initial_background import usual_colours
 from zv.tracker.tracking.fragment import Fragment
 
 TENTH = 100_000_000
@@ -26,14 +26,14 @@ def everywhere(pictures: list[np.ndarray]) -> list[np.ndarray]:
     return [np.ones(picture.shape[:2], np.uint8) for picture in pictures]
 
 
-def test_the_background_is_the_colour_that_comes_again_though_something_hides_it_mostly():
+def test_the_background_is_the_recurring_colour_even_if_it_is_mostly_hidden():
     passing = [(k, 40, 200 - k) for k in (0, 30, 60, 90, 120, 150)]
     pictures = shown([*passing[:4], GREY, (112, 122, 132), *passing[4:], (111, 121, 131)])
     found = usual_colours(pictures, everywhere(pictures))
     assert found.tolist() == [[[111, 121, 131]]]  # the mean of the three
 
 
-def test_a_picture_does_not_count_where_an_object_is_known():
+def test_known_objects_are_ignored_in_the_pictures():
     red = [(20, 20, 200)] * 5
     pictures = shown([GREY, GREY, GREY, *red])
     free = everywhere(pictures)
@@ -43,12 +43,12 @@ def test_a_picture_does_not_count_where_an_object_is_known():
     assert usual_colours(pictures, free).tolist() == [[list(GREY)]]
 
 
-def test_without_three_pictures_of_a_colour_it_is_the_median():
+def test_the_background_is_the_median_without_three_pictures_of_one_colour():
     pictures = shown([(0, 0, 0), (50, 50, 50), (90, 90, 90)])
     assert usual_colours(pictures, everywhere(pictures)).tolist() == [[[50, 50, 50]]]
 
 
-def test_who_was_seen_walking_and_then_stands_in_the_first_seconds_is_not_learned():
+def test_a_tracked_person_who_stands_in_the_first_seconds_is_not_learned():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(60):
         picture, left = empty(), min(60, 4 * k)

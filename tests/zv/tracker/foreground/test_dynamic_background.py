@@ -1,4 +1,4 @@
-"""A background of several colours: what keeps changing is none, and what is before it is seen."""
+"""A dynamic background: changing pixels are not foreground, objects before them are."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from zv.tracker.foreground.dynamic_background import DynamicBackground
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
-from zv.tracker.foreground.restless import RestlessPixels
 
 SECOND = 1_000_000_000
 GREEN, PALE, RED = (40, 120, 60), (170, 170, 160), (30, 30, 220)
@@ -43,7 +43,7 @@ def test_a_screen_that_flickers_becomes_background_within_10_s_and_an_object_bef
         )  # the corners, by the median
 
 
-def test_what_is_passed_now_and_then_by_objects_of_one_colour_is_not_restless():
+def test_pixels_passed_now_and_then_by_objects_of_one_colour_are_not_dynamic():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(600):  # one passes in a second, every 4 s
         picture = backdrop()
@@ -56,38 +56,38 @@ def test_what_is_passed_now_and_then_by_objects_of_one_colour_is_not_restless():
 
 
 def test_after_a_change_of_the_light_the_old_colours_do_not_count():
-    restless = RestlessPixels()
+    dynamic = DynamicBackground()
     limits = np.full((120, 160, 3), 10, np.uint8)
     screen = np.s_[30:80, 40:80]
     for k in range(150):
         marked = np.zeros((120, 160), np.uint8)
         marked[screen] = 255 * (k // 5 % 2)
         shown = flickering(k / 10, changes_after_s=0.5)
-        restless.learn(shown, marked, None, k * SECOND // 10, backdrop())
+        dynamic.learn(shown, marked, None, k * SECOND // 10, backdrop())
     seen, forgotten = np.full((2, 120, 160), 255, np.uint8)
-    restless.leave_out(flickering(0.0), limits, seen)
+    dynamic.unmark(flickering(0.0), limits, seen)
     assert not seen[screen].any()
     assert np.count_nonzero(seen) == 120 * 160 - 50 * 40
-    restless.forget_colours()
-    restless.leave_out(flickering(0.0), limits, forgotten)
+    dynamic.forget_colours()
+    dynamic.unmark(flickering(0.0), limits, forgotten)
     assert forgotten.all()
 
 
 def learned(rate: int, changes: int, calm_s: float) -> np.ndarray:
     """Return what is left of marks everywhere after changes, one every 0.8 s, and a calm."""
-    restless, picture, times = RestlessPixels(), backdrop(), 0
+    dynamic, picture, times = DynamicBackground(), backdrop(), 0
     for k in range(round((0.8 * changes + calm_s) * rate)):
         times = min(changes, int(k / rate / 0.8))
         marked = np.zeros((120, 160), np.uint8)
         marked[:30] = 255 * (times % 2)  # a quarter: more would be a change of the light
-        restless.learn(picture, marked, None, k * SECOND // rate, picture)
+        dynamic.learn(picture, marked, None, k * SECOND // rate, picture)
     seen = np.full((120, 160), 255, np.uint8)
-    restless.leave_out(picture, np.full((120, 160, 3), 10, np.uint8), seen)
+    dynamic.unmark(picture, np.full((120, 160, 3), 10, np.uint8), seen)
     return seen[:30]
 
 
 @pytest.mark.parametrize("rate", [30, 25, 10, 5])
-def test_how_often_a_pixel_must_change_and_how_long_it_is_restless_do_not_depend_on_the_rate(
+def test_how_often_a_pixel_must_change_and_how_long_it_is_dynamic_do_not_depend_on_the_rate(
     rate: int,
 ):
     # Each change adds 10 and 0.8 s take 4 away: 60 are reached by the 10th, not by the 8th.
@@ -98,18 +98,18 @@ def test_how_often_a_pixel_must_change_and_how_long_it_is_restless_do_not_depend
     assert learned(rate, 25, 25).all()
 
 
-def test_a_change_of_the_light_makes_no_pixel_restless():
-    restless, picture = RestlessPixels(), backdrop()
+def test_a_change_of_the_light_makes_no_pixel_dynamic():
+    dynamic, picture = DynamicBackground(), backdrop()
     for k in range(150):
         marked = np.full((120, 160), 255 * (k // 5 % 2), np.uint8)
-        restless.learn(picture, marked, None, k * SECOND // 10, picture)
+        dynamic.learn(picture, marked, None, k * SECOND // 10, picture)
     seen = np.full((120, 160), 255, np.uint8)
-    restless.leave_out(picture, np.full((120, 160, 3), 10, np.uint8), seen)
+    dynamic.unmark(picture, np.full((120, 160, 3), 10, np.uint8), seen)
     assert seen.all()
 
 
-def test_who_stands_before_a_screen_stays_visible_after_the_light_has_changed():
-    restless = RestlessPixels()
+def test_an_object_that_stands_before_a_screen_stays_foreground_after_a_change_of_the_light():
+    dynamic = DynamicBackground()
     screen = np.s_[30:80, 40:80]
     known = np.zeros((120, 160), np.uint8)
     known[screen] = 255
@@ -117,16 +117,16 @@ def test_who_stands_before_a_screen_stays_visible_after_the_light_has_changed():
         shown, marked = flickering(k / 10, changes_after_s=0.5), np.zeros((120, 160), np.uint8)
         marked[screen] = 255 * (k // 5 % 2)
         if k == 150:
-            restless.forget_colours()
+            dynamic.forget_colours()
         if k >= 150:
             shown[screen], marked[screen] = RED, 255
         hidden = known if k >= 150 else None
-        restless.learn(shown, marked, hidden, k * SECOND // 10, backdrop())
-    restless.leave_out(shown, np.full((120, 160, 3), 10, np.uint8), marked)
+        dynamic.learn(shown, marked, hidden, k * SECOND // 10, backdrop())
+    dynamic.unmark(shown, np.full((120, 160, 3), 10, np.uint8), marked)
     assert marked[screen].all()
 
 
-def test_a_clock_that_is_set_back_a_little_leaves_pixels_restless():
+def test_a_clock_that_is_set_back_a_little_leaves_pixels_dynamic():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(200):
         stamp_ns = k * SECOND // 10 - (SECOND // 5 if k > 150 else 0)

@@ -1,4 +1,4 @@
-"""The background of the first seconds, found behind the objects that move in them."""
+"""Estimates the background from the first seconds, behind the objects that move in them."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 
 FOUND_AT_S = (1.0, 2.0, 3.0, 4.5)
-"""Ages at which the background is found from the pictures so far."""
+"""Times since the first picture at which the background is estimated from the pictures so far."""
 
 KEEP_EVERY_S = 0.25
 
 COMPARED = 9
-"""So many pictures are compared at most, from the first to the last."""
+"""Largest number of pictures that are compared, evenly spaced from the first to the last."""
 
 ALIKE = 20
-"""Two values of a pixel are of the same colour if no colour differs by more grey levels."""
+"""Two colours are the same if no channel differs by more than this, grey levels."""
 
 LEAST_ALIKE = 3
-"""A pixel had a colour for long enough if so many pictures show it."""
+"""A colour may be the background's if at least this many pictures show it."""
 
 
-class Beginning:
-    """Keeps pictures of the first seconds, and finds the background from them.
+class InitialBackground:
+    """Keeps pictures of the first seconds, and estimates the background from them.
 
     Args:
         picture: The first one, (height, width, 3) uint8 BGR.
@@ -41,18 +41,18 @@ class Beginning:
 
     @property
     def over(self) -> bool:
-        """Whether the background is found, so that no more pictures are needed."""
+        """Whether the last estimate was made, so that no more pictures are needed."""
         return self._found == len(FOUND_AT_S)
 
     def update(
         self, picture: Image, stamp_ns: int, known: Image | None, background: Image
     ) -> Image | None:
-        """Take a picture, and return the background if it is time to find it, else None.
+        """Add a picture; return the background if an estimate is due, else None.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
             stamp_ns: When it was taken.
-            known: (height, width) uint8, not 0 where an object is known to be; None for nowhere.
+            known: (height, width) uint8, not 0 at known objects; None without.
             background: The background so far.
         """
         if self.over:
@@ -69,32 +69,36 @@ class Beginning:
         if age_s < FOUND_AT_S[self._found]:
             return None
         while not self.over and age_s >= FOUND_AT_S[self._found]:
-            self._found += 1  # once for all that are due, as after a pause
+            self._found += 1  # several may be due after a pause; they are made at once
         enough = len(self._pictures) >= LEAST_ALIKE
         return usual_colours(self._pictures, self._free) if enough else None
 
     def replace(self, picture: Image, where: Image) -> None:
-        """Forget what was seen where a mask, (height, width) uint8, is not 0; that is a picture's.
+        """Replace a part of all kept pictures by that of another picture.
 
         Args:
             picture: (height, width, 3) uint8 BGR.
-            where: The mask.
+            where: (height, width) uint8, not 0 in that part.
         """
         for seen in self._pictures:
             cv2.copyTo(picture, where, seen)
 
 
 def usual_colours(pictures: Sequence[Image], free: Sequence[Image]) -> Image:
-    """Return the colour that each pixel had in most pictures, though not in most of the time.
+    """Return the colour that the largest number of pictures agree on at each pixel.
 
-    Who walks slowly hides a place for longer than it is seen, but shows there one colour after the
-    other, while the background's is always the same. So the colour is the mean of the largest
-    number of values that are alike. Where there are too few of these, it is the median.
+    A person who walks slowly may hide a place in most of the pictures, but in changing colours,
+    while the background's colour stays the same. The result is therefore the mean of the largest
+    set of similar values. If that has fewer than ``LEAST_ALIKE`` values, the result is a median of
+    all pictures.
 
     Args:
         pictures: (height, width, 3) uint8 BGR, from first to last; at least 3.
-        free: Of each picture, (height, width) uint8, 0 where it does not count, else 1. It counts
-            for the median.
+        free: Of each picture, (height, width) uint8, 0 where it is ignored, else 1; the median
+            ignores nothing.
+
+    Returns:
+        (height, width, 3) uint8 BGR.
     """
     places = sorted({round(at) for at in np.linspace(0, len(pictures) - 1, COMPARED)})
     shown, counted = [pictures[at] for at in places], [free[at] for at in places]
@@ -117,17 +121,16 @@ def usual_colours(pictures: Sequence[Image], free: Sequence[Image]) -> Image:
 
 
 def _same(one: Image, other: Image) -> Image:
-    """Return where two pictures are alike, (height, width), 255 there, else 0."""
+    """Return where two pictures have the same colour: (height, width), 255 there, else 0."""
     apart = cv2.absdiff(one, other)
     return np.asarray(cv2.inRange(apart, (0.0, 0.0, 0.0), (float(ALIKE),) * 3), np.uint8)
 
 
 def _middle(pictures: Sequence[Image]) -> Image:
-    """Return about the median of each value of some pictures, at least 3, from first to last.
+    """Return the approximate median of each value of at least 3 pictures, from first to last.
 
-    It is the median of the medians of three of nine pictures, which are taken from different
-    times, so that a value that is there for most of the time is found (J. W. Tukey, "The ninther",
-    1978). It costs a twentieth of a sort.
+    It is the ninther (J. W. Tukey, "The ninther", 1978): the median of the medians of three groups
+    of three pictures, each taken from different times. It costs a twentieth of a sort.
     """
     nine = [pictures[round(place)] for place in np.linspace(0, len(pictures) - 1, 9)]
     thirds = [_median(*nine[first::3]) for first in range(3)]
