@@ -117,8 +117,7 @@ class Tracker:
         return [
             target.box
             for target in self.targets
-            if target.confirmed
-            and target.travelled > PROTECTED_SIDES
+            if target.travelled > PROTECTED_SIDES
             and self.now_ns - target.moved_ns < limit_ns
             and target.missing_s(self.now_ns) < SHOWN_S
         ]

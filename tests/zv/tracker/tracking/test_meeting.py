@@ -176,7 +176,6 @@ def test_what_appears_where_pixels_keep_changing_is_confirmed_where_they_do_not(
         scene = Scene(np.full((SIZE[1], SIZE[0], 3), 120, np.uint8), mask, changes)
         tracks = tracker.update([Fragment(left, 40, left + 20, 80, 800)], k * SECOND // 10, scene)
         states.append(tracks[0].state)
-        assert bool(tracker.protected()) == (states[-1] == "confirmed")
     assert states == ["tentative"] * 10 + ["confirmed"] * 10  # from 140 to 160 the mean is 20
 
 
