@@ -50,6 +50,11 @@ class DynamicBackground:
         self._remainder = 0.0  # fraction of a count, to be subtracted later
         self._places: NDArray[np.intp] = np.zeros(0, np.intp)  # of dynamic pixels
 
+    @property
+    def changes(self) -> Image | None:
+        """The count of changes of each pixel, (height, width) uint8; None before two pictures."""
+        return self._counts if self._counts.size else None
+
     def unmark(self, picture: Image, limits: Image, marked: Image) -> None:
         """Set the mask to 0 at dynamic pixels that have one of their usual colours.
 

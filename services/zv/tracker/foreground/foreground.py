@@ -71,6 +71,11 @@ class ForegroundDetector:
         self.adjust(parameters)
         self.reset()
 
+    @property
+    def changes(self) -> Image | None:
+        """How often each pixel has changed lately; None before two pictures."""
+        return self._dynamic.changes
+
     def adjust(self, parameters: ForegroundParameters) -> None:
         """Continue with other parameters; only another subtractor learns anew."""
         if parameters.subtractor != self.background.subtractor:

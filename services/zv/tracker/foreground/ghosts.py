@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.background import SHADOW, BackgroundModel
 from zv.tracker.foreground.fragments import fragments_of
+from zv.tracker.foreground.lighting import same_texture
 from zv.tracker.tracking.fragment import Fragment
 
 Image = NDArray[np.uint8]
@@ -29,6 +30,17 @@ GHOST_SHARE = 0.3
 
 FREE_SHARE = 0.5
 """Least share of a still region's outline that must border on background."""
+
+LIKELY = 0.5
+"""Also if the share is smaller than this, and the likeness of its texture to the background's is
+larger: a faint ghost, whose outline alone says little."""
+
+BACKGROUND_TEXTURE = 0.8
+"""A region whose texture is so much like the background's, while its colours are off here by more
+and there by less, is the background, which was learned with someone half before it."""
+
+EVEN = 0.95
+"""If so much of the difference is the same everywhere, it may be an object of about that colour."""
 
 SIDE = 7
 """Side of the square window in which colours on both sides of the outline are compared, pixels."""
@@ -92,18 +104,25 @@ class GhostFinder:
             np.asarray(cv2.morphologyEx(each, cv2.MORPH_CLOSE, BAND), np.uint8)
             for each in (cv2.medianBlur(still, 3), mask)
         )
-        found = [
-            region
-            for region in fragments_of(still, LEAST_AREA, math.inf)
-            if picture_share(picture, model.picture(), mask, still, region) < GHOST_SHARE
-        ]
-        if not found:
+        ghosts, same = np.zeros_like(marked), np.zeros_like(marked)
+        background = model.picture()
+        for region in fragments_of(still, LEAST_AREA, math.inf):
+            inside = _cut(region, 0)
+            where = still[inside]
+            texture = same_texture(background[inside], picture[inside], where)
+            share = picture_share(picture, background, mask, still, region)
+            if share < GHOST_SHARE or (share < LIKELY and texture > LIKELY):
+                ghosts[inside] = where
+            elif texture > BACKGROUND_TEXTURE and (
+                evenness(picture[inside], background[inside], where) < EVEN
+            ):
+                same[inside] = where
+        # Beside a ghost is background; beside what has its texture may be someone.
+        ghosts = np.asarray(cv2.dilate(ghosts, BAND), np.uint8) | same
+        if not ghosts.any():
             self._times = None
             return None
-        ghosts = np.zeros_like(marked)
-        for inside in (_cut(region, 0) for region in found):
-            ghosts[inside] = still[inside]
-        ghosts = self._sure(np.asarray(cv2.dilate(ghosts, BAND), np.uint8), known)
+        ghosts = self._sure(ghosts, known)
         return ghosts if ghosts.any() else None
 
     def _sure(self, ghosts: Image, known: Image | None) -> Image:
@@ -150,6 +169,20 @@ def picture_share(
     step = shown - _step(background[cut], inside, outside, outline)
     total = float(np.vdot(step, step))
     return float(np.vdot(shown, step)) / total if total > 0 else 1.0
+
+
+def evenness(picture: Image, background: Image, where: Image) -> float:
+    """Return how much of the difference of two pictures is the same everywhere: 0 to 1.
+
+    Args:
+        picture: (height, width, 3) uint8 BGR.
+        background: The same.
+        where: (height, width) uint8, not 0 where they are compared.
+    """
+    off = (picture.astype(np.float32) - background)[where > 0]
+    mean = off.mean(axis=0)
+    total = float(np.vdot(off, off)) / len(off)
+    return float(np.vdot(mean, mean)) / total if total > 0 else 1.0
 
 
 def _step(

@@ -14,6 +14,10 @@ from zv.tracker.tracking.fragment import Fragment
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
+MOST_CHANGES = 25.0
+"""Mean count of changes above which nothing new is believed. It is 3 to 21 where an object is for
+the first time, and 26 to 200 on leaves that have swayed for a second or two."""
+
 LEVELS = 8
 """Bins of a histogram for each colour channel."""
 
@@ -34,10 +38,13 @@ class Scene:
     Attributes:
         picture: (height, width, 3) uint8 BGR.
         mask: (height, width) uint8, 255 on the foreground, else 0.
+        changes: (height, width) uint8, for each pixel 10 for each time that it changed between
+            background and something else, less 5 for each second; None if that is not known.
     """
 
     picture: Image
     mask: Image
+    changes: Image | None = None
 
     def cut(self, box: Fragment) -> tuple[slice, slice]:
         """Return the rows and columns of a box, clipped to the picture; they may be empty."""
@@ -45,6 +52,14 @@ class Scene:
         left, top = max(0, round(box.left)), max(0, round(box.top))
         right, bottom = min(width, round(box.right)), min(height, round(box.bottom))
         return slice(top, max(top, bottom)), slice(left, max(left, right))
+
+    def is_settled(self, box: Fragment) -> bool:
+        """Return whether there is foreground in a box, and not where pixels keep changing."""
+        if self.changes is None:
+            return True
+        cut = self.cut(box)
+        changes, mask = self.changes[cut], self.mask[cut]
+        return cv2.countNonZero(mask) > 0 and cv2.mean(changes, mask)[0] <= MOST_CHANGES
 
 
 class Appearance:

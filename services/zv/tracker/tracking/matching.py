@@ -171,7 +171,7 @@ class Matcher:
         mine, other = parts if costs[0] <= costs[1] else parts[::-1]
         target.parted_ns = None
         target.resize(mine.width, mine.height, mine.area, 1.0)
-        target.appearance = Appearance()
+        target.appearance, target.whole = Appearance(), (0.0, 0.0)
         target.correct(mine.center, self._targets.now_ns)
         split = self._targets.begin(other)
         if split is not None:

@@ -17,6 +17,9 @@ PLAUSIBLE = 1.7
 """Foreground whose area differs from the object's usual one by less than this factor is all of the
 object: its bounding box is then the track's box, whatever the size in other poses."""
 
+WHOLE_TIME_S = 3.0
+"""Time after which the size of an object that was seen from end to end has faded by 63 %."""
+
 APPEARANCE_TIME_S = 1.0
 LEARN_EVERY_S = 0.15
 GROUP_MEMORY_S = 1.5
@@ -73,6 +76,9 @@ def measure(
         target.shown = found
     if alone and complete and target.full and not at_border:
         target.alone_s += dt_s
+        faded = math.exp(-dt_s / WHOLE_TIME_S)
+        across, down = target.whole
+        target.whole = max(found.width, faded * across), max(found.height, faded * down)
     before = target.travelled
     if entering:  # its motion is that of the edge inside the picture; its box is the part in view
         target.correct((x, y), targets.now_ns)
@@ -80,7 +86,7 @@ def measure(
     elif complete and found.pixels_at is not None:
         target.correct(target.steadied((x, y), found.pixels_at, share), targets.now_ns)
     else:
-        target.correct((x, y), targets.now_ns)
+        target.correct((x, y), targets.now_ns, (width, height))
     target.clear_ns = targets.now_ns
     if target.speed > 0.2 or target.travelled > before:
         target.moved_ns = targets.now_ns

@@ -35,11 +35,12 @@ def without_parts(members: list[Target], whole: Fragment, targets: Targets) -> l
     object.
     """
     unproven = [each for each in members if each.alone_s < PROVEN_S]
-    largest = max(members, key=lambda each: (each.area, -each.id))
+    largest = max(members, key=lambda each: (_whole_area(each), -each.id))
     kept = max(unproven, key=lambda each: (each.confirmed, each.area, -each.id), default=largest)
     parts = {each.id for each in unproven if each is not kept}
     if kept is not largest and not kept.confirmed and _fits(whole, largest):
         parts.add(kept.id)
+        largest.become(whole)
     for number in parts:
         targets.drop(number)
     return [each for each in members if each.id not in parts]
@@ -60,8 +61,7 @@ def join_stacked(members: list[Target], targets: Targets) -> None:
         elif targets.since_s(younger.stacked_ns) >= STACKED_S:
             targets.drop(younger.id)
             whole = union([older.box, younger.box])
-            older.resize(whole.width, whole.height, whole.area, 1.0)
-            older.x.position, older.y.position = whole.center
+            older.become(whole)
 
 
 def drop_duplicates(members: list[Target], whole: Fragment, targets: Targets) -> None:
@@ -76,7 +76,13 @@ def drop_duplicates(members: list[Target], whole: Fragment, targets: Targets) ->
 
 def _fits(whole: Fragment, target: Target) -> bool:
     """Return whether the box of a region is about as large as that of an object."""
-    return whole.width < GROWN * target.width and whole.height < GROWN * target.height
+    width, height = max(target.width, target.whole[0]), max(target.height, target.whole[1])
+    return whole.width < GROWN * width and whole.height < GROWN * height
+
+
+def _whole_area(target: Target) -> float:
+    """Return the area of its box, when that was last seen from end to end, if it is smaller now."""
+    return max(target.width * target.height, target.whole[0] * target.whole[1])
 
 
 def _stacked(one: Fragment, other: Fragment) -> bool:

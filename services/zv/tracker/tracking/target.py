@@ -18,6 +18,9 @@ SPEED = 1.5
 """Standard deviation of the speed of a new object, sides per second."""
 
 NOISE_SIDES, NOISE_PIXELS = 0.05, 0.5
+UNSURE = 4.0
+"""The error of a middle that is concluded from one edge is so many times as large."""
+
 SHOWN_S = 0.3
 """A confirmed track that is not seen for longer than this is lost."""
 
@@ -52,6 +55,8 @@ class Target:
         clear_ns: When some of the foreground was last clearly its own.
         alone_s: For how long it was seen alone, complete, away from the border of the picture.
         full: Whether it was ever seen away from the border of the picture.
+        whole: Width and height that it had when it was last seen from end to end; they fade, and
+            are 0 if it never was.
         shown: Its own foreground in this frame, if that seems to be all of it.
         steady: A point of the object as measured in this frame; None if it was not measured. It
             moves with the object even while the object enters the picture, when the centre of the
@@ -82,6 +87,7 @@ class Target:
     clear_ns: int = 0
     alone_s: float = 0.0
     full: bool = False
+    whole: Point = (0.0, 0.0)
     shown: Fragment | None = None
     steady: Point | None = None
     offset: Point = (0.0, 0.0)
@@ -117,13 +123,18 @@ class Target:
         self.x.velocity *= factor
         self.y.velocity *= factor
 
-    def correct(self, measured: tuple[float, float], stamp_ns: int) -> None:
-        """Correct the state by a measured centre."""
+    def correct(
+        self, measured: Point, stamp_ns: int, sure: tuple[bool, bool] = (True, True)
+    ) -> None:
+        """Correct the state by a measured centre, less along an axis where that is not sure."""
         side = self.side
         deviation = NOISE_SIDES * side + NOISE_PIXELS
-        for axis, position in ((self.x, measured[0]), (self.y, measured[1])):
-            axis.adapt(position, deviation)
-            axis.correct(position, deviation)
+        for axis, position, is_sure in zip((self.x, self.y), measured, sure, strict=True):
+            if is_sure:
+                axis.adapt(position, deviation)
+                axis.correct(position, deviation)
+            else:
+                axis.correct(position, UNSURE * deviation)
         self.steady = _minus(measured, self.offset)
         self.seen_ns = stamp_ns
         self.hits += 1
@@ -167,6 +178,12 @@ class Target:
         self.width += (width - self.width) * share
         self.height += (height - self.height) * share
         self.area += (area - self.area) * share
+
+    def become(self, found: Fragment) -> None:
+        """Take the box of what was found to be all of it, without a motion of the object."""
+        self.resize(found.width, found.height, found.area, 1.0)
+        self.x.position, self.y.position = found.center
+        self.shift = None
 
     def missing_s(self, stamp_ns: int) -> float:
         """Return the seconds since it was last seen."""

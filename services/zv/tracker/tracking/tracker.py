@@ -104,7 +104,7 @@ class Tracker:
             target.predict(min(dt_s, MAX_STEP_S))
         free = Matcher(self._targets, fragments, dt_s, scene, convex=self.parameters.convex).match()
         self._begin(free, scene)
-        self._confirm_and_end()
+        self._confirm_and_end(scene)
         return self.tracks()
 
     def tracks(self) -> list[Track]:
@@ -162,15 +162,18 @@ class Tracker:
             if target is not None and scene is not None:
                 target.appearance.learn(scene, target.box, 1.0)
 
-    def _confirm_and_end(self) -> None:
+    def _confirm_and_end(self, scene: Scene | None) -> None:
         wanted, now_ns = self.parameters, self.now_ns
         kept = []
         for target in self.targets:
             age_s = (now_ns - target.born_ns) / 1e9
             if (
-                age_s >= wanted.confirm_s
+                not target.confirmed
+                and target.seen_ns == now_ns  # what flickers is lost where it was expected
+                and age_s >= wanted.confirm_s
                 and target.hits >= wanted.confirm_hits
                 and target.travelled >= wanted.confirm_sides
+                and (scene is None or scene.is_settled(target.shown or target.box))
             ):
                 target.confirmed = True
             missing_s = target.missing_s(now_ns)

@@ -181,6 +181,31 @@ def test_a_ghost_tracked_as_an_object_disappears_within_3_s():
     assert not mask.any()
 
 
+def test_the_background_learned_with_less_contrast_is_corrected_though_an_object_is_known_there():
+    paler, patch = backdrop(), np.s_[40:80, 60:80]
+    paler[patch] = 105 + (paler[patch].astype(float) - 105) * 0.5
+    found = ForegroundDetector(ForegroundParameters())
+    for k in range(60):
+        found.update(paler, k * TENTH, [])
+    for k in range(60, 90):
+        mask, _ = found.update(backdrop(), k * TENTH, [Fragment(60, 40, 80, 80, 800)])
+        assert mask.any() or k > 62
+    assert not mask.any()
+
+
+def test_a_ghost_is_found_where_the_background_has_an_edge_of_its_own():
+    stone, shaded = backdrop(), backdrop()
+    stone[40:80, 60:80] += 9
+    shaded[40:80, 60:80] -= 13  # so of the step in the difference 0.4 is the picture's
+    found = ForegroundDetector(ForegroundParameters(detect_shadows=False))
+    for k in range(60):
+        found.update(shaded, k * TENTH, [])
+    for k in range(60, 90):
+        mask, _ = found.update(stone, k * TENTH, [Fragment(60, 40, 80, 80, 800)])
+        assert mask.any() or k > 62
+    assert not mask.any()
+
+
 def test_a_person_who_stops_walking_in_the_first_seconds_is_not_learned():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(60):

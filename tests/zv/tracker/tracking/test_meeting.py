@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import cv2
@@ -137,3 +138,53 @@ def test_a_head_briefly_separate_from_its_body_does_not_become_a_track(rate: int
     assert found[-1][0].id == found[rate][0].id
     for tracks in found:
         assert sum(track.state == "confirmed" for track in tracks) <= 1
+
+
+@pytest.mark.parametrize("rate", [30, 10, 5])
+def test_one_of_whom_only_parts_were_seen_behind_a_sign_is_one_track_again(rate: int):
+    frames: list[Painted] = []
+    for k in range(4 * rate):
+        time_s = k / rate
+        left = 10 + 40 * time_s
+        head, legs = (left, 20, 20, 40), (left, 64, 20, 30)
+        seen = [legs] if 1.6 <= time_s < 2.8 else [head, legs] if 2.8 <= time_s < 3.1 else []
+        frames.append([(part, RED) for part in seen or [(left, 20, 20, 74)]])
+    found = tracked(frames, rate)
+    for tracks in found[math.ceil(3.1 * rate) :]:
+        assert [track.id for track in tracks] == [1]
+        assert tracks[0].box[3] == pytest.approx(74, abs=6)
+
+
+@pytest.mark.parametrize("rate", [20, 10, 5])
+def test_one_whose_legs_become_hidden_does_not_seem_to_rise(rate: int):
+    frames: list[Painted] = []
+    for k in range(2 * rate):
+        height = 80 if k <= 1.5 * rate else 38  # then a wall hides the rest
+        frames.append([((10 + 80 * k / rate, 20, 24, height), RED)])
+    found = tracked(frames, rate)
+    assert max(abs(tracks[0].vy) for tracks in found) < 10
+
+
+def test_what_appears_where_pixels_keep_changing_is_confirmed_where_they_do_not():
+    tracker, states = Tracker(TrackingParameters(), SIZE), []
+    changes = np.zeros(SIZE[::-1], np.uint8)
+    changes[:, :150] = 40
+    for k in range(20):
+        left = 20 + 12 * k
+        mask = np.zeros(SIZE[::-1], np.uint8)
+        mask[40:80, left : left + 20] = 255
+        scene = Scene(np.full((SIZE[1], SIZE[0], 3), 120, np.uint8), mask, changes)
+        tracks = tracker.update([Fragment(left, 40, left + 20, 80, 800)], k * SECOND // 10, scene)
+        states.append(tracks[0].state)
+    assert states == ["tentative"] * 10 + ["confirmed"] * 10  # from 140 to 160 the mean is 20
+
+
+def test_what_is_not_seen_in_a_frame_is_not_confirmed_with_it():
+    tracker = Tracker(TrackingParameters(), SIZE)
+    for k in range(4):
+        left = 20 + 10 * k
+        tracker.update([Fragment(left, 40, left + 20, 80, 800)], k * SECOND // 10)
+    (track,) = tracker.update([], 4 * SECOND // 10)
+    assert track.state == "tentative"
+    (track,) = tracker.update([Fragment(70, 40, 90, 80, 800)], 5 * SECOND // 10)
+    assert track.state == "confirmed"
