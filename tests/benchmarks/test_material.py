@@ -25,9 +25,12 @@ def test_frames_are_those_of_the_synthetic_scene(capsys: pytest.CaptureFixture[s
 def test_the_trackers_pipelines_are_not_measured_but_its_large_cameras_are(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr(bench.tracker, "large_cameras", lambda seconds, pipeline: pipeline)
+    monkeypatch.setattr(
+        bench.tracker, "large_cameras", lambda _, pipeline, *, edges: f"{pipeline} {edges}"
+    )
     bench.measure_tracker(argparse.Namespace(seconds=0.1))
     said = capsys.readouterr().out
     assert "not measured: vtest.avi" in said
-    assert "tutorial" in said
-    assert "robust" in said
+    assert "tutorial False" in said
+    assert "robust False" in said
+    assert "robust True" in said
