@@ -36,9 +36,10 @@ def without_parts(members: list[Target], whole: Fragment, targets: Targets) -> l
     """
     unproven = [each for each in members if each.alone_s < PROVEN_S]
     largest = max(members, key=lambda each: (_whole_area(each), -each.id))
-    kept = max(unproven, key=lambda each: (each.confirmed, each.area, -each.id), default=largest)
+    kept = max(unproven, key=lambda each: (each.confirmed, each.area, -each.id), default=None)
     parts = {each.id for each in unproven if each is not kept}
-    if kept is not largest and not kept.confirmed and _fits(whole, largest):
+    is_proven = largest.alone_s >= PROVEN_S
+    if kept is not None and is_proven and not kept.confirmed and _fits(whole, largest):
         parts.add(kept.id)
         largest.become(whole)
     for number in parts:
@@ -81,7 +82,7 @@ def _fits(whole: Fragment, target: Target) -> bool:
 
 
 def _whole_area(target: Target) -> float:
-    """Return the area of its box, when that was last seen from end to end, if it is smaller now."""
+    """Return the larger of the area of its box and that of its recent whole size."""
     return max(target.width * target.height, target.whole[0] * target.whole[1])
 
 

@@ -8,7 +8,9 @@ import pytest
 from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.groups import divide
+from zv.tracker.tracking.merging import without_parts
 from zv.tracker.tracking.target import Target, new_target
+from zv.tracker.tracking.targets import Targets
 
 SIZE = (100, 200)  # rows, columns
 RED, BLUE = (20, 20, 200), (200, 60, 20)
@@ -98,3 +100,13 @@ def test_foreground_outside_of_a_shared_region_is_not_divided():
         scene,
     )
     assert edges(of_two.box) == two
+
+
+def test_of_parts_that_were_never_seen_alone_one_stays_when_another_has_the_larger_box():
+    targets = Targets((100, 200), 1)
+    sparse = targets.begin(Fragment(0, 0, 40, 40, 300))
+    dense = targets.begin(Fragment(5, 5, 35, 40, 900))
+    assert sparse is not None
+    assert dense is not None
+    assert without_parts([sparse, dense], Fragment(0, 0, 40, 40, 900), targets) == [dense]
+    assert targets.all == [dense]
