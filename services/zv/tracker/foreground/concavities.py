@@ -25,7 +25,8 @@ LONGEST_CUT = 1.6
 """Longest cut, as a multiple of the root of the smaller part's area."""
 
 MAX_CORNERS, MAX_STARTS = 128, 8
-"""Of an outline, and of cuts that are tried in it, so that the time for a region has a bound."""
+"""Most corners of an outline, and most concavities at which cuts of it are tried, so that the time
+for a region has a bound."""
 
 Outline = NDArray[np.int32]
 """(n, 1, 2), closed."""
@@ -79,7 +80,10 @@ def _best_cut(outline: Outline, min_area: float) -> tuple[int, int] | None:
         near = set(np.flatnonzero(lengths <= LONGEST_CUT * math.sqrt(area / 2))[::2].tolist())
         for end in near.union(starts) - {start}:
             parts = _parts(outline, *sorted((start, end)))
-            smaller = min(map(cv2.contourArea, parts))
+            areas = [cv2.contourArea(part, oriented=True) for part in parts]
+            if areas[0] * areas[1] <= 0:
+                continue  # a line outside of the region, across the mouth of a concavity
+            smaller = min(map(abs, areas))
             if smaller < least or lengths[end] > LONGEST_CUT * math.sqrt(smaller):
                 continue
             left = sum(map(_missing, parts))

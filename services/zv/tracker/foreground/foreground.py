@@ -73,8 +73,8 @@ class ForegroundDetector:
 
     @property
     def changes(self) -> Image | None:
-        """How often each pixel has changed lately; None before two pictures."""
-        return self._dynamic.changes
+        """How often each pixel has changed lately; None before two pictures, and while frozen."""
+        return None if self._parameters.frozen else self._dynamic.changes
 
     def adjust(self, parameters: ForegroundParameters) -> None:
         """Continue with other parameters; only another subtractor learns anew."""

@@ -32,15 +32,15 @@ FREE_SHARE = 0.5
 """Least share of a still region's outline that must border on background."""
 
 LIKELY = 0.5
-"""Also if the share is smaller than this, and the likeness of its texture to the background's is
-larger: a faint ghost, whose outline alone says little."""
+"""A region is also a ghost if its share is below this value and the correlation of its texture with
+the background's is above it: a faint ghost, whose outline alone says little."""
 
 BACKGROUND_TEXTURE = 0.8
-"""A region whose texture is so much like the background's, while its colours are off here by more
-and there by less, is the background, which was learned with someone half before it."""
+"""A region whose texture correlates with the background's by more than this, and whose difference
+in colour is uneven, is background that was learned while an object half covered it."""
 
 EVEN = 0.95
-"""If so much of the difference is the same everywhere, it may be an object of about that colour."""
+"""Above this share of an even difference, the region may be an object of a similar colour."""
 
 SIDE = 7
 """Side of the square window in which colours on both sides of the outline are compared, pixels."""
@@ -87,7 +87,8 @@ class GhostFinder:
             stamp_ns: When the picture was taken.
 
         Returns:
-            (height, width) uint8, not 0 on ghosts; None without ghosts.
+            (height, width) uint8, not 0 on ghosts and on background that was learned half
+            covered; None without either.
         """
         before, self._tested_ns = self._before, stamp_ns
         self._before = [*before[1 - STILL_PICTURES :], picture.copy()]
@@ -117,7 +118,8 @@ class GhostFinder:
                 evenness(picture[inside], background[inside], where) < EVEN
             ):
                 same[inside] = where
-        # Beside a ghost is background; beside what has its texture may be someone.
+        # Pixels beside a ghost are background; those beside background that was learned half
+        # covered may be the object that covers it.
         ghosts = np.asarray(cv2.dilate(ghosts, BAND), np.uint8) | same
         if not ghosts.any():
             self._times = None

@@ -158,9 +158,9 @@ def _on_plane(
 def _with_perspective(found: Predicted, path: Path, view: PlaneView) -> Predicted:
     """Return a prediction whose deviation on the plane includes that of the centre of the box.
 
-    Perspective shows the nearer half of a flat object larger. So the centre of its box is off the
-    centre of the object, by up to the difference between the place of that centre and the mean
-    place of the edges of the box.
+    Perspective shows the nearer half of a flat object larger, so the centre of its box is off the
+    centre of the object. Along each axis of the picture, the error is the distance on the plane
+    between the centre of the box and the midpoint of its two opposite edges; both are added.
     """
     if found.world_sigma is None or not np.array_equal(path.anchor, path.center):
         return found

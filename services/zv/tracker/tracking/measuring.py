@@ -18,7 +18,8 @@ PLAUSIBLE = 1.7
 object: its bounding box is then the track's box, whatever the size in other poses."""
 
 WHOLE_TIME_S = 3.0
-"""Time after which the size of an object that was seen from end to end has faded by 63 %."""
+"""Time constant with which the largest size of an object fades while it is seen alone and
+complete."""
 
 APPEARANCE_TIME_S = 1.0
 LEARN_EVERY_S = 0.15

@@ -19,7 +19,7 @@ SPEED = 1.5
 
 NOISE_SIDES, NOISE_PIXELS = 0.05, 0.5
 UNSURE = 4.0
-"""The error of a middle that is concluded from one edge is so many times as large."""
+"""Factor of the error where only one edge was seen, and the centre is computed from the size."""
 
 SHOWN_S = 0.3
 """A confirmed track that is not seen for longer than this is lost."""
@@ -55,8 +55,8 @@ class Target:
         clear_ns: When some of the foreground was last clearly its own.
         alone_s: For how long it was seen alone, complete, away from the border of the picture.
         full: Whether it was ever seen away from the border of the picture.
-        whole: Width and height that it had when it was last seen from end to end; they fade, and
-            are 0 if it never was.
+        whole: Largest width and height in which it was seen from end to end; they fade while it
+            is seen so again, and are 0 if it never was.
         shown: Its own foreground in this frame, if that seems to be all of it.
         steady: A point of the object as measured in this frame; None if it was not measured. It
             moves with the object even while the object enters the picture, when the centre of the
@@ -182,6 +182,8 @@ class Target:
     def become(self, found: Fragment) -> None:
         """Take the box of what was found to be all of it, without a motion of the object."""
         self.resize(found.width, found.height, found.area, 1.0)
+        moved = _minus(found.center, (self.x.position, self.y.position))
+        self.offset = self.offset[0] + moved[0], self.offset[1] + moved[1]
         self.x.position, self.y.position = found.center
         self.shift = None
 

@@ -32,6 +32,10 @@ TENTATIVE_S = 0.3
 PROTECTED_SIDES = 1.2
 """An object that has moved farther than this is kept out of the background even if it stands."""
 
+SETTLED_SIDES = 3.0
+"""An object that has moved farther than this is confirmed also where pixels keep changing: leaves
+sway less, and in a lane with much traffic the objects themselves change the pixels."""
+
 
 @dataclass(frozen=True, slots=True)
 class TrackingParameters:
@@ -173,7 +177,11 @@ class Tracker:
                 and age_s >= wanted.confirm_s
                 and target.hits >= wanted.confirm_hits
                 and target.travelled >= wanted.confirm_sides
-                and (scene is None or scene.is_settled(target.shown or target.box))
+                and (
+                    scene is None
+                    or target.travelled > SETTLED_SIDES
+                    or scene.is_settled(target.shown or target.box)
+                )
             ):
                 target.confirmed = True
             missing_s = target.missing_s(now_ns)

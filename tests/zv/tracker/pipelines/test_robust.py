@@ -152,3 +152,24 @@ def test_objects_that_touch_at_all_times_are_two_if_all_are_convex(convex: bool)
     if convex:
         assert boxes[0] == pytest.approx((130, 90, 40, 30), abs=3)
         assert boxes[1] == pytest.approx((138, 120, 48, 36), abs=3)
+
+
+@pytest.mark.parametrize(
+    ("rate", "gap_s", "speed"), [(5, 1.0, 120), (10, 1.0, 120), (30, 0.6, 120)]
+)
+def test_objects_of_a_lane_with_much_traffic_are_confirmed_all_the_time(
+    rate: int, gap_s: float, speed: int
+):
+    robust, first_at_s = RobustTracker(), 3.0
+    seconds = 15 if rate == 10 else 18
+    confirmed: set[int] = set()
+    for k in range(seconds * rate):
+        picture, time_s = backdrop(192, 144), k / rate
+        for number in range(int((time_s - first_at_s) // gap_s) + 1):
+            x = round(speed * (time_s - first_at_s - number * gap_s))
+            color = ((20, 20, 200), (200, 60, 20), (20, 190, 30))[number % 3]
+            picture[60:90, max(0, x - 18) : max(0, min(x, 192))] = color
+        tracks = robust.update(picture, k * 1_000_000_000 // rate)
+        confirmed |= {track.id for track in tracks if track.state == "confirmed"}
+    passed = int((seconds - first_at_s - 192 / speed) / gap_s)
+    assert len(confirmed) >= passed

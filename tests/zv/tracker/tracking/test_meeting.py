@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -188,3 +189,18 @@ def test_what_is_not_seen_in_a_frame_is_not_confirmed_with_it():
     assert track.state == "tentative"
     (track,) = tracker.update([Fragment(70, 40, 90, 80, 800)], 5 * SECOND // 10)
     assert track.state == "confirmed"
+
+
+@pytest.mark.parametrize("rate", [30, 10])
+def test_becoming_whole_again_is_not_a_motion_of_the_steady_point(rate: int):
+    frames: list[Painted] = []
+    for k in range(4 * rate):
+        time_s = k / rate
+        left = 10 + 40 * time_s
+        head, legs = (left, 20, 20, 40), (left, 64, 20, 30)
+        seen = [legs] if 1.6 <= time_s < 2.8 else [head, legs] if 2.8 <= time_s < 3.1 else []
+        frames.append([(part, RED) for part in seen or [(left, 20, 20, 74)]])
+    found = tracked(frames, rate)
+    points = [tracks[0].steady for tracks in found[math.ceil(2.8 * rate) - 2 :]]
+    jumps = [abs(b[1] - a[1]) for a, b in pairwise(each for each in points if each is not None)]
+    assert max(jumps) < 4
