@@ -110,10 +110,10 @@ def describe(options: NamedOptions, connection: Connection, output: Output) -> N
 
 
 def set_(options: SetOptions, connection: Connection, output: Output) -> None:
-    """Set parameters of a node, all or none; or of each node that a pattern matches.
+    """Set parameters of a node, or of each node that a pattern matches, all or none on each.
 
     Raises:
-        ParameterRefused: A node refuses; of a pattern, other nodes may have changed.
+        ConfigurationError: A node refuses; others that match a pattern may have changed.
         ExpectationNotMet: A node does not answer, or none matches.
     """
     texts = assignments(options.values)
