@@ -27,7 +27,7 @@ ALIASES: Final[dict[str, DistortionModel]] = {"fisheye": "equidistant", "": "plu
 """Other names for models: ROS' calibrator wrote ``fisheye``; a driver without distortion ``""``."""
 
 TOLERANCE_PX: Final = 0.1
-"""Largest distance of a pixel from itself undistorted and distorted again."""
+"""A pixel that is undistorted and then distorted again may be off by this much."""
 
 CONVERGED: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 

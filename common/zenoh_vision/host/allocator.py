@@ -25,8 +25,8 @@ def keep_freed_memory() -> None:
     """Have glibc keep freed memory, up to 64 MiB, for the next allocation.
 
     By default it gives pictures back to the system after each frame, which then has to clear the
-    same pages again for the next one. With one arena, since each would keep as much for its threads
-    alone.
+    same pages again for the next one. All threads share one arena, since each arena would keep up
+    to 64 MiB for itself.
     """
     use_one_arena()
     _set(M_MMAP_THRESHOLD, LARGEST_BYTES)

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 
 class Wakeup:
@@ -33,7 +34,10 @@ class Wakeup:
         lock = self._asleep.get(thread)
         if lock is None:
             for ended in set(self._asleep).difference(sys._current_frames()):
-                self._asleep.pop(ended, None)
+                old = self._asleep.pop(ended, None)
+                if old is not None:
+                    with suppress(RuntimeError):  # it is not locked
+                        old.release()  # a new thread of the same number may sleep on it
             lock = threading.Lock()
             lock.acquire()
             self._asleep[thread] = lock  # what was set before is not known: it returns at once

@@ -140,7 +140,7 @@ TOOLS: Final[dict[str, Tool]] = {
     "param set": Tool(
         "zv.tools.param.options:SetOptions",
         "zv.tools.param.commands:set_",
-        "Set parameters, all or none.",
+        "Set parameters, all or none on each node.",
         "zv param set edge_front low=30 high=90\nzv param set 'camera_*' quality 60",
         "A change takes effect with the next frame, and is lost when the node ends: dump saves it. "
         "A pattern sets each node that matches; if one refuses, the others are set, and the exit "

@@ -14,6 +14,7 @@ from tests.integration.conftest import a_router
 from tests.support.listening import open_client
 from tests.support.standing_in import StandIn
 from tests.support.typist import zv
+from zenoh_vision.health.fleet import MAX_NODES
 
 NODE = "tracker_front"
 ROUTER = f"@/{'ab' * 8}/router"
@@ -178,3 +179,19 @@ def test_the_refusal_of_one_of_two_is_shown(endpoint, client):
     assert f"2 nodes are called {NODE}: " in done.stderr
     assert "(refused, or cannot be read)" in done.stderr
     assert "(low 7.0 -> 7.0, revision 2)" in done.stderr
+
+
+def test_many_invented_nodes_and_a_refusal_do_not_hide_the_nodes_that_match(endpoint, client):
+    def flood(query: zenoh.Query) -> None:
+        with query:
+            for name in [NODE, *(f"a{number}" for number in range(MAX_NODES))]:
+                query.reply(f"@vision/param/{name}", parameters(1.0, node=name))
+            query.reply_err(msgpack.packb({"error": "no", "allowed": "nothing"}))
+
+    queryable = client.declare_queryable("@vision/param/*", flood)
+    one, every = (zv(endpoint, "param", "list", pattern) for pattern in ("track*", "*"))
+    queryable.undeclare()
+    assert [row.split()[:2] for row in one.stdout.splitlines()[2:]] == [[NODE, "low"]], one.stderr
+    assert (one.returncode, one.stderr) == (0, "")
+    assert every.returncode == 0
+    assert "1 more nodes match and are left out" in every.stderr

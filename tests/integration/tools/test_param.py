@@ -183,6 +183,10 @@ WRONG = {
     "several nodes": (["get", "camera_*", "quality"], (2, ["allowed: the name of one node"])),
     "no node's name": (["list", "@x/**"], (1, ["these exist: camera_front, tracker_front"])),
     "another namespace": (["list", "--namespace", "x"], (1, ["no node at all"])),
+    "a pattern elsewhere": (
+        ["list", "edge_*", "--namespace", "x"],
+        (1, ["nothing matches edge_*: there is no node at all"]),
+    ),
     "no such file": (["load", "camera_front", "missing.toml"], (3, ["missing.toml"])),
     "another node's file": (["load", "camera_front", "configs/edge.toml"], (2, ["'detector'"])),
     "no folder": (["dump", "camera_front", "-o", "missing/x.toml"], (3, ["missing/x.toml"])),

@@ -72,6 +72,7 @@ def entries(lines: list[str]) -> dict[str, dict[str, Any]]:
 
 
 LAZY = "vision/c/mask/compressed"
+CAMERA_INFO = "vision/c/camera_info"
 
 
 @pytest.fixture
@@ -81,7 +82,7 @@ def node(client: zenoh.Session) -> Iterator[zenoh.Publisher]:
         client,
         node="tracker_c",
         publishes=(LAZY, "vision/c/centroid"),
-        subscribes=("vision/c/image",),
+        subscribes=("vision/c/image", CAMERA_INFO),
     )
     publisher = client.declare_publisher(LAZY)
     yield publisher
@@ -189,7 +190,7 @@ def test_info_shows_publishers_subscribers_and_the_newest_sample(client, zv, nod
     queryable.undeclare()
 
 
-def test_info_says_how_the_frames_come_to_the_nodes_that_subscribe(client, zv, node):
+def test_info_says_how_the_pictures_of_a_camera_come_to_the_nodes_that_subscribe(client, zv, node):
     report = Diagnostics(
         node="tracker_c",
         stamp_ns=1,
@@ -207,16 +208,16 @@ def test_info_says_how_the_frames_come_to_the_nodes_that_subscribe(client, zv, n
         with query:
             query.reply(key, report.to_bytes())
 
-    queryable, publisher = (
-        client.declare_queryable(key, answer),
-        client.declare_publisher("vision/c/image"),
-    )
-    (line,) = zv(InfoOptions(key="vision/c/image", window=0.1), as_json=True)
-    found = json.loads(line)
-    assert (found["subscribers"], found["subscribing_nodes"]) == (0, ["tracker_c"])
-    assert found["transport"] == {"tracker_c": "shm"}
-    queryable.undeclare()
-    publisher.undeclare()
+    queryable = client.declare_queryable(key, answer)
+    publishers = [client.declare_publisher(each) for each in ("vision/c/image", CAMERA_INFO)]
+    found = entries(zv(InfoOptions(key="vision/c/*", window=0.1), as_json=True))
+    picture, info = found["vision/c/image"], found[CAMERA_INFO]
+    assert (picture["subscribers"], picture["subscribing_nodes"]) == (0, ["tracker_c"])
+    assert picture["transport"] == {"tracker_c": "shm"}
+    assert info["subscribing_nodes"] == ["tracker_c"]
+    assert "transport" not in info
+    for each in (queryable, *publishers):
+        each.undeclare()
 
 
 def test_info_does_not_say_when_a_stream_of_others_is_made(client, zv):

@@ -75,3 +75,20 @@ def test_nothing_is_kept_of_threads_that_have_ended():
         thread.join(PATIENCE_S)
     wakeup.wait(0)
     assert list(wakeup._asleep) == [threading.get_ident()]
+
+
+def test_a_new_thread_that_has_the_number_of_an_ended_one_is_not_left_asleep(monkeypatch):
+    wakeup, waits = Wakeup(), threading.Event()
+
+    def wait() -> None:
+        wakeup.wait(0)
+        waits.set()
+        wakeup.wait(PATIENCE_S)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    assert waits.wait(PATIENCE_S)
+    monkeypatch.setattr("sys._current_frames", dict)  # as before the thread had started
+    wakeup.wait(0)
+    thread.join(PATIENCE_S / 2)
+    assert not thread.is_alive()

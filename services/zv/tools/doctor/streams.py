@@ -124,8 +124,9 @@ def loss_findings(seen: Observation) -> list[Finding]:
                 said, remedy = f"{each.name} loses {how_much}", remedy_for(reason, each, seen)
                 problems.append(Finding("WARN", "drops", said, remedy, (each.name,)))
     if not watched and any(each.report for each in seen.nodes):
-        said = "unknown: no node has reported twice in the time observed"
-        return [Finding("WARN", "drops", said, "observe for longer: --for 10s")]
+        said = "losses and speed are unknown: no node has reported twice in the time observed"
+        mend = "observe for longer with --for; a node that has just started or ended reports once"
+        return [Finding("WARN", "drops", said, mend)]
     return or_ok(problems, "drops", "no node loses more than 1 % of its frames") if watched else []
 
 

@@ -36,6 +36,8 @@ from zv.tools.shared.session import ToolSession
 MAX_TOLD = 5
 """Most programs that answer for one node that are listed."""
 
+LEFT_OUT = "more nodes match and are left out; name a narrower pattern"
+
 
 @dataclass(frozen=True, slots=True)
 class Answers:
@@ -51,8 +53,16 @@ class Answers:
     found: list[tuple[Reply, ParameterList]]
     failed: VisionError | None
 
+    def matching(self, pattern: str) -> Answers:
+        """Return the answers of the nodes that match a pattern.
+
+        An error does not say which node sent it, so it counts only if no node could be read.
+        """
+        found = [(reply, one) for reply, one in self.found if fnmatchcase(one.node, pattern)]
+        return Answers(self.replies, found, None if self.found else self.failed)
+
     def checked(self) -> list[ParameterList]:
-        """Return the parameters of each node, at least one list.
+        """Return the parameters of each node, at most ``MAX_NODES``.
 
         Anyone can answer for a node, and it is unknown which answer is true. A refusal counts; an
         unreadable reply does not if another can be read.
@@ -71,15 +81,16 @@ def list_(options: ListOptions, connection: Connection, output: Output) -> None:
     """Print the parameters of a node, or of all nodes."""
     with ToolSession(connection) as session:
         pattern = options.node or "*"
-        chosen = None if is_pattern(pattern) else pattern
-        answers = _ask(session, chosen)
-        names = Counter(one.node for _, one in answers.found if fnmatchcase(one.node, pattern))
+        answers = _ask(session, pattern, several=True)
+        names = Counter(one.node for _, one in answers.found)
         for name, count in islice(names.items(), MAX_NODES):
             if count > 1:
                 output.note(f"{count} nodes are called {name}; see zv node list")
-        found = [one for one in answers.checked() if fnmatchcase(one.node, pattern)]
+        found = answers.checked()
         if not found:
             raise missing_node(session, pattern, "parameters")
+        if left_out := len(answers.found) - len(found):
+            output.note(f"{left_out} {LEFT_OUT}")
     parameters = [parameter for one in found for parameter in one.parameters]
     rows = [
         [
@@ -110,10 +121,10 @@ def describe(options: NamedOptions, connection: Connection, output: Output) -> N
 
 
 def set_(options: SetOptions, connection: Connection, output: Output) -> None:
-    """Set parameters of a node, all or none; or of each node that a pattern matches.
+    """Set parameters of a node, or of each node that a pattern matches, all or none on each.
 
     Raises:
-        ParameterRefused: A node refuses; of a pattern, other nodes may have changed.
+        ConfigurationError: A node refuses; others that match a pattern may have changed.
         ExpectationNotMet: A node does not answer, or none matches.
     """
     texts = assignments(options.values)
@@ -121,7 +132,9 @@ def set_(options: SetOptions, connection: Connection, output: Output) -> None:
         if not is_pattern(options.node):
             _set(session, options.node, texts, output)
             return
-        nodes = matching_nodes(session, options.node)
+        nodes, left_out = matching_nodes(session, options.node)
+        if left_out:
+            output.note(f"{left_out} {LEFT_OUT}")
         failures: list[VisionError] = []
         for node in nodes:
             try:
@@ -204,26 +217,31 @@ def _one_of(node: str, connection: Connection, output: Output) -> ParameterList:
     return found
 
 
-def _ask(session: ToolSession, node: str | None, payload: bytes | None = None) -> Answers:
-    """Query the parameters of a node, or of all nodes.
+def _ask(
+    session: ToolSession, node: str, payload: bytes | None = None, *, several: bool = False
+) -> Answers:
+    """Query the parameters of a node, or of all nodes that match a pattern.
 
     Args:
         session: An open session.
-        node: None for all nodes.
+        node: The name of a node, or a pattern if there may be several.
         payload: A change of parameters, which each node of the name makes before it replies.
+        several: Whether a pattern is allowed.
 
     Raises:
-        ConfigurationError: It has wildcards.
+        ConfigurationError: It has wildcards that are not allowed.
         ExpectationNotMet: It does not run, or does not reply.
     """
-    if node is not None and is_pattern(node):
+    chosen = None if several and is_pattern(node) else node
+    if chosen is not None and is_pattern(chosen):
         raise ConfigurationError(f"{node} has wildcards; allowed: the name of one node")
     replies: list[Reply] = []
-    if node is None or keys.is_name(node):
-        replies = session.ask(keys.parameters_key(session.namespace, node or "*"), payload)
+    if chosen is None or keys.is_name(chosen):
+        replies = session.ask(keys.parameters_key(session.namespace, chosen or "*"), payload)
     if not replies:
-        raise missing_node(session, node or "*", "parameters")
-    return Answers(replies, *_read(replies, node))
+        raise missing_node(session, node, "parameters")
+    answers = Answers(replies, *_read(replies, chosen))
+    return answers.matching(node) if chosen is None else answers
 
 
 def _read(
@@ -240,7 +258,7 @@ def _read(
                 raise PayloadError("wrong_node", f"of {shortened(one.node)}")
             found.append((reply, one))
         except ParameterRefused as refused:
-            refusal = ParameterRefused(f"{node}: {refused.error}", refused.allowed)
+            refusal = ParameterRefused(f"{node or '*'}: {refused.error}", refused.allowed)
         except PayloadError as error:
             failed = failed or ExpectationNotMet(f"{node or '*'}: the answer is {error}")
         except ExpectationNotMet as error:

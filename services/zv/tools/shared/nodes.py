@@ -109,8 +109,10 @@ def is_pattern(node: str) -> bool:
     return "*" in node or "?" in node
 
 
-def matching_nodes(session: ToolSession, pattern: str) -> list[str]:
+def matching_nodes(session: ToolSession, pattern: str) -> tuple[list[str], int]:
     """Return the names of the running nodes that match a pattern, by their liveliness tokens.
+
+    There are at most ``MAX_NODES``; the second value is the number of names left out.
 
     Raises:
         ExpectationNotMet: There is none; the text has the existing names.
@@ -119,7 +121,7 @@ def matching_nodes(session: ToolSession, pattern: str) -> list[str]:
     found = sorted({token.name for token in tokens if fnmatchcase(token.name, pattern)})
     if not found:
         raise missing_node(session, pattern, "parameters")
-    return found[:MAX_NODES]
+    return found[:MAX_NODES], max(0, len(found) - MAX_NODES)
 
 
 def missing_node(session: ToolSession, node: str, asked_for: str) -> VisionError:

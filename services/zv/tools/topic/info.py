@@ -11,7 +11,7 @@ from zenoh_vision import keys
 from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.keys import type_of
 from zenoh_vision.messages import Diagnostics
-from zenoh_vision.topics import topic_of
+from zenoh_vision.topics import COMPRESSED, RAW, topic_of
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import Query, messages_in
 from zv.tools.shared.discovery import Discovery, discover
@@ -61,7 +61,10 @@ def run(options: InfoOptions, connection: Connection, output: Output) -> None:
 def _describe(
     entry: Entry, found: Discovery, newest: Received | None, transports: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Return the details of a key; ``transports`` says how the frames of each node come."""
+    """Return the details of a key; ``transports`` says how the frames of each node come.
+
+    A node's transport is that of the pictures of its cameras, and tells nothing of other keys.
+    """
     topic = topic_of(entry.key)
     encoding = entry.encoding if newest is None else newest.encoding
     nodes = {
@@ -75,7 +78,8 @@ def _describe(
         "publishers": [{"node": name, **nodes.get(name, {})} for name in entry.publishers],
         "subscribing_nodes": (subscribing := found.nodes_subscribing(entry.key)),
     }
-    if ways := {name: transports[name] for name in subscribing if name in transports}:
+    ways = {name: transports[name] for name in subscribing if name in transports}
+    if ways and topic in (COMPRESSED, RAW):
         about["transport"] = ways
     # Only the programs themselves know how they publish.
     if topic is not None and any(name in nodes for name in entry.publishers):

@@ -54,11 +54,11 @@ def test_what_a_camera_lost_is_compared_over_the_consumers_time(missed: int):
     assert named == ["camera_front", "tracker_front"][: missed // 6]
 
 
-def test_losses_are_unknown_while_no_node_has_reported_twice():
+def test_losses_and_speed_are_unknown_while_no_node_has_reported_twice():
     tracker = observed("tracker_front", 3.0, {"received": 90, "missed": 60})
     (found,) = loss_findings(observation(replace(tracker, reports=tracker.reports[:1])))
     assert (found.level, found.check) == ("WARN", "drops")
-    assert found.text.startswith("unknown")
+    assert found.text.startswith("losses and speed are unknown: ")
 
 
 # The router's own words

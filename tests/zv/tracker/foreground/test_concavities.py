@@ -59,7 +59,7 @@ def test_three_in_a_row_are_three_parts():
     assert [x for x, _, _ in parts_of(row)] == pytest.approx([25, 55, 85], abs=2)
 
 
-def test_two_that_are_flush_at_a_second_side_are_two_parts_of_which_it_is_unsure_which():
+def test_two_touching_boxes_that_are_flush_at_one_side_are_two_parts():
     flush = mask_of(rectangle(50, 35, 40, 22), rectangle(44, 57, 28, 22))
     assert len(parts_of(flush)) == 2
 

@@ -142,7 +142,7 @@ def test_a_head_briefly_separate_from_its_body_does_not_become_a_track(rate: int
 
 
 @pytest.mark.parametrize("rate", [30, 10, 5])
-def test_one_of_whom_only_parts_were_seen_behind_a_sign_is_one_track_again(rate: int):
+def test_a_person_seen_in_parts_behind_a_sign_is_one_track_afterwards(rate: int):
     frames: list[Painted] = []
     for k in range(4 * rate):
         time_s = k / rate
@@ -180,7 +180,7 @@ def test_what_appears_where_pixels_keep_changing_is_confirmed_where_they_do_not(
     assert states == ["tentative"] * 10 + ["confirmed"] * 10  # from 140 to 160 the mean is 20
 
 
-def test_what_is_not_seen_in_a_frame_is_not_confirmed_with_it():
+def test_a_track_that_a_frame_does_not_show_is_not_confirmed_by_it():
     tracker = Tracker(TrackingParameters(), SIZE)
     for k in range(4):
         left = 20 + 10 * k
