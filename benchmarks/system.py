@@ -68,7 +68,14 @@ class System:
         self._begun_s = time.monotonic()
 
     def cpu_s(self) -> dict[str, float]:
-        """Return the CPU seconds of each process since ``begin``."""
+        """Return the CPU seconds of each process since ``begin``.
+
+        Raises:
+            SystemExit: A process has ended, so that nothing else that was measured is true.
+        """
+        for name, process in self.processes.items():
+            if process.poll() is not None:
+                raise SystemExit(f"{name} has ended with status {process.poll()}")
         return {name: self._now_s(name) - self._cpu_s[name] for name in self._cpu_s}
 
     def memory_mb(self) -> dict[str, float]:
