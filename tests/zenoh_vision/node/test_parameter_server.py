@@ -9,7 +9,7 @@ from typing import Any
 import msgpack
 import pytest
 import zenoh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.library import LIVE, LampSettings
@@ -210,6 +210,7 @@ MAPS = st.dictionaries(st.sampled_from([*LIVE, "socket", "camera", "x"]), VALUES
 PAYLOADS = st.binary() | (VALUES | MAPS).map(msgpack.packb)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(KEYS, PAYLOADS), max_size=5))
 def test_whatever_is_sent_is_answered_once_and_leaves_settings_that_are_allowed(
     sent: list[tuple[str, bytes]],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_vision.health.health import Health
@@ -77,6 +77,7 @@ def test_every_snapshot_balances_under_load(threads: int):
     assert last["pending"] == 0
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 2**64 - 1) | st.sampled_from([2**63, 2**64 - 1])))
 def test_no_amounts_make_the_diagnostics_invalid(amounts: list[int]):
     counters = FrameCounters()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zv.tracker import shapes
@@ -118,6 +118,7 @@ numbers = st.floats(-1e6, 1e6).map(lambda number: float(f"{number:.9g}"))
 corners = st.lists(st.tuples(numbers, numbers), min_size=3, max_size=7, unique=True)
 
 
+@settings(deadline=None)
 @given(corners, st.sampled_from(["pixels", "world"]))
 def test_the_text_of_shapes_is_parsed_as_the_same_shapes(points, unit):
     polygon, line = Polygon("a", tuple(points), unit), Line("b", points[0], points[1], unit)
@@ -128,6 +129,7 @@ def test_the_text_of_shapes_is_parsed_as_the_same_shapes(points, unit):
         assert "crosses" in str(refused)  # noqa: PT017 - most polygons of random corners do
 
 
+@settings(deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_is_parsed_or_refused(text: str):
     for read in (shapes.polygons, shapes.lines):
@@ -137,6 +139,7 @@ def test_any_text_is_parsed_or_refused(text: str):
             assert str(refused)  # noqa: PT017
 
 
+@settings(deadline=None)
 @given(st.integers(3, 12), st.floats(0, 6.3), st.floats(0.1, 0.9))
 def test_a_regular_polygon_is_accepted_and_contains_its_middle(sides, start, inner):
     """Independent of the even-odd rule: within the inscribed circle is inside, beyond the
