@@ -15,7 +15,6 @@ import pytest
 
 from tests.support.containers.stack import OURS, SERVICES, Stack, compose_command, run
 from tests.support.processes import ROOT, Program
-from zv.registry import model_of
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 BASE = "docker-compose.yml"
@@ -276,28 +275,3 @@ def test_every_compose_file_is_clean(file: str, clone: Path, docker):
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-
-
-def test_every_option_of_a_service_can_be_set(clone: Path):
-    text = (clone / BASE).read_text()
-    for service in (*OURS, "viewer"):
-        model = model_of(service)
-        block = re.search(rf"^  {service}:\n(.*?)(?=^  \w|\Z)", text, re.MULTILINE | re.DOTALL)
-        assert block
-        found = set(re.findall(rf"^      ({model.env_prefix}\w+):", block[1], re.MULTILINE))
-        assert found == {f"{model.env_prefix}{name.upper()}" for name in model.model_fields}
-
-
-def test_env_example_names_every_variable_of_the_compose_files_and_no_other():
-    example = (ROOT / ".env.example").read_text()
-    named = set(re.findall(r"^#(\w+)=", example, re.MULTILINE))
-    used = set()
-    for file in FILES:
-        used |= set(re.findall(r"\$\{(\w+)", (ROOT / file).read_text()))
-    options = {
-        f"{model_of(service).env_prefix}{name.upper()}"
-        for service in (*OURS, "viewer")
-        for name in model_of(service).model_fields
-    }
-    assert named - {"COMPOSE_FILE"} <= used  # Compose's own
-    assert used - named <= options  # .env.example points to docs/configuration.md for these
