@@ -46,7 +46,6 @@ LIVE = f"""() => document.querySelectorAll(".pane[data-step=true][data-live=true
     && document.querySelector("canvas.picture").dataset.overlay === "joined"
     && Number(document.querySelector("canvas.picture").dataset.seq) >= {SHOWN_FRAME}
     && !Number(document.getElementById("health-count").textContent)
-    && document.getElementById("figure-lost").textContent === "0"
     && Number.parseFloat(document.getElementById("figure-rate").textContent) > {0.9 * RATE_HZ}"""
 """The frame is there, and the machine is quiet: figures of a busy one would misinform."""
 
