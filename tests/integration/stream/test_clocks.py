@@ -28,10 +28,7 @@ def said_of(offset_ns: int) -> str:
     return f"the camera's clock is {offset_ns / S:+.1f} s from this machine's"
 
 
-BUSY = ("slower than its stream", "dropping samples: overwritten")
-"""What a tracker reports on a loaded machine, whatever the clocks are."""
-
-
+@pytest.mark.quiet
 def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_reported(
     client, quick_service
 ):
@@ -55,7 +52,7 @@ def test_no_frame_is_lost_to_a_clock_that_is_off_or_set_and_the_difference_is_re
     counters = health.messages[-1].body["counters"]
     for message in health.messages[1:]:
         body = message.body
-        assert body["level"] == Level.OK or any(text in body["message"] for text in BUSY), body
+        assert body["level"] == Level.OK or "slower than its stream" in body["message"], body
     # Those of a loaded machine, not of a clock.
     losses = {name for name in counters if name.startswith("dropped.")}
     assert losses <= {"dropped.overwritten"}

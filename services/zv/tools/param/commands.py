@@ -138,7 +138,7 @@ def set_(options: SetOptions, connection: Connection, output: Output) -> None:
         failures: list[VisionError] = []
         for node in nodes:
             try:
-                _set(session, node, texts, output, told_of=f"{node} ")
+                _set(session, node, texts, output, prefix=f"{node} ")
             except (ConfigurationError, ExpectationNotMet) as error:
                 output.note(str(error))
                 failures.append(error)
@@ -149,7 +149,7 @@ def set_(options: SetOptions, connection: Connection, output: Output) -> None:
 
 
 def _set(
-    session: ToolSession, node: str, texts: Mapping[str, str], output: Output, told_of: str = ""
+    session: ToolSession, node: str, texts: Mapping[str, str], output: Output, prefix: str = ""
 ) -> None:
     before = _ask(session, node)
     # An unknown name is sent unchanged: the node's error text is the most precise.
@@ -157,7 +157,7 @@ def _set(
     values = {
         name: value_of(known[name], text) if name in known else text for name, text in texts.items()
     }
-    _change(session, node, before, values, output, told_of)
+    _change(session, node, before, values, output, prefix)
 
 
 def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
@@ -272,11 +272,11 @@ def _change(
     before: Answers,
     values: Mapping[str, object],
     output: Output,
-    told_of: str = "",
+    prefix: str = "",
 ) -> None:
     """Set parameters and print the values that have changed; with ``--json`` all given ones.
 
-    Each line begins with ``told_of``.
+    Each line begins with ``prefix``.
 
     Raises:
         ConfigurationError: No parameter can have such a value, or the node refuses.
@@ -298,7 +298,7 @@ def _change(
     changed = [one for one in given if one.value != was.get(one.name)]
     for one in given if output.as_json else changed:
         before_it = shown(was.get(one.name))
-        output.result(one.to_map(), f"{told_of}{one.name}: {before_it} -> {shown(one.value)}")
+        output.result(one.to_map(), f"{prefix}{one.name}: {before_it} -> {shown(one.value)}")
     same = len(given) - len(changed)
     rest = f"; {same} value{'s' if same > 1 else ''} unchanged" if same else ""
     output.note(f"{after.node} is at revision {after.revision}{rest}")
