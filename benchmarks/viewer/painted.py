@@ -13,7 +13,7 @@ from typing import Any
 from benchmarks.stream import percentiles
 from benchmarks.system import System, free_endpoint
 from benchmarks.viewer.clients import QUERY, Clients, answers, wait_for
-from tests.support.chromium import NO_CHROMIUM, chromium
+from tests.support.viewer.chromium import NO_CHROMIUM, chromium
 from zenoh_vision.messages import Header
 from zenoh_vision.transport.session import direct
 from zv.camera.synthetic.frame_code import MODULUS

@@ -33,6 +33,13 @@ def printable(text: str) -> str:
     return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
 
 
+def joined(names: Iterable[str], most: int = 20) -> str:
+    """Return the first ``most`` names separated by commas, and how many more there are."""
+    listed = list(names)
+    more = f" and {len(listed) - most} more" if len(listed) > most else ""
+    return ", ".join(listed[:most]) + more
+
+
 def similar_names(
     name: str, known: Iterable[str], *, limit: int = 1, similarity: float = 0.6
 ) -> list[str]:

@@ -23,7 +23,7 @@ import zenoh
 from playwright.sync_api import Page, sync_playwright
 from zenoh.handlers import RingChannel
 
-from tests.support.chromium import NO_CHROMIUM, chromium
+from tests.support.viewer.chromium import NO_CHROMIUM, chromium
 
 TARGET = Path(__file__).parent / "viewer.png"
 IMAGE = "vision/front/image/compressed"

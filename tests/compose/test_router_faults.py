@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 
 import pytest
@@ -14,6 +16,8 @@ pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 CRASHES = 20
 BACK_S = 1.0
 LATE_S = 20.0
+HUNG_S = 9.0
+"""The container's watch asks twice before it kills, for 4 or 5 s and then for 5 s."""
 
 
 def check_streams(witness: Witness, began_s: float, outages: list[tuple[float, float]]) -> None:
@@ -78,6 +82,14 @@ def test_a_router_removed_and_created_anew_is_another_and_serves_as_well(
     assert {service: stack.starts(service) for service in OURS} == before
     assert gone_s < answers_s
     assert took_s < BACK_S
+
+
+def test_a_router_that_has_locked_up_is_killed_and_started_again(stack: Stack, witness: Witness):
+    container, restarts, _ = stack.starts("router")
+    frozen_s = time.monotonic()
+    os.kill(stack.worker("router"), signal.SIGSTOP)  # it answers nobody, as if it had locked up
+    witness.flows(15, after_s=frozen_s + HUNG_S)
+    assert stack.starts("router")[:2] == (container, restarts + 1)
 
 
 def test_nodes_that_were_there_20_s_before_the_router_find_it(new_stack):

@@ -17,14 +17,14 @@ RUN_BY = {
     "docs/containers.md": "tests/compose/test_containers_doc.py",
     "docs/deploy.md": "tests/docs/test_deploy.py",
     "docs/edges.md": "tests/docs/test_edges_doc.py",
-    "docs/doctor.md": "tests/docs/test_doctor_doc.py",
+    "docs/doctor.md": "tests/docs/tools/test_doctor_doc.py",
     "docs/events.md": "tests/docs/test_events_doc.py",
     "docs/metrics.md": "tests/docs/test_readme.py",
-    "docs/parameters.md": "tests/docs/test_parameters_doc.py",
+    "docs/parameters.md": "tests/docs/tools/test_parameters_doc.py",
     "docs/running.md": "tests/docs/test_readme.py",
     "docs/testing.md": "tests/docs/test_readme.py",
     "docs/services.md": "tests/docs/test_services_doc.py",
-    "docs/tools.md": "tests/docs/test_tools_doc.py",
+    "docs/tools.md": "tests/docs/tools/test_tools_doc.py",
     "docs/viewer.md": "tests/docs/test_viewer_doc.py",
 }
 

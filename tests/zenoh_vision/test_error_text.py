@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from zenoh_vision.error_text import shortened
+from zenoh_vision.error_text import joined, shortened
 
 
 @pytest.mark.parametrize(
@@ -30,3 +30,9 @@ def test_a_list_is_shown_in_a_line_however_long_and_deep_it_is():
         deep = [deep]
     assert len(shortened(deep)) < 100
     assert len(shortened(list(range(1000)))) < 100
+
+
+def test_names_are_listed_up_to_a_number_and_the_rest_is_counted():
+    assert joined([], 2) == ""
+    assert joined(["a", "b"], 2) == "a, b"
+    assert joined(["a", "b", "c", "d"], 2) == "a, b and 2 more"

@@ -16,7 +16,7 @@ from scipy.io import loadmat
 
 FOLDER = "bsds_train"
 HELD_BACK = 40
-"""The last images by name, which ``train`` does not train on."""
+"""The last images by name, which ``train`` leaves out unless it trains on all."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,16 @@
 """Train the network of the detector ``learned`` on BSDS500's training images and write it as ONNX.
 
-    python -m benchmarks.quality.edges.train --out services/zv/edge/detectors/learned.onnx
+    python -m benchmarks.quality.edges.train --all --out services/zv/edge/detectors/learned.onnx
+    python -m benchmarks.quality.edges.train --out benchmarks/quality/edges/learned_160.onnx
 
 It needs PyTorch (1.13 or newer) and ``onnx``, which nothing else in the project needs, and the
 folder ``bsds_train`` below ``$ZV_TEST_DATA`` or ``../shared/data``. The run is seeded and takes
 about 45 minutes on one core that multiplies numbers of 16 bits (``avx512_bf16``), and longer on
 others. With ``--seconds`` it stops early; the same command goes on from ``--checkpoint`` until all
-steps are done. The last 40 images by name are not trained on: they are the validation images of
-``benchmarks.quality.edges``. A run in parts gives the weights of a run in one.
+steps are done. A run in parts gives the weights of a run in one.
+
+The detector's weights are trained on all 200 images. Without ``--all``, the last 40 by name are not
+trained on: with those weights, ``benchmarks.quality.edges`` scores the method on these 40.
 
 The network is an encoder of four scales on the half-size picture, each a strided and some added 3x3
 convolutions, with the mean over the picture at the coarsest, and a decoder that adds each scale to
@@ -289,6 +292,7 @@ def main() -> None:
     arguments.add_argument("--cycles", type=int, nargs="+", default=[14000, 20000], help="in steps")
     arguments.add_argument("--rate", type=float, default=4e-3)
     arguments.add_argument("--seconds", type=float, default=math.inf, help="stop after these")
+    arguments.add_argument("--all", action="store_true", help="train on the held-back images too")
     options = arguments.parse_args()
     folders = found(images.FOLDER)
     if folders is None:
@@ -296,6 +300,8 @@ def main() -> None:
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     names = images.image_names(folders[0], held_back=False)
+    if options.all:
+        names += images.image_names(folders[0], held_back=True)
     training = Training(options.cycles, options.rate)
     if options.checkpoint is not None and options.checkpoint.exists():
         training.load(options.checkpoint)

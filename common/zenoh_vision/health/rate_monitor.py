@@ -129,6 +129,9 @@ class RateMonitor:
         used = arrived - (now.replaced - before.replaced)
         if not self._slow_use.judge(now.at_s, used / arrived, span_s):
             return []
+        latest = self._before(now, WINDOW_S)
+        if latest is None or latest.arrived == now.arrived:
+            return []  # a node that nothing has arrived at lately is not slow
         slower = "was slower" if used / arrived >= GOOD_AGAIN else "slower"
         return [
             f"{slower} than its stream: {_hz(arrived / span_s)} {self._arrived}, "

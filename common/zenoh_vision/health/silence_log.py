@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
+from zenoh_vision.error_text import joined
 from zenoh_vision.stream.intake import InputState
 
 SILENT_S = 2.0
@@ -35,17 +36,15 @@ class SilenceLog:
         self._logged_s = {name: s for name, s in self._logged_s.items() if now_s - s < AGAIN_S}
         if new := silent - self._reported - self._logged_s.keys():
             self._log.warning(
-                "waiting: no frame on %s for %g s", _named([keys[name] for name in new]), SILENT_S
+                "waiting: no frame on %s for %g s",
+                joined(sorted(keys[name] for name in new), MAX_NAMED),
+                SILENT_S,
             )
             self._logged_s |= dict.fromkeys(new, now_s)
         alive = states.keys() - silent
         # An input with wildcards is listed under its own key until the first frame arrives. Any
         # other key that has disappeared was forgotten.
         if back := {name for name in self._reported if name in alive or (alive and "*" in name)}:
-            self._log.info("frames arrive on %s", _named([keys.get(name, name) for name in back]))
+            named = sorted(keys.get(name, name) for name in back)
+            self._log.info("frames arrive on %s", joined(named, MAX_NAMED))
         self._reported = (self._reported | new) & silent
-
-
-def _named(keys: Collection[str]) -> str:
-    more = len(keys) - MAX_NAMED
-    return ", ".join(sorted(keys)[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -136,4 +136,5 @@ class NamesakeMonitor:
         text = f"{named} called {self._node}: {who}; {effect}"
         if text != self._health.namesake:
             self._health.namesake = text
-            self._log.warning("%s; stop one, or give it another name (--camera)", text)
+            rename = ", or give it another name (--camera)" if own.cameras else ""
+            self._log.warning("%s; stop one%s", text, rename)

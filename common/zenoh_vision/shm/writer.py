@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import raw_size
-from zenoh_vision.shm.channel import LEAST_FREE, iceoryx_errors, open_channel
+from zenoh_vision.shm.channel import LEAST_FREE, Lengths, iceoryx_errors, open_channel
 from zenoh_vision.shm.doorbell import Doorbell
 from zenoh_vision.shm.machine import FULL, SharedMemoryError, free_bytes
 
@@ -38,7 +38,7 @@ class FrameWriter:
         self._service: Any = None
         self._publisher: Any = None
         self._room = 0
-        self._reserved: set[int] = set()
+        self._pieces: dict[int, NDArray[np.uint8]] = {}  # those that are used in turn, by address
         self._madvise = ctypes.CDLL(None, use_errno=True).madvise
 
     def write(self, frame: Frame) -> bool:
@@ -54,17 +54,16 @@ class FrameWriter:
         header = frame.header
         attachment = header.to_bytes()
         size = raw_size(header.encoding, header.width, header.height)
+        whole = size + len(attachment)
         with iceoryx_errors():
-            self._make_room(size + len(attachment))
+            self._make_room(whole)
             if not self._service.dynamic_config.number_of_subscribers:
                 return False
-            loan = self._publisher.loan_slice_uninit(size + len(attachment))
-            address = loan.payload().as_ptr()
-            self._reserve(address, size + len(attachment))
-            memory = _array(address, size + len(attachment))
+            loan = self._publisher.loan_slice_uninit(whole)
+            memory = self._piece_at(loan.payload_ptr)
             frame.copy_raw(memory[:size])
-            memory[size:] = np.frombuffer(attachment, np.uint8)
-            lengths = loan.user_header().contents
+            memory[size:whole] = np.frombuffer(attachment, np.uint8)
+            lengths = Lengths.from_address(loan.user_header_ptr)
             lengths.pixels, lengths.attachment = size, len(attachment)
             readers = int(loan.assume_init().send())
         self._bell.ring()
@@ -72,6 +71,7 @@ class FrameWriter:
 
     def close(self) -> None:
         """Release the memory; readers that hold views keep theirs."""
+        self._pieces.clear()
         self._publisher = self._service = self._node = None
         self._bell.close()
 
@@ -82,28 +82,36 @@ class FrameWriter:
             raise SharedMemoryError(FULL)
         if self._service is None:
             self._node, self._service = open_channel(self._offer)
+        self._pieces.clear()
         self._publisher = None  # there may be one at a time
         self._room = size + HEADER_ROOM
         builder = self._service.publisher_builder().initial_max_slice_len(self._room)
         self._publisher = builder.max_loaned_samples(1).create()
-        self._reserved.clear()
 
-    def _reserve(self, address: int, size: int) -> None:
-        """Make sure that memory can be written to, once for each piece that is used in turn."""
-        if address in self._reserved:
-            return
+    def _piece_at(self, address: int) -> NDArray[np.uint8]:
+        """Return the piece of memory at an address, which can be written to.
+
+        Each is made an array of and reserved once, as ten or so are used in turn.
+        """
+        piece = self._pieces.get(address)
+        if piece is None:
+            self._reserve(address)
+            piece = self._pieces[address] = _array(address, self._room)
+        return piece
+
+    def _reserve(self, address: int) -> None:
+        """Make sure that a piece of memory can be written to."""
         start = address - address % mmap.PAGESIZE
         length = ctypes.c_size_t(address + self._room - start)
         if self._madvise(ctypes.c_void_p(start), length, MADV_POPULATE_WRITE):
             old_kernel = ctypes.get_errno() == errno.EINVAL  # before Linux 5.14
-            if not old_kernel or free_bytes() < size + LEAST_FREE:
+            if not old_kernel or free_bytes() < self._room + LEAST_FREE:
                 raise SharedMemoryError(FULL)
         # iceoryx2 writes the head of the next piece when that is loaned, before it is reserved.
         after = ctypes.c_void_p(start + length.value + -length.value % mmap.PAGESIZE)
         failed = self._madvise(after, ctypes.c_size_t(mmap.PAGESIZE), MADV_POPULATE_WRITE)
         if failed and ctypes.get_errno() not in (errno.EINVAL, errno.ENOMEM):  # the last piece
             raise SharedMemoryError(FULL)
-        self._reserved.add(address)
 
 
 def _array(address: int, size: int) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Finds the addresses at which a session in router mode listens."""
+"""Asks a session in router mode, in its own process, for where it listens and whether it works."""
 
 from __future__ import annotations
 
@@ -29,9 +29,21 @@ def listening_endpoints(session: zenoh.Session, endpoints: list[str]) -> list[st
     return addresses
 
 
+def ask(session: zenoh.Session) -> None:
+    """Return once a router has answered a query; never, if it has locked up.
+
+    What it answers does not matter: it may have no admin space, and other programs may answer too.
+    """
+    next(iter(_state(session)), None)
+
+
+def _state(session: zenoh.Session) -> zenoh.handlers.Handler[zenoh.Reply]:
+    return session.get(f"@/{session.zid()}/router", timeout=QUERY_TIMEOUT_S)
+
+
 def _locators(session: zenoh.Session) -> list[str]:
     """Return the addresses that a router announces, which are all addresses of this machine."""
-    for reply in session.get(f"@/{session.zid()}/router", timeout=QUERY_TIMEOUT_S):
+    for reply in _state(session):
         if reply.ok:
             found: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
             return found

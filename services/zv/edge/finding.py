@@ -7,17 +7,19 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from zenoh_vision.image.frame import Form, Frame
+from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Contour, Contours, Header
 from zv.edge.contours import LineLimits, Lines, trace
 from zv.edge.detectors.available import DETECTORS, detector_named
-from zv.edge.detectors.detection import Detector, Gray, Picture, Strength
-from zv.edge.selection import Selection
+from zv.edge.detectors.detection import STAGES, Detection, Detector, Gray, Picture, Strength
+from zv.edge.selection import SelectedPart, Selection
 from zv.edge.settings import EdgeSettings
 
 
 class EdgesOfFrame:
     """The edges of one frame; all results have the frame's size, also with a region or a scale.
+
+    Nothing is computed before a result is asked for, and a frame of raw pixels is not converted.
 
     Args:
         frame: The frame; it must own its bytes, since steps may be computed later.
@@ -32,9 +34,18 @@ class EdgesOfFrame:
     def __init__(self, frame: Frame, settings: EdgeSettings, mask: Gray | None = None) -> None:
         self._settings = settings
         self._detector: Detector = detector_named(settings.detector, settings)
-        picture = frame.bgr if self._detector.wants == "bgr" else frame.gray
-        self._part = Selection(settings.box, settings.scale, mask).of(picture)
-        self._detection = self._detector.detect(self._part.picture)
+        self._selection = Selection(settings.box, settings.scale, mask)
+        self._selection.corners(frame.header.height, frame.header.width)
+        self._frame = frame
+        decode_ahead(frame, settings)
+
+    @cached_property
+    def _part(self) -> SelectedPart:
+        return self._selection.of(np.asarray(self._frame.form(self._detector.wants), np.uint8))
+
+    @cached_property
+    def _detection(self) -> Detection:
+        return self._detector.detect(self._part.picture)
 
     @cached_property
     def _edges_of_part(self) -> Gray:
@@ -58,12 +69,10 @@ class EdgesOfFrame:
     @property
     def stages(self) -> Mapping[str, Callable[[], Picture]]:
         """The detector's steps as pictures of the frame's size, each made when it is called."""
-        return {
-            name: partial(self._whole_stage, make) for name, make in self._detection.stages.items()
-        }
+        return {name: partial(self._stage, name) for name in STAGES}
 
-    def _whole_stage(self, make: Callable[[], Picture]) -> Picture:
-        return self._part.whole(make())
+    def _stage(self, name: str) -> Picture:
+        return self._part.whole(self._detection.stages[name]())
 
     @cached_property
     def lines(self) -> Lines:
@@ -103,6 +112,14 @@ def message_of(lines: Lines, density: float, header: Header) -> Contours:
     )
 
 
-def wanted_form(settings: EdgeSettings) -> Form:
-    """Return the form of frames that the configured detector needs."""
-    return DETECTORS[settings.detector].wants
+def decode_ahead(frame: Frame, settings: EdgeSettings) -> None:
+    """Decode what may turn out to be corrupt, or may differ if it is decoded later.
+
+    Raw pixels of 8 bits are neither: they are converted once somebody asks for a result. The range
+    of values that stands for 8 bits follows from one deep picture to the next.
+
+    Raises:
+        PayloadError: ``corrupt``: the frame cannot be decoded.
+    """
+    if frame.is_compressed or frame.is_deep:
+        frame.form(DETECTORS[settings.detector].wants)

@@ -34,22 +34,31 @@ class Selection:
     scale: float = 1.0
     mask: Gray | None = field(default=None, compare=False)
 
+    def corners(self, height: int, width: int) -> tuple[int, int, int, int]:
+        """Return left, top, right and bottom of the selected part of a frame of this size.
+
+        Raises:
+            PayloadError: ``region_outside``: the frame has no pixel of the region.
+        """
+        if self.box is None:
+            return 0, 0, width, height
+        x, y = self.box[:2]
+        right, bottom = min(x + self.box[2], width), min(y + self.box[3], height)
+        if x >= right or y >= bottom:
+            raise PayloadError(
+                "region_outside",
+                f"region {self.box} is outside of a frame of {width}x{height} pixels",
+            )
+        return x, y, right, bottom
+
     def of(self, picture: Picture) -> SelectedPart:
         """Return the selected part of a frame, (height, width[, 3]) uint8.
 
         Raises:
             PayloadError: ``region_outside``: the frame has no pixel of the region.
         """
-        height, width = picture.shape[:2]
-        x, y, right, bottom = 0, 0, width, height
-        if self.box is not None:
-            x, y = self.box[:2]
-            right, bottom = min(x + self.box[2], width), min(y + self.box[3], height)
-            if x >= right or y >= bottom:
-                raise PayloadError(
-                    "region_outside",
-                    f"region {self.box} is outside of a frame of {width}x{height} pixels",
-                )
+        shape = height, width = picture.shape[:2]
+        x, y, right, bottom = self.corners(height, width)
         part = picture[y:bottom, x:right]
         if self.scale != 1:
             size = (
@@ -57,7 +66,7 @@ class Selection:
                 max(1, round((bottom - y) * self.scale)),
             )
             part = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
-        return SelectedPart(part, (x, y, right - x, bottom - y), (height, width), self.mask)
+        return SelectedPart(part, (x, y, right - x, bottom - y), shape, self.mask)
 
 
 @dataclass(frozen=True, slots=True)

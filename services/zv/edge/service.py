@@ -13,7 +13,7 @@ from zenoh_vision.image.files import decode_image
 from zenoh_vision.messages import Contours
 from zenoh_vision.topics import EDGE_STAGES
 from zv.edge.detectors.detection import COLOURED, Gray
-from zv.edge.finding import EdgesOfFrame, message_of, wanted_form
+from zv.edge.finding import EdgesOfFrame, decode_ahead, message_of
 from zv.edge.settings import EdgeSettings
 from zv.registry import published_by
 
@@ -31,7 +31,7 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
         active = settings  # of the previous frame; after a change, one frame is decoded twice
         frames = node.frames(
             "image/compressed",
-            want=lambda frame: frame.form(wanted_form(active)),
+            want=lambda frame: decode_ahead(frame, active),
             max_pixels=settings.max_pixels,
             transport=settings.transport,
         )

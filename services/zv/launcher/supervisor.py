@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 
+from zenoh_vision.error_text import joined
 from zenoh_vision.errors import ToldToStop
 from zenoh_vision.health.fleet import SILENT_S, Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
@@ -26,8 +27,12 @@ from zv.status.process_usage import ProcessUsage
 from zv.status.row import Row, number, row_of, view_of
 
 POLL_S = 0.05
-NODES_END_S = 1.3
-ALL_END_S = 1.5
+NODES_END_S = 1.2
+"""When nodes that have not ended are killed."""
+
+ALL_END_S = 1.4
+"""When the router is: ``zv up`` ends within 2 s, also on a busy machine."""
+
 SETTLED_S = 1.0
 """A router that cannot listen has ended within this time."""
 
@@ -228,8 +233,7 @@ class System:
 def published_line(node: NodeDescription) -> str:
     """Return which keys a node publishes, for people; empty if none."""
     keys = [key for key in node.publishes if not key.startswith("@")]
-    more = f" and {len(keys) - MOST_KEYS} more" if len(keys) > MOST_KEYS else ""
-    return f"{node.node} publishes {', '.join(keys[:MOST_KEYS])}{more}" if keys else ""
+    return f"{node.node} publishes {joined(keys, MOST_KEYS)}" if keys else ""
 
 
 def child_row(

@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import time
+from typing import NoReturn
 
 import zenoh
 
@@ -13,7 +14,7 @@ from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host.allocator import use_one_arena
 from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.host.signals import StopSignals
-from zenoh_vision.transport.router import listening_endpoints
+from zenoh_vision.transport.router import ask, listening_endpoints
 from zenoh_vision.transport.zenoh_config import (
     ROUTER_RUNTIME,
     RUNTIME,
@@ -22,13 +23,17 @@ from zenoh_vision.transport.zenoh_config import (
     zenoh_error_text,
 )
 from zv.router.settings import RouterSettings
+from zv.router.watchdog import HUNG_S, Watchdog
 
 log = logging.getLogger("router")
 POLL_S = 0.1
+HUNG_STATUS = 1
 
 
 def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
     """Route until SIGINT or SIGTERM.
+
+    A router that has locked up ends its process with status 1, so that it is started again.
 
     Args:
         settings: Where to listen.
@@ -61,9 +66,21 @@ def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
         listening = listening_endpoints(session, endpoints)
         log.info("router listens on %s", ", ".join(listening) or "nothing")
         health_file = HealthFile()
+        watchdog = Watchdog(lambda: ask(session))
         while not stopping:
             health_file.beat()
+            if watchdog.hangs():
+                log.error("Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S)
+                _exit_at_once(HUNG_STATUS)
             time.sleep(POLL_S)
+        if not watchdog.end():
+            _exit_at_once(0)
+
+
+def _exit_at_once(status: int) -> NoReturn:
+    """End the process without closing a session that has locked up, which would not end either."""
+    logging.shutdown()
+    os._exit(status)
 
 
 def cannot_listen(setting: str, reason: str) -> str:

@@ -74,6 +74,18 @@ def test_a_node_that_publishes_no_frames_says_that_both_publish_on_its_keys(
         wait_until(lambda: "both publish on the same keys" in one.health.namesake)
 
 
+def test_a_node_without_a_camera_is_not_told_to_take_another_camera(
+    router: Router, caplog: pytest.LogCaptureFixture
+) -> None:
+    connection = Connection(router.endpoint, timeout_s=20)
+    with (
+        Node("seer", camera=(), connection=connection),
+        Node("seer", camera=(), connection=connection),
+    ):
+        wait_until(lambda: any("; stop one" in each for each in caplog.messages))
+    assert "--camera" not in caplog.text
+
+
 def test_an_observer_and_another_camera_are_no_namesakes(
     router: Router, client: zenoh.Session
 ) -> None:

@@ -29,6 +29,7 @@ from tests.support.waiting import in_time, wait_until
 from zenoh_vision.node.node import Node
 from zenoh_vision.shm.machine import why_impossible
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.zenoh_config import LEASE_MS
 
 WAYS = ("jpeg",) if why_impossible() else ("jpeg", "shm")
 SMALL = ("--width", 320, "--height", 240)
@@ -81,7 +82,8 @@ def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, se
 
 
 @pytest.mark.quiet
-def test_a_tracker_that_was_frozen_for_3_s_goes_on_with_fresh_frames(client, quick_service):
+@pytest.mark.parametrize("frozen_s", [1.5, 3.0])  # within its lease of 2 s, and longer
+def test_a_tracker_that_was_frozen_goes_on_with_fresh_frames(client, quick_service, frozen_s):
     tracker = quick_service("tracker")
     wait_for_nodes(client, "tracker_front")
     centroids = Listener(client, "vision/front/centroid")
@@ -90,7 +92,7 @@ def test_a_tracker_that_was_frozen_for_3_s_goes_on_with_fresh_frames(client, qui
         centroids.wait_for(15)
         os.kill(tracker.process.pid, signal.SIGSTOP)
         stopped_s = time.monotonic()
-        threading.Event().wait(3.0)  # the length of the freeze is what is tested
+        threading.Event().wait(frozen_s)  # the length of the freeze is what is tested
         os.kill(tracker.process.pid, signal.SIGCONT)
         resumed_s = time.monotonic()
         after = centroids.wait_for(30, after_s=resumed_s)
@@ -107,8 +109,8 @@ def test_a_tracker_that_was_frozen_for_3_s_goes_on_with_fresh_frames(client, qui
     assert numbers == sorted(set(numbers))
     assert balance(counters) == 0
     lost = counters.get("dropped.stale", 0) + counters.get("dropped.overwritten", 0)
-    assert lost >= 1
-    # What did not come because the router gave the frozen tracker up was missed, not dropped.
+    if frozen_s * 1000 < LEASE_MS:  # else it may give its link up, and what waited there is missed
+        assert lost >= 1
     unseen = camera_seqs(camera, stopped_s + 0.1, resumed_s) - set(numbers)
     assert unseen >= camera_seqs(camera, stopped_s + 0.1, resumed_s - 1)
     assert lost + counters.get("missed", 0) >= len(unseen) > 0

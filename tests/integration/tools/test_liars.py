@@ -10,7 +10,6 @@ import msgpack
 import pytest
 import zenoh
 
-from tests.integration.conftest import a_router
 from tests.support.listening import open_client
 from tests.support.standing_in import StandIn
 from tests.support.typist import zv
@@ -19,18 +18,6 @@ from zenoh_vision.health.fleet import MAX_NODES
 NODE = "tracker_front"
 ROUTER = f"@/{'ab' * 8}/router"
 DEEP = b"[" * 100_000
-
-
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with a_router(tmp_path_factory.mktemp("router")) as router:
-        yield router.endpoint
-
-
-@pytest.fixture
-def client(endpoint: str) -> Iterator[zenoh.Session]:
-    with open_client(endpoint) as session:
-        yield session
 
 
 @contextmanager

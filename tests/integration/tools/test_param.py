@@ -245,8 +245,10 @@ def test_a_pattern_lists_the_nodes_that_match(system):
     assert {row.split()[0] for row in rows} == {"tracker_front"}
 
 
-def test_a_node_that_has_no_parameters_says_so(system):
+@pytest.mark.parametrize("words", [("list", "plain"), ("list", "pl*"), ("set", "pl*", "x=1")])
+def test_nodes_that_have_no_parameters_are_named_also_by_a_pattern(system, words: tuple[str, ...]):
     with system.client.liveliness().declare_token("@vision/node/plain"):
-        done = system.zv("list", "plain")
+        done = system.zv(*words)
     assert (done.returncode, done.stdout) == (1, "")
     assert "plain runs, but does not answer for parameters" in done.stderr
+    assert "nothing matches" not in done.stderr

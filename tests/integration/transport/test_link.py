@@ -201,6 +201,7 @@ def test_while_the_router_is_away_a_camera_that_is_gone_is_still_said_to_be(
     file = tmp_path / "health"
     monkeypatch.setenv("ZV_HEALTH_FILE", str(file))
     with Node("seer", connection=Connection(connect=router.endpoint, timeout_s=20)) as node:
+        wait_until(file.exists)  # a thread of the node writes it
         router.kill()
         wait_until(lambda: not node.link.connected)
         node.health.failure = lambda: "the camera is gone"  # type: ignore[method-assign]

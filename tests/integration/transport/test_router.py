@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+import time
 from pathlib import Path
 
 import psutil
@@ -15,6 +16,7 @@ from tests.support.listening import newest, open_client
 from tests.support.processes import START_S, Program, need
 from tests.support.routing import free_port, port_answers
 from tests.support.waiting import wait_until
+from zv.router.watchdog import HUNG_S
 
 HERE = "tcp/127.0.0.1"
 
@@ -98,6 +100,26 @@ def test_a_taken_port_in_the_file_is_said_of_the_file(tmp_path):
             assert router.process.wait(START_S) == 2
             assert f"{second / 'router.json5'}: listen/endpoints = '{taken}'" in router.complaints
             assert "the port is in use" in router.complaints
+
+
+def test_a_router_that_has_locked_up_says_so_and_ends_with_1(tmp_path):
+    """A newer Zenoh may not lock up so: then the watchdog may go."""
+    with a_router(tmp_path, f"{HERE}:0", None) as router:
+        attack = ["-m", "tests.support.programs.lock_up_router", listens(router)]
+        with Program(attack, tmp_path, "attack") as attacker:
+            status = router.process.wait(100)
+            attacker.process.kill()  # Zenoh would take long to close its sessions
+    assert status == 1
+    assert "Zenoh has locked up: no answer for 5 s; ends, to be restarted" in router.complaints
+
+
+def test_a_program_that_answers_no_query_does_not_make_a_router_end(tmp_path):
+    with a_router(tmp_path, f"{HERE}:0", None) as router, open_client(listens(router)) as session:
+        kept = []
+        with session.declare_queryable("@/**", lambda query: kept.append(query)):
+            begun_s = time.monotonic()
+            wait_until(lambda: len(kept) > 3 and time.monotonic() - begun_s > HUNG_S + 2)
+        assert router.process.poll() is None
 
 
 LAUNCH = '[router]\nzenoh_config = "router.json5"\n[[node]]\nservice = "tracker"\n'

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from tests.integration.conftest import Service, a_router, some_services
-from tests.support.chromium import NO_CHROMIUM, chromium
 from tests.support.processes import Program, missing
 from tests.support.routing import Router
+from tests.support.viewer.chromium import NO_CHROMIUM, chromium
 from tests.support.waiting import wait_until
 
 CAMERA = "vision/front/image/compressed"

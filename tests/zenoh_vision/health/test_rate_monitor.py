@@ -200,12 +200,19 @@ def test_a_slow_stream_and_a_slower_consumer():
     assert played.warned[-1] == ["slower than its stream: 2 Hz received, 1 Hz used"]
 
 
-def test_a_consumer_without_a_stream_is_not_slow():
+def test_a_consumer_is_not_slow_once_nothing_has_arrived_for_3_s():
     played = Played()
     played.run(20, 30.0, used_hz=12.0)
-    played.run(60, 0.0)
-    assert played.warned[-1] == []
-    assert len(played.changes) == 2
+    played.run(60, 0.0)  # the last of 600 frames is in the reading at 20 s
+    assert played.changes == [9, 23]
+
+
+def test_a_consumer_that_drops_half_of_each_burst_is_slow():
+    played = Played()
+    for _ in range(12):
+        played.run(1, 20.0, used_hz=10.0)
+        played.run(4, 0.0)
+    assert sum(map(bool, played.warned[30:])) >= 15  # in the 3 s after each burst
 
 
 def test_a_camera_slower_than_its_source_is_told_apart_from_a_slow_source():

@@ -11,13 +11,13 @@ import pytest
 from tests.support.pictures.encoded import smooth
 from zenoh_vision.config.constraints import choices
 from zenoh_vision.config.settings import load_settings
-from zenoh_vision.errors import ConfigurationError, SourceError
-from zenoh_vision.image import codecs
+from zenoh_vision.errors import ConfigurationError, PayloadError, SourceError
+from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Contours, Header
 from zv.edge.contours import Lines
 from zv.edge.detectors.available import DETECTORS, detector_named
-from zv.edge.finding import EdgesOfFrame, message_of
+from zv.edge.finding import EdgesOfFrame, decode_ahead, message_of
 from zv.edge.service import read_mask
 from zv.edge.settings import EdgeSettings
 
@@ -92,6 +92,37 @@ def test_the_map_of_a_region_is_that_of_its_pixels():
     assert not part.edges[:30].any()
     assert not part.edges[:, 80:].any()
     assert part.density == pytest.approx(np.count_nonzero(part.edges) / (60 * 40))
+
+
+def test_raw_pixels_are_converted_once_and_only_for_a_result(monkeypatch: pytest.MonkeyPatch):
+    conversions = []
+
+    def counted(pixels: pixel_formats.Pixels, source: str, target: str) -> pixel_formats.Pixels:
+        conversions.append((source, target))
+        return convert(pixels, source, target)
+
+    convert = pixel_formats.convert
+    monkeypatch.setattr(pixel_formats, "convert", counted)
+    frame = Frame(HEADER, pixels=codecs.decode_jpeg(JPEG, "bgr8"))
+    settings = EdgeSettings(detector="canny")
+    decode_ahead(frame, settings)
+    found = EdgesOfFrame(frame, settings)
+    stages = found.stages
+    assert not conversions
+    assert found.edges.any()
+    assert stages["smoothed"]().any()
+    assert conversions == [("bgr8", "mono8")]
+
+
+def test_a_corrupt_picture_is_refused_before_a_result_is_asked_for():
+    with pytest.raises(PayloadError, match="corrupt"):
+        EdgesOfFrame(Frame(HEADER, compressed=JPEG[: len(JPEG) // 2]), EdgeSettings())
+
+
+def test_raw_pixels_without_the_region_are_refused_before_a_result_is_asked_for():
+    frame = Frame(HEADER, pixels=np.zeros((120, 160, 3), np.uint8))
+    with pytest.raises(PayloadError, match="region_outside"):
+        EdgesOfFrame(frame, EdgeSettings(region="160,0,10,10"))
 
 
 def test_the_message_has_the_lines_of_the_map():

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 from importlib.resources import as_file, files
+from importlib.resources.abc import Traversable
 from threading import Lock
 from typing import ClassVar, Final
 
@@ -31,31 +32,8 @@ time."""
 SIZES: Final = 2
 """Number of picture sizes whose buffers are kept, megabytes each."""
 
-THRESHOLDS: Final = (1.0, 0.666, 0.493, 0.338, 0.219, 0.136, 0.082, 0.048, 0.027, 0.015, 0.008)
+THRESHOLDS: Final = (1.0, 0.658, 0.485, 0.326, 0.212, 0.133, 0.082, 0.05, 0.029, 0.016, 0.009)
 """Measured by ``python -m benchmarks.quality edges --thresholds --detectors learned``."""
-
-
-@dataclass(frozen=True, slots=True)
-class Learned(RidgeDetector):
-    """Finds boundaries that people would draw, by a convolutional network of 370,000 weights.
-
-    The strength is the network's estimate of the share of people that would draw a boundary at a
-    pixel, too high since boundaries had a larger weight in its training. Lines are thinned along
-    their ridges.
-    """
-
-    margin: ClassVar = 3
-    smoothing: ClassVar = 0.25
-    ridge_sigma: ClassVar = 1.5
-    thresholds: ClassVar = THRESHOLDS
-
-    def strengths(self, picture: Picture) -> Strength:
-        """Return the probabilities of a picture at a reduced size: float32, 0 to 1."""
-        return NETWORK.probabilities(network_planes(self.seen(picture)))
-
-    def seen(self, picture: Picture) -> Picture:
-        """Return the picture at the network's size, BGR."""
-        return reduced(picture)
 
 
 def network_size(height: int, width: int) -> tuple[int, int]:
@@ -99,9 +77,13 @@ class EdgeNetwork:
 
     A network of OpenCV is bound to one input size and keeps its buffers. One is kept for each of
     the ``SIZES`` sizes used last.
+
+    Args:
+        weights: The ONNX file.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, weights: Traversable) -> None:
+        self._weights = weights
         self._lock = Lock()
         self._networks: OrderedDict[tuple[int, ...], cv2.dnn.Net] = OrderedDict()
 
@@ -124,7 +106,7 @@ class EdgeNetwork:
         network = self._networks.pop(shape, None)
         if network is None:
             # OpenCV 5.0 ignores the engine when it reads bytes, and uses the slower one.
-            with as_file(files("zv.edge.detectors") / "learned.onnx") as path:
+            with as_file(self._weights) as path:
                 network = cv2.dnn.readNetFromONNX(str(path), cv2.dnn.ENGINE_CLASSIC)
             if len(self._networks) == SIZES:
                 self._networks.popitem(last=False)
@@ -132,5 +114,26 @@ class EdgeNetwork:
         return network
 
 
-NETWORK: Final = EdgeNetwork()
-"""The process's one network."""
+@dataclass(frozen=True, slots=True)
+class Learned(RidgeDetector):
+    """Finds boundaries that people would draw, by a convolutional network of 370,000 weights.
+
+    The strength is the network's estimate of the share of people that would draw a boundary at a
+    pixel, too high since boundaries had a larger weight in its training. Lines are thinned along
+    their ridges.
+    """
+
+    margin: ClassVar = 3
+    smoothing: ClassVar = 0.25
+    ridge_sigma: ClassVar = 1.5
+    thresholds: ClassVar = THRESHOLDS
+    network: ClassVar = EdgeNetwork(files("zv.edge.detectors") / "learned.onnx")
+    """The process's one network of these weights."""
+
+    def strengths(self, picture: Picture) -> Strength:
+        """Return the probabilities of a picture at a reduced size: float32, 0 to 1."""
+        return self.network.probabilities(network_planes(self.seen(picture)))
+
+    def seen(self, picture: Picture) -> Picture:
+        """Return the picture at the network's size, BGR."""
+        return reduced(picture)

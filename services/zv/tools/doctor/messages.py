@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import zenoh
 
-from zenoh_vision.error_text import printable
+from zenoh_vision.error_text import joined, printable
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.keys import schema_name_of
 from zenoh_vision.message_codec import unpack
@@ -17,7 +17,7 @@ from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffer, queue
 from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES
 from zv.tools.doctor.finding import Finding, or_ok
-from zv.tools.shared.json_schema import UnusableSchema, joined
+from zv.tools.shared.json_schema import UnusableSchema
 from zv.tools.shared.message_types import MessageType, foreign_types, own_keys, unusable
 from zv.tools.shared.session import ToolSession
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib.metadata import version as installed
 from itertools import groupby
 
-from zenoh_vision.error_text import similar_names
+from zenoh_vision.error_text import joined, similar_names
 from zenoh_vision.health.fleet import SILENT_S
 from zenoh_vision.health.node_state import ClockOffset, NodeState
 from zenoh_vision.node.announcement import installed_version
@@ -72,7 +72,7 @@ def namespace_findings(session: ToolSession, seen: Observation) -> Iterator[Find
     if seen.nodes:
         answering = {each.name for each in seen.nodes if each.description is not None}
         silent = {each.name for each in seen.nodes} - answering
-        names = _listed([*sorted(answering), *sorted(silent)], max(FEW_NAMES, len(answering)))
+        names = joined([*sorted(answering), *sorted(silent)], max(FEW_NAMES, len(answering)))
         yield Finding("OK", "namespace", f"{session.namespace}: {names}")
         return
     others = other_namespaces(session)
@@ -93,7 +93,9 @@ def name_findings(seen: Observation) -> list[Finding]:
         twins = list(group)
         if len(twins) > 1:
             said = f"{len(twins)} nodes are called {name}: {', '.join(map(_place, twins))}"
-            remedy = "stop all but one, or give each a --camera of its own"
+            remedy = "stop all but one"
+            if any(each.description and each.description.cameras for each in twins):
+                remedy += ", or give each a --camera of its own"
             problems.append(Finding("FAIL", "names", said, remedy, (name,)))
     count = len(seen.nodes)
     nodes = f"{count} node{'s' if count > 1 else ''}"
@@ -106,7 +108,7 @@ def answer_findings(seen: Observation) -> list[Finding]:
     silent = [each.name for each in seen.nodes if each.description is None]
     if len(silent) > FEW_NAMES:
         count = len(silent) + seen.left_out
-        said = f"{count} tokens are shown by nodes that do not answer: {_listed(silent)}"
+        said = f"{count} tokens are shown by nodes that do not answer: {joined(silent, FEW_NAMES)}"
         remedy = "some program invents nodes: find and end it"
         problems.append(Finding("FAIL", "answers", said, remedy, tuple(silent)))
     for each in seen.nodes:
@@ -172,12 +174,6 @@ def clock_findings(seen: Observation) -> Iterator[Finding]:
     if errors_ns and not apart:
         within = f"{APART_NS / 1e6:.0f} ms (measured to {max(errors_ns) / 1e6:.1f} ms)"
         yield Finding("OK", "clocks", f"all clocks agree within {within}")
-
-
-def _listed(names: Sequence[str], most: int = FEW_NAMES) -> str:
-    """Return names in a list, and how many more there are."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
 
 
 def _place(node: NodeState) -> str:

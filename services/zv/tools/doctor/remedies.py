@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
+from zenoh_vision.error_text import joined
 from zenoh_vision.health.counter_change import MISSED
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.keys import suffix_of
@@ -163,9 +164,8 @@ def _who_sends(seen: Observation, key: str) -> str:
     found, sure = seen.strangers(key)
     if not found:
         return ""
-    more = f" and {len(found) - MAX_SENDERS} more" if len(found) > MAX_SENDERS else ""
     who = "besides the nodes, it is published by" if sure else "programs here that are no nodes:"
-    return f"; {who} {', '.join(found[:MAX_SENDERS])}{more}"
+    return f"; {who} {joined(found, MAX_SENDERS)}"
 
 
 def _twins(seen: Observation, node: NodeDescription) -> str:

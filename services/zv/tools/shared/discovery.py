@@ -14,7 +14,7 @@ from functools import cached_property
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.error_text import did_you_mean, similar_names
+from zenoh_vision.error_text import did_you_mean, joined, similar_names
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.fleet import MAX_NODES
 from zenoh_vision.health.message_limits import check_description
@@ -131,9 +131,8 @@ class Discovery:
             return nothing_matches(pattern, existing)
         publishers = {name for key in silent for name in self.nodes_publishing(key)}
         by = ", ".join(sorted(publishers)) or "a publisher"
-        shown = ", ".join(silent[:MOST_SHOWN])
-        more = f" and {len(silent) - MOST_SHOWN} more" if len(silent) > MOST_SHOWN else ""
-        return f"nothing arrived on {pattern}, although {by} publishes {shown}{more}"
+        shown = joined(silent, MOST_SHOWN)
+        return f"nothing arrived on {pattern}, although {by} publishes {shown}"
 
 
 def waiting_for(silence: str) -> str:

@@ -12,7 +12,7 @@ import json
 import math
 import re
 import reprlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 from pydantic_core import CoreSchema, SchemaError, SchemaValidator, core_schema
@@ -296,10 +296,3 @@ def _length(part: Schema, name: str) -> int | None:
     if not isinstance(value, int) or not 0 <= value < 2**31:
         raise UnusableSchema(f"{name} = {reprlib.repr(value)} is no length")
     return value
-
-
-def joined(names: Iterable[str], most: int = 20) -> str:
-    """Return names in a list, and how many more there are."""
-    listed = list(names)
-    more = f" and {len(listed) - most} more" if len(listed) > most else ""
-    return ", ".join(listed[:most]) + more

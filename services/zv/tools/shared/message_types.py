@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from pydantic_core import SchemaValidator
 
 from zenoh_vision import keys
-from zenoh_vision.error_text import did_you_mean, printable, similar_names
+from zenoh_vision.error_text import did_you_mean, joined, printable, similar_names
 from zenoh_vision.errors import ConfigurationError, PayloadError
 from zenoh_vision.message_codec import Message, first_error
 from zenoh_vision.messages import MESSAGES, Header, NodeDescription, known_message
@@ -26,7 +26,7 @@ from zenoh_vision.topics import topic_of
 from zenoh_vision.transport.query import Query, Reply, messages_in
 from zv.tools.shared import json_schema
 from zv.tools.shared.discovery import MAX_COMPARED, discover
-from zv.tools.shared.json_schema import Schema, UnusableSchema, joined, resolved
+from zv.tools.shared.json_schema import Schema, UnusableSchema, resolved
 from zv.tools.shared.session import ToolSession
 
 MAX_REPLIES_BYTES = 8 << 20

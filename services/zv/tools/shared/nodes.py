@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 from zenoh_vision import keys
+from zenoh_vision.error_text import joined
 from zenoh_vision.errors import ExpectationNotMet, PayloadError, ToldToStop, VisionError
 from zenoh_vision.health.fleet import MAX_NODES, bounded
 from zenoh_vision.health.message_limits import MAX_NAME, check_description, check_report
@@ -125,13 +126,14 @@ def matching_nodes(session: ToolSession, pattern: str) -> tuple[list[str], int]:
 
 
 def missing_node(session: ToolSession, node: str, asked_for: str) -> VisionError:
-    """Return the error for a node that did not answer for ``parameters`` or the like."""
+    """Return the error for a node, or a pattern, that got no answer for ``parameters``."""
     (tokens,) = session.ask_all(tokens_query(session.namespace))
     if session.stopping:
         return ToldToStop("told to stop while waiting for an answer")
     living = {token.name for token in tokens}
-    if node in living:
-        return ExpectationNotMet(f"{node} runs, but does not answer for {asked_for}")
+    if silent := sorted(name for name in living if fnmatchcase(name, node)):
+        verbs = "runs, but does" if len(silent) == 1 else "run, but do"
+        return ExpectationNotMet(f"{joined(silent)} {verbs} not answer for {asked_for}")
     return ExpectationNotMet(nothing_matches(node, living, kind="node"))
 
 

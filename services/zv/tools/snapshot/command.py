@@ -7,6 +7,7 @@ from pathlib import Path
 
 import zenoh
 
+from zenoh_vision.error_text import joined
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Centroid, Tracks
@@ -113,9 +114,8 @@ def _next(session: ToolSession, pattern: str, patience_s: float) -> list[zenoh.S
 
 
 def _several(pattern: str, keys: list[str]) -> ConfigurationError:
-    shown = ", ".join(keys[:MOST_SHOWN])
-    more = f" and {len(keys) - MOST_SHOWN} more" if len(keys) > MOST_SHOWN else ""
-    return ConfigurationError(f"{pattern} matches {len(keys)} keys, name one: {shown}{more}")
+    shown = joined(keys, MOST_SHOWN)
+    return ConfigurationError(f"{pattern} matches {len(keys)} keys, name one: {shown}")
 
 
 def _drawn(picture: Picture, result: Centroid | Tracks, options: SnapshotOptions) -> bytes:

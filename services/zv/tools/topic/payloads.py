@@ -19,7 +19,7 @@ import msgpack
 import numpy as np
 import simplejpeg
 
-from zenoh_vision.error_text import did_you_mean, similar_names
+from zenoh_vision.error_text import did_you_mean, joined, similar_names
 from zenoh_vision.errors import ConfigurationError, PayloadError, SourceError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.pixel_formats import Pixels
@@ -27,7 +27,6 @@ from zenoh_vision.keys import JPEG, PNG, camera_of, is_name, msgpack_of
 from zenoh_vision.messages import Header
 from zenoh_vision.topics import TOPICS, Topic, topic_of
 from zenoh_vision.transport.publisher import Outgoing
-from zv.tools.shared.json_schema import joined
 from zv.tools.shared.message_types import MessageType, known_type
 
 SENDER = "topic_pub"

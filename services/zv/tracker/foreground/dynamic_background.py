@@ -43,7 +43,7 @@ class DynamicBackground:
     def __init__(self) -> None:
         self._counts: Image = np.zeros((0, 0), np.uint8)
         self._before: Image | None = None
-        self._tested_ns = 0
+        self._tested_ns = self._since_ns = 0
         self._samples: Image = np.zeros((0, 0, 0, 3), np.uint8)
         self._kept = 0  # number of pictures kept so far
         self._kept_ns = 0
@@ -54,6 +54,11 @@ class DynamicBackground:
     def changes(self) -> Image | None:
         """The count of changes of each pixel, (height, width) uint8; None before two pictures."""
         return self._counts if self._counts.size else None
+
+    @property
+    def counted_s(self) -> float:
+        """For how long changes have been counted."""
+        return (self._tested_ns - self._since_ns) / 1e9
 
     def unmark(self, picture: Image, limits: Image, marked: Image) -> None:
         """Set the mask to 0 at dynamic pixels that have one of their usual colours.
@@ -95,6 +100,7 @@ class DynamicBackground:
             self._counts = np.zeros_like(marked)
         if self._before is None or elapsed_s < 0:
             self._before, self._tested_ns, self._kept_ns = differs, stamp_ns, stamp_ns
+            self._since_ns = stamp_ns
             return
         changed = differs ^ self._before
         if known is not None:

@@ -76,6 +76,11 @@ class ForegroundDetector:
         """How often each pixel has changed lately; None before two pictures, and while frozen."""
         return None if self._parameters.frozen else self._dynamic.changes
 
+    @property
+    def counted_s(self) -> float:
+        """For how long changes of pixels have been counted."""
+        return self._dynamic.counted_s
+
     def adjust(self, parameters: ForegroundParameters) -> None:
         """Continue with other parameters; only another subtractor learns anew."""
         if parameters.subtractor != self.background.subtractor:

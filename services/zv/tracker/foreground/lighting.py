@@ -12,7 +12,6 @@ CELLS = 8
 """Number of columns of the grid in which pictures are compared; its cells are about square."""
 
 LEAST_GAIN, MOST_GAIN = 0.1, 10.0
-TEXTURE_SAMPLE = 2
 
 
 def relit(background: Image, picture: Image, known: Image | None) -> Image:

@@ -129,7 +129,7 @@ class RobustTracker:
             mask = cut_at_concavities(mask, self.parameters.min_area / scale_area)
         self._fragments = fragments_of(mask, least, self.parameters.max_area / scale_area)
         self.mask = mask
-        scene = Scene(picture, mask, self._detector.changes)
+        scene = Scene(picture, mask, self._detector.changes, self._detector.counted_s)
         self.tracks = self._tracker.update(self._fragments, stamp_ns, scene)
         self._choose_main()
         return self.tracks

@@ -18,6 +18,9 @@ MOST_CHANGES = 25.0
 """Mean count of changes above which nothing new is believed. It is 3 to 21 where an object is for
 the first time, and 26 to 200 on leaves that have swayed for a second or two."""
 
+MOST_CHANGES_PER_S = 7.0
+"""The same while changes have been counted for less than about 4 s, so that fewer are enough."""
+
 LEVELS = 8
 """Bins of a histogram for each colour channel."""
 
@@ -45,6 +48,7 @@ class Scene:
     picture: Image
     mask: Image
     changes: Image | None = None
+    counted_s: float = math.inf
 
     def cut(self, box: Fragment) -> tuple[slice, slice]:
         """Return the rows and columns of a box, clipped to the picture; they may be empty."""
@@ -59,7 +63,8 @@ class Scene:
             return True
         cut = self.cut(box)
         changes, mask = self.changes[cut], self.mask[cut]
-        return cv2.countNonZero(mask) > 0 and cv2.mean(changes, mask)[0] <= MOST_CHANGES
+        most = min(MOST_CHANGES, MOST_CHANGES_PER_S * self.counted_s)
+        return cv2.countNonZero(mask) > 0 and cv2.mean(changes, mask)[0] <= most
 
 
 class Appearance:

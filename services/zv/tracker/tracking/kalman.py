@@ -8,6 +8,9 @@ PLAUSIBLE_SIGMAS = 1.5
 """A residual of more standard deviations than this means that the motion has changed."""
 
 MOST_FADING = 100.0
+MOST_VARIANCE = 1e12
+"""Most that fading makes of the velocity's variance: without time between measurements of different
+positions, it would grow for ever."""
 
 
 @dataclass(slots=True)
@@ -53,7 +56,7 @@ class AxisFilter:
             return
         factor = ((measured - self.position) ** 2 / PLAUSIBLE_SIGMAS**2 - noise) / self.pp
         if factor > 1:
-            factor = min(factor, MOST_FADING)
+            factor = min(factor, MOST_FADING, max(1.0, MOST_VARIANCE / max(self.vv, 1.0)))
             self.pp *= factor
             self.pv *= factor
             self.vv *= factor

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from zv.tracker.tracking.appearance import Appearance
 from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.kalman import AxisFilter
@@ -23,6 +25,12 @@ UNSURE = 4.0
 
 SHOWN_S = 0.3
 """A confirmed track that is not seen for longer than this is lost."""
+
+PATH_S = 0.6
+"""For how long the places in which a new object was seen are kept."""
+
+MOST_PLACES = 128
+"""Most of them that are kept: at any usual rate those of ``PATH_S``."""
 
 SIZE_TIME_S = 0.7
 """Time constant with which the size follows a change."""
@@ -44,6 +52,8 @@ class Target:
         origin: The box in which it was first seen.
         cut: Whether that box was at the border of the picture, and so perhaps incomplete.
         hits: Number of frames in which it was seen.
+        seen_s: Time for which it was seen, of the time since it was first seen.
+        path: Times and places of the last ``PATH_S`` in which it was seen, until it is confirmed.
         travelled: Largest distance from its origin, in sides.
         confirmed: Whether it was ever confirmed.
         grouped_ns: When it last shared a fragment with others; None if that is long ago.
@@ -77,6 +87,8 @@ class Target:
     origin: Fragment
     cut: bool = False
     hits: int = 1
+    seen_s: float = 0.0
+    path: list[tuple[int, Point]] = field(default_factory=list)
     travelled: float = 0.0
     confirmed: bool = False
     grouped_ns: int | None = None
@@ -139,6 +151,36 @@ class Target:
         self.seen_ns = stamp_ns
         self.hits += 1
         self.travelled = max(self.travelled, self._distance() / side)
+
+    def remember(self, now_ns: int, dt_s: float) -> None:
+        """Add a frame to the time for which a new object was seen, and to its path."""
+        if self.seen_ns != now_ns:
+            return
+        if self.born_ns != now_ns:
+            self.seen_s += dt_s
+        if self.path and self.path[-1][0] == now_ns:
+            return  # no time has passed
+        kept = self.path[1 - MOST_PLACES :]
+        self.path = [each for each in kept if now_ns - each[0] <= PATH_S * 1e9]
+        if self.steady is not None:
+            self.path.append((now_ns, self.steady))
+        elif not self.cut:  # else the centre of the first part in view is not that of the object
+            self.path.append((now_ns, (self.x.position, self.y.position)))
+
+    def unsteadiness(self) -> float:
+        """Return how far its path is from a steady motion: root mean square distance, in sides.
+
+        Infinite with fewer than three places, through which there is always a steady motion.
+        """
+        if len(self.path) < 3:
+            return math.inf
+        times = np.array([stamp_ns for stamp_ns, _ in self.path], float) / 1e9
+        places = np.array([place for _, place in self.path])
+        times -= times.mean()
+        places -= places.mean(axis=0)
+        velocity = times @ places / max(float(times @ times), 1e-9)
+        off = places - np.outer(times, velocity)
+        return math.sqrt(float(np.mean(np.sum(off * off, axis=1)))) / self.side
 
     def place_at(self, center: Point) -> None:
         """Set the centre, which moved since the size changed, without a motion of the object."""

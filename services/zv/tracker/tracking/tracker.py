@@ -33,8 +33,16 @@ PROTECTED_SIDES = 1.2
 """An object that has moved farther than this is kept out of the background even if it stands."""
 
 SETTLED_SIDES = 3.0
-"""An object that has moved farther than this is confirmed also where pixels keep changing: leaves
-sway less, and in a lane with much traffic the objects themselves change the pixels."""
+"""An object that has moved farther than this, steadily, is confirmed also where pixels keep
+changing: in a lane with much traffic the objects themselves change them."""
+
+STEADY_SIDES = 0.1
+"""A motion is steady if the last places are within this distance, root mean square, of one with
+constant velocity. Leaves jump by 0.1 to 0.6 of their side."""
+
+SEEN_SHARE = 0.8
+"""A track that was seen for a smaller share of its time follows what flickers, and is not confirmed
+before it has moved by ``SETTLED_SIDES``. A share of the time means the same at any rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +116,7 @@ class Tracker:
             target.predict(min(dt_s, MAX_STEP_S))
         free = Matcher(self._targets, fragments, dt_s, scene, convex=self.parameters.convex).match()
         self._begin(free, scene)
-        self._confirm_and_end(scene)
+        self._confirm_and_end(dt_s, scene)
         return self.tracks()
 
     def tracks(self) -> list[Track]:
@@ -166,24 +174,14 @@ class Tracker:
             if target is not None and scene is not None:
                 target.appearance.learn(scene, target.box, 1.0)
 
-    def _confirm_and_end(self, scene: Scene | None) -> None:
+    def _confirm_and_end(self, dt_s: float, scene: Scene | None) -> None:
         wanted, now_ns = self.parameters, self.now_ns
         kept = []
         for target in self.targets:
-            age_s = (now_ns - target.born_ns) / 1e9
-            if (
-                not target.confirmed
-                and target.seen_ns == now_ns  # what flickers is lost where it was expected
-                and age_s >= wanted.confirm_s
-                and target.hits >= wanted.confirm_hits
-                and target.travelled >= wanted.confirm_sides
-                and (
-                    scene is None
-                    or target.travelled > SETTLED_SIDES
-                    or scene.is_settled(target.shown or target.box)
-                )
-            ):
-                target.confirmed = True
+            if not target.confirmed:
+                target.remember(now_ns, dt_s)
+                if self._is_object(target, scene):
+                    target.confirmed, target.path = True, []
             missing_s = target.missing_s(now_ns)
             if not target.confirmed:
                 ended = missing_s > TENTATIVE_S
@@ -194,6 +192,24 @@ class Tracker:
             if not ended:
                 kept.append(target)
         self._targets.all = kept
+
+    def _is_object(self, target: Target, scene: Scene | None) -> bool:
+        """Return whether a track has been seen and has moved as an object does."""
+        wanted, now_ns = self.parameters, self.now_ns
+        age_s = (now_ns - target.born_ns) / 1e9
+        return (
+            target.seen_ns == now_ns  # what flickers is lost where it was expected
+            and age_s >= wanted.confirm_s
+            and target.hits >= wanted.confirm_hits
+            and target.travelled >= wanted.confirm_sides
+            and (
+                (target.travelled > SETTLED_SIDES and target.unsteadiness() <= STEADY_SIDES)
+                or (
+                    target.seen_s >= SEEN_SHARE * age_s
+                    and (scene is None or scene.is_settled(target.shown or target.box))
+                )
+            )
+        )
 
     def _shown_s(self, target: Target) -> float:
         """Return for how long a track that is not seen stays confirmed."""

@@ -14,6 +14,7 @@ from urllib.parse import quote, urlencode
 
 from aiohttp import web
 
+from zenoh_vision.error_text import joined
 from zenoh_vision.errors import PayloadError
 from zv.viewer.discovery.system_state import SystemState
 from zv.viewer.streams.picture_stream import PictureFeed
@@ -176,8 +177,7 @@ class WebVideoServer:
 
     def _listed(self) -> str:
         found = [key for key in self._system.streams if kind_of(key).picture]
-        more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
-        return f"; there are: {', '.join(found[:MAX_LISTED])}{more}" if found else ""
+        return f"; there are: {joined(found, MAX_LISTED)}" if found else ""
 
 
 def _snapshot_headers(picture: EncodedPicture) -> dict[str, str]:

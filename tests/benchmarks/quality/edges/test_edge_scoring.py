@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.quality.edges import scoring
+from benchmarks.quality.edges.command import CHOICES, NOT_SCORED
 from benchmarks.quality.edges.matching import match, thin
 
 
@@ -89,3 +90,15 @@ def test_a_thick_line_becomes_one_of_a_pixel_in_its_middle():
     assert thinned.sum() == thinned[5].sum()
     line = np.eye(12, dtype=bool)
     assert np.array_equal(thin(line), line)
+
+
+def test_the_scored_weights_of_learned_are_others_that_find_much_the_same():
+    picture = np.full((96, 128, 3), 60, np.uint8)
+    picture[:, 64:] = 190
+    found, scored = (
+        CHOICES[name]().detect(picture).strength for name in (NOT_SCORED, "learned, 160")
+    )
+    assert not np.array_equal(found, scored)
+    for strength in (found, scored):  # the step lies between columns 63 and 64
+        columns = strength[16:-16].argmax(axis=1)
+        assert np.all(np.abs(columns - 63.5) <= 2)

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.page_server import NOW_NS, PageServer, served_page, stream
 from tests.support.viewer.browser import CAMERA, Running, Tab, running
+from tests.support.viewer.page_server import NOW_NS, PageServer, served_page, stream
 from tests.support.waiting import wait_until
 
 WIDTH, HEIGHT = 64, 48

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.page_server import NOW_NS, PageServer, served_page, stream
 from tests.support.viewer.browser import Running, Tab, running
+from tests.support.viewer.page_server import NOW_NS, PageServer, served_page, stream
 from tests.support.waiting import wait_until
 
 CENTROID = "vision/front/centroid"

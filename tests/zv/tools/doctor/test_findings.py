@@ -17,6 +17,7 @@ from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Diagnostics, NodeDescription
 from zv.registry import model_of
 from zv.tools.doctor import remedies
+from zv.tools.doctor.network import name_findings
 from zv.tools.doctor.observation import Observation, Router, router_of
 from zv.tools.doctor.other_cameras import OtherCamera
 from zv.tools.doctor.streams import camera_findings, loss_findings, speed_findings
@@ -201,6 +202,16 @@ def test_frames_of_two_cameras_of_one_name_are_blamed_on_the_name():
     assert remedies.remedy_for("overwritten", tracker, observation(*cameras, tracker)) == remedy
     alone = remedies.remedy_for("out_of_order", tracker, observation(cameras[0], tracker))
     assert alone.startswith("two publishers share a key, or")
+
+
+@pytest.mark.parametrize(
+    ("cameras", "advice"),
+    [((), "stop all but one"), (("a",), "stop all but one, or give each a --camera of its own")],
+)
+def test_only_nodes_with_a_camera_are_told_to_take_another(cameras: tuple[str, ...], advice: str):
+    twins = [node_state("seer", session, cameras=cameras) for session in ("a1", "b2")]
+    (found,) = name_findings(observation(*twins))
+    assert (found.level, found.remedy) == ("FAIL", advice)
 
 
 def test_a_routers_sessions_have_their_addresses():

@@ -190,6 +190,32 @@ def test_what_appears_where_pixels_keep_changing_is_confirmed_where_they_do_not(
     assert states == ["tentative"] * 13 + ["confirmed"] * 7
 
 
+def crossed(sway: float, changes: int, counted_s: float = math.inf) -> set[str]:
+    """Return the states of an object that crosses 190 pixels, more than six of its sides."""
+    tracker, states = Tracker(TrackingParameters(), SIZE), set()
+    for k in range(20):
+        left = 30 + 10 * k + sway * (-1) ** k
+        mask = np.zeros(SIZE[::-1], np.uint8)
+        mask[40:80, round(left) : round(left) + 20] = 255
+        picture = np.full((SIZE[1], SIZE[0], 3), 120, np.uint8)
+        scene = Scene(picture, mask, np.full_like(mask, changes), counted_s)
+        fragment = Fragment(left, 40, left + 20, 80, 800)
+        states |= {track.state for track in tracker.update([fragment], k * SECOND // 10, scene)}
+    return states
+
+
+def test_where_pixels_keep_changing_a_long_way_is_that_of_an_object_if_it_is_steady():
+    assert crossed(sway=0, changes=200) == {"tentative", "confirmed"}
+    assert crossed(sway=4, changes=200) == {"tentative"}  # 0.14 of the side
+    assert crossed(sway=4, changes=10) == {"tentative", "confirmed"}
+
+
+def test_changes_are_many_by_the_time_in_which_they_were_counted():
+    jumping, second = 4, 1.0
+    assert crossed(jumping, 10, counted_s=second) == {"tentative"}
+    assert crossed(jumping, 10, counted_s=2 * second) == {"tentative", "confirmed"}
+
+
 def test_a_track_that_a_frame_does_not_show_is_not_confirmed_by_it():
     tracker = Tracker(TrackingParameters(), SIZE)
     for k in range(4):

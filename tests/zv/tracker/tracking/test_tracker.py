@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.target import MOST_PLACES
 from zv.tracker.tracking.targets import MAX_TARGETS
 from zv.tracker.tracking.tracker import Tracker, TrackingParameters
 
@@ -70,6 +71,16 @@ def test_an_object_that_does_not_move_or_only_grows_is_never_confirmed():
 
 
 @pytest.mark.parametrize("rate", [5, 10, 30])
+def test_what_is_seen_in_two_of_three_frames_is_never_confirmed(rate: int):
+    found = tracker()
+    for k in range(4 * rate):
+        fragments = [box(50 + 20 * k / rate, 100)] if k % 3 else []  # 2.8 sides in all
+        tracks = found.update(fragments, k * SECOND // rate)
+        assert {track.state for track in tracks} <= {"tentative"}
+    assert tracks
+
+
+@pytest.mark.parametrize("rate", [5, 10, 30])
 def test_the_frame_rate_changes_neither_ids_nor_lifetimes(rate: int):
     found = tracker()
     confirmed_s = lost_s = ended_s = None
@@ -119,6 +130,15 @@ def test_repeated_stamps_age_nothing_and_after_an_earlier_stamp_time_continues()
     assert (track.id, track.age_s) == (1, pytest.approx(0.9))
     (track,) = found.update([box(116, 100)], SECOND // 10)
     assert (track.id, track.age_s) == (1, pytest.approx(1.0))
+
+
+@pytest.mark.parametrize("step_ns", [0, 1000])
+def test_a_thousand_frames_in_no_time_give_finite_tracks_in_bounded_memory(step_ns: int):
+    found = tracker(confirm_sides=1000.0)  # its path is kept, as it is never confirmed
+    for k in range(2000):
+        tracks = found.update([box(100 + 3 * (k % 40), 100)], k * step_ns)
+    assert all(np.isfinite([track.x, track.y, track.vx, track.vy]).all() for track in tracks)
+    assert max(len(target.path) for target in found.targets) <= MOST_PLACES
 
 
 def test_the_same_input_gives_the_same_tracks():

@@ -15,6 +15,14 @@ test("the rate counts pictures that were not sent to this page", () => {
   assert.ok(Math.abs(statistics.arrivalRate(1000) - 10) < 0.01);
 });
 
+test("two pictures in quick succession, then a pause, have no rate", () => {
+  const statistics = new StreamStatistics();
+  statistics.add(0);
+  statistics.add(170, { skipped: 23 });
+  assert.equal(statistics.rate(1100), null);
+  assert.equal(statistics.arrivalRate(1100), null);
+});
+
 test("a stream is live for a second after its last picture", () => {
   const statistics = new StreamStatistics();
   assert.equal(statistics.isLive(0), false);

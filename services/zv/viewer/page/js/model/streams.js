@@ -114,22 +114,22 @@ export class StreamStatistics {
 		this.endedSince = null;
 	}
 
-	/** Frames a second of the stream, whether shown here or not; null in its first second. */
+	/** Frames a second of the stream, whether shown here or not; null over less than a second. */
 	rate(now) {
 		const [, ...counted] = this.samples;
 		return this.perSecond(now, counted.reduce((sum, sample) => sum + sample.frames, 0));
 	}
 
-	/** Pictures a second that arrived here; null in the first second. */
+	/** Pictures a second that arrived here; null over less than a second. */
 	arrivalRate(now) {
 		return this.perSecond(now, this.samples.length - 1);
 	}
 
 	/** The rate of so many frames after the first of the samples. */
 	perSecond(now, frames) {
-		if (this.samples.length < 2 || !this.isLive(now)) return null;
-		if (now - this.samples[0].now < LEAST_MS) return null;
-		return 1000 / Math.max((this.samples.at(-1).now - this.samples[0].now) / frames, 0.1);
+		if (!this.isLive(now)) return null;
+		const passed = this.samples.at(-1).now - this.samples[0].now;
+		return passed < LEAST_MS ? null : 1000 * frames / passed;
 	}
 
 	/** Tell whether a picture arrived within a second or three frame times. */

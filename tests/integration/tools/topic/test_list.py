@@ -124,7 +124,7 @@ def test_a_list_shows_what_flows_and_leaves_alone_what_is_made_on_demand(
         1,
     )
     assert centroid["publishers"] == ["tracker_c"]
-    assert centroid["rate_hz"] > 0  # how much of it, test_topic_measure.py asks
+    assert centroid["rate_hz"] > 0  # how much of it, test_measure.py asks
     assert (picture["type"], picture["state"], picture["publishers"]) == ("JPEG", "flowing", ["?"])
 
 

@@ -1,4 +1,4 @@
-"""``zv param set`` sets at most as many nodes as a fleet may have, and says so."""
+"""The commands of ``zv param``, without a network."""
 
 from __future__ import annotations
 

@@ -1,0 +1,46 @@
+"""Locks up a router of Zenoh 1.10: lists its publishers while publishers are declared.
+
+zenoh #2619: the router keeps its tables locked while it replies, and each reply locks them again.
+If a declaration waits for them in between, both wait for ever. This takes less than a second.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+import zenoh
+
+from tests.support.listening import open_client
+from zenoh_vision.transport.declarations import declared_key
+
+ASKING, DECLARING, KEYS = 6, 4, 10
+
+
+def list_publishers(session: zenoh.Session) -> None:
+    while True:
+        list(session.get(declared_key("publisher", "**"), timeout=2.0))
+
+
+def declare(session: zenoh.Session, name: int) -> None:
+    number = 0
+    while True:
+        number += 1
+        keys = (f"vision/camera{name}_{number}_{each}/image" for each in range(KEYS))
+        for publisher in [session.declare_publisher(key) for key in keys]:
+            publisher.undeclare()
+
+
+def main() -> None:
+    """Go on until killed; the argument is the router's endpoint."""
+    for _ in range(ASKING):
+        session = open_client(sys.argv[1])
+        threading.Thread(target=list_publishers, args=(session,), daemon=True).start()
+    for name in range(DECLARING):
+        session = open_client(sys.argv[1])
+        threading.Thread(target=declare, args=(session, name), daemon=True).start()
+    threading.Event().wait()
+
+
+if __name__ == "__main__":
+    main()
