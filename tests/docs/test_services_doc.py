@@ -232,7 +232,7 @@ def test_the_camera_of_ones_own_counts_and_has_its_parameter(start: Callable[...
         assert pixels.shape == (192, 256)
         (node,) = running.nodes
         running.wait(lambda: node.counters.snapshot()["dropped.no_subscriber"] > 2)
-        assert ask(session, "@vision/param/stripes_front/quality")[0].body["value"] == 80
+        assert newest(session, "@vision/param/stripes_front/quality").body["value"] == 80
         running.end()
 
 

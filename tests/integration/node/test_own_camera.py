@@ -10,7 +10,7 @@ import pytest
 import zenoh
 from pydantic import Field
 
-from tests.support.listening import Listener, ask, balance, newest
+from tests.support.listening import Listener, balance, newest
 from tests.support.pictures.encoded import PICTURES
 from tests.support.waiting import wait_until
 from zenoh_vision import Connection, Frame, Header, Level, Live, Node, Settings
@@ -161,7 +161,7 @@ def test_a_changed_parameter_holds_from_the_next_picture_on(client, connection):
         node.parameters.change({"quality": 1})
         node.publish_captured(noise)  # begun before the change
         coarse = node.publish_captured(noise)
-        (said,) = ask(client, "@vision/param/camera_front/quality")
+        said = newest(client, "@vision/param/camera_front/quality")  # the router knows it soon
     assert said.body["value"] == 1
     assert [fine.header.revision, coarse.header.revision] == [0, 1]
     assert len(coarse.compressed) < len(fine.compressed) / 3
