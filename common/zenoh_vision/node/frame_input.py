@@ -9,14 +9,14 @@ from typing import Any, Protocol, TypeVar, cast, get_args
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.config.settings import Settings
 from zenoh_vision.errors import ConfigurationError, ParameterRefused
-from zenoh_vision.image.frame import Frame, Want
+from zenoh_vision.image.frame import Form, Frame, Want
 from zenoh_vision.keys import TRANSPORT_VARIABLE, Transport
 from zenoh_vision.node.inputs import Input
 from zenoh_vision.node.inputs import Owner as InputOwner
 from zenoh_vision.node.shm_input import SharedMemoryInput
 from zenoh_vision.node.transport_switch import TransportSwitch
 from zenoh_vision.shm.machine import why_impossible
-from zenoh_vision.stream.buffer import Buffering
+from zenoh_vision.stream.buffer import Buffering, check_buffering
 from zenoh_vision.stream.frame_intake import FrameIntake
 from zenoh_vision.topics import COMPRESSED, RAW, Topic
 from zenoh_vision.transport.connection import Connection
@@ -47,11 +47,14 @@ def frame_input(
     """Return an iterable of a camera's frames, or of all cameras' with ``*``; see ``Node.frames``.
 
     Raises:
-        ValueError: The transport does not fit the topic.
+        TypeError: ``buffering`` is something else.
+        ValueError: The topic carries no pictures, there is no such form or transport, or the
+            transport does not fit the topic.
         ConfigurationError: It is shared memory, which this process cannot use, or the environment
             names a transport that does not exist, or the setting one that has no frames of all
             cameras.
     """
+    _check_arguments(topic, want, buffering, transport)
     namespace = node.connection.namespace
     if topic is COMPRESSED and camera == "*":
         _check_now_and_later(node.parameters, _check_of_all)
@@ -98,6 +101,24 @@ def frame_input(
         return frame
 
     return Input(node, intake, take, switch)
+
+
+def _check_arguments(
+    topic: Topic, want: Want, buffering: Buffering, transport: Transport | None
+) -> None:
+    """Check what a program without a type checker may pass.
+
+    Raises:
+        TypeError: ``buffering`` is something else.
+        ValueError: The topic carries no pictures, or there is no such form or transport.
+    """
+    check_buffering(buffering)
+    if topic.message is not None:
+        raise ValueError(f"{topic.name} carries messages, not pictures; take node.messages")
+    if not callable(want) and want not in get_args(Form):
+        raise ValueError(f"want={want!r}; allowed: {', '.join(get_args(Form))}, a function")
+    if transport is not None and transport not in get_args(Transport):
+        raise ValueError(f"transport={transport!r}; allowed: {', '.join(get_args(Transport))}")
 
 
 def transport_from_environment() -> Transport | None:

@@ -212,7 +212,9 @@ class Node:
                 of one camera without a queue; for any other input, its topic over the network.
 
         Raises:
-            ValueError: The node does not serve the camera, or the transport does not fit the topic.
+            TypeError: ``buffering`` is something else.
+            ValueError: The node does not serve the camera, the topic carries no pictures, there is
+                no such form or transport, or the transport does not fit the topic.
             ConfigurationError: The transport is ``shm``, which this process cannot use.
         """
         return frame_input(
@@ -246,12 +248,14 @@ class Node:
             buffering: How many wait; a full queue drops its oldest.
 
         Raises:
-            ValueError: The table has no topic of this name.
+            ValueError: The table has no topic of this name, or it carries pictures.
         """
         if isinstance(topic, Topic) or topic in TOPICS or "/" not in topic:
             row = topic_named(topic)
             key = row.key(self.connection.namespace, self._camera(camera))
             message = row.message
+            if message is None and row.name in TOPICS:
+                raise ValueError(f"{row.name} carries pictures, not messages; take node.frames")
         else:
             key = topic
         intake = MessageIntake(key, self.consumer, buffering, message=message)

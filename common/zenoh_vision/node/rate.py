@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Iterator
 from typing import Any, Protocol
@@ -22,8 +23,8 @@ class Owner(Protocol):
 
 def ticks(node: Owner, rate_hz: float) -> Iterator[int]:
     """Yield 0, 1, 2, ... at a rate; see ``Node.rate``."""
-    if rate_hz <= 0:
-        raise ValueError(f"a rate of {rate_hz:g} Hz; it must be above 0")
+    if not 0 < rate_hz < math.inf:  # NaN is refused too
+        raise ValueError(f"a rate of {rate_hz:g} Hz; it must be above 0 and finite")
     due_s = time.monotonic()
     for number in itertools.count():
         while not node.stopping and (wait_s := due_s - time.monotonic()) > 0:

@@ -51,6 +51,16 @@ def queue(depth: int, max_bytes: int = QUEUE_BYTES) -> Buffering:
     return Buffering(depth, per_key=False, reason="overflow", max_bytes=max_bytes)
 
 
+def check_buffering(buffering: object) -> None:
+    """Check that an argument ``buffering`` is one, since a mere number is easily passed.
+
+    Raises:
+        TypeError: It is something else.
+    """
+    if not isinstance(buffering, Buffering):
+        raise TypeError(f"buffering={buffering!r}; allowed: latest, queue(n)")
+
+
 class _Queue(Generic[T]):
     """Items, oldest first, each with its position among all items and its size in bytes."""
 

@@ -18,7 +18,7 @@ from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.keys import Way
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES
-from zenoh_vision.stream.buffer import Buffer, Buffering, latest
+from zenoh_vision.stream.buffer import Buffer, Buffering, check_buffering, latest
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.sample import MESSAGE_LIMIT, RAW_LIMIT, Sample, SizeLimit
 
@@ -89,6 +89,7 @@ class Intake(ABC, Generic[Waiting, Item]):
         *,
         deletions: bool = False,
     ) -> None:
+        check_buffering(buffering)
         self.key = key
         self.keys: tuple[str, ...] = (key,)
         self.fault = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar
@@ -19,6 +20,7 @@ from zenoh_vision.keys import Transport
 from zenoh_vision.messages import Centroid
 from zenoh_vision.node import frame_input
 from zenoh_vision.node.node import Node
+from zenoh_vision.stream.buffer import queue
 from zenoh_vision.stream.sample import Sample
 
 KEY = "vision/front/centroid"
@@ -198,6 +200,31 @@ def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_at_start_
     node.parameters = ParameterStore(TransportSettings(transport="shm"))
     with pytest.raises(ParameterRefused, match=r"transport = shm: .* name the cameras"):
         node.frames(camera="*")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"want": "grey"}, "want='grey'; allowed: pixels, bgr, gray, a function"),
+        ({"transport": "tcp"}, "transport='tcp'; allowed: auto, shm, raw, jpeg"),
+        ({"topic": "centroid"}, "centroid carries messages, not pictures; take node.messages"),
+        ({"buffering": 5}, "buffering=5; allowed: latest, queue(n)"),
+        ({"buffering": queue}, "allowed: latest, queue(n)"),
+    ],
+)
+def test_a_wrong_argument_of_frames_is_refused_with_what_is_allowed(
+    node: Node, wrong: dict[str, Any], said: str
+):
+    with pytest.raises((TypeError, ValueError), match=re.escape(said)):
+        node.frames(**wrong)
+    assert not node.inputs
+
+
+def test_a_wrong_argument_of_messages_is_refused_with_what_is_allowed(node: Node):
+    with pytest.raises(ValueError, match=r"image carries pictures, .* take node\.frames"):
+        node.messages("image")
+    with pytest.raises(TypeError, match=re.escape("buffering=5; allowed: latest, queue(n)")):
+        node.messages("centroid", buffering=5)  # type: ignore[arg-type]
 
 
 class OtherSettings(LampSettings):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from tests.support.library import LampSettings
@@ -69,7 +71,7 @@ def test_the_newest_parameters_are_active_in_each_turn(clock: Clock):
     assert found == [50, 0, 1]
 
 
-@pytest.mark.parametrize("rate_hz", [0, -1])
-def test_a_rate_is_above_0(rate_hz: float):
-    with pytest.raises(ValueError, match="must be above 0"):
+@pytest.mark.parametrize("rate_hz", [0, -1, math.nan, math.inf])
+def test_a_rate_is_above_0_and_finite(rate_hz: float):
+    with pytest.raises(ValueError, match="must be above 0 and finite"):
         next(Node("worker").rate(rate_hz))
