@@ -11,7 +11,7 @@ from zv.tracker.tracking import association, merging
 from zv.tracker.tracking.appearance import Appearance, Scene
 from zv.tracker.tracking.fragment import Fragment, union
 from zv.tracker.tracking.groups import divide
-from zv.tracker.tracking.measuring import measure, measure_portion
+from zv.tracker.tracking.measuring import PLAUSIBLE, measure, measure_portion
 from zv.tracker.tracking.target import SHOWN_S, Target
 from zv.tracker.tracking.targets import Targets
 
@@ -22,6 +22,10 @@ than this share of the smaller of the two."""
 GATE_SIDES = 0.7
 OTHER_APPEARANCE = 0.75
 """A fragment whose appearance differs more than this from a missing object is another object."""
+
+TURNING_SPEED = 3.0
+"""Speed, in sides per second, at which an object whose motion is not known may go in any direction;
+a faster one may go in any direction at its own speed."""
 
 PARTED_S = 0.4
 """An object that has looked like two for this long is divided into two."""
@@ -65,6 +69,7 @@ class Matcher:
             if missing_s > SHOWN_S and target.grouped_ns is None:
                 links[row] = False
         self._link_the_rest(links)
+        self._link_those_that_turned(links)
         for rows, columns in association.components(links):
             owned = [fragments[column] for column in columns]
             members = [targets[row] for row in rows]
@@ -103,6 +108,35 @@ class Matcher:
                     costs[number, column] = association.IMPOSSIBLE
         for number, found in association.assigned(costs):
             links[rows[number], columns[found]] = True
+
+    def _link_those_that_turned(self, links: NDArray[np.bool_]) -> None:
+        """Link objects that turned since the last frame to fragments that look like them.
+
+        An object that bounces is not where its motion leads, but it is no farther from its last
+        place than its speed allows. That distance grows with the time between two frames; at a high
+        rate it is hardly more than ``GATE_SIDES``.
+        """
+        scene, targets, dt_s = self._scene, self._targets, self._dt_s
+        if scene is None or dt_s > SHOWN_S:
+            return
+        seen = [target.missing_s(targets.now_ns) <= dt_s for target in targets.all]
+        rows = np.flatnonzero(~links.any(axis=1) & np.array(seen))
+        columns = np.flatnonzero(~links.any(axis=0))
+        costs = np.full((rows.size, columns.size), association.IMPOSSIBLE)
+        for number, row in enumerate(rows):
+            target = targets.all[row]
+            last = [axis.position - axis.velocity * dt_s for axis in (target.x, target.y)]
+            reach = GATE_SIDES + max(target.speed, TURNING_SPEED) * dt_s
+            for place, column in enumerate(columns):
+                found = self._fragments[column]
+                away = math.dist(last, found.center) / (reach * target.side)
+                if away > 1 or not 1 / PLAUSIBLE < (found.area + 1) / (target.area + 1) < PLAUSIBLE:
+                    continue
+                difference = target.appearance.distance(scene, found)
+                if difference <= OTHER_APPEARANCE:
+                    costs[number, place] = away + difference
+        for number, place in association.assigned(costs):
+            links[rows[number], columns[place]] = True
 
     def _follow_one(self, target: Target, owned: list[Fragment]) -> None:
         parts = _two_of(owned) if self._convex else _parts(target, owned)

@@ -1,0 +1,51 @@
+"""Objects that turn between two frames."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from zv.tracker.foreground.fragments import fragments_of
+from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.tracker import Tracker, TrackingParameters
+
+WIDTH, HEIGHT, SIDE = 320, 240, 28
+RED, GREEN = (40, 40, 200), (40, 180, 40)
+
+
+def seen(
+    tracker: Tracker, time_s: float, centre: tuple[float, float], bgr: tuple[int, int, int] = RED
+) -> set[int]:
+    """Show the tracker a disc; return the ids of the confirmed tracks."""
+    picture = np.full((HEIGHT, WIDTH, 3), 128, np.uint8)
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    place = round(centre[0]), round(centre[1])
+    cv2.circle(picture, place, SIDE // 2, bgr, -1)
+    cv2.circle(mask, place, SIDE // 2, 255, -1)
+    tracks = tracker.update(
+        fragments_of(mask, 10.0, math.inf), round(time_s * 1e9), Scene(picture, mask)
+    )
+    return {track.id for track in tracks if track.state == "confirmed"}
+
+
+@pytest.mark.parametrize(("rate_hz", "speed"), [(30, 200), (10, 200), (5, 120)])
+def test_an_object_that_turns_back_keeps_its_id_at_any_rate(rate_hz: int, speed: float) -> None:
+    tracker, ids = Tracker(TrackingParameters(), (WIDTH, HEIGHT)), set()
+    for index in range(5 * rate_hz):
+        way = speed * index / rate_hz % 440
+        ids |= seen(tracker, index / rate_hz, (50 + min(way, 440 - way), 120.0))
+    assert len(ids) == 1
+
+
+def test_an_object_of_other_colours_beside_the_last_place_is_another_one() -> None:
+    tracker = Tracker(TrackingParameters(), (WIDTH, HEIGHT))
+    for index in range(6):
+        before = seen(tracker, index / 5, (40 + 24 * index, 60.0))
+    for index in range(6, 12):
+        after = seen(tracker, index / 5, (120 - 12 * (index - 6), 88.0), GREEN)
+    assert before == {1}
+    assert after
+    assert not after & before
