@@ -102,7 +102,7 @@ def planned(settings: EdgeSettings, options: FileOptions) -> list[Job]:
 
     Raises:
         ConfigurationError: The flags contradict each other.
-        SourceError: There is no image.
+        SourceError: There is no image, or a file where a folder is needed.
     """
     if options.image is None:
         raise ConfigurationError("--out, --stages and --strength need --image")
@@ -118,11 +118,15 @@ def planned(settings: EdgeSettings, options: FileOptions) -> list[Job]:
     stages = None if options.stages is None else Path(options.stages)
     job = Job(image, out, stages, strength)
     jobs = _jobs_of_folder(job, settings) if image.is_dir() else [job]
-    if not image.is_dir():
+    if image.is_dir():
+        check_folder("--out", out)
+        check_folder("--strength", strength)
+    else:
         if out is not None:
             check_suffix("--out", out, MAP_SUFFIXES)
         if strength is not None:
             check_suffix("--strength", strength, (".png",))
+    check_folder("--stages", stages)
     check_places(jobs)
     return jobs
 
@@ -160,6 +164,16 @@ def check_suffix(flag: str, path: Path, allowed: Iterable[str]) -> None:
         raise ConfigurationError(
             f"{flag} {path}: allowed: a name that ends in {', '.join(allowed)}"
         )
+
+
+def check_folder(flag: str, path: Path | None) -> None:
+    """Check that a folder for results is none yet or a folder; None is no results.
+
+    Raises:
+        SourceError: It is a file.
+    """
+    if path is not None and path.exists() and not path.is_dir():
+        raise SourceError(f"{flag} {path}: is a file; allowed: a folder, or a name for a new one")
 
 
 def _jobs_of_folder(places: Job, settings: EdgeSettings) -> list[Job]:

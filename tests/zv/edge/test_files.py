@@ -161,7 +161,14 @@ def test_a_folder_shows_its_progress_on_a_terminal(folder: Path, tmp_path: Path)
         (("--image", "{image}", "--out", "{folder}/out.gif"), 2, "allowed: a name that ends in"),
         (("--image", "{image}", "--strength", "{folder}/s.jpg"), 2, "ends in .png"),
         (("--image", "{folder}/none.png", "--out", "{folder}/out.png"), 3, "no such file"),
-        (("--image", "{folder}", "--out", "{image}"), 3, "cannot be written"),
+        (
+            ("--image", "{folder}", "--out", "{image}"),
+            3,
+            "--out {image}: is a file; allowed: a fol",
+        ),
+        (("--image", "{folder}", "--strength", "{image}"), 3, "--strength {image}: is a file; all"),
+        (("--image", "{image}", "--stages", "{image}"), 3, "--stages {image}: is a file; allowed:"),
+        (("--image", "{image}", "--out", "{image}/o.png"), 3, "{image}/o.png: cannot be written"),
         (("--image", "{image}", "--out", "{folder}/o.png", "--low", "120"), 2, "is above high"),
         (("--image", "{image}", "--out", "{folder}/o.png", "--aperture", "4"), 2, "aperture"),
         (
