@@ -167,7 +167,7 @@ def check_suffix(flag: str, path: Path, allowed: Iterable[str]) -> None:
 
 
 def check_folder(flag: str, path: Path | None) -> None:
-    """Check that a folder for results is none yet or a folder; None is no results.
+    """Check that a path of results is a folder or does not exist; None means no results.
 
     Raises:
         SourceError: It is a file.
