@@ -16,7 +16,7 @@ from tests.integration.conftest import QUICK_ZV, a_router, some_services
 from tests.support.listening import Listener, newest, open_client, report_after, wait_for_nodes
 from tests.support.pictures.encoded import PICTURES, damaged, forged_size
 from tests.support.processes import Program, peak_bytes
-from tests.support.publishing import IMAGE_KEY, PlainCamera
+from tests.support.publishing import IMAGE_KEY, PlainCamera, wait_for_subscriber
 from tests.support.waiting import wait_until
 from zenoh_vision.image import codecs
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
@@ -294,6 +294,9 @@ def test_bare_jpegs_alone_are_processed_under_an_identity_made_up_on_arrival(cli
     before_ns = time.time_ns()
     camera = PlainCamera(client)
     pictures = iter(PICTURES)
+    wait_for_subscriber(client, IMAGE_KEY)  # a node is announced before it subscribes
+    camera.put(next(pictures), None)
+    centroids.wait_for(1)  # no later picture is to take the first one's place
     with camera.at(20, lambda: camera.put(next(pictures, GOOD), None)):
         headers = [message.header for message in centroids.wait_for(15)]
     for header in headers:
