@@ -75,6 +75,20 @@ def test_a_refusal_is_shown_and_the_control_goes_back(open_tab: Open) -> None:
     assert tab.page.input_value(f"{low} input[type=number]") == "40"
 
 
+def test_a_text_that_is_being_typed_survives_a_change_by_another(
+    open_tab: Open, system: Running
+) -> None:
+    tab = _with_parameters(open_tab, EDGES)
+    low = SIGMA.replace("sigma", "low")
+    tab.page.fill(f"{low} input[type=number]", "500")
+    _zv(system, "param", "set", "edge_front", "low=45")
+    tab.wait(f"document.querySelector('{low}').dataset.value === '45'")
+    assert tab.page.input_value(f"{low} input[type=number]") == "500"
+    tab.page.keyboard.press("Enter")  # refused, since it is above high
+    tab.wait(f"document.querySelector('{low} input[type=number]').value === '45'")
+    _zv(system, "param", "set", "edge_front", "low=40")
+
+
 def test_parameters_are_saved_as_the_file_that_config_reads(open_tab: Open, tmp_path: Path) -> None:
     tab = _with_parameters(open_tab, EDGES)
     with tab.page.expect_download() as download:

@@ -56,10 +56,15 @@ export class Control {
 	constructor(parameter, change) {
 		const { node, name, unit, description } = parameter;
 		const id = `parameter-${node}-${name}`;
-		Object.assign(this, { parameter, change, busy: false });
+		Object.assign(this, { parameter, change, busy: false, edited: false });
 		this.field = this.makeField({ id, "aria-describedby": `${id}-words ${id}-error`,
-			onchange: ({ target }) => this.send(
-				target.type === "checkbox" ? target.checked : parse(this.parameter, target.value)) });
+			oninput: () => this.edited = true,
+			onblur: () => this.endEdit(),
+			onchange: ({ target }) => {
+				this.edited = false;
+				this.send(
+					target.type === "checkbox" ? target.checked : parse(this.parameter, target.value));
+			} });
 		this.slider = this.makeSlider();
 		this.error = element("p", { class: "refusal", id: `${id}-error`, role: "alert", hidden: true });
 		this.reset = element("button", { type: "button", class: "reset", title: "Back to the default",
@@ -72,6 +77,13 @@ export class Control {
 			element("p", { class: "description", id: `${id}-words` }, description),
 			this.error);
 		this.draw();
+	}
+
+	/** Show the value instead of a text that was typed and taken back. */
+	endEdit() {
+		if (!this.edited) return;
+		this.edited = false;
+		if (!this.busy) this.draw();
 	}
 
 	/** Show a new value, unless it is the known one, or a change is pending. */
@@ -110,10 +122,11 @@ export class Control {
 			} });
 	}
 
+	/** Show a value; the field keeps a text that is being typed. */
 	show(value) {
 		const { field, slider, parameter } = this;
 		if (field.type === "checkbox") field.checked = Boolean(value);
-		else field.value = String(value ?? "");
+		else if (!this.edited) field.value = String(value ?? "");
 		// Several positions may mean the same value; then the slider stays where it is.
 		if (slider && valueAt(parameter, Number(slider.value)) !== value) {
 			slider.value = positionOf(parameter, value ?? parameter.default ?? parameter.minimum);
