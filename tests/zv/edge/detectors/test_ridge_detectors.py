@@ -12,6 +12,7 @@ from zv.edge.detectors.available import DETECTORS
 from zv.edge.detectors.canny import Canny
 from zv.edge.detectors.detection import STAGES
 from zv.edge.detectors.learned import network_size
+from zv.edge.detectors.ridges import enlarged
 
 NAMES = sorted(name for name, kind in DETECTORS.items() if kind.wants == "bgr")
 RED, GREEN = (0, 0, 200), (0, 102, 0)
@@ -119,8 +120,9 @@ def test_learned_marks_no_edge_along_the_border_of_a_picture():
 @pytest.mark.parametrize(
     ("size", "expected"),
     [
-        ((321, 481), (160, 240)),  # half, 160.5 x 240.5
-        ((480, 640), (160, 224)),  # 36,000 pixels of this shape are 164.3 x 219.1
+        ((240, 320), (128, 176)),  # 0.55 of each side, 132 x 176
+        ((321, 481), (176, 256)),  # 45,000 pixels of this shape are 173.3 x 259.7
+        ((480, 640), (176, 240)),  # 183.7 x 244.9
         ((1080, 1920), (272, 480)),  # a quarter, 270 x 480
         ((1, 9), (16, 16)),
     ],
@@ -129,3 +131,11 @@ def test_the_networks_input_has_sides_of_multiples_of_16(
     size: tuple[int, int], expected: tuple[int, int]
 ):
     assert network_size(*size) == expected
+
+
+def test_a_map_is_enlarged_by_the_pixel_in_which_each_of_the_larger_one_lies():
+    strength = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], np.float32)
+    rows, columns = [0, 0, 1, 1], [0, 0, 0, 1, 1, 2, 2]  # 3 columns in 7: borders at 2.33 and 4.67
+    larger = enlarged(strength, (4, 7))
+    assert larger.dtype == np.float32
+    assert np.array_equal(larger, strength[rows][:, columns])
