@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar, cast, get_args
 
-from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.config.revisions import ParameterStore, Revision
 from zenoh_vision.config.settings import Settings
 from zenoh_vision.errors import ConfigurationError, ParameterRefused
 from zenoh_vision.image.frame import Form, Frame, Want
@@ -76,7 +76,9 @@ def frame_input(
     switch = None
     if transport is not None and raw_key is not None:
         memory = None
-        first = _transport(node.parameters, transport)
+        # A loop activates the newest revision before its first frame.
+        newest = None if node.parameters is None else node.parameters.newest
+        first = _transport(newest, transport)
         _check_possible(first)
         _check_now_and_later(node.parameters, _check_setting)
         if not why_impossible():
@@ -90,8 +92,8 @@ def frame_input(
     def take(timeout_s: float) -> Frame | None:
         revision = None if node.parameters is None else node.parameters.active
         if switch is not None and transport is not None:
-            switch.follow(_transport(node.parameters, transport))
-        allowed_s = None if max_age_s is None else _setting(node.parameters, "max_age", max_age_s)
+            switch.follow(_transport(revision, transport))
+        allowed_s = None if max_age_s is None else _setting(revision, "max_age", max_age_s)
         if revision is not None and hasattr(revision.settings, "depth_min"):
             settings = revision.settings
             intake.depth_limits = settings.depth_min, settings.depth_max
@@ -141,7 +143,7 @@ def _check_now_and_later(
     parameters: ParameterStore[Any] | None, check: Callable[[Settings], None]
 ) -> None:
     if parameters is not None:
-        check(parameters.active.settings)
+        check(parameters.newest.settings)
         parameters.check(check)
 
 
@@ -174,14 +176,14 @@ def _check_of_all(settings: Settings) -> None:
         )
 
 
-def _transport(parameters: ParameterStore[Any] | None, default: Transport) -> Transport:
-    """Return the setting ``transport`` of a node; the default if it has none with our values."""
-    found = _setting(parameters, "transport", default)
+def _transport(revision: Revision[Any] | None, default: Transport) -> Transport:
+    """Return the setting ``transport`` of a revision; the default without one of our values."""
+    found = _setting(revision, "transport", default)
     return found if found in get_args(Transport) else default
 
 
-def _setting(parameters: ParameterStore[Any] | None, name: str, default: T) -> T:
-    """Return the active value of a node's setting; the default if it has no such setting."""
-    if parameters is None:
+def _setting(revision: Revision[Any] | None, name: str, default: T) -> T:
+    """Return the value of a setting in a revision; the default if it has no such setting."""
+    if revision is None:
         return default
-    return cast("T", getattr(parameters.active.settings, name, default))
+    return cast("T", getattr(revision.settings, name, default))

@@ -181,12 +181,12 @@ def test_the_router_may_go_and_come_back(client, router, service, taker):
 def test_shm_alone_takes_nothing_else_and_says_what_it_waits_for(client, service, taker):
     change(taker, "shm")
     frames = in_time(taker, iter(taker.frames(transport="shm")))
+    (waiting,) = taker.inputs
+    assert waiting.intake.awaited == (f"{RAW_KEY} in shared memory",)  # type: ignore[attr-defined]
     service("camera", *SMALL)
     assert next(frames).key == RAW_KEY
     assert way_of(taker) == "shm"
     assert not subscribed(client, COMPRESSED_KEY)
-    (waiting,) = taker.inputs
-    assert waiting.intake.awaited == (f"{RAW_KEY} in shared memory",)  # type: ignore[attr-defined]
 
 
 def test_inputs_that_are_told_nothing_take_it_unless_the_environment_says_otherwise(
