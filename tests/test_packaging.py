@@ -68,11 +68,9 @@ def test_the_list_of_commands_needs_no_zenoh():
     subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, cwd=ROOT)
 
 
-@pytest.mark.parametrize(
-    "path",
-    sorted([*ROOT.glob("common/**/*.py"), *ROOT.glob("services/**/*.py")]),
-    ids=lambda path: path.stem,
-)
-def test_no_module_has_a_vague_name_or_no_docstring(path: Path):
-    assert not {"utils", "helpers", "helper", "manager", "misc"} & {path.stem, path.parent.name}
-    assert ast.get_docstring(ast.parse(path.read_text())), path
+def test_no_module_has_a_vague_name_or_no_docstring():
+    paths = sorted([*ROOT.glob("common/**/*.py"), *ROOT.glob("services/**/*.py")])
+    vague = {"utils", "helpers", "helper", "manager", "misc"}
+    assert paths
+    assert [path for path in paths if vague & {path.stem, path.parent.name}] == []
+    assert [path for path in paths if not ast.get_docstring(ast.parse(path.read_text()))] == []
