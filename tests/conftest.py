@@ -21,13 +21,18 @@ from tests.support.processes import CAMERA_SIZE
 
 ROOT = Path(__file__).parents[1]
 PAGE = "tests/integration/viewer/page/"
-LONGEST_FIRST = (
+WAITING = (
     PAGE,
     "tests/integration/launcher/",
-    "tests/integration/",
     "tests/docs/",
-    "tests/zv/tracker/",
+    "tests/integration/viewer/",
+    "tests/integration/transport/",
+    "tests/integration/tools/",
+    "tests/integration/",
 )
+"""Folders of tests that mostly wait, from those whose files take longest."""
+COMPUTING = ("tests/zv/tracker/", "tests/")
+"""As above, of the tests that compute all the time."""
 OPENCV_DOC = Path("/usr/share/doc/opencv-doc/examples/data")
 LATER = ("quiet", "alone")
 """Marks of the tests that ``make tests`` runs after the others."""
@@ -42,7 +47,12 @@ class OneChromium(LoadFileScheduling):  # type: ignore[misc]
     """
 
     def _split_scope(self, nodeid: str) -> str:
-        return PAGE if nodeid.startswith(PAGE) else str(super()._split_scope(nodeid))
+        return scope_of(nodeid)
+
+
+def scope_of(nodeid: str) -> str:
+    """Return what a test's worker runs as a whole: a file, or the tests of the page."""
+    return PAGE if nodeid.startswith(PAGE) else nodeid.partition("::")[0]
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling | None:
@@ -105,14 +115,22 @@ def import_own_share(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes longest, so that no worker is left alone with it at the end."""
+    """Spread the files that compute evenly among those that wait, which leave a core idle.
+
+    Each kind begins with what takes longest, so that no worker is left alone with it at the end.
+    """
     MARKED.update((item.path, m) for item in items for m in LATER if item.get_closest_marker(m))
+    folders = (*WAITING, *COMPUTING)
 
-    def rank(item: pytest.Item) -> int:
-        starts = [item.nodeid.startswith(folder) for folder in LONGEST_FIRST]
-        return starts.index(True) if any(starts) else len(starts)
+    def rank(scope: str) -> int:
+        return next(n for n, folder in enumerate(folders) if scope.startswith(folder))
 
-    items.sort(key=rank)
+    scopes = sorted({scope_of(item.nodeid): None for item in items}, key=rank)
+    waiting = [scope for scope in scopes if rank(scope) < len(WAITING)]
+    place: dict[str, float] = {}
+    for kind in (waiting, scopes[len(waiting) :]):
+        place |= {scope: number / len(kind) for number, scope in enumerate(kind)}
+    items.sort(key=lambda item: place[scope_of(item.nodeid)])
 
 
 @pytest.fixture(scope="session")
