@@ -30,14 +30,14 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/codespell
 
-# Tests marked `quiet` measure times: they run after the others, two at a time; those marked `alone`
-# also fill the machine, and run last, one at a time. Each run is made, whatever the one before it
-# said; status 5 means that ARGS selected no test in it.
+# Tests marked `quiet` measure times: they run after the others, three at a time; those marked
+# `alone` also fill the machine, and run last, one at a time. Each run is made, whatever the one
+# before it said; status 5 means that ARGS selected no test in it.
 define run_tests
 failed=0; selected=0; \
 	run() { $(BIN)/pytest "$$@"; case $$? in 0) selected=1 ;; 5) ;; *) failed=1 ;; esac; }; \
 	run -m "not compose and not quiet and not alone" -n 6 --dist loadfile --no-loadscope-reorder $(1); \
-	run -m quiet -n 2 $(2); \
+	run -m quiet -n 3 --maxschedchunk 1 $(2); \
 	run -m alone $(3); \
 	[ $$failed$$selected = 01 ]
 endef
