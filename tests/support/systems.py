@@ -37,16 +37,19 @@ def service(name: str, folder: Path, *flags: str) -> Program:
 
 
 @contextmanager
-def system(folder: Path, *services: str) -> Iterator[str]:
+def system(folder: Path, *services: str, rate_hz: int = 10) -> Iterator[str]:
     """Yield the endpoint of a router with services at it, once their results flow.
 
     Args:
         folder: Where the programs' output goes.
         services: Beside the synthetic camera: ``tracker``, ``edge``, ``view``.
+        rate_hz: Of the camera; all that it sends has to be computed beside other tests.
     """
     with running_router(folder) as endpoint, ExitStack() as running:
-        for name in ("camera", *services):
-            running.enter_context(service(name, folder, "--connect", endpoint))
+        connect = ("--connect", endpoint)
+        running.enter_context(service("camera", folder, *connect, "--rate", str(rate_hz)))
+        for name in services:
+            running.enter_context(service(name, folder, *connect))
         with open_client(endpoint) as session:
             for name in services:
                 newest(session, RESULTS[name], START_S)

@@ -51,8 +51,8 @@ def shape(line: str) -> str:
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Of a router, the synthetic camera and a tracker."""
-    with system(tmp_path_factory.mktemp("system"), "tracker") as endpoint:
+    """Of a router, the synthetic camera and a tracker, at the rate that the page expects."""
+    with system(tmp_path_factory.mktemp("system"), "tracker", rate_hz=30) as endpoint:
         yield endpoint
 
 
