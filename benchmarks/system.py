@@ -18,6 +18,12 @@ SCHEDULED = 2
 """Kind of a process' clock that counts the time of all its threads, those that ended too."""
 
 
+def cpu_s(pid: int) -> float:
+    """Return the CPU time of a process so far, seconds."""
+    # The clock of a process, as clock_getcpuclockid names it: psutil only counts in ticks.
+    return time.clock_gettime(~pid << 3 | SCHEDULED)
+
+
 def free_endpoint() -> str:
     """Return a loopback endpoint that nobody listens on."""
     with socket.socket() as probe:
@@ -64,7 +70,7 @@ class System:
 
     def begin(self) -> None:
         """Start to count CPU time."""
-        self._cpu_s = {name: self._now_s(name) for name in self.processes}
+        self._cpu_s = {name: cpu_s(process.pid) for name, process in self.processes.items()}
         self._begun_s = time.monotonic()
 
     def cpu_s(self) -> dict[str, float]:
@@ -76,12 +82,10 @@ class System:
         for name, process in self.processes.items():
             if process.poll() is not None:
                 raise SystemExit(f"{name} has ended with status {process.poll()}")
-        return {name: self._now_s(name) - self._cpu_s[name] for name in self._cpu_s}
+        return {
+            name: cpu_s(self.processes[name].pid) - begun for name, begun in self._cpu_s.items()
+        }
 
     def memory_mb(self) -> dict[str, float]:
         """Return the resident memory of each process."""
         return {name: p.memory_info().rss / 1e6 for name, p in self.processes.items()}
-
-    def _now_s(self, name: str) -> float:
-        # The clock of a process, as clock_getcpuclockid names it: psutil only counts in ticks.
-        return time.clock_gettime(~self.processes[name].pid << 3 | SCHEDULED)

@@ -26,7 +26,7 @@ SIZES = ((768, 576), (1920, 1080))
 QUALITIES = (80, 95)
 ROUNDS = 2
 SHARE = 4 / 15
-"""Of the seconds of other measurements, for each system in each round: six minutes in all."""
+"""Of the seconds of other measurements, for each system in each round: seven minutes in all."""
 
 BITS_PER_PIXEL = 4
 FLOOR_S = 2.0

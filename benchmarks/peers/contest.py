@@ -17,6 +17,7 @@ import psutil
 from numpy.typing import NDArray
 
 from benchmarks.peers.programs.measuring import RATE_HZ, WARM_UP
+from benchmarks.system import cpu_s
 
 START_S = 30.0
 STOP_S = 3.0
@@ -90,8 +91,7 @@ class Programs:
         """Return the CPU time so far of camera and consumer, and of what is between them."""
         spent = [0.0, 0.0]
         for each in self._running:
-            times = each.cpu_times()
-            spent[each in self._between] += times.user + times.system
+            spent[each in self._between] += cpu_s(each.pid)
         return np.array(spent)
 
     def memory_mb(self) -> float:

@@ -8,6 +8,7 @@ from xml.sax.saxutils import escape
 
 from benchmarks import page
 from benchmarks.peers.comparison import FLOOR, QUALITIES, ROUNDS, SIZES, Row
+from benchmarks.peers.systems import OUR_READING, READING, ROS_RAW, SHARED_MEMORY
 
 HEAD = """| {size} | p50, ms | p99, ms | CPU, ms a frame | router, ms a frame | memory, MB |
 |---|---|---|---|---|---|"""
@@ -16,11 +17,12 @@ TEMPLATE = Path(__file__).with_name("performance.md.template")
 
 
 def table(rows: Sequence[Row], size: tuple[int, int]) -> str:
-    """Return the rows of one size as a Markdown table, the fastest first."""
+    """Return the rows of one size as a Markdown table, the fastest first, after the reading."""
     lines = [HEAD.format(size=f"{size[0]}x{size[1]}")]
     for row in ordered(rows, size):
         name = f"**{label(row)}**" if row.system.ours else label(row)
-        cells = [name, f"{row.p50_ms:.2f}", f"{row.p99_ms:.2f}", f"{row.cpu_ms:.2f}"]
+        ages = ("", "") if row.system.reads else (f"{row.p50_ms:.2f}", f"{row.p99_ms:.2f}")
+        cells = [name, *ages, f"{row.cpu_ms:.2f}"]
         cells += ["", ""] if row.system is FLOOR else [between(row), f"{row.memory_mb:.0f}"]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -37,18 +39,41 @@ def label(row: Row) -> str:
     return f"{row.system.name}{quality}"
 
 
+def without_reading(rows: Sequence[Row], size: tuple[int, int]) -> str:
+    """Return what pixels through shared memory cost beside those of ROS, with and without reading.
+
+    Empty if one of them was not measured.
+    """
+    cpu_ms = {row.system.name: row.cpu_ms for row in rows if row.size == size}
+    compared = (SHARED_MEMORY, OUR_READING, ROS_RAW, READING)
+    if not all(system.name in cpu_ms for system in compared):
+        return ""
+    ours, our_reading, theirs, their_reading = (cpu_ms[system.name] for system in compared)
+    rest, their_rest = ours - our_reading, theirs - their_reading
+    return (
+        f"Shared memory costs {ours / theirs:.2f} of the CPU time of ROS 1, raw "
+        f"({ours:.2f} of {theirs:.2f} ms a frame). Without the reading of the video it is "
+        f"{rest / their_rest:.2f} ({rest:.2f} of {their_rest:.2f} ms)."
+    )
+
+
 def ordered(rows: Sequence[Row], size: tuple[int, int]) -> list[Row]:
-    """Return the rows of a size by quality, those without last; within them the fastest first."""
+    """Return the rows of a size: reading, then by quality, those without last; then by age."""
     groups = [*QUALITIES, None]
     return sorted(
         (row for row in rows if row.size == size),
-        key=lambda row: (row.system.result, groups.index(row.quality), row.p50_ms),
+        key=lambda row: (
+            not row.system.reads,
+            row.system.result,
+            groups.index(row.quality),
+            row.p50_ms,
+        ),
     )
 
 
 def plot(rows: Sequence[Row], size: tuple[int, int]) -> str:
     """Return an SVG with a bar up to the p50 of each row, and a line on to its p99."""
-    shown = ordered(rows, size)
+    shown = [row for row in ordered(rows, size) if not row.system.reads]
     left, width, height, high = 330, 420, 26, 26 * len(shown) + 46
     most = max((row.p99_ms for row in shown), default=1.0)
     scale = width / most
@@ -78,7 +103,8 @@ def write_page(rows: Sequence[Row]) -> None:
     for size in SIZES:
         name = f"{size[0]}x{size[1]}"
         picture = f"![Ages of frames of {name}]({page.write_plot(name, plot(rows, size))})"
-        sections.append(f"## {name}\n\n{table(rows, size)}\n\n{picture}\n")
+        parts = (f"## {name}", table(rows, size), without_reading(rows, size), picture)
+        sections.append("\n\n".join(filter(None, parts)) + "\n")
     text = TEMPLATE.read_text().format(
         machine=page.machine(), rounds=ROUNDS, sections="\n".join(sections)
     )

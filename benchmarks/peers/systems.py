@@ -38,6 +38,7 @@ class System:
         missing: Returns why it cannot run and what to install; empty if it can.
         ours: Whether it is this system.
         result: Whether it measures a tracker's result instead of decoded pixels.
+        reads: Whether it only reads the video, so that only its CPU time and memory matter.
     """
 
     name: str
@@ -46,6 +47,7 @@ class System:
     missing: Callable[[], str] = lambda: ""
     ours: bool = False
     result: bool = False
+    reads: bool = False
 
 
 def _router(started: Programs) -> str:
@@ -128,6 +130,15 @@ def _wait_for(port: int) -> None:
     raise Failed(f"no ROS master within {START_S:.0f} s")
 
 
+def _reading(reader: str) -> Run:
+    def run(video: Path, _quality: int, frames: int) -> Outcome:
+        with programs() as started:
+            program = (f"{PROGRAMS}.reading", reader, f"{video}", f"{frames}")
+            return measured(started, started.python(*program, talks=True), frames)
+
+    return run
+
+
 def _one_process(video: Path, _quality: int, frames: int) -> Outcome:
     with programs() as started:
         program = f"{PROGRAMS}.one_process"
@@ -154,21 +165,31 @@ def _no_ros() -> str:
     return "" if found else f"install it on Debian with: apt install {ROS_PACKAGES}"
 
 
+READING = System("reading the video, OpenCV", _reading("opencv"), jpeg=False, reads=True)
+OUR_READING = System("reading the video, PyAV", _reading("libav"), jpeg=False, reads=True)
+"""What of the CPU time of the other systems, and of ours, no transport can avoid."""
+
+SHARED_MEMORY = System(
+    "zenoh-vision, shared memory",
+    _zenoh_vision("shm"),
+    jpeg=False,
+    missing=why_impossible,
+    ours=True,
+)
+ROS_RAW = System("ROS 1, raw", _ros("raw"), jpeg=False, missing=_no_ros)
+
+
 def systems() -> list[System]:
     """Return all systems, in the order in which they are run."""
     return [
+        READING,
+        OUR_READING,
         System("zenoh-vision, JPEG", _zenoh_vision("jpeg"), ours=True),
-        System(
-            "zenoh-vision, shared memory",
-            _zenoh_vision("shm"),
-            jpeg=False,
-            missing=why_impossible,
-            ours=True,
-        ),
+        SHARED_MEMORY,
         System("imagezmq", _imagezmq, missing=_no_imagezmq),
         System("Zenoh and OpenCV", _bare_zenoh),
         System("ROS 1, compressed", _ros("compressed"), missing=_no_ros),
-        System("ROS 1, raw", _ros("raw"), jpeg=False, missing=_no_ros),
+        ROS_RAW,
         System("tutorial, one process", _one_process, jpeg=False, result=True),
         *_trackers(),
     ]

@@ -13,7 +13,14 @@ from benchmarks import page as page_file
 from benchmarks.peers import comparison, report
 from benchmarks.peers.comparison import Row
 from benchmarks.peers.contest import Outcome
-from benchmarks.peers.systems import System, systems
+from benchmarks.peers.systems import (
+    OUR_READING,
+    READING,
+    ROS_RAW,
+    SHARED_MEMORY,
+    System,
+    systems,
+)
 
 SIZE = (768, 576)
 
@@ -47,6 +54,31 @@ def test_the_table_has_a_line_for_each_row_the_fastest_first():
         "| raw | 1.00 | 1.00 | 2.00 | 0.25 | 100 |",
     ]
     assert report.table(rows, (1, 1)) == report.HEAD.format(size="1x1")
+
+
+def costs(system: System, cpu_ms: float, between_ms: float = 0.25) -> Row:
+    return Row(system, SIZE, None, [Outcome((1.5,), cpu_ms, between_ms, 100.0)])
+
+
+def test_reading_comes_first_in_the_table_has_no_age_and_is_not_in_the_plot():
+    rows = [row("mine", 80, [4.0]), costs(READING, 1.25, 0.0)]
+    assert report.table(rows, SIZE).splitlines()[2:] == [
+        "| reading the video, OpenCV |  |  | 1.25 |  | 100 |",
+        "| mine, quality 80 | 4.00 | 4.00 | 2.00 | 0.25 | 100 |",
+    ]
+    assert "OpenCV" not in report.plot(rows, SIZE)
+
+
+def test_the_ratio_to_ros_is_said_with_and_without_reading():
+    # 3 / 6 = 0.5, and (3 - 1.5) / (6 - 1) = 0.3.
+    rows = [costs(READING, 1.0), costs(OUR_READING, 1.5), costs(SHARED_MEMORY, 3.0)]
+    assert report.without_reading(rows, SIZE) == ""
+    rows.append(costs(ROS_RAW, 6.0))
+    assert report.without_reading(rows, SIZE) == (
+        "Shared memory costs 0.50 of the CPU time of ROS 1, raw (3.00 of 6.00 ms a frame). "
+        "Without the reading of the video it is 0.30 (1.50 of 5.00 ms)."
+    )
+    assert report.without_reading(rows, (1, 1)) == ""
 
 
 def test_the_plot_names_every_row_and_is_xml():

@@ -10,18 +10,24 @@ RATE_HZ = 30.0
 WARM_UP = 30
 
 
-def paced_frames(path):
+def opencv_frames(path):
+    """Yield the frames of a video once, as arrays."""
+    video = cv2.VideoCapture(path)
+    while True:
+        read, frame = video.read()
+        if not read:
+            break
+        yield frame
+
+
+def paced_frames(path, frames=opencv_frames):
     """Yield a frame of a video and the time of its capture, ns since 1970, at 30 Hz for ever.
 
     As in a camera's driver, the frame is there at its time: it is decoded before.
     """
     due_s = time.monotonic()
     while True:
-        video = cv2.VideoCapture(path)
-        while True:
-            read, frame = video.read()
-            if not read:
-                break
+        for frame in frames(path):
             due_s = max(due_s + 1 / RATE_HZ, time.monotonic() - 1 / RATE_HZ)
             time.sleep(max(0.0, due_s - time.monotonic()))
             yield frame, time.time_ns()

@@ -204,12 +204,16 @@ class Frame:
     def copy_raw(self, target: NDArray[np.uint8]) -> None:
         """Write the pixel rows in ``header.encoding`` to memory of their size.
 
-        A JPEG that was not decoded yet is decoded into it, and not kept.
+        A JPEG or planes of which no pixels were made yet are decoded into it, and not kept.
 
         Raises:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
         with self._lock:
+            if self._pixels is None and self._planar is not None and self._encoding == "bgr8":
+                width, height = self._planar.size
+                self._planar.copy_bgr(target.reshape(height, width, 3))
+                return
             jpeg = None if self._planar is not None else self._compressed
             shallow = self._encoding not in pixel_formats.DEEP
             if self._pixels is None and jpeg is not None and shallow:

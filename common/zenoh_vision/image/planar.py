@@ -37,6 +37,8 @@ class PlanarPicture:
             uint8. Not modified, and kept.
         full_range: Whether black is 0 and white 255, as in a JPEG, instead of 16 and 235.
         to_bgr: Makes the pixels, (height, width, 3).
+        write_bgr: Writes them to memory of their size instead, without a copy; None if that is not
+            possible.
         asked: Called with each form that is asked for, so that it can be prepared for the next
             picture.
 
@@ -50,6 +52,7 @@ class PlanarPicture:
         *,
         full_range: bool,
         to_bgr: Callable[[], NDArray[np.uint8]],
+        write_bgr: Callable[[NDArray[np.uint8]], None] | None = None,
         asked: Callable[[PlanarForm], None] = lambda _: None,
     ) -> None:
         if not are_even(*planes[0].shape):
@@ -59,6 +62,7 @@ class PlanarPicture:
         self._full: Planes | None = planes if full_range else None
         self._bgr: NDArray[np.uint8] | None = None
         self._to_bgr = to_bgr
+        self._write_bgr = write_bgr
         self._asked = asked
         self._lock = threading.Lock()
 
@@ -80,6 +84,13 @@ class PlanarPicture:
         """Return the pixels, (height, width, 3); read-only."""
         self._asked("bgr")
         return self._pixels()
+
+    def copy_bgr(self, target: NDArray[np.uint8]) -> None:
+        """Write the pixels to memory of their size, (height, width, 3); they are not kept."""
+        if self._bgr is None and self._write_bgr is not None:
+            self._write_bgr(target)
+        else:
+            np.copyto(target, self.bgr())
 
     def jpeg(self, quality: int) -> bytes:
         """Return the picture as a JPEG of this quality, 1 to 100."""

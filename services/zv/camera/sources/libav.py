@@ -28,6 +28,7 @@ from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_RAW_BYTES
 from zenoh_vision.image.planar import PlanarForm, PlanarPicture, Planes, are_even
 from zv.camera.sources.base import Picture, picture_of
 from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
+from zv.camera.sources.swscale import BgrWriter
 
 log = logging.getLogger(__name__)
 
@@ -131,6 +132,7 @@ class AvStream:
         self._is_mjpeg = context.name == "mjpeg"
         self._frames: deque[VideoFrame] = deque()
         self._reformatter = VideoReformatter()
+        self._bgr = BgrWriter()
         self._converting = threading.Lock()  # pixels may be requested by other threads
         self._asked: set[PlanarForm] = set()
         self._warned = False
@@ -198,13 +200,15 @@ class AvStream:
         colour space and range; if the stream states neither, the result equals OpenCV's.
         """
         due_s = self._due_s(frame.time)
-        planes = _planes(frame)
+        planes = stored_planes(frame)
         if planes is None:
             return picture_of(self._pixels(frame), due_s=due_s)
+        full_range = _is_full_range(frame)
         planar = PlanarPicture(
             planes,
-            full_range=_is_full_range(frame),
+            full_range=full_range,
             to_bgr=lambda: self._pixels(frame),
+            write_bgr=self._bgr.of(planes, full_range=full_range),
             asked=lambda form: self._asked.add(form),  # to the set of that time
         )
         forms, self._asked = tuple(self._asked), set()
@@ -235,7 +239,7 @@ def _pixel_format(source: VideoFormat) -> str:
     return "gray16le" if components[0].bits > 8 else "gray"
 
 
-def _planes(frame: VideoFrame) -> Planes | None:
+def stored_planes(frame: VideoFrame) -> Planes | None:
     """Return the planes of a frame as a JPEG can store them; None if its colours are others."""
     if frame.format.name not in PLANAR or frame.colorspace not in BT_601 or frame.rotation % 360:
         return None

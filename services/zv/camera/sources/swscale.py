@@ -1,0 +1,98 @@
+"""Converts planes to BGR in memory of any owner, with the libswscale that PyAV brings along.
+
+PyAV itself converts only into new memory, from which the pixels would have to be copied to shared
+memory; that takes nearly as long as the conversion.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+import weakref
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import numpy as np
+from av.video import reformatter
+from numpy.typing import NDArray
+
+from zenoh_vision.image.planar import Planes
+
+BILINEAR: Final = 2
+"""What PyAV chooses; libswscale's other ways of converting differ from it in some pixels."""
+BT_601: Final = 5
+UNCHANGED: Final = (0, 1 << 16, 1 << 16)
+"""Brightness, contrast and saturation."""
+BLOCK: Final = 16
+"""Pixels that libswscale converts at once. It writes whole blocks only, some of them beyond the
+row, so that other widths need rows with gaps."""
+
+_Pointers = ctypes.c_void_p * 4
+_Strides = ctypes.c_int * 4
+
+
+def _libraries() -> ctypes.CDLL | None:
+    """Return the functions of libswscale and libavutil; None where they cannot be found."""
+    found = ctypes.CDLL(reformatter.__file__)  # finds the functions of those that it depends on
+    if not hasattr(found, "sws_scale"):  # on Windows
+        return None
+    found.sws_getContext.restype = found.sws_getCoefficients.restype = ctypes.c_void_p
+    return found
+
+
+_LIBRARIES: Final = _libraries()
+
+
+class BgrWriter:
+    """Converts the pictures of one stream; safe between threads."""
+
+    def __init__(self) -> None:
+        self._kind: tuple[int, int, bool] | None = None
+        self._context = ctypes.c_void_p()
+        self._lock = threading.Lock()
+
+    def of(self, planes: Planes, *, full_range: bool) -> Callable[[NDArray[np.uint8]], None] | None:
+        """Return what writes the pixels of planes to memory; None if that is not possible.
+
+        They are the same that PyAV makes.
+
+        Args:
+            planes: As for ``PlanarPicture``.
+            full_range: Whether black is 0 and white 255.
+        """
+        if _LIBRARIES is None or planes[0].shape[1] % BLOCK:
+            return None
+        return partial(self._write, _LIBRARIES, planes, full_range)
+
+    def _write(
+        self, libraries: ctypes.CDLL, planes: Planes, full_range: bool, target: NDArray[np.uint8]
+    ) -> None:
+        height, width = planes[0].shape
+        assert target.shape == (height, width, 3)
+        with self._lock:
+            if self._kind != (width, height, full_range):
+                self._open(libraries, width, height, full_range)
+            libraries.sws_scale(
+                self._context,
+                _Pointers(*(plane.ctypes.data for plane in planes)),
+                _Strides(*(plane.strides[0] for plane in planes)),
+                0,
+                height,
+                _Pointers(target.ctypes.data),
+                _Strides(target.strides[0]),
+            )
+
+    def _open(self, libraries: ctypes.CDLL, width: int, height: int, full_range: bool) -> None:
+        stored, made = map(libraries.av_get_pix_fmt, (b"yuv420p", b"bgr24"))
+        sides = (width, height, stored, width, height, made)
+        address = libraries.sws_getContext(*sides, BILINEAR, None, None, None)
+        if not address:
+            raise MemoryError("libswscale has no memory")
+        self._context = ctypes.c_void_p(address)
+        end = weakref.finalize(self._context, libraries.sws_freeContext, ctypes.c_void_p(address))
+        end.atexit = False  # another thread may still use it
+        colours = ctypes.c_void_p(libraries.sws_getCoefficients(BT_601))
+        ranges = (colours, int(full_range), colours, 1)
+        libraries.sws_setColorspaceDetails(self._context, *ranges, *UNCHANGED)
+        self._kind = width, height, full_range
