@@ -59,7 +59,7 @@ def test_a_node_that_waits_for_a_router_is_healthy_and_ends_on_a_signal(tmp_path
     router = Router(tmp_path)  # never started
     with some_services(router.endpoint, tmp_path) as start:
         start("tracker")
-        wait_until(lambda: says(health) == "ok\n", 20)
+        wait_until(lambda: says(health) == "ok\n")
         assert fresh(health)
 
 
@@ -113,10 +113,10 @@ def test_a_loop_that_is_stuck_in_a_frame_is_trouble_and_an_error(
         try:
             with camera.at(30):
                 wait_until(stuck.is_set)
-                wait_until(lambda: says(health).startswith("trouble: the loop has been stuck"), 10)
+                wait_until(lambda: says(health).startswith("trouble: the loop has been stuck"))
                 wait_until(lambda: any(message.body["level"] == 2 for message in reports.messages))
                 release.set()
-                wait_until(lambda: says(health) == "ok\n", 10)
+                wait_until(lambda: says(health) == "ok\n")
         finally:
             release.set()
             node.stop()
@@ -150,7 +150,7 @@ def test_the_router_beats(tmp_path, health):
     router = Router(tmp_path)
     try:
         router.start()
-        wait_until(lambda: says(health) == "ok\n", 10)
+        wait_until(lambda: says(health) == "ok\n")
         assert fresh(health)
     finally:
         router.close()
@@ -160,7 +160,7 @@ def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
     listen = Router(tmp_path).endpoint
     with Program(["up", "--plain", "--listen", listen], tmp_path, "up", forked=QUICK_ZV) as program:
         wait_until(lambda: "tracker_front" in program.output, 30)
-        wait_until(lambda: says(health) == "ok\n", 20)
+        wait_until(lambda: says(health) == "ok\n")
         children = psutil.Process(program.process.pid).children()
         assert len(children) == 5  # router, camera, tracker, edge detector, viewer
         assert not [child for child in children if "ZV_HEALTH_FILE" in child.environ()]
@@ -170,7 +170,7 @@ def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
 def test_zv_up_that_waits_for_a_router_elsewhere_is_well(tmp_path, health):
     nobody = Router(tmp_path).endpoint
     with Program(["up", "--plain", "--connect", nobody], tmp_path, "up", forked=ZV):
-        wait_until(lambda: says(health) == "ok\n", 20)
+        wait_until(lambda: says(health) == "ok\n")
         assert fresh(health)
 
 

@@ -288,6 +288,6 @@ def test_a_closed_source_gives_its_memory_back_without_the_garbage_collector():
             source = opened[0]()
             source.given.put("end")
             del source
-        wait_until(lambda: opened[0]() is None, 5)
+        wait_until(lambda: opened[0]() is None)
     finally:
         gc.enable()
