@@ -28,7 +28,7 @@ IMAGE_KEY = "vision/front/image/compressed"
 def wait_for_subscriber(session: zenoh.Session, key: str) -> None:
     """Wait until a session knows that somebody subscribes to a key: what it puts then arrives."""
     with session.declare_publisher(key) as publisher:
-        wait_until(lambda: publisher.matching_status.matching, 15)  # type: ignore[attr-defined]
+        wait_until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]
 
 
 class PlainCamera:

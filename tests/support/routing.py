@@ -28,16 +28,18 @@ class Router:
 
     Args:
         folder: Where its output goes.
+        program: Module whose ``main`` is ``zv``.
 
     Attributes:
         started_s: When it was started last, monotonic.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, program: str = ZV) -> None:
         self.started_s = 0.0
         self.port = free_port()
         self.endpoint = f"tcp/127.0.0.1:{self.port}"
         self._folder = folder
+        self._zv = program
         self._starts = 0
         self._harmed = False
         self._program: Program | None = None
@@ -65,7 +67,7 @@ class Router:
         self.started_s = time.monotonic()
         arguments = ["router", "--listen", self.endpoint]
         name = f"router{self._starts}"
-        self._program = Program(arguments, self._folder, name, forked=ZV)
+        self._program = Program(arguments, self._folder, name, forked=self._zv)
 
     def start(self) -> float:
         """Start it, wait until its port answers, and return the monotonic time of that."""

@@ -70,7 +70,7 @@ def test_a_node_is_back_with_all_that_it_offers_where_its_link_got_slower(
         low = "@vision/param/seer_front/low"
         (answer,) = wait_until(lambda: list(client.get(low, payload=msgpack.packb(7.0))))
         assert answer.ok is not None
-        wait_until(lambda: bool(changes.messages), 10)
+        wait_until(lambda: bool(changes.messages))
     assert "another session was opened" in caplog.text
 
 
@@ -94,10 +94,10 @@ def test_a_router_that_was_only_away_is_found_again_and_nothing_is_there_twice(
         replies = wait_until(lambda: list(client.get("@vision/node/seer_front")))
         assert len(replies) == 1
         health = Listener(client, "@vision/diagnostics/seer_front")
-        wait_until(lambda: len(health.messages) >= 3, 10)
+        wait_until(lambda: len(health.messages) >= 3)
         sent = [message.body["stamp_ns"] for message in health.messages]
         assert len(set(sent)) == len(sent)
-    wait_until(lambda: "@vision/node/seer_front" not in living_nodes(client), 10)
+    wait_until(lambda: "@vision/node/seer_front" not in living_nodes(client))
 
 
 def test_what_was_undeclared_before_is_not_declared_on_the_next_session(
@@ -150,7 +150,7 @@ def test_a_session_that_the_router_does_not_answer_is_replaced(
     wait_until(lambda: len({id(session) for session in asked}) == 2, 20)
     assert first.is_closed()
     assert "the router does not answer: another session was opened" in caplog.text
-    wait_until(lambda: "@vision/node/silent" in living_nodes(client), 10)
+    wait_until(lambda: "@vision/node/silent" in living_nodes(client))
     between.close()
 
 
@@ -211,8 +211,8 @@ def test_while_the_router_is_away_a_camera_that_is_gone_is_still_said_to_be(
             said.append(file.read_text())
             return len(said) > 400
 
-        wait_until(lambda: "gone" in file.read_text(), 10)
-        wait_until(read, 10)
+        wait_until(lambda: "gone" in file.read_text())
+        wait_until(read)
         assert all("gone" in text for text in said)
 
 
