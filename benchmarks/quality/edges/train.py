@@ -71,7 +71,7 @@ class Residual(nn.Sequential):
 
 
 class EdgeNetwork(nn.Module):
-    """Probabilities of boundaries of planes (n, 6, h, w); h and w multiples of 16.
+    """Logits of the probabilities of boundaries of planes (n, 6, h, w); h, w multiples of 16.
 
     The result is (n, 4, h / 2, w / 2): channel 2 y + x is the pixel (y, x) of a square of 2 x 2.
     """
@@ -104,8 +104,8 @@ class EdgeNetwork(nn.Module):
         return self.out(fine), self.sides[0](middle), self.sides[1](coarse)
 
     def forward(self, planes: Tensor) -> Tensor:
-        """Return the probabilities."""
-        return torch.sigmoid(self.scales(planes)[0])
+        """Return the logits."""
+        return self.scales(planes)[0]
 
 
 def doubled(maps: Tensor) -> Tensor:
@@ -262,7 +262,7 @@ def export(average: dict[str, Tensor], path: Path) -> None:
     network.load_state_dict(average)
     network.eval()
     example = torch.zeros(1, 6, 240, 320)
-    names = {"input_names": ["planes"], "output_names": ["probability"]}
+    names = {"input_names": ["planes"], "output_names": ["logits"]}
     fixed = {"dynamo": False} if "dynamo" in torch.onnx.export.__code__.co_varnames else {}
     torch.onnx.export(network, (example,), str(path), opset_version=13, **names, **fixed)
     onnx.save(halved(onnx.load(path)), path)

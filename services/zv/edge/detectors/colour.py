@@ -29,7 +29,7 @@ SURROUNDINGS: Final = 61
 """Side of the square around a pixel whose mean has the same weight as that of the picture, pixels
 of the half-size picture: a boundary in a calm part is stronger than one among texture."""
 
-THRESHOLDS: Final = (1.0, 0.61, 0.535, 0.477, 0.428, 0.384, 0.344, 0.303, 0.261, 0.219, 0.179)
+THRESHOLDS: Final = (1.0, 0.618, 0.546, 0.491, 0.445, 0.404, 0.367, 0.331, 0.296, 0.26, 0.225)
 """Measured by ``python -m benchmarks.quality edges --thresholds --detectors colour``."""
 
 
@@ -44,6 +44,8 @@ class Colour(RidgeDetector):
     of the result x, the strength is x / (1 + x).
     """
 
+    smoothing: ClassVar = 0.35
+    ridge_sigma: ClassVar = 1.5
     thresholds: ClassVar = THRESHOLDS
 
     def strengths(self, picture: Picture) -> Strength:

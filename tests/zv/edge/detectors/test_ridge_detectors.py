@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from tests.support.pictures.analytic_edges import Step, judge
+from zv.edge.detectors import learned
 from zv.edge.detectors.available import DETECTORS
 from zv.edge.detectors.canny import Canny
 from zv.edge.detectors.detection import STAGES
-from zv.edge.detectors.learned import network_size
+from zv.edge.detectors.learned import Learned, network_size
 from zv.edge.detectors.ridges import enlarged
 
+WEIGHTS = Path(learned.__file__).with_name("learned.onnx")
 NAMES = sorted(name for name, kind in DETECTORS.items() if kind.wants == "bgr")
 RED, GREEN = (0, 0, 200), (0, 102, 0)
 """Both have grey level 60: 0.299 * 200 = 59.8, 0.587 * 102 = 59.9."""
@@ -134,8 +138,22 @@ def test_the_networks_input_has_sides_of_multiples_of_16(
 
 
 def test_a_map_is_enlarged_by_the_pixel_in_which_each_of_the_larger_one_lies():
-    strength = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], np.float32)
+    values = np.array([[1, 2, 3], [4, 5, 6]], np.int16)
     rows, columns = [0, 0, 1, 1], [0, 0, 0, 1, 1, 2, 2]  # 3 columns in 7: borders at 2.33 and 4.67
-    larger = enlarged(strength, (4, 7))
-    assert larger.dtype == np.float32
-    assert np.array_equal(larger, strength[rows][:, columns])
+    larger = enlarged(values, (4, 7))
+    assert larger.dtype == np.int16
+    assert np.array_equal(larger, values[rows][:, columns])
+
+
+def test_the_networks_logits_become_probabilities_in_the_pictures_order():
+    planes = np.random.default_rng(5).normal(0, 1, (1, 6, 32, 48)).astype(np.float32)
+    network = cv2.dnn.readNetFromONNX(str(WEIGHTS), cv2.dnn.ENGINE_CLASSIC)
+    network.setInput(planes)
+    logits = network.forward()[0].astype(np.float64)
+    probabilities = Learned.network.probabilities(planes)
+    assert probabilities.dtype == np.float32
+    assert probabilities.shape == (32, 48)
+    for y in range(2):
+        for x in range(2):
+            expected = 1 / (1 + np.exp(-logits[2 * y + x]))
+            assert np.allclose(probabilities[y::2, x::2], expected, atol=1e-6)
