@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.quality.data import found
 from benchmarks.quality.tracker import belt, drawing, scenarios, wire
 from benchmarks.quality.tracker.comparison import METHODS, Comparison, compare
+from benchmarks.quality.tracker.room import Room
 from benchmarks.quality.tracker.scoring import Score, check_the_scores
 from benchmarks.quality.tracker.sequence import (
     Shots,
@@ -37,7 +38,11 @@ seen, and some rules chosen with them: no part is untouched.
 
 LATE_STARTS = (20, 40, 60, 80, 100, 120)
 DROPPED = 0.3
-PARTS = ("vtest", "variants", "scenes", "belt", "wire")
+DROP_SEEDS = (1, 2, 3)
+ROOM_SEEDS = range(1, 13)
+STEP_OF_5_HZ = 6
+
+PARTS = ("vtest", "variants", "scenes", "rooms", "belt", "wire")
 
 
 def main(words: Sequence[str]) -> None:
@@ -118,7 +123,7 @@ def measure_scenes(options: argparse.Namespace) -> None:
         if options.scene not in (None, make.__name__):
             continue
         scene = make()
-        for name, shots in rates(scene.shots).items():
+        for name, (shots,) in rates(scene.shots(30.0)).items():
             comparison = compare(shots, tutorial=name == "10 Hz")
             scores = {method: comparison.scorers[method].score() for method in METHODS}
             texts = [short(scores[method], method != "tutorial") for method in METHODS]
@@ -127,14 +132,46 @@ def measure_scenes(options: argparse.Namespace) -> None:
             draw(options, f"{make.__name__}_{name.replace(' ', '_')}", shots, comparison)
 
 
-def rates(at: Callable[[float], Shots]) -> dict[str, Shots]:
-    """Return a sequence at 30, 10 and 5 Hz, and at 30 Hz without a random part."""
+def rates(shots: Shots, seeds: Sequence[int] = DROP_SEEDS[:1]) -> dict[str, list[Shots]]:
+    """Return a sequence of 30 Hz, each third and sixth frame of it, and it with random losses.
+
+    So all rates show the same pictures. For the losses there is a sequence for each seed.
+    """
     return {
-        "30 Hz": at(30.0),
-        "10 Hz": at(10.0),
-        "5 Hz": at(5.0),
-        f"30 Hz, {DROPPED:.0%} dropped": dropped(at(30.0), DROPPED),
+        "30 Hz": [shots],
+        "10 Hz": [every(shots, 3)],
+        "5 Hz": [every(shots, STEP_OF_5_HZ)],
+        f"30 Hz, {DROPPED:.0%} dropped": [dropped(shots, DROPPED, seed) for seed in seeds],
     }
+
+
+def measure_rooms(_: argparse.Namespace) -> None:
+    """Measure several rooms, and all rates in them at the same instants: the frames of 5 Hz.
+
+    A change of the id is one error at any rate, so it would weigh less where there are more frames.
+    """
+    title("room, robust", "MOTA", "deviation of seeds", "missed", "false", "switches")
+    figures: dict[str, list[list[float]]] = {}
+    for seed in ROOM_SEEDS:
+        kept = list(Room(seed=seed).shots(30.0)())  # 0.8 GB, since drawing takes as long
+        for name, variants in rates(kept.__iter__, DROP_SEEDS).items():
+            scores = [
+                compare(shots, tutorial=False).scorers["robust"].at_each(STEP_OF_5_HZ).score()
+                for shots in variants
+            ]
+            shares = [
+                (each.mota, *(100 * count / each.boxes for count in _errors(each)))
+                for each in scores
+            ]
+            figures.setdefault(name, []).append(np.mean(shares, axis=0).tolist())
+    for name, rows in figures.items():
+        mota, *errors = np.mean(rows, axis=0)
+        deviation = np.std([each[0] for each in rows])
+        row(name, f"{mota:.1f}", f"{deviation:.1f}", *(f"{share:.1f} %" for share in errors))
+
+
+def _errors(score: Score) -> tuple[int, int, int]:
+    return score.misses, score.false_boxes, score.switches
 
 
 def measure_belt(options: argparse.Namespace) -> None:
@@ -190,6 +227,7 @@ MEASUREMENTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "vtest": measure_vtest,
     "variants": measure_variants,
     "scenes": measure_scenes,
+    "rooms": measure_rooms,
     "belt": measure_belt,
     "wire": measure_wire,
 }

@@ -98,6 +98,12 @@ class Scorer:
             frames=len(fits),
         )
 
+    def at_each(self, step: int) -> Scorer:
+        """Return the results of the pictures whose index is a multiple of ``step`` alone."""
+        history = [each for each in self.history if each[0] % step == 0]
+        fits = {index: fit for index, fit in self.fits.items() if index % step == 0}
+        return Scorer(history, fits)
+
     def errors(self) -> list[tuple[int, str, int | None, int | None]]:
         """Return the errors: picture, SWITCH or MISS or FP, id in the truth, id found."""
         events = self._events(0, None).events

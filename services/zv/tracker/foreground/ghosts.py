@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -107,17 +108,19 @@ class GhostFinder:
         )
         ghosts, same = np.zeros_like(marked), np.zeros_like(marked)
         background = model.picture()
-        for region in fragments_of(still, LEAST_AREA, math.inf):
-            inside = _cut(region, 0)
-            where = still[inside]
-            texture = same_texture(background[inside], picture[inside], where)
-            share = picture_share(picture, background, mask, still, region)
-            if share < GHOST_SHARE or (share < LIKELY and texture > LIKELY):
-                ghosts[inside] = where
-            elif texture > BACKGROUND_TEXTURE and (
-                evenness(picture[inside], background[inside], where) < EVEN
-            ):
-                same[inside] = where
+        for window, own in _components(still):
+            shown, expected, around = picture[window], background[window], mask[window]
+            for region in fragments_of(own, LEAST_AREA, math.inf):
+                inside = _cut(region, 0)
+                where = own[inside]
+                texture = same_texture(expected[inside], shown[inside], where)
+                share = picture_share(shown, expected, around, own, region)
+                if share < GHOST_SHARE or (share < LIKELY and texture > LIKELY):
+                    ghosts[window][inside] |= where
+                elif texture > BACKGROUND_TEXTURE and (
+                    evenness(shown[inside], expected[inside], where) < EVEN
+                ):
+                    same[window][inside] |= where
         # Pixels beside a ghost are background; those beside background that was learned half
         # covered may be the object that covers it.
         ghosts = np.asarray(cv2.dilate(ghosts, BAND), np.uint8) | same
@@ -154,7 +157,7 @@ def picture_share(
         picture: (height, width, 3) uint8 BGR.
         background: The same.
         mask: (height, width) uint8 of 0 and 255, the foreground.
-        still: The same, the unchanging part of the foreground, which contains the region.
+        still: The same, the unchanging part of the foreground that contains the region.
         box: Bounding box of the region.
 
     Returns:
@@ -211,6 +214,23 @@ def _step(
         deviations = np.sqrt(np.maximum(squares / counts - means * means, 0.0))
         found.append(np.concatenate([means, deviations], axis=1))
     return np.asarray(found[0] - found[1], np.float32)
+
+
+def _components(still: Image) -> Iterator[tuple[tuple[slice, slice], Image]]:
+    """Return each connected component of a mask: a window around it, and its pixels in there.
+
+    Another component may lie in its bounding box: an object in the angle of an L.
+    """
+    contours, _ = cv2.findContours(still, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    for contour in contours:
+        left, top, width, height = cv2.boundingRect(contour)
+        if width * height < LEAST_AREA:
+            continue
+        window = _cut(Fragment(left, top, left + width, top + height, 0), SIDE)
+        _, labels = cv2.connectedComponents(still[window], ltype=cv2.CV_16U)
+        x, y = contour[0, 0].tolist()
+        own = labels == labels[y - window[0].start, x - window[1].start]
+        yield window, own.view(np.uint8) * np.uint8(255)
 
 
 def _outline(region: Image) -> NDArray[np.bool_]:

@@ -28,6 +28,14 @@ CLEAR = 6.0
 LEAST_CLEAR = 0.15
 """An object in a group is hidden if a smaller share of it is clearly its own."""
 
+KNOWN_COLOR = 0.002
+"""A colour is an object's own if it was at least as probable as with all colours equal."""
+
+LEAST_KNOWN = 0.4
+"""An object in a group is hidden if a smaller share of its pixels has colours of its own: another
+object is there, whose colours are not known yet. It is 0.8 to 1 where an object is in view, 0.5 to
+0.6 for one that was seen only half, and 0 to 0.3 where it has left."""
+
 THIN = 0.1
 """Rows and columns with less than this share of the fullest one do not count for the edges."""
 
@@ -44,9 +52,9 @@ class Portion:
         open: Whether the left, top, right and bottom edge of that box borders on background;
             otherwise the object may continue behind another one.
         visible: Number of its pixels, relative to the object's usual area.
-        clear: As ``visible``, but only of the pixels that are clearly its own. If no object has
-            enough of these, all pixels of the most visible one count, since the region must show
-            some object.
+        clear: As ``visible``, but only of the pixels that are clearly its own; 0 if most of its
+            pixels have colours that it never showed. If no object has enough of these, all pixels
+            of the most visible one count, since the region must show some object.
         covered: Share of its expected box that is foreground, its own or that of others.
     """
 
@@ -85,15 +93,19 @@ def divide(targets: Sequence[Target], region: Sequence[Fragment], scene: Scene) 
     levels = levels_of(scene.picture[rows, columns])
     best, second = np.zeros(mask.shape, np.float32), np.zeros(mask.shape, np.float32)
     owner = np.full(mask.shape, -1, np.int16)
+    known = np.zeros(mask.shape, bool)
     for number, target in enumerate(targets):
-        window, likely = _likely(target, areas[number], levels, (rows.start, columns.start))
+        window, likely, own_color = _likely(
+            target, areas[number], levels, (rows.start, columns.start)
+        )
         better = (likely > best[window]) & mask[window]
         second[window] = np.where(better, best[window], np.maximum(second[window], likely))
         best[window][better] = likely[better]
         owner[window][better] = number
+        known[window][better] = own_color[better]
     clear = best > CLEAR * second
     portions = [
-        _portion(target, owner == number, clear, mask, (rows.start, columns.start))
+        _portion(target, owner == number, clear, known, mask, (rows.start, columns.start))
         for number, target in enumerate(targets)
     ]
     if max(portion.clear for portion in portions) < LEAST_CLEAR:
@@ -114,8 +126,13 @@ def _searched(target: Target) -> Fragment:
 
 def _likely(
     target: Target, area: Fragment, levels: NDArray[np.intp], origin: tuple[int, int]
-) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
-    """Return a window of a region, and how probable each of its pixels is for an object."""
+) -> tuple[tuple[slice, slice], NDArray[np.float32], NDArray[np.bool_]]:
+    """Return how probable each pixel of a region is for an object.
+
+    Returns:
+        The window of the region that was examined; the probabilities in it; and for each pixel
+        whether the object has shown this colour before.
+    """
     height, width = levels.shape
     top, left = max(0, round(area.top) - origin[0]), max(0, round(area.left) - origin[1])
     bottom = max(top, min(height, round(area.bottom) - origin[0]))
@@ -126,7 +143,8 @@ def _likely(
     u = (np.arange(left, right) + origin[1] + 0.5 - box.left) / max(1.0, box.width)
     if looks.silhouette is None or looks.colors is None:
         inside = ((v >= 0) & (v < 1))[:, None] & ((u >= 0) & (u < 1))[None]
-        return window, np.where(inside, LEAST_COLOR, LEAST_PRIOR * LEAST_COLOR).astype(np.float32)
+        likely = np.where(inside, LEAST_COLOR, LEAST_PRIOR * LEAST_COLOR).astype(np.float32)
+        return window, likely, np.ones(inside.shape, bool)
     size = looks.silhouette.shape
     rows = np.repeat((v * size[0] - 0.5).astype(np.float32)[:, None], u.size, axis=1)
     columns = np.repeat((u * size[1] - 0.5).astype(np.float32)[None], v.size, axis=0)
@@ -137,13 +155,15 @@ def _likely(
         )
     bands = (v * BANDS).astype(np.intp)
     bands = np.minimum(np.maximum(bands, 0), BANDS - 1)
-    return window, prior * (looks.colors[bands[:, None], levels[window]] + LEAST_COLOR)
+    colors = looks.colors[bands[:, None], levels[window]]
+    return window, prior * (colors + LEAST_COLOR), colors > KNOWN_COLOR
 
 
 def _portion(
     target: Target,
     own: NDArray[np.bool_],
     clear: NDArray[np.bool_],
+    known: NDArray[np.bool_],
     mask: NDArray[np.bool_],
     origin: tuple[int, int],
 ) -> Portion:
@@ -153,6 +173,7 @@ def _portion(
     bottom, right = max(0, round(box.bottom) - origin[0]), max(0, round(box.right) - origin[1])
     expected = mask[top:bottom, left:right]
     covered = float(expected.mean()) if expected.size else 0.0
+    foreign = np.count_nonzero(own & known) < LEAST_KNOWN * np.count_nonzero(own)
     own = cv2.medianBlur(own.astype(np.uint8), 3) > 0
     count = int(np.count_nonzero(own))
     if not count:
@@ -169,9 +190,8 @@ def _portion(
         _is_open(own, mask, end_y - 1, end_y + 1),
     )
     usual = max(1.0, target.area)
-    return Portion(
-        found, sides, count / usual, float(np.count_nonzero(own & clear)) / usual, covered
-    )
+    its = 0.0 if foreign else float(np.count_nonzero(own & clear)) / usual
+    return Portion(found, sides, count / usual, its, covered)
 
 
 def _is_open(own: NDArray[np.bool_], mask: NDArray[np.bool_], row: int, beside: int) -> bool:

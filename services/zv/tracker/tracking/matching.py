@@ -23,9 +23,9 @@ GATE_SIDES = 0.7
 OTHER_APPEARANCE = 0.75
 """A fragment whose appearance differs more than this from a missing object is another object."""
 
-TURNING_SPEED = 3.0
-"""Speed, in sides per second, at which an object whose motion is not known may go in any direction;
-a faster one may go in any direction at its own speed."""
+TURNING_SPEED = 8.0
+"""Speed, in sides per second, at which an object may have gone in any direction since the last
+frame, as a ball does; a faster one may have gone in any direction at its own speed."""
 
 PARTED_S = 0.4
 """An object that has looked like two for this long is divided into two."""
@@ -56,6 +56,7 @@ class Matcher:
         self._dt_s = dt_s
         self._scene = scene
         self._convex = convex
+        self._hidden: list[Target] = []  # in a shared region, of which none looks like them
 
     def match(self) -> list[Fragment]:
         """Correct the predicted objects by their fragments; return the fragments without one."""
@@ -69,7 +70,9 @@ class Matcher:
             if missing_s > SHOWN_S and target.grouped_ns is None:
                 links[row] = False
         self._link_the_rest(links)
-        self._link_those_that_turned(links)
+        unlinked = [targets[row] for row in np.flatnonzero(~links.any(axis=1))]
+        for target, column in self._turned(unlinked, _unlinked_columns(links)):
+            links[targets.index(target), column] = True
         for rows, columns in association.components(links):
             owned = [fragments[column] for column in columns]
             members = [targets[row] for row in rows]
@@ -77,7 +80,12 @@ class Matcher:
                 self._follow_one(members[0], owned)
             else:
                 self._follow_several(members, owned)
-        return [fragments[column] for column in np.flatnonzero(~links.any(axis=0))]
+        free = _unlinked_columns(links)
+        hidden = [target for target in self._hidden if target in self._targets.all]
+        for target, column in self._turned(hidden, free):
+            self._follow_one(target, [fragments[column]])
+            free.remove(column)
+        return [fragments[column] for column in free]
 
     def _link_the_rest(self, links: NDArray[np.bool_]) -> None:
         """Link targets and fragments that have no link yet, by minimum-cost assignment."""
@@ -109,22 +117,23 @@ class Matcher:
         for number, found in association.assigned(costs):
             links[rows[number], columns[found]] = True
 
-    def _link_those_that_turned(self, links: NDArray[np.bool_]) -> None:
-        """Link objects that turned since the last frame to fragments that look like them.
+    def _turned(self, candidates: list[Target], columns: list[int]) -> list[tuple[Target, int]]:
+        """Return pairs of objects that turned since the last frame and what looks like them.
 
         An object that bounces is not where its motion leads, but it is no farther from its last
-        place than its speed allows. That distance grows with the time between two frames; at a high
-        rate it is hardly more than ``GATE_SIDES``.
+        place than its speed allows. Where its motion leads there may be another object's region, of
+        which nothing looks like it.
+
+        Args:
+            candidates: Objects that were not found where they were expected.
+            columns: Numbers of the fragments that may be theirs.
         """
         scene, targets, dt_s = self._scene, self._targets, self._dt_s
         if scene is None or dt_s > SHOWN_S:
-            return
-        seen = [target.missing_s(targets.now_ns) <= dt_s for target in targets.all]
-        rows = np.flatnonzero(~links.any(axis=1) & np.array(seen))
-        columns = np.flatnonzero(~links.any(axis=0))
-        costs = np.full((rows.size, columns.size), association.IMPOSSIBLE)
-        for number, row in enumerate(rows):
-            target = targets.all[row]
+            return []
+        turned = [each for each in candidates if each.missing_s(targets.now_ns) <= dt_s]
+        costs = np.full((len(turned), len(columns)), association.IMPOSSIBLE)
+        for number, target in enumerate(turned):
             last = [axis.position - axis.velocity * dt_s for axis in (target.x, target.y)]
             reach = GATE_SIDES + max(target.speed, TURNING_SPEED) * dt_s
             for place, column in enumerate(columns):
@@ -135,8 +144,7 @@ class Matcher:
                 difference = target.appearance.distance(scene, found)
                 if difference <= OTHER_APPEARANCE:
                     costs[number, place] = away + difference
-        for number, place in association.assigned(costs):
-            links[rows[number], columns[place]] = True
+        return [(turned[number], columns[place]) for number, place in association.assigned(costs)]
 
     def _follow_one(self, target: Target, owned: list[Fragment]) -> None:
         parts = _two_of(owned) if self._convex else _parts(target, owned)
@@ -184,8 +192,8 @@ class Matcher:
             target.parted_ns = None
             if portions is None:
                 target.correct((target.x.position, target.y.position), self._targets.now_ns)
-            else:
-                measure_portion(target, portions[number], self._targets, self._dt_s)
+            elif not measure_portion(target, portions[number], self._targets, self._dt_s):
+                self._hidden.append(target)
         merging.drop_duplicates(members, union(owned), self._targets)
         merging.join_stacked(members, self._targets)
 
@@ -216,6 +224,10 @@ class Matcher:
         for each in (target, split):
             if each is not None and self._scene is not None:
                 each.appearance.learn(self._scene, each.box, 1.0)
+
+
+def _unlinked_columns(links: NDArray[np.bool_]) -> list[int]:
+    return [int(column) for column in np.flatnonzero(~links.any(axis=0))]
 
 
 def _two_of(owned: list[Fragment]) -> tuple[Fragment, Fragment] | None:

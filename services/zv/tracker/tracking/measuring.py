@@ -98,8 +98,8 @@ def measure(
         target.learned_ns = targets.now_ns
 
 
-def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: float) -> None:
-    """Correct an object by its portion of a region that it shares with others.
+def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: float) -> bool:
+    """Correct an object by its portion of a region that it shares with others; False if hidden.
 
     While it is hidden, its predicted motion slows down, and it counts as seen for up to ``HELD_S``
     if there is foreground that may hide it.
@@ -109,7 +109,7 @@ def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: fl
         target.slow_down(math.exp(-dt_s / HIDDEN_STOP_S))
         if portion.covered > COVERED and targets.since_s(target.clear_ns) < HELD_S:
             target.seen_ns = targets.now_ns
-        return
+        return False
     expected, whole = target.box, portion.visible > WHOLE
     left, top, right, bottom = portion.open
     x, width = _between(box.left, box.right, expected.left, expected.right, left, right, whole)
@@ -118,6 +118,7 @@ def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: fl
         target.shown = box
     target.clear_ns = targets.now_ns
     target.correct((x, y), targets.now_ns)
+    return True
 
 
 def _around(middle: tuple[float, float], target: Target) -> Fragment:

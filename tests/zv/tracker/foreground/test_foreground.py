@@ -170,6 +170,21 @@ def test_a_ghost_is_found_beside_its_object_and_a_standing_object_is_not_a_ghost
     assert found == [9]  # the fourth test, one each 0.3 s
 
 
+def test_an_object_in_the_angle_of_a_ghost_is_not_part_of_it():
+    remembered, picture = backdrop(), backdrop()
+    ghost = np.zeros(remembered.shape[:2], bool)
+    ghost[20:100, 20:32] = ghost[88:100, 20:110] = True  # an L, which has left
+    remembered[ghost] = (30, 30, 220)
+    picture[50:66, 56:72] = (220, 60, 30)  # an object that stands in its angle
+    model, finder = BackgroundModel(), GhostFinder()
+    model.start(remembered, 0)
+    for k in range(4):
+        found = finder.update(picture, model, model.foreground(picture), None, 3 * k * TENTH)
+    assert found is not None
+    assert np.count_nonzero(found[ghost]) > 0.95 * np.count_nonzero(ghost)
+    assert not found[48:68, 54:74].any()
+
+
 def test_the_ghost_of_a_person_present_at_the_start_disappears_within_a_second():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(60):

@@ -91,6 +91,20 @@ def test_only_one_of_two_tracks_of_an_object_has_clear_pixels():
     assert (one.clear, other.clear) == (pytest.approx(1.0, abs=0.05), 0.0)
 
 
+def test_a_track_gets_no_clear_pixels_of_colours_that_its_object_never_showed():
+    # A ball has left, where a walker entered of whom only the green upper half was seen before.
+    green, yellow = (40, 160, 40), (40, 200, 220)
+    walker, ball = (60, 10, 80, 90), (58, 50, 82, 74)
+    entered = new_target(1, fragment(walker), 0)
+    upper = painted(((120, 10, 140, 50), green))
+    entered.appearance.learn(upper, fragment((120, 10, 140, 90)), 1.0)
+    left = known(2, (20, 50, 44, 74), RED, ball)
+    scene = painted((walker, green), ((60, 50, 80, 90), yellow))
+    of_walker, of_ball = divide([entered, left], [fragment(walker)], scene)
+    assert of_walker.clear > 0.4
+    assert of_ball.clear == 0
+
+
 def test_foreground_outside_of_a_shared_region_is_not_divided():
     one, two, elsewhere = (40, 20, 60, 80), (60, 50, 80, 80), (62, 24, 80, 46)
     scene = painted((one, RED), (two, BLUE), (elsewhere, BLUE))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -17,11 +18,17 @@ RED, GREEN = (40, 40, 200), (40, 180, 40)
 
 
 def seen(
-    tracker: Tracker, time_s: float, centre: tuple[float, float], bgr: tuple[int, int, int] = RED
+    tracker: Tracker,
+    time_s: float,
+    centre: tuple[float, float],
+    bgr: tuple[int, int, int] = RED,
+    boxes: Sequence[tuple[int, int, int, int]] = (),
 ) -> set[int]:
-    """Show the tracker a disc; return the ids of the confirmed tracks."""
+    """Show the tracker a disc, and a standing box if wanted; return the confirmed tracks' ids."""
     picture = np.full((HEIGHT, WIDTH, 3), 128, np.uint8)
     mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    for left, top, right, bottom in boxes:
+        picture[top:bottom, left:right], mask[top:bottom, left:right] = GREEN, 255
     place = round(centre[0]), round(centre[1])
     cv2.circle(picture, place, SIDE // 2, bgr, -1)
     cv2.circle(mask, place, SIDE // 2, 255, -1)
@@ -49,3 +56,14 @@ def test_an_object_of_other_colours_beside_the_last_place_is_another_one() -> No
     assert before == {1}
     assert after
     assert not after & before
+
+
+@pytest.mark.parametrize(("rate_hz", "speed"), [(10, 200), (5, 120)])
+def test_an_object_that_turns_before_it_reaches_another_one_keeps_its_id(
+    rate_hz: int, speed: float
+) -> None:
+    tracker, ids = Tracker(TrackingParameters(), (WIDTH, HEIGHT)), set()
+    for index in range(4 * rate_hz):  # it turns 4 pixels before the box, where its motion leads
+        x = 60 + abs((speed * index / rate_hz + 150) % 300 - 150)
+        ids |= seen(tracker, index / rate_hz, (x, 120.0), boxes=[(228, 80, 278, 160)])
+    assert len(ids) == 1
