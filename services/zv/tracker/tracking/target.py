@@ -36,7 +36,7 @@ SIZE_TIME_S = 0.7
 """Time constant with which the size follows a change."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Target:
     """The state of one tracked object; lengths in pixels of the mask, times of ``Targets.now_ns``.
 
