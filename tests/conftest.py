@@ -21,6 +21,8 @@ from tests.support.processes import CAMERA_SIZE
 
 ROOT = Path(__file__).parents[1]
 PAGE = "tests/integration/viewer/page/"
+IDLE_PAGES = (f"{PAGE}test_page_link.py", f"{PAGE}test_page_streams.py")
+"""Tests of the page that mostly wait, for a slow link or for something that is frozen."""
 WAITING = (
     PAGE,
     "tests/integration/launcher/",
@@ -40,10 +42,10 @@ MARKED: set[tuple[Path, str]] = set()
 """Files in which tests with such a mark were collected, and the mark."""
 
 
-class OneChromium(LoadFileScheduling):  # type: ignore[misc]
-    """Gives a worker the tests of a file, and one worker all tests of the page.
+class OneBusyChromium(LoadFileScheduling):  # type: ignore[misc]
+    """Gives a worker the tests of a file, and one worker all tests of the page but the idle ones.
 
-    Two browsers at a time would fill two cores, and the times of the tests beside them with it.
+    Two busy browsers at a time would fill two cores, and the tests beside them would take longer.
     """
 
     def _split_scope(self, nodeid: str) -> str:
@@ -51,13 +53,14 @@ class OneChromium(LoadFileScheduling):  # type: ignore[misc]
 
 
 def scope_of(nodeid: str) -> str:
-    """Return what a test's worker runs as a whole: a file, or the tests of the page."""
-    return PAGE if nodeid.startswith(PAGE) else nodeid.partition("::")[0]
+    """Return what a test's worker runs as a whole: a file, or most tests of the page."""
+    file = nodeid.partition("::")[0]
+    return PAGE if file.startswith(PAGE) and file not in IDLE_PAGES else file
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling | None:
     """Use it for ``--dist loadfile``."""
-    return OneChromium(config, log) if config.getvalue("dist") == "loadfile" else None
+    return OneBusyChromium(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 def pytest_configure(config: pytest.Config) -> None:
