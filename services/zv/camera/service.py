@@ -31,7 +31,7 @@ def run(
 
     Raises:
         SourceError: The source or the calibration file cannot be opened at the start.
-        ConfigurationError: The calibration file is wrong, or the source has no depth.
+        ConfigurationError: The calibration file is wrong, or requested depth is not available.
     """
     calibration = None if settings.calibration is None else read_calibration(settings.calibration)
     parameters = ParameterStore(settings.limited())
