@@ -27,7 +27,7 @@ LARGER = 4.0
 """Four times the pixels take at most four times the bytes."""
 
 OVERHEAD = 300
-"""Bytes that a picture takes besides its own: its header and that of Zenoh."""
+"""Bytes sent with each picture in addition to the picture: its header and Zenoh's."""
 SEGMENTS = 1.05
 """Bytes on the wire per byte of a picture, with the packets' headers of TCP, IP and Ethernet."""
 SHARE = 0.9
@@ -62,8 +62,8 @@ class Plan:
 
     Attributes:
         quality: JPEG quality.
-        divisor: Of each side.
-        untouched: A JPEG that the source delivered may be passed on.
+        divisor: Divisor of each side of the picture.
+        untouched: Whether a JPEG of the source may be passed on unchanged.
     """
 
     quality: int
@@ -78,7 +78,7 @@ class _Since:
         self._since_s: float | None = None
 
     def holds(self, condition: bool, now_s: float, for_s: float) -> bool:
-        """Record whether it holds; tell whether it has held for this time."""
+        """Record whether the condition holds; tell whether it has held for this time."""
         if not condition:
             self._since_s = None
         elif self._since_s is None:
@@ -108,7 +108,7 @@ class RateControl:
         self._untouched = True
         self._rate = 0.0
         self._balance = 0.0
-        self._replies = 0.0  # balance of the share for them
+        self._replies = 0.0  # balance of the share for replies
         self._interval_s: float | None = None
         self._is_first = True
         self._now_s: float | None = None
@@ -141,8 +141,8 @@ class RateControl:
         Args:
             now_s: Monotonic time.
             rate: The budget, bytes a second.
-            quality: The configured one, which is never exceeded.
-            lossless: It becomes a PNG, so that only its rate can change.
+            quality: The configured quality, which is never exceeded.
+            lossless: Whether the picture becomes a PNG, so that only the rate can change.
             packet: Size of the source's JPEG, if it could be passed on.
         """
         self._advance(now_s, rate)
@@ -175,8 +175,8 @@ class RateControl:
 
         Args:
             size: Bytes.
-            lossless: It is a PNG.
-            packet: It is the source's own JPEG.
+            lossless: Whether it is a PNG.
+            packet: Whether it is the source's own JPEG.
         """
         taken = SEGMENTS * size + OVERHEAD
         if not lossless and not packet:
@@ -196,8 +196,8 @@ class RateControl:
     def wait_to_reply(self, now_s: float, size: int) -> float:
         """Charge a reply to a query; return 0 if it may be sent, else the seconds to wait.
 
-        A reply of any size is sent at once if the budget has covered those before it. Its bytes are
-        taken from the budget of the next frames, of up to ``REPLY_CHARGE_S``.
+        A reply of any size is sent at once if the budget has covered the replies before it. Its
+        bytes are taken from the budget of the next frames, for up to ``REPLY_CHARGE_S``.
 
         Args:
             now_s: Monotonic time.
@@ -233,7 +233,7 @@ class RateControl:
             counted_s = min(max(0.0, now_s - self._now_s), 1.0)
             if self._interval_s is not None:
                 self._interval_s += 0.1 * (counted_s - self._interval_s)
-            elif not self._is_first:  # which had waited for the start, so the second came soon
+            elif not self._is_first:  # the first waited for the start, so the second came soon
                 self._interval_s = counted_s
             self._is_first = False
         self._refill(now_s, rate)
@@ -253,7 +253,7 @@ class RateControl:
         return (SHARE * self._rate * min(interval_s, LONGEST_S) - OVERHEAD) / SEGMENTS
 
     def _consider_packet(self, size: int, now_s: float) -> None:
-        """Pass the source's JPEGs on while they fit, and again after fitting for long."""
+        """Decide whether to pass on the source's JPEGs: while they fit, or have fitted for long."""
         if self._untouched:
             self._untouched = size <= self._target and self._level == 0
         elif self._pass.holds(size <= RISE_SHARE * self._target, now_s, self._grow_s):

@@ -7,10 +7,10 @@ from zenoh_vision.messages import Box, CameraInfo, Header
 
 
 class CalibrationLatch:
-    """Makes the message with the calibration whenever the pictures change so that it must be sent.
+    """Makes the calibration message to be sent when size, flip or region of the pictures change.
 
     Args:
-        calibration: Of a picture of its size and in the flip of the start.
+        calibration: Calibration of pictures of its own size, flipped as at the start.
         flip: The flip at the start: ``none``, ``horizontal``, ``vertical`` or ``both``.
     """
 
@@ -29,12 +29,12 @@ class CalibrationLatch:
         """Return the message before the first picture of an epoch, size, flip or region; else None.
 
         The calibration is scaled to the size of the picture, and mirrored if the flip has changed
-        since the start. That of a region has its principal point, and its plane, in the region's
-        own pixels.
+        since the start. For a region, its principal point and plane refer to the pixels of the
+        region.
 
         Args:
-            header: Of the picture as it is published.
-            flip: How it was flipped.
+            header: Header of the picture as it is published.
+            flip: How the picture was flipped.
             whole: Width and height of the picture before a region was cut out of it.
             box: The region; None for all of the picture.
 

@@ -26,8 +26,8 @@ JOIN_S = 0.3
 CLOSE_S = 2.0
 """Time for a source to close before it is reopened with other settings: devices are exclusive."""
 MAX_ABANDONED = 2
-"""Most abandoned readers whose call does not end. Each holds the memory of its source, so the next
-source is opened only when there are fewer."""
+"""Largest number of abandoned readers that are still in a call. Each holds the memory of its
+source, so the source is opened again only when there are fewer."""
 STUCK = "earlier openings of the source have not ended; waiting for one of them"
 OPEN_MARGIN_S = 1.0
 """Time beyond ``stall_after`` in which a source with its own time-out can report why it failed."""

@@ -20,7 +20,7 @@ def check_depth(delivered: str, wanted: str) -> None:
     Any picture can be converted, except that grey levels and colours are no distances.
 
     Raises:
-        ParameterRefused: Depth is wanted of other pictures.
+        ParameterRefused: Depth is requested of pictures without depth.
     """
     if wanted in pixel_formats.DISTANCES and delivered not in pixel_formats.DEEP:
         others = [name for name in pixel_formats.ENCODINGS if name not in pixel_formats.DISTANCES]
@@ -46,7 +46,7 @@ class Converter:
 
         Raises:
             PayloadError: ``corrupt``, ``too_large``, or ``unsupported_encoding`` if depth is
-                wanted of a picture without.
+                requested of a picture without depth.
         """
         if picture.width * picture.height > pixel_formats.MAX_PIXELS:
             raise PayloadError("too_large", f"{picture.width}x{picture.height} pixels")
@@ -63,7 +63,7 @@ class Converter:
         return Frame(header, pixels=_pixels(picture, wanted, flip), quality=quality)
 
     def _is_valid(self, jpeg: bytes, epoch: int) -> bool:
-        """Tell whether a packet of this epoch, this one or an earlier one, decoded cleanly."""
+        """Tell whether this packet, or an earlier one of its epoch, decoded without a warning."""
         if self._valid_epoch != epoch:
             try:
                 codecs.decode_jpeg(jpeg, "mono8")
@@ -74,7 +74,7 @@ class Converter:
 
 
 def is_unchanged(picture: Picture, wanted: str, flip: str) -> bool:
-    """Tell whether the JPEG of a picture can be that of its frame, unchanged."""
+    """Tell whether the JPEG of a picture can be published unchanged as its frame."""
     if wanted == "mono8" and picture.encoding != "mono8":
         return False
     return flip == "none" and wanted != "mono16"
@@ -86,7 +86,7 @@ def decoded(picture: Picture, encoding: str, least: tuple[int, int] = (0, 0)) ->
     Args:
         picture: Not modified.
         encoding: The encoding to which a JPEG is decoded; pixels are returned in the picture's own.
-        least: Width and height that are enough, so that a JPEG may be decoded at a reduced scale.
+        least: Width and height that are enough; a JPEG may be decoded at a reduced scale.
 
     Raises:
         PayloadError: ``corrupt``.

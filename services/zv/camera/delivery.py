@@ -23,7 +23,7 @@ class Delivery:
     """Tracks the kind and size of a source's pictures, and checks the settings against them.
 
     Args:
-        kind: Of the source.
+        kind: Kind of the source.
         log: Called with a line for the user.
     """
 
@@ -37,11 +37,11 @@ class Delivery:
         self._region = ""
 
     def check(self, wanted: CameraSettings) -> None:
-        """Check that pictures can be published with these settings, once the first is known.
+        """Check that pictures can be published with these settings, once the first has arrived.
 
         Raises:
-            ParameterRefused: Depth is wanted of a source without depth, or the region is outside of
-                the pictures.
+            ParameterRefused: Depth is requested and the source has none, or the region is outside
+                of the pictures.
         """
         if self._encoding is None or self._follows:
             return
@@ -50,14 +50,14 @@ class Delivery:
         if self._resizes and asked != self._opened_with:
             if wanted.width and wanted.height:  # else the device decides
                 check_region(wanted.box, wanted.width, wanted.height)
-        elif wanted.region != self._region:  # else the source changed: that refuses nothing else
+        elif wanted.region != self._region:  # else the source changed its size: no reason to refuse
             check_region(wanted.box, *self._size)
 
     def note(self, captured: CapturedFrame) -> None:
         """Record the properties of a picture, and log those that are new.
 
         Raises:
-            ParameterRefused: The first one does not fit the settings of the start.
+            ParameterRefused: The first picture does not fit the settings of the start.
         """
         picture, settings = captured.picture, captured.revision.settings
         self._size = picture.width, picture.height

@@ -9,7 +9,7 @@ from zenoh_vision.host.wakeup import Wakeup
 
 LONGEST_WAIT_S = 60.0
 LONGEST_REST_S = 0.05
-"""Less than the slack of the ``Pacer``: after a pause in a video, the next picture is due soon."""
+"""Less than the slack of the ``Pacer``, since the next picture may be due soon after a pause."""
 
 
 class Pacer:
@@ -102,8 +102,8 @@ class PictureTimer:
     def rest(self) -> None:
         """Wait for half of the idle time before a picture is read ahead of its time.
 
-        Meanwhile the last picture is processed, which must not have to share the CPU. A change of
-        the settings ends the wait.
+        The last picture is processed in this time, and reading must not take the CPU from that. A
+        change of the settings ends the wait.
         """
         self._wake.wait(self._rest_s)
 
@@ -116,7 +116,7 @@ class PictureTimer:
         begun_s = time.monotonic()
         running = self.wait_until(lambda: self._schedule.due_s(source_s, self._rate_hz()))
         early_s = time.monotonic() - begun_s
-        rest_s = min((self._rest_s + early_s) / 2, early_s)  # a late one ends it at once
+        rest_s = min((self._rest_s + early_s) / 2, early_s)  # 0 if the picture is late
         self._rest_s = min(rest_s, LONGEST_REST_S)
         self._due_s = self._schedule.due_s(source_s, self._rate_hz())
         self._schedule.advance(source_s, self._due_s)

@@ -51,7 +51,7 @@ class SourceReader:
     Attributes:
         state: ``failed`` if it could not be opened; ``lost`` if reading failed later.
         reason: Why it failed or was lost.
-        description: The source's; empty until it is open.
+        description: Description of the source; empty until it is open.
         live: Whether the source paces itself; False until it is open.
         captured: Number of captured frames.
         timer: Paces the reading; it is notified of changes of the parameters.
@@ -101,7 +101,7 @@ class SourceReader:
         return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
 
     def start_reading(self) -> None:
-        """Start to read the open source; until then it waits."""
+        """Let the thread read the source; until then it only opens it."""
         self._may_read.set()
 
     def abandon(self) -> None:

@@ -1,4 +1,4 @@
-"""Cuts the rectangle out of a source's picture that a camera publishes."""
+"""Cuts out of a source's picture the rectangle that the camera publishes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def check_region(box: Box | None, width: int, height: int) -> None:
     """Check that a rectangle is within pictures of a size.
 
     Raises:
-        ParameterRefused: A part of it is outside.
+        ParameterRefused: A part of the rectangle is outside.
     """
     if box is not None and (box[0] + box[2] > width or box[1] + box[3] > height):
         raise ParameterRefused(
@@ -32,7 +32,7 @@ def cropped(picture: Picture, box: Box, flip: str) -> Picture:
 
     Args:
         picture: As the source delivered it.
-        box: In the picture after it is flipped.
+        box: The rectangle, in pixels of the picture after it is flipped.
         flip: The flip that will be applied to the returned picture.
 
     Raises:
@@ -60,9 +60,9 @@ def cropped(picture: Picture, box: Box, flip: str) -> Picture:
 
 
 def _cut_out(track: Track, box: Box) -> Track | None:
-    """Return an object as it is seen in a rectangle; None if nothing of it is.
+    """Return the part of an object that is seen in a rectangle; None if no part of it is.
 
-    If the edge cuts it, its area is estimated by the share of its box that is inside.
+    If the edge cuts the object, its area is estimated by the share of its box that is inside.
     """
     left, top = max(0, track.box[0] - box[0]), max(0, track.box[1] - box[1])
     right = min(box[2], track.box[0] + track.box[2] - box[0])

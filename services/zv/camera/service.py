@@ -31,7 +31,7 @@ def run(
 
     Raises:
         SourceError: The source or the calibration file cannot be opened at the start.
-        ConfigurationError: The calibration file is wrong, or depth is wanted of a source without.
+        ConfigurationError: The calibration file is wrong, or requested depth is not available.
     """
     calibration = None if settings.calibration is None else read_calibration(settings.calibration)
     parameters = ParameterStore(settings.limited())
@@ -132,7 +132,7 @@ def send_calibration(
 ) -> None:
     """Publish the calibration before the first picture for which it differs.
 
-    Later subscribers get it by a query.
+    Programs that subscribe later get it by a query.
     """
     try:
         plain = header.model_copy(update={"encoding": None})

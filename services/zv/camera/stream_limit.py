@@ -39,7 +39,7 @@ class StreamLimit:
         self._lossless = False
         self._packet: bytes | None = None
         self._epoch = 0
-        self._flawed_epoch: int | None = None  # its JPEGs cannot be passed on
+        self._flawed_epoch: int | None = None  # the epoch whose JPEGs cannot be passed on
         self._divisor = 1
 
     def fit(self, captured: CapturedFrame, now_s: float) -> tuple[Picture, int]:
@@ -77,7 +77,7 @@ class StreamLimit:
         return picture, plan.quality
 
     def may_send(self, frame: Frame) -> bool:
-        """Tell whether to send the frame of the picture that was fitted last, compressed.
+        """Tell whether to send the compressed frame of the picture that was fitted last.
 
         Raises:
             PayloadError: It cannot be encoded.
@@ -98,7 +98,7 @@ class StreamLimit:
     def may_reply(self, size: int) -> str:
         """Return why a compressed picture must not be a reply to a query now; empty if it may be.
 
-        Its bytes are charged to the budget. On any thread.
+        The bytes of the reply are charged to the budget. Called on any thread.
         """
         control = self._control
         if control is None:

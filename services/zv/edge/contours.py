@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from zv.edge.detectors.detection import Gray
 
 MAX_POINTS: Final = 20_000
-"""Largest number of points of all polylines of a frame: at 7 bytes each, a message holds them."""
+"""Largest number of points of all polylines of a frame; at 7 bytes each they fit into a message."""
 
 CIRCLE_ARC: Final = 0.5
 """Least share of its circumference along which a circle must be seen."""
 CIRCLE_ERROR: Final = 0.02
 """Largest root mean square distance of a contour from its circle, relative to the radius; 0.7
-pixels are always allowed, since the pixels of a line are off by as much."""
+pixels are always allowed, since a line's pixels are that far from it."""
 SMALLEST_RADIUS: Final = 4.0
 
 NEIGHBOURS: Final = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)

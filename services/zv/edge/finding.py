@@ -19,12 +19,12 @@ from zv.edge.settings import EdgeSettings
 class EdgesOfFrame:
     """The edges of one frame; all results have the frame's size, also with a region or a scale.
 
-    Nothing is computed before a result is asked for, and a frame of raw pixels is not converted.
+    Nothing is computed, and no raw pixels are converted, before a result is requested.
 
     Args:
-        frame: The frame; it must own its bytes, since steps may be computed later.
+        frame: The frame; it must own its bytes, since its steps may be computed later.
         settings: The detector, its parameters, region and scale.
-        mask: The image of the setting ``mask``, (height, width) uint8; None without.
+        mask: The image of the setting ``mask``, (height, width) uint8; None without a mask.
 
     Raises:
         PayloadError: ``region_outside``: the frame has no pixel of the region; ``corrupt``: it
@@ -113,10 +113,10 @@ def message_of(lines: Lines, density: float, header: Header) -> Contours:
 
 
 def decode_ahead(frame: Frame, settings: EdgeSettings) -> None:
-    """Decode what may turn out to be corrupt, or may differ if it is decoded later.
+    """Decode a frame before a result is requested, if it may be corrupt or is a deep picture.
 
-    Raw pixels of 8 bits are neither: they are converted once somebody asks for a result. The range
-    of values that stands for 8 bits follows from one deep picture to the next.
+    Deep pictures must be decoded in their order, since the range of values that is mapped to 8 bits
+    depends on the pictures before. Raw pixels of 8 bits are converted only for a result.
 
     Raises:
         PayloadError: ``corrupt``: the frame cannot be decoded.

@@ -28,7 +28,7 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
         publishes=published_by("edge"),
         parameters=settings,
     ) as node:
-        active = settings  # of the previous frame; after a change, one frame is decoded twice
+        active = settings  # settings of the previous frame; a change decodes one twice
         frames = node.frames(
             "image/compressed",
             want=lambda frame: decode_ahead(frame, active),
@@ -74,7 +74,7 @@ def contours_of(node: Node, frame: Frame, found: EdgesOfFrame) -> Contours:
 def read_mask(file: str | None) -> Gray | None:
     """Read the image of the setting ``mask``: (height, width) uint8, 0 where it is black, else 255.
 
-    None without a mask.
+    None if the settings name no mask.
 
     Raises:
         SourceError: The file cannot be read or decoded.

@@ -39,9 +39,9 @@ class CameraPlane:
     """Maps the pixels of each frame to the plane of the camera's newest calibration.
 
     A calibration may arrive at any time, from the camera or from another program. It is subscribed
-    to, and queried at the first frame of each epoch, since it may have been published earlier. If
-    its publisher answers queries, it is dropped at the first query without a reply: the camera was
-    started again without a calibration. If it was only published, it stays until another one
+    to, and queried at the first frame of each epoch, since it may have been published before. If
+    its publisher answers queries, the calibration is dropped at the first query without a reply:
+    the camera was started again without one. If it was only published, it stays until another one
     arrives. An invalid calibration is dropped and counted, and the previous one stays.
 
     Args:

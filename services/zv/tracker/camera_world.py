@@ -32,7 +32,7 @@ class CameraWorld:
     def update(
         self, frame: Frame, tracks: Sequence[Track], anchor: Anchor
     ) -> tuple[PlaneView | None, list[Place | None]]:
-        """Process all tracks of the next frame.
+        """Map all tracks of the next frame to the plane, and keep them for predictions.
 
         Args:
             frame: The frame.

@@ -17,7 +17,7 @@ class Picture:
     """One picture as a source delivered it.
 
     Attributes:
-        encoding: Of the decoded pixels: ``mono8 mono16 bgr8 rgb8 bgra8 rgba8 16UC1 32FC1``.
+        encoding: That of the decoded pixels: ``mono8 mono16 bgr8 rgb8 bgra8 rgba8 16UC1 32FC1``.
         pixels: (height, width) or (height, width, channels), uint8, uint16 or float32; None where
             the source delivered a JPEG that is not decoded yet, or planes.
         jpeg: The packet of an MJPEG source, complete (Huffman tables included); None for other

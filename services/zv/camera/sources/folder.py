@@ -22,8 +22,8 @@ log = logging.getLogger(__name__)
 class FolderSource:
     """The images of a folder in natural order (``frame2`` before ``frame10``), once.
 
-    JPEG files are passed on undecoded. Grey images keep their 16 bits, and those of floats are
-    taken as depth in metres; 16-bit colour is scaled to 8 bits (x 255 / 65535, rounded). An image
+    JPEG files are passed on undecoded. Grey images keep 16 bits, and images of floats are taken
+    as depth in metres; 16-bit colour is scaled to 8 bits (x 255 / 65535, rounded). An image
     that cannot be read is skipped with a warning.
 
     Args:

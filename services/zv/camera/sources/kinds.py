@@ -1,4 +1,4 @@
-"""The kinds of sources, and which of them a setting names."""
+"""Recognises the kind of source that a setting names."""
 
 from __future__ import annotations
 

@@ -35,12 +35,12 @@ log = logging.getLogger(__name__)
 DEFAULT_RATE_HZ: Final = 25.0
 
 MAX_BLOCK_BYTES: Final = MAX_RAW_BYTES + (1 << 20)
-"""The largest block of memory that libav may take: the largest picture, with padding. A packet
-without an end, of a server that sends no boundary, would otherwise grow until the time-out."""
+"""The largest block of memory that libav may take: the largest picture, with padding. If a
+server sends no boundary, a packet has no end, and would otherwise grow until the time-out."""
 
 PLANAR: Final = frozenset({"yuv420p", "yuvj420p"})
 BT_601: Final = frozenset({2, 5, 6})  # not stated, BT.470 BG, SMPTE 170M
-"""Colour spaces of JPEG; libav takes a stream that states none for one of these."""
+"""Colour spaces of JPEG; libav assumes one of these if a stream states none."""
 
 TEXT_DECODERS: Final = frozenset({"ansi", "bintext", "xbin", "idf"})
 """Codecs with which libav draws any text file as a picture of a terminal."""
@@ -209,10 +209,10 @@ class AvStream:
             full_range=full_range,
             to_bgr=lambda: self._pixels(frame),
             write_bgr=self._bgr.of(planes, full_range=full_range),
-            asked=lambda form: self._asked.add(form),  # to the set of that time
+            asked=lambda form: self._asked.add(form),  # to the set at the time of the call
         )
         forms, self._asked = tuple(self._asked), set()
-        planar.prepare(forms)  # ahead of time: the forms that were requested of earlier pictures
+        planar.prepare(forms)  # before they are requested, as they were of earlier pictures
         return Picture("bgr8", *planar.size, planar=planar, due_s=due_s)
 
     def _pixels(self, frame: VideoFrame) -> NDArray[Any]:

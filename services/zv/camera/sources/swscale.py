@@ -53,9 +53,9 @@ class BgrWriter:
         self._lock = threading.Lock()
 
     def of(self, planes: Planes, *, full_range: bool) -> Callable[[NDArray[np.uint8]], None] | None:
-        """Return what writes the pixels of planes to memory; None if that is not possible.
+        """Return a function that writes the pixels of planes to memory; None if that is impossible.
 
-        They are the same that PyAV makes.
+        The pixels are the same as PyAV's.
 
         Args:
             planes: As for ``PlanarPicture``.

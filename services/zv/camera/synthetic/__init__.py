@@ -9,7 +9,7 @@ package uses neither Zenoh nor settings nor clocks.
 ``actors``     kind, size, colours and path of each object
 ``trajectory`` paths in closed form: position and velocity at a time
 ``shapes``     the look of each kind of object in each pose
-``sprite``     one small picture: drawn, clipped and pasted
+``sprite``     draws, clips and pastes the small picture of an object
 ``noise``      sensor noise
 ``frame_code`` a frame's number as coloured blocks
 ``faults``     faults on demand

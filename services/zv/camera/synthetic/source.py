@@ -43,7 +43,7 @@ class SyntheticSource:
 
     Args:
         size: Width and height, pixels.
-        seed: Of the scene.
+        seed: Seed of the scene.
         conditions: Returns the current conditions; called before each picture and during stalls.
         stop: Ends stalls and reading when set; ``close`` sets it.
     """
@@ -69,7 +69,7 @@ class SyntheticSource:
         )
         self._stop = threading.Event() if stop is None else stop
         self._k = 0  # the next frame
-        self._undropped: int | None = None  # the next frame without the drops since the last
+        self._undropped: int | None = None  # the first frame dropped since the last picture
         self._given = 0
         self._origin = (0, 0.0)  # a frame, and its time, from which the current rate counts
         self._frozen: tuple[Fault, Drawn] | None = None

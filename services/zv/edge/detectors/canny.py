@@ -20,7 +20,7 @@ ONE_SIDED_GAIN: Final = {3: 4, 5: 48, 7: 640}
 """The sum of the positive weights of a Sobel kernel, by its side."""
 
 GAIN_DIVISOR: Final = {3: 1, 5: 1, 7: 16}
-"""``cv2.Canny`` divides gradient and thresholds by it, so that 16 bits hold the gradient."""
+"""``cv2.Canny`` divides gradient and thresholds by this, so that 16 bits hold the gradient."""
 
 LARGEST_L2_THRESHOLD: Final = 32767
 """With ``l2``, ``cv2.Canny`` limits thresholds to this value, after that division."""
@@ -30,7 +30,7 @@ LARGEST_L2_THRESHOLD: Final = 32767
 class Canny(Detector):
     """Canny's detector: smoothing, gradient, non-maximum suppression, hysteresis.
 
-    ``cv2.Canny`` does not smooth, which is essential for the quality, so it is done here.
+    The picture is smoothed here, since the quality depends on it and ``cv2.Canny`` does not smooth.
 
     Source: J. Canny, "A Computational Approach to Edge Detection", 1986; the seed tutorial,
     "How the Canny Edge Detector Works", steps 1 to 4.

@@ -16,7 +16,7 @@ LIGHTNESS_WEIGHT: Final = 0.08
 colour, while shadows and texture differ by lightness."""
 
 FLOOR: Final = 40.0
-"""Added to the mean difference of the picture, so that the noise of an empty one stays weak."""
+"""Added to the mean difference, so that noise in a picture without objects stays weak."""
 
 FINE_WEIGHT: Final = np.float32(2.0)
 """Weight of the difference at the finest scale; the one at the middle scale has the weight 1."""
@@ -26,8 +26,8 @@ COARSE_WEIGHT: Final = np.float32(0.5)
 differences are twice as large."""
 
 SURROUNDINGS: Final = 61
-"""Side of the square around a pixel whose mean has the same weight as that of the picture, pixels
-of the half-size picture: a boundary in a calm part is stronger than one among texture."""
+"""Side of the square around a pixel, in pixels of the half-size picture. Its mean difference weighs
+as much as that of the whole picture: boundaries in calm parts are stronger than in texture."""
 
 THRESHOLDS: Final = (1.0, 0.618, 0.546, 0.491, 0.445, 0.404, 0.367, 0.331, 0.296, 0.26, 0.225)
 """Measured by ``python -m benchmarks.quality edges --thresholds --detectors colour``."""
@@ -41,7 +41,7 @@ class Colour(RidgeDetector):
     is the length of the Sobel gradient summed over the three channels (S. Di Zenzo, "A note on the
     gradient of a multi-image", 1986), in which lightness weighs little. The scales' weighted sum is
     divided by the average of two means, over the picture and over the surroundings, plus a floor;
-    of the result x, the strength is x / (1 + x).
+    if x is the result, the strength is x / (1 + x).
     """
 
     smoothing: ClassVar = 0.35

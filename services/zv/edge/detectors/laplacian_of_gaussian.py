@@ -24,15 +24,15 @@ CENTRAL = np.array([-0.5, 0, 0.5], np.float32)
 ONE = np.ones(1, np.float32)
 
 LEAST_REDUCED_SIGMA: Final = 4.0
-"""A picture is reduced before a wide Gaussian, whose result needs fewer samples, as far as the
-Gaussian keeps this sigma, in pixels of the reduced picture."""
+"""Before a wide Gaussian, a picture is reduced, since the smoothed result needs fewer samples. The
+Gaussian's sigma stays at least this large, in pixels of the reduced picture."""
 
 
 @dataclass(frozen=True, slots=True)
 class LaplacianOfGaussian(ZeroCrossingDetector):
     """Finds where the Laplacian of the smoothed picture crosses 0, falling to the bright side.
 
-    The slope there is expressed as the gradient of the ideal step with that slope, so that
+    The Laplacian's slope there is converted to the gradient of an ideal step, so that
     ``high`` means the same as for the gradient operators: a step of h grey levels has the slope
     h / (sqrt(2 pi) sigma^3) and the gradient h / (sqrt(2 pi) sigma) per pixel.
 

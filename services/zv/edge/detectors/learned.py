@@ -41,7 +41,7 @@ THRESHOLDS: Final = (1.0, 0.667, 0.499, 0.343, 0.228, 0.149, 0.095, 0.061, 0.038
 def network_size(height: int, width: int) -> tuple[int, int]:
     """Return the height and width to which a picture is resized for the network.
 
-    They are multiples of 16, so that no padding is needed, which would have boundaries of its own.
+    They are multiples of 16, so that no padding is needed, which would add false boundaries.
     """
     least, most = FACTORS
     factor = min(most, max(least, (TARGET_PIXELS / (height * width)) ** 0.5))
@@ -52,7 +52,7 @@ def network_size(height: int, width: int) -> tuple[int, int]:
 def reduced(picture: Picture) -> Picture:
     """Return a picture resized to the network's size, (height, width, 3) uint8."""
     height, width = network_size(*picture.shape[:2])
-    while picture.shape[1] > 2 * width:  # bilinear interpolation averages two pixels a side
+    while picture.shape[1] > 2 * width:  # bilinear interpolation averages only two pixels a side
         picture = half_size(picture)
     smooth = cv2.GaussianBlur(picture, (3, 3), 0.5)
     return np.asarray(cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
@@ -78,8 +78,8 @@ def network_planes(picture: Picture) -> NDArray[np.float32]:
 class EdgeNetwork:
     """The network, loaded on first use; it is run by one thread at a time.
 
-    A network of OpenCV is bound to one input size and keeps its buffers. One is kept for each of
-    the ``SIZES`` sizes used last.
+    A network of OpenCV has one input size, with buffers of that size. One network is kept for each
+    of the last ``SIZES`` sizes.
 
     Args:
         weights: The ONNX file.
@@ -128,8 +128,8 @@ class Learned(RidgeDetector):
     """Finds boundaries that people would draw, by a convolutional network of 370,000 weights.
 
     The strength is the network's estimate of the share of people that would draw a boundary at a
-    pixel, too high since boundaries had a larger weight in its training. Lines are thinned along
-    their ridges.
+    pixel. It is too high, since boundaries had a larger weight in training. Lines are thinned
+    along their ridges.
     """
 
     margin: ClassVar = 3
@@ -137,7 +137,7 @@ class Learned(RidgeDetector):
     ridge_sigma: ClassVar = 1.5
     thresholds: ClassVar = THRESHOLDS
     network: ClassVar = EdgeNetwork(files("zv.edge.detectors") / "learned.onnx")
-    """The process's one network of these weights."""
+    """The only network of these weights in the process, shared by all detectors."""
 
     def strengths(self, picture: Picture) -> Strength:
         """Return the probabilities of a picture at a reduced size: float32, 0 to 1."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zv.edge.detectors.detection import Gray, Picture, Strength
 
 WEAK, STRONG = 128, 255
-"""Grey of pixels above the low threshold only, and of those above the high one."""
+"""Grey levels of the pixels above the low threshold only, and of those above the high threshold."""
 
 
 def as_gray(strength: Strength, full_scale: float) -> Gray:

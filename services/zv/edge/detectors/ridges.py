@@ -2,11 +2,11 @@
 
 ``colour`` and ``learned`` estimate the probability of a boundary at each pixel of a reduced
 picture. Lines are the ridges of that map. Non-maximum suppression works across the ridge, whose
-direction follows from the map's second derivatives, and not along the picture's gradient, which is
+direction follows from the map's second derivatives. The picture's gradient is not used, since it is
 noisy where strengths come from several scales.
 
-There is one threshold, without hysteresis, which adds hardly any boundary that people would draw,
-and makes whole lines appear and disappear in a video.
+There is one threshold and no hysteresis, since hysteresis adds hardly any boundary that people
+would draw, and makes whole lines appear and disappear in a video.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def across(strength: Strength, sigma: float) -> tuple[Strength, Strength]:
 
 
 def enlarged(values: Integers, shape: tuple[int, ...]) -> Integers:
-    """Return a map at a larger (height, width), each pixel as that of the map which it lies in.
+    """Enlarge a map to (height, width) by repeating the pixel that each new pixel lies in.
 
     It takes half the time of ``cv2.resize`` with the nearest pixel.
     """
@@ -80,7 +80,7 @@ def in_integers(values: Strength) -> Integers:
 
 @dataclass(frozen=True, slots=True)
 class RidgeDetector(Detector):
-    """Finds the ridges of a map of strengths from 0 to 1, which a subclass computes.
+    """Finds edges as ridges of a map of strengths from 0 to 1, which a subclass computes.
 
     Attributes:
         thresholds: The thresholds at which ridges are 0, 1, 2, ... percent of the pixels, on

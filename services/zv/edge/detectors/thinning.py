@@ -13,7 +13,7 @@ from zv.edge.detectors.detection import Gray
 
 
 def maxima(gx: NDArray[np.int16], gy: NDArray[np.int16], *, l2: bool) -> Gray:
-    """Non-maximum suppression: return 255 at maxima of the magnitude along the gradient, else 0.
+    """Return 255 at maxima of the magnitude along the gradient, else 0: non-maximum suppression.
 
     The direction is rounded to horizontal, vertical or one of the diagonals. A pixel must exceed
     its left or upper neighbour and be at least its right or lower one, and exceed both on a

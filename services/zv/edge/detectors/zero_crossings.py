@@ -1,8 +1,8 @@
 """Thin lines at the zero crossings of a second derivative along the direction of the gradient.
 
-The sign changes between pixels, so there is no maximum to be kept at a pixel. Instead, the distance
-to the zero crossing is estimated at each pixel by one step of Newton's method, and among the pixels
-along the gradient the nearest one is kept.
+A zero crossing lies between pixels, so no pixel has a maximum to be kept. Instead, each pixel's
+distance to the zero crossing is estimated by one step of Newton's method, and the nearest of the
+pixels along the gradient is kept.
 
 The derivatives need a dozen numbers per pixel. A picture is therefore processed in strips of rows,
 and only the results have the size of the picture.
@@ -34,7 +34,7 @@ NEAREST: Final = 16_000
 """The 16-bit integer that stands for a distance of 0."""
 
 STRIP_PIXELS: Final = 1 << 18
-"""Number of pixels of a strip without its margins, unless these are larger."""
+"""Number of pixels of a strip without its margins; more if the margins are larger."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,7 +55,7 @@ class LineWatch:
     def see(self, id_: int, sighting: Sighting, *, confirmed: bool) -> Iterator[Event]:
         """Process the next sighting of an object; yield its crossings.
 
-        Those of an object that is not confirmed are yielded when it is.
+        The crossings of an unconfirmed object are yielded when it is confirmed.
         """
         path = self._paths.setdefault(id_, _Path())
         point = sighting.position(self.line.unit)

@@ -19,7 +19,7 @@ Anchor = Literal["centre", "foot"]
 the box's lower edge."""
 
 HALF_PIXEL = 0.5
-"""In boxes, 0 is the left or upper edge of the first pixel; in a calibration, it is its centre."""
+"""In boxes, 0 is the left or upper edge of the first pixel; in a calibration, 0 is its centre."""
 
 MARGIN_PIXELS = 2.0
 MARGIN_SHARE = 0.1
@@ -27,7 +27,7 @@ MARGIN_SHARE = 0.1
 
 
 class WorldPlane(Protocol):
-    """A mapping from pixels to a plane, such as a ``PlaneView``; equal ones are the same plane."""
+    """A mapping from pixels to a plane, such as a ``PlaneView``; equal ones have the same plane."""
 
     @property
     def mirrored(self) -> bool:

@@ -50,7 +50,7 @@ class _Object:
 class TrackEvents:
     """Finds the events of one camera's tracks, frame by frame.
 
-    A track has events once it is confirmed. Earlier ones, such as crossing a line, are then
+    A track has events once it is confirmed. Events before that, such as crossing a line, are then
     reported with their own stamps. Only positions at which a track was seen count, not predicted
     ones: a track that reappears is assumed to have moved in a straight line. A stamp earlier than
     the previous one counts as the same.

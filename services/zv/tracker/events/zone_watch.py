@@ -50,7 +50,7 @@ class ZoneWatch:
     ) -> Iterator[Event]:
         """Process the next sighting of an object; yield its events.
 
-        Those of an object that is not confirmed are yielded when it is.
+        The events of an unconfirmed object are yielded when it is confirmed.
         """
         point = sighting.position(self.zone.unit)
         if point is not None:  # else beyond the world plane's horizon

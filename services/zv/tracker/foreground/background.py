@@ -28,7 +28,7 @@ LEAST_VARIANCE, FIRST_VARIANCE, MAX_VARIANCE = 4.0, 15.0, 75.0
 """Bounds and first value of a pixel's noise variance, the sum over colours, square grey levels."""
 
 MEDIAN_DEVIATION = 0.6745
-"""Half of the values of a normal distribution are within this, in standard deviations."""
+"""Half of the values of a normal distribution are within this many standard deviations."""
 
 LEARN_EVERY_S = 1.0
 SETTLING_S = 1.0
@@ -119,7 +119,7 @@ class BackgroundModel:
         beyond = cv2.compare(off, limits, cv2.CMP_GT, off)
         # The grey value is not 0 if any channel is 255. Single pixels that differ are noise.
         differs = np.asarray(cv2.medianBlur(cv2.cvtColor(beyond, cv2.COLOR_BGR2GRAY), 3), np.uint8)
-        places = np.flatnonzero(differs > 0)  # few, so the costly tests are affordable
+        places = np.flatnonzero(differs > 0)  # few, so that costly tests take little time
         shown, expected, allowed = (
             _colours_at(each, places).astype(np.float32) for each in (picture, background, limits)
         )

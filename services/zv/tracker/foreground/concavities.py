@@ -16,10 +16,10 @@ LEAST_MISSING = 0.02
 """A region that lacks a smaller share of its convex hull is one object."""
 
 MAX_LEFT = 0.5
-"""The parts together lack at most this share of what the whole lacked of its convex hull."""
+"""The parts lack at most this share of the area that the whole lacks of its convex hull."""
 
 LEAST_PART = 0.15
-"""Least share of the region's area; what is smaller is noise at the edge of an object."""
+"""Least share of the region's area for a part; smaller ones are noise at the edge of an object."""
 
 LONGEST_CUT = 1.6
 """Longest cut, as a multiple of the root of the smaller part's area."""
@@ -33,7 +33,7 @@ Outline = NDArray[np.int32]
 
 
 def cut_at_concavities(mask: NDArray[np.uint8], min_area: float) -> NDArray[np.uint8]:
-    """Return a mask in which the regions that are not convex are cut into parts that are.
+    """Return a mask with the regions that are not convex cut into convex parts.
 
     Where two convex objects touch, there is a concavity at each end of the line between them, or at
     one if the objects are flush at the other. Of the straight cuts that begin in a concavity, the
@@ -41,7 +41,7 @@ def cut_at_concavities(mask: NDArray[np.uint8], min_area: float) -> NDArray[np.u
 
     Args:
         mask: (height, width) uint8, 255 on the foreground, else 0; not modified.
-        min_area: Of a part, square pixels.
+        min_area: Least area of a part, square pixels.
     """
     found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outlines = [_thinned(np.asarray(each, np.int32)) for each in found]

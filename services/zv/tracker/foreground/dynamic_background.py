@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 
 TEST_EVERY_S = 0.15
-"""At 30, 10 and 5 Hz tests are then 0.17, 0.2 and 0.2 s apart."""
+"""At 30, 10 and 5 Hz, tests are then 0.17, 0.2 and 0.2 s apart."""
 
 CHANGE, PER_S = 10, 5
 """Each change between background and foreground adds ``CHANGE`` to the count of a pixel; each
@@ -124,7 +124,7 @@ class DynamicBackground:
     def _keep(self, picture: Image, known: Image | None, background: Image) -> None:
         """Keep a picture as samples; where an object hides the background, the old sample stays.
 
-        If there is none, it is the colour of ``background``.
+        If there is no old sample, the colour of ``background`` is used.
         """
         if self._samples.shape[1:] != picture.shape:
             self._samples = np.empty((KEPT, *picture.shape), np.uint8)

@@ -82,7 +82,7 @@ class ForegroundDetector:
         return self._dynamic.counted_s
 
     def adjust(self, parameters: ForegroundParameters) -> None:
-        """Continue with other parameters; only another subtractor learns anew."""
+        """Continue with other parameters; the background is kept unless the subtractor changes."""
         if parameters.subtractor != self.background.subtractor:
             self.background = BackgroundModel(parameters.subtractor)
             self.reset()

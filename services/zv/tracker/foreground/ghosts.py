@@ -33,21 +33,21 @@ FREE_SHARE = 0.5
 """Least share of a still region's outline that must border on background."""
 
 LIKELY = 0.5
-"""A region is also a ghost if its share is below this value and the correlation of its texture with
-the background's is above it: a faint ghost, whose outline alone says little."""
+"""A region is also a ghost if its ``picture_share`` is below this and its texture correlates with
+the background's by more than this: the outline of a faint ghost alone is not enough evidence."""
 
 BACKGROUND_TEXTURE = 0.8
 """A region whose texture correlates with the background's by more than this, and whose difference
 in colour is uneven, is background that was learned while an object half covered it."""
 
 EVEN = 0.95
-"""Above this share of an even difference, the region may be an object of a similar colour."""
+"""Above this ``evenness`` of the difference, the region may be an object of a similar colour."""
 
 SIDE = 7
 """Side of the square window in which colours on both sides of the outline are compared, pixels."""
 
 BAND = np.ones((5, 5), np.uint8)
-"""Width of the outline: a mask may end a pixel or two beside the edge that causes it."""
+"""Width of the outline: a mask may end one or two pixels beside the edge in the picture."""
 
 
 class GhostFinder:

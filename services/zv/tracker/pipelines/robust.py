@@ -37,7 +37,7 @@ class RobustParameters:
     scale: int = 0  # n, to process frames at 1/n of their size; 0: working_scale
     min_area: float = 160.0  # foreground of an object, square full-resolution pixels
     max_area: float = math.inf  # regions above it are ignored, square full-resolution pixels
-    convex: bool = False  # all objects are convex: a region that is not is several that touch
+    convex: bool = False  # every object is convex: another region is several that touch
 
 
 def working_scale(width: int, height: int) -> int:
@@ -143,8 +143,8 @@ class RobustTracker:
     def centroid(self) -> Track | None:
         """The main object of the last frame: the largest confirmed track, with hysteresis.
 
-        It changes to the confirmed track with the largest box if the current one is no longer
-        confirmed, or if the largest box is larger than its own by a factor of 1.25.
+        It changes to the confirmed track with the largest box if the current track is no longer
+        confirmed, or if the largest box is larger than the current one's by a factor of 1.25.
         """
         return next((track for track in self.tracks if track.id == self._main), None)
 

@@ -45,10 +45,10 @@ class Forecast:
 def forecast(times_s: Floats, path: Floats, at_s: float, noise: Floats) -> Forecast:
     """Predict the position of an object that continues its path in a straight line.
 
-    A line is fitted by least squares to the newest positions, over that of ``WINDOWS_S`` which
-    gives the least standard deviation. The variance is the sum of that of the fitted line, that of
-    the positions around the line, and that of the velocity times the squared time ahead. The last
-    one is measured by backtesting: the newest positions are predicted from earlier ones. It is
+    A line is fitted by least squares to the newest positions, over the one of ``WINDOWS_S`` which
+    gives the least standard deviation. The variance is the sum of three variances: of the fitted
+    line, of the positions around the line, and of the velocity times the squared time ahead. The
+    last one is measured by backtesting: the newest positions are predicted from earlier ones. It is
     small for an object on a belt, and large for a person who turns back.
 
     Args:

@@ -15,11 +15,11 @@ Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 MOST_CHANGES = 25.0
-"""Mean count of changes above which nothing new is believed. It is 3 to 21 where an object is for
-the first time, and 26 to 200 on leaves that have swayed for a second or two."""
+"""Mean count of changes in a box above which no new object is assumed. It is 3 to 21 where an
+object is for the first time, and 26 to 200 on leaves that have swayed for a second or two."""
 
 MOST_CHANGES_PER_S = 7.0
-"""The same while changes have been counted for less than about 4 s, so that fewer are enough."""
+"""The same limit per second of counting, until changes have been counted for about 4 s."""
 
 LEVELS = 8
 """Bins of a histogram for each colour channel."""
@@ -58,7 +58,7 @@ class Scene:
         return slice(top, max(top, bottom)), slice(left, max(left, right))
 
     def is_settled(self, box: Fragment) -> bool:
-        """Return whether there is foreground in a box, and not where pixels keep changing."""
+        """Return whether a box has foreground, and its pixels do not keep changing."""
         if self.changes is None:
             return True
         cut = self.cut(box)
@@ -84,8 +84,8 @@ class Appearance:
     def colors(self) -> Floats | None:
         """The smoothed histogram of each band, (BANDS, LEVELS ** 3); None before any was learned.
 
-        The sum of each band is 1. It is computed on demand, since it is used less often than
-        learned.
+        The sum of each band is 1. The histograms are smoothed on demand, since they are used less
+        often than learned.
         """
         if self._smooth is None and self._histograms is not None:
             self._smooth = smoothed(self._histograms)

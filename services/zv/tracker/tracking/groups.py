@@ -20,21 +20,21 @@ standard deviation of its position."""
 
 LEAST_PRIOR = 0.05
 LEAST_COLOR = 0.0005
-"""Probability of a colour that an object never showed; with all equal, it would be 0.002."""
+"""Probability of a colour that an object never showed; equally probable colours have 0.002 each."""
 
 CLEAR = 6.0
-"""A pixel clearly belongs to an object if it is more probable than for any other by this factor."""
+"""A pixel clearly belongs to an object if it is this many times as probable as for any other."""
 
 LEAST_CLEAR = 0.15
 """An object in a group is hidden if a smaller share of it is clearly its own."""
 
 KNOWN_COLOR = 0.002
-"""A colour is an object's own if it was at least as probable as with all colours equal."""
+"""A colour is an object's own if it is at least as probable as if all colours were equally so."""
 
 LEAST_KNOWN = 0.4
 """An object in a group is hidden if a smaller share of its pixels has colours of its own: another
-object is there, whose colours are not known yet. It is 0.8 to 1 where an object is in view, 0.5 to
-0.6 for one that was seen only half, and 0 to 0.3 where it has left."""
+object is there, whose colours are not known yet. The share is 0.8 to 1 where an object is in view,
+0.5 to 0.6 for one that was seen only half, and 0 to 0.3 where it has left."""
 
 THIN = 0.1
 """Rows and columns with less than this share of the fullest one do not count for the edges."""

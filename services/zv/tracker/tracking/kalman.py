@@ -9,8 +9,8 @@ PLAUSIBLE_SIGMAS = 1.5
 
 MOST_FADING = 100.0
 MOST_VARIANCE = 1e12
-"""Most that fading makes of the velocity's variance: without time between measurements of different
-positions, it would grow for ever."""
+"""Upper limit of the velocity's variance in ``adapt``: it would grow for ever if different
+positions were measured without time between them."""
 
 
 @dataclass(slots=True)
@@ -44,7 +44,7 @@ class AxisFilter:
         self.vv += q * dt2
 
     def adapt(self, measured: float, deviation: float) -> None:
-        """Enlarge the covariance if a measured position is far from the prediction.
+        """Enlarge the covariance if a measured position is far from the predicted one.
 
         The filter then follows objects that turn back or bounce. Source: D. H. Zhou and
         P. M. Frank, "Strong tracking filtering of nonlinear time-varying stochastic systems with

@@ -1,4 +1,4 @@
-"""Associates the fragments of the foreground with the objects, and corrects the objects by them."""
+"""Associates the fragments of the foreground with objects, and corrects the objects' states."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ OTHER_APPEARANCE = 0.75
 """A fragment whose appearance differs more than this from a missing object is another object."""
 
 TURNING_SPEED = 8.0
-"""Speed, in sides per second, at which an object may have gone in any direction since the last
-frame, as a ball does; a faster one may have gone in any direction at its own speed."""
+"""Speed, in sides per second, at which an object such as a ball may have moved in any direction
+since the last frame. A faster object may have moved in any direction at its own speed."""
 
 PARTED_S = 0.4
 """An object that has looked like two for this long is divided into two."""
@@ -56,7 +56,7 @@ class Matcher:
         self._dt_s = dt_s
         self._scene = scene
         self._convex = convex
-        self._hidden: list[Target] = []  # in a shared region, of which none looks like them
+        self._hidden: list[Target] = []  # in a shared region, no fragment looks like them
 
     def match(self) -> list[Fragment]:
         """Correct the predicted objects by their fragments; return the fragments without one."""
@@ -118,11 +118,11 @@ class Matcher:
             links[rows[number], columns[found]] = True
 
     def _turned(self, candidates: list[Target], columns: list[int]) -> list[tuple[Target, int]]:
-        """Return pairs of objects that turned since the last frame and what looks like them.
+        """Return each object that turned since the last frame with the fragment that looks like it.
 
-        An object that bounces is not where its motion leads, but it is no farther from its last
-        place than its speed allows. Where its motion leads there may be another object's region, of
-        which nothing looks like it.
+        An object that bounces is not at its predicted place, but it is no farther from its last
+        place than its speed allows. At its predicted place there may be the region of another
+        object, which does not look like it.
 
         Args:
             candidates: Objects that were not found where they were expected.

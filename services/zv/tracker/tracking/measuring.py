@@ -15,7 +15,7 @@ GROWN = 1.25
 
 PLAUSIBLE = 1.7
 """Foreground whose area differs from the object's usual one by less than this factor is all of the
-object: its bounding box is then the track's box, whatever the size in other poses."""
+object: its bounding box is then the track's box, even if other poses had another size."""
 
 WHOLE_TIME_S = 3.0
 """Time constant with which the largest size of an object fades while it is seen alone and
@@ -45,7 +45,7 @@ def measure(
     *,
     alone: bool,
 ) -> None:
-    """Correct an object by the box of its own foreground.
+    """Correct an object by the bounding box of its own foreground.
 
     Args:
         target: The object.
@@ -81,7 +81,7 @@ def measure(
         across, down = target.whole
         target.whole = max(found.width, faded * across), max(found.height, faded * down)
     before = target.travelled
-    if entering:  # its motion is that of the edge inside the picture; its box is the part in view
+    if entering:  # it moves as its edge inside the picture; its box is the part in view
         target.correct((x, y), targets.now_ns)
         target.place_at(found.center)
     elif complete and found.pixels_at is not None:
@@ -137,8 +137,8 @@ def _along(
 ) -> tuple[float, bool]:
     """Return the centre of a box along one axis, and whether its length there is reliable.
 
-    If the length is not the expected one, since only a part is seen or something else is there
-    too, the centre is measured from the edge that is nearer to the expected one. While an object
+    If the length is not the expected one, since only a part is seen or another object is beside
+    it, the centre is measured from the edge that is nearer to the expected one. While an object
     enters the picture, having ``moved`` since the last frame, the edge inside of the picture is
     used.
     """

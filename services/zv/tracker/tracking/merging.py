@@ -14,7 +14,7 @@ PROVEN_S = 0.4
 its own."""
 
 GROWN = 1.25
-"""A region is one object if its box is larger than that object's by less than this factor."""
+"""A region shows one object if its box is larger than the object's by less than this factor."""
 
 STACKED_S = 1.0
 STACKED_SHARE = 0.6
@@ -50,7 +50,7 @@ def without_parts(members: list[Target], whole: Fragment, targets: Targets) -> l
 def join_stacked(members: list[Target], targets: Targets) -> None:
     """Join two tracks of which one has been on top of the other for a while.
 
-    They are parts of one object that something in front of it divided.
+    They are parts of one object, divided by something in front of it.
     """
     ordered = sorted(members, key=lambda each: each.id)
     for number, younger in enumerate(ordered):
@@ -82,7 +82,7 @@ def _fits(whole: Fragment, target: Target) -> bool:
 
 
 def _whole_area(target: Target) -> float:
-    """Return the larger of the area of its box and that of its recent whole size."""
+    """Return the area of an object's box or, if that is larger, of its recent whole size."""
     return max(target.width * target.height, target.whole[0] * target.whole[1])
 
 

@@ -30,7 +30,7 @@ PATH_S = 0.6
 """For how long the places in which a new object was seen are kept."""
 
 MOST_PLACES = 128
-"""Most of them that are kept: at any usual rate those of ``PATH_S``."""
+"""Largest number of places kept; at any usual frame rate, all places of ``PATH_S``."""
 
 SIZE_TIME_S = 0.7
 """Time constant with which the size follows a change."""
@@ -164,7 +164,7 @@ class Target:
         self.path = [each for each in kept if now_ns - each[0] <= PATH_S * 1e9]
         if self.steady is not None:
             self.path.append((now_ns, self.steady))
-        elif not self.cut:  # else the centre of the first part in view is not that of the object
+        elif not self.cut:  # else the first part in view had another centre
             self.path.append((now_ns, (self.x.position, self.y.position)))
 
     def unsteadiness(self) -> float:
@@ -183,7 +183,7 @@ class Target:
         return math.sqrt(float(np.mean(np.sum(off * off, axis=1)))) / self.side
 
     def place_at(self, center: Point) -> None:
-        """Set the centre, which moved since the size changed, without a motion of the object."""
+        """Set the centre, which changed with the size, without changing the velocity."""
         assert self.steady is not None
         self.x.position, self.y.position = center
         self.offset, self.shift = _minus(center, self.steady), None
@@ -222,7 +222,7 @@ class Target:
         self.area += (area - self.area) * share
 
     def become(self, found: Fragment) -> None:
-        """Take the box of what was found to be all of it, without a motion of the object."""
+        """Take a box that shows all of the object, without changing the velocity."""
         self.resize(found.width, found.height, found.area, 1.0)
         moved = _minus(found.center, (self.x.position, self.y.position))
         self.offset = self.offset[0] + moved[0], self.offset[1] + moved[1]

@@ -18,7 +18,7 @@ MAX_FRAGMENTS = 400
 """Further fragments are ignored, the smallest first, so that the time for a frame is bounded."""
 
 MAX_STEP_S = 60.0
-"""Positions are predicted by at most this time, also after a larger step of a clock that was set: a
+"""Positions are predicted for at most this time, even if the clock was set forward by more: a
 larger variance would exhaust the precision of floating-point numbers."""
 
 SMOOTHED = 0.1
@@ -33,16 +33,16 @@ PROTECTED_SIDES = 1.2
 """An object that has moved farther than this is kept out of the background even if it stands."""
 
 SETTLED_SIDES = 3.0
-"""An object that has moved farther than this, steadily, is confirmed also where pixels keep
-changing: in a lane with much traffic the objects themselves change them."""
+"""An object that has moved steadily for more than this is confirmed even where pixels keep
+changing: in a lane with much traffic, the objects themselves change the pixels."""
 
 STEADY_SIDES = 0.1
-"""A motion is steady if the last places are within this distance, root mean square, of one with
-constant velocity. Leaves jump by 0.1 to 0.6 of their side."""
+"""A motion is steady if the last places are within this distance, root mean square, of a motion
+with constant velocity. Leaves jump by 0.1 to 0.6 of their side."""
 
 SEEN_SHARE = 0.8
-"""A track that was seen for a smaller share of its time follows what flickers, and is not confirmed
-before it has moved by ``SETTLED_SIDES``. A share of the time means the same at any rate."""
+"""A track that was seen for a smaller share of its age follows something that flickers, and is not
+confirmed before it has moved by ``SETTLED_SIDES``. The share does not depend on the frame rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +198,7 @@ class Tracker:
         wanted, now_ns = self.parameters, self.now_ns
         age_s = (now_ns - target.born_ns) / 1e9
         return (
-            target.seen_ns == now_ns  # what flickers is lost where it was expected
+            target.seen_ns == now_ns  # something that flickers is lost where it was expected
             and age_s >= wanted.confirm_s
             and target.hits >= wanted.confirm_hits
             and target.travelled >= wanted.confirm_sides
