@@ -40,13 +40,14 @@ def _most_back_s() -> float:
     """Return how long costly pictures may keep good ones away: 2 s, on a slow machine up to 3 s.
 
     After the silence that the rule asks for, a node may still be at work on the costliest picture
-    and on the one that waited behind it, while another node works on the same. Measured in two
-    threads of this process, beside what the machine is busy with, so to be called before an attack.
+    and on the one that waited behind it, while others work on the same: the edge detector in one
+    thread, the viewer in two, for its stream and for a snapshot. Measured in three threads of this
+    process, beside what the machine is busy with, so to be called before an attack.
     """
     picture = np.frombuffer(deep(4, 2304, 4096), np.uint8)
     begun_s = time.perf_counter()
-    with ThreadPoolExecutor(2) as nodes:
-        list(nodes.map(_process, [picture, picture]))
+    with ThreadPoolExecutor(3) as nodes:
+        list(nodes.map(_process, [picture] * 3))
     needed_s = SILENCE_NS / 1e9 + 2 * (time.perf_counter() - begun_s)
     return min(max(BACK_S, needed_s), SLOWEST_BACK_S)
 
