@@ -87,7 +87,10 @@ class PlanarPicture:
 
     def copy_bgr(self, target: NDArray[np.uint8]) -> None:
         """Write the pixels to memory of their size, (height, width, 3); they are not kept."""
-        if self._bgr is None and self._write_bgr is not None:
+        prepared = self._bgr
+        if prepared is not None:
+            np.copyto(target, prepared)  # not a request: the next picture need not be prepared
+        elif self._write_bgr is not None:
             self._write_bgr(target)
         else:
             np.copyto(target, self.bgr())

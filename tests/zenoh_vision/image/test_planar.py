@@ -140,6 +140,21 @@ def test_pixels_are_written_to_memory_without_a_copy_unless_they_exist_already()
     assert counts == {"written": 1}
 
 
+def test_a_copy_of_prepared_pixels_asks_for_none_of_the_next_picture():
+    asked: list[str] = []
+    planar = PlanarPicture(
+        plain(8, 8, GREEN),
+        full_range=False,
+        to_bgr=lambda: np.full((8, 8, 3), 77, np.uint8),
+        write_bgr=lambda _: pytest.fail("they exist already"),
+        asked=asked.append,
+    )
+    planar.bgr()
+    asked.clear()
+    planar.copy_bgr(np.zeros((8, 8, 3), np.uint8))
+    assert asked == []
+
+
 def test_memory_gets_the_pixels_in_the_encoding_of_the_frame():
     memory = np.zeros(48 * 64, np.uint8)
     planar = PlanarPicture(

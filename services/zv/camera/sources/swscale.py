@@ -17,6 +17,7 @@ import numpy as np
 from av.video import reformatter
 from numpy.typing import NDArray
 
+from zenoh_vision.errors import PayloadError
 from zenoh_vision.image.planar import Planes
 
 BILINEAR: Final = 2
@@ -26,7 +27,11 @@ UNCHANGED: Final = (0, 1 << 16, 1 << 16)
 """Brightness, contrast and saturation."""
 BLOCK: Final = 16
 """Pixels that libswscale converts at once. It writes whole blocks only, some of them beyond the
-row, so that other widths need rows with gaps."""
+row, so rows of other widths would need padding behind them."""
+FUNCTIONS: Final = (
+    *("sws_getContext", "sws_freeContext", "sws_getCoefficients", "sws_setColorspaceDetails"),
+    *("sws_scale", "av_get_pix_fmt"),
+)
 
 _Pointers = ctypes.c_void_p * 4
 _Strides = ctypes.c_int * 4
@@ -34,8 +39,11 @@ _Strides = ctypes.c_int * 4
 
 def _libraries() -> ctypes.CDLL | None:
     """Return the functions of libswscale and libavutil; None where they cannot be found."""
-    found = ctypes.CDLL(reformatter.__file__)  # finds the functions of those that it depends on
-    if not hasattr(found, "sws_scale"):  # on Windows
+    try:
+        found = ctypes.CDLL(reformatter.__file__)  # finds the functions of its dependencies too
+    except OSError:  # it is no file, as in a program packed into one
+        return None
+    if not all(hasattr(found, name) for name in FUNCTIONS):  # on Windows
         return None
     found.sws_getContext.restype = found.sws_getCoefficients.restype = ctypes.c_void_p
     return found
@@ -69,11 +77,14 @@ class BgrWriter:
         self, libraries: ctypes.CDLL, planes: Planes, full_range: bool, target: NDArray[np.uint8]
     ) -> None:
         height, width = planes[0].shape
-        assert target.shape == (height, width, 3)
+        if target.shape != (height, width, 3) or target.dtype != np.uint8:
+            raise ValueError(f"{target.shape} {target.dtype} is no memory for {width}x{height} BGR")
+        if not (target.flags.c_contiguous and target.flags.writeable):
+            raise ValueError("the memory has gaps, or cannot be written to")
         with self._lock:
             if self._kind != (width, height, full_range):
                 self._open(libraries, width, height, full_range)
-            libraries.sws_scale(
+            rows = libraries.sws_scale(
                 self._context,
                 _Pointers(*(plane.ctypes.data for plane in planes)),
                 _Strides(*(plane.strides[0] for plane in planes)),
@@ -82,6 +93,8 @@ class BgrWriter:
                 _Pointers(target.ctypes.data),
                 _Strides(target.strides[0]),
             )
+        if rows != height:
+            raise PayloadError("corrupt", f"{rows} of {height} rows could be converted")
 
     def _open(self, libraries: ctypes.CDLL, width: int, height: int, full_range: bool) -> None:
         stored, made = map(libraries.av_get_pix_fmt, (b"yuv420p", b"bgr24"))

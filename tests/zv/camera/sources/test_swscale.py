@@ -73,6 +73,24 @@ def test_widths_of_which_whole_blocks_do_not_fit_are_not_written(width):
     assert BgrWriter().of(planes_of(frame), full_range=False) is None
 
 
+@pytest.mark.parametrize(
+    "memory",
+    [
+        np.zeros((48, 64, 4), np.uint8),
+        np.zeros((48, 64, 3), np.uint16),
+        np.zeros((48, 128, 3), np.uint8)[:, ::2],
+        np.frombuffer(bytes(48 * 64 * 3), np.uint8).reshape(48, 64, 3),
+    ],
+    ids=["other size", "other type", "gaps", "read only"],
+)
+def test_memory_that_does_not_fit_is_refused(memory):
+    write = BgrWriter().of(planes_of(noise(64, 48, "yuv420p", ColorRange.MPEG)), full_range=False)
+    assert write is not None
+    with pytest.raises(ValueError, match="memory"):
+        write(memory)
+    assert not memory.any()
+
+
 def test_a_stream_may_change_its_size_and_its_range():
     writer = BgrWriter()
     for width, height, colour_range in (
