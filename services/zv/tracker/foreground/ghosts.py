@@ -221,15 +221,13 @@ def _components(still: Image) -> Iterator[tuple[tuple[slice, slice], Image]]:
 
     Another component may lie in its bounding box: an object in the angle of an L.
     """
-    contours, _ = cv2.findContours(still, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    for contour in contours:
-        left, top, width, height = cv2.boundingRect(contour)
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(still)
+    for number in range(1, count):
+        left, top, width, height, _ = boxes[number].tolist()
         if width * height < LEAST_AREA:
             continue
         window = _cut(Fragment(left, top, left + width, top + height, 0), SIDE)
-        _, labels = cv2.connectedComponents(still[window], ltype=cv2.CV_16U)
-        x, y = contour[0, 0].tolist()
-        own = labels == labels[y - window[0].start, x - window[1].start]
+        own = labels[window] == number
         yield window, own.view(np.uint8) * np.uint8(255)
 
 

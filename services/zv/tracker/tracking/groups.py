@@ -190,8 +190,8 @@ def _portion(
         _is_open(own, mask, end_y - 1, end_y + 1),
     )
     usual = max(1.0, target.area)
-    its = 0.0 if foreign else float(np.count_nonzero(own & clear)) / usual
-    return Portion(found, sides, count / usual, its, covered)
+    clear_share = 0.0 if foreign else float(np.count_nonzero(own & clear)) / usual
+    return Portion(found, sides, count / usual, clear_share, covered)
 
 
 def _is_open(own: NDArray[np.bool_], mask: NDArray[np.bool_], row: int, beside: int) -> bool:

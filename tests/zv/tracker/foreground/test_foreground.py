@@ -185,6 +185,24 @@ def test_an_object_in_the_angle_of_a_ghost_is_not_part_of_it():
     assert not found[48:68, 54:74].any()
 
 
+def test_a_ghost_in_the_hole_of_another_one_is_found_at_the_same_time():
+    remembered, picture = backdrop(), backdrop()
+    outer, inner = np.zeros((2, *remembered.shape[:2]), bool)
+    outer[15:105, 30:120] = True
+    outer[30:90, 45:105] = False
+    inner[48:72, 63:87] = True
+    remembered[outer | inner] = (30, 30, 220)
+    model, finder = BackgroundModel(), GhostFinder()
+    model.start(remembered, 0)
+    for k in range(4):
+        found = finder.update(picture, model, model.foreground(picture), None, 3 * k * TENTH)
+        if found is not None:
+            break
+    assert found is not None
+    for ghost in (outer, inner):
+        assert np.count_nonzero(found[ghost]) > 0.95 * np.count_nonzero(ghost)
+
+
 def test_the_ghost_of_a_person_present_at_the_start_disappears_within_a_second():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(60):
