@@ -1,4 +1,4 @@
-"""Answers the shells' requests for completion, with names from the running system where they fit.
+"""Answers shells' requests for completion, with names from the running system where they fit.
 
 A shell waits for the answer, so the arguments that name something in the system are found without
 loading the models of the options.
@@ -32,7 +32,7 @@ class Typed:
     connection: dict[str, str] = field(default_factory=dict)
 
     def kind(self) -> str:
-        """Return the kind of the argument that comes next; empty if the system has no names."""
+        """Return the kind of the next argument; empty if it is not a name in the system."""
         kinds, count = self.tool.completes, len(self.arguments)
         if "value" in kinds and count > kinds.index("parameter"):
             return "value" if self._value_is_missing() else "parameter"
@@ -69,7 +69,7 @@ def complete(app: click.Command, prog_name: str, variable: str, instruction: str
 def completions(words: Sequence[str], incomplete: str) -> list[str] | None:
     """Return the names in the running system that complete a word.
 
-    None if the word does not name something in the system, so that the command completes it.
+    None if the word does not name something in the system; then the command itself completes it.
     """
     typed = None if incomplete.startswith("-") else typed_so_far(words)
     kind = "" if typed is None else typed.kind()

@@ -1,6 +1,6 @@
 """Builds the commands from the registries of services and tools.
 
-Only the settings model of the command at hand is loaded, and its code only when it is called.
+Only the settings model of the requested command is loaded, and its code only when it is called.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ def run_tool(
     connection: Connection,
     output: Output,
 ) -> None:
-    """Run a tool; after it, signals no longer change the exit status."""
+    """Run a tool, then ignore signals, so that they no longer change the exit status."""
     try:
         run(options, connection, output)
     finally:

@@ -1,6 +1,6 @@
 """The entry point of ``zv``: runs the command of ``sys.argv`` and returns an exit status.
 
-Loads neither cv2 nor zenoh nor any settings before a command is called.
+It loads neither cv2, zenoh nor any settings before a command is called.
 """
 
 from __future__ import annotations

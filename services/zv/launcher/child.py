@@ -1,4 +1,4 @@
-"""One child process: its start, its restarts, and its end within a time limit."""
+"""Starts one child process, restarts it when it dies, and ends it within a time limit."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Child:
         finishes: Whether exit status 0 means that its work is done, such as for a camera at the
             end of its file. Any other process with status 0 was stopped by someone else.
         say: Called with a line to show the user; from any thread.
-        guard: Ends its group when this process is gone, for any program. None for a command of
-            ``zv``, which watches its parent itself, and whose standard output is not of interest.
+        guard: Ends the group of a program when ``zv up`` is gone. None for a command of ``zv``,
+            which watches its parent itself, and whose standard output is discarded.
     """
 
     def __init__(
@@ -84,9 +84,9 @@ class Child:
         self._again_s: float | None = None
 
     def start(self) -> None:
-        """Start the process; it ends when this process ends, for any reason.
+        """Start the process, which also ends when ``zv up`` ends for any reason.
 
-        A program that cannot be executed any more counts as ended with status 127, as in a shell.
+        A program that can no longer be executed counts as ended with status 127, as in a shell.
         """
         self.state, self.exit_status, self._again_s = "starting", None, None
         self._started_s = time.monotonic()
@@ -154,7 +154,7 @@ class Child:
             self.state, self._has_run = "running" if announced else "running, no node", True
 
     def check(self) -> None:
-        """Note the process's end, and start it again when its delay is over."""
+        """Note whether the process has ended, and start it again when its delay is over."""
         if self._again_s is not None:
             left_s = self._again_s - time.monotonic()
             if left_s <= 0:
@@ -173,7 +173,7 @@ class Child:
         if status == 0 and self._finishes:
             self.state = "finished"
             self._say(f"{self.name} has finished")
-        # If it has run with the same flags before, the cause may be temporary.
+        # Wrong configuration counts as temporary if the process has run with the same flags before.
         elif not self._restart or (status == WRONG_CONFIGURATION and not self._has_run):
             self.state = "failed"
             self._say(f"{self.name} {how}, not starting again")
@@ -211,7 +211,7 @@ class Child:
             self.state = "stopped"
 
     def _end_group(self, deadline_s: float) -> None:
-        """End the processes that a process has left behind."""
+        """End the processes that the child has left behind in its group."""
         if self._group is not None:
             end_group(self._group, deadline_s)
             if self._guard is not None:

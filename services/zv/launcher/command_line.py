@@ -35,7 +35,7 @@ class CommandLine:
     Attributes:
         words: The program and its arguments.
         environment: All its variables.
-        folder: Its working directory; None is that of ``zv up``.
+        folder: Its working directory; None for the one of ``zv up``.
     """
 
     words: tuple[str, ...]
@@ -50,7 +50,7 @@ def zv_command_line(
 
     Args:
         words: The command and its arguments.
-        variables: To add to the inherited ones.
+        variables: Environment variables to add to the inherited ones.
     """
     environment = _without_resolved()
     if ROOT.name not in ("site-packages", "dist-packages"):  # a checkout, perhaps not installed
@@ -116,7 +116,7 @@ def program_command_line(
     Args:
         node: Name of its node.
         words: The program and its arguments.
-        variables: Of the launch file; they override all others.
+        variables: Environment variables of the launch file, which override all others.
         folder: Its working directory.
         connection: How it reaches the router.
     """
@@ -134,7 +134,7 @@ def program_command_line(
 
 
 def search_path() -> str:
-    """Return the PATH of programs: ``python`` and ``zv`` are those of this installation.
+    """Return the PATH for programs, on which ``python`` and ``zv`` are of this installation.
 
     An active virtual environment goes first, as in the shell where it was activated.
     """
@@ -145,7 +145,7 @@ def search_path() -> str:
 
 
 def found_program(word: str, path: str, folder: Path) -> str:
-    """Return the path of a program, as a shell in a folder would find it.
+    """Return the path of a program, found as by a shell whose working directory is ``folder``.
 
     Raises:
         ConfigurationError: There is none, or it cannot be executed.

@@ -1,8 +1,8 @@
 """Ends the process groups of a launch file's programs when ``zv up`` is gone, even by SIGKILL.
 
 Services watch their parent themselves, see ``zenoh_vision.host.lifeline``. Other programs do not,
-so one more process does it for all of them: this file, run as a script. ``zv up`` tells it the
-groups through a pipe, whose end the kernel closes when ``zv up`` ends for any reason.
+so one more process ends them all: this file, run as a script. ``zv up`` sends it the groups
+through a pipe, whose end the kernel closes when ``zv up`` ends for any reason.
 
 The script imports nothing but the standard library, so that it starts fast and stays small.
 """
@@ -21,17 +21,17 @@ POLL_S = 0.02
 
 
 class GroupGuard:
-    """The process that ends the groups; it starts with the first group."""
+    """Runs the process that ends the groups; starts it with the first group."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._groups: set[int] = set()
 
     def add(self, group: int) -> None:
-        """End a process group when this process is gone.
+        """Have a process group ended when this process is gone.
 
         Raises:
-            OSError: The process that does so cannot be started; the next group tries again.
+            OSError: The guard cannot be started; the next ``add`` tries again.
         """
         self._groups.add(group)
         if self._process is None or self._process.poll() is not None:
@@ -54,7 +54,7 @@ class GroupGuard:
         self._tell(f"-{group}\n")
 
     def close(self) -> None:
-        """End the process, but no group: the caller has ended them."""
+        """End the guard without ending the groups, which the caller has ended."""
         if self._process is not None:
             assert self._process.stdin is not None
             self._process.kill()

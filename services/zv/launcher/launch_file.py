@@ -35,7 +35,7 @@ class PlannedNode:
     """One node that is a service of ``zv``, with its checked options.
 
     Attributes:
-        name: ``{service}_{camera}``, or ``{service}`` of one that serves several or all cameras.
+        name: ``{service}_{camera}``, or ``{service}`` if it serves several or all cameras.
         variables: Environment variables that the launch file sets.
     """
 
@@ -139,7 +139,7 @@ def _check_two(
 
 
 def remapped_cameras(texts: Sequence[str]) -> dict[str, str]:
-    """Return the cameras of ``--remap OLD=NEW`` flags.
+    """Return the new name of each camera by its old one, from ``--remap OLD=NEW`` flags.
 
     Raises:
         ConfigurationError: One does not have this form, or a camera is named twice.
@@ -182,7 +182,7 @@ def _remapped(path: Path, tables: LaunchTables, remap: Mapping[str, str]) -> lis
 
 
 def _cameras_of(table: NodeTable) -> tuple[str, ...]:
-    """Return the cameras that a node names."""
+    """Return the names of the cameras in a node's table."""
     if table.command is not None:
         return cameras_of(table.camera) if "camera" in table.model_fields_set else ()
     service = SERVICES.get(table.service)

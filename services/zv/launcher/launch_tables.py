@@ -154,21 +154,21 @@ def read_tables(path: Path) -> LaunchTables:
 
 
 def _refuse(path: Path, error: ValidationError) -> NoReturn:
-    # What is missing may be there under a misspelled name, which then tells more.
+    # Report an unknown key rather than a missing one: it may be the missing one, misspelled.
     first = min(error.errors(include_url=False), key=lambda each: each["type"] == "missing")
     loc = tuple(part for part in first["loc"] if part != "[key]")
     dotted = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
     place = f"{path}: {dotted.lstrip('.')}"
     tables: dict[str, type[BaseModel]] = {"router": RouterTable, "node": NodeTable}
     model = tables.get(str(loc[0]), LaunchTables) if len(loc) > 1 else LaunchTables
-    # The key of the table in which the wrong value is, however deep inside its value.
+    # The key of the table whose value is wrong, or contains the wrong value at any depth.
     name = str(loc[min({"node": 2, "router": 1}.get(str(loc[0]), 0), len(loc) - 1)])
     if first["type"] == "extra_forbidden":
         raise ConfigurationError(f"{place}: {unknown_key(name, name, model)}")
     missing = first["type"] == "missing"
     message = f"{place} is missing" if missing else wrong_value(place, first["input"], first)
     if name in model.model_fields:
-        # A table or a list has no range.
+        # A table or a list has no range to show.
         only_described = missing or model is LaunchTables or name in ("command", "env")
         words = model.model_fields[name].description
         message += f"; allowed: {words if only_described else allowed_and_default(model, name)}"

@@ -198,7 +198,8 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
     head = "; published keys, for any Zenoh program:" if keys else ""
     lines.insert(0, f"router: {connection.connect} ({whose}){head}")
     if keys:
-        # Preferably messages: a picture tells less. No pattern, since a shell would expand it.
+        # Prefer a key without wildcards, which a shell would expand, and one of messages, which
+        # are easier to read than pictures.
         told = max(keys, key=lambda key: ("*" not in key, key.endswith(CENTROID.name)))
         example = shlex.join(["zv", "topic", "echo", told, "--connect", connection.connect])
         lines.append(f"for example: {example}")

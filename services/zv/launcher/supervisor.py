@@ -159,7 +159,7 @@ class System:
             time.sleep(POLL_S)
 
     def _name_keys(self, link: Link) -> None:
-        """Announce the keys of each program of the user's once its node has described itself."""
+        """Print the keys of each of the user's programs once its node has described itself."""
         self._monitor.ask_new(link, self._connection.namespace, ASK_AGAIN_S)
         for name in sorted(self._unnamed):
             node = self._monitor.node(name)
@@ -177,7 +177,7 @@ class System:
             child.mark_running(announced=False)
 
     def _waiting_is_over(self) -> bool:
-        """Tell whether to give up on the router; waiting for it is not a failure."""
+        """Tell whether to stop waiting for the router; waiting for it counts as healthy."""
         self._health_file.beat()
         return self._is_over()
 
@@ -191,7 +191,7 @@ class System:
         return self._router is not None and self._router.state == "failed"
 
     def _end(self, link: Link | None) -> None:
-        """End the nodes, then the router, through which they undeclare their tokens."""
+        """End the nodes, then the router, which the nodes need to undeclare their tokens."""
         began_s = time.monotonic()
         closing = threading.Thread(target=link.close if link else None, daemon=True)
         closing.start()  # closing may block if the router hangs
@@ -231,7 +231,7 @@ class System:
 
 
 def published_line(node: NodeDescription) -> str:
-    """Return which keys a node publishes, for people; empty if none."""
+    """Return a line of text with the keys that a node publishes; empty if there are none."""
     keys = [key for key in node.publishes if not key.startswith("@")]
     return f"{node.node} publishes {joined(keys, MOST_KEYS)}" if keys else ""
 

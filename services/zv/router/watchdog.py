@@ -1,7 +1,7 @@
-"""Finds a router that has stopped answering, which only a restart can end.
+"""Detects that a router has stopped answering for good, so that it can be restarted.
 
 Zenoh 1.10 can lock up for ever when it lists publishers, subscribers or queryables in its admin
-space while one is being declared (zenoh #2619). Its port still takes connections then.
+space while one is being declared (zenoh #2619). Its port still accepts connections then.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PAUSED_S: Final = 1.0
 
 
 class Watchdog:
-    """Asks a router again and again, on a thread of its own, since an answer may never come.
+    """Queries a router periodically, on a thread of its own, since an answer may never come.
 
     Args:
         ask: Asks the router; returns once it has answered.
@@ -38,7 +38,7 @@ class Watchdog:
         self._thread.start()
 
     def hangs(self) -> bool:
-        """Tell whether no answer has come for ``HUNG_S``; to be called often."""
+        """Tell whether no answer has come for ``HUNG_S``; must be called often."""
         now_s = self._clock()
         if self._answered.is_set() or now_s - self._looked_s > PAUSED_S:
             self._answered.clear()

@@ -28,8 +28,8 @@ class ProcessUsage:
 
         Args:
             pid: Process id.
-            started_s: Start time that its node reports, seconds since 1970. Ids are reused, so a
-                process that was not created shortly before that is a different one.
+            started_s: Start time that its node reports, seconds since 1970. Ids are reused: a
+                process that was not created shortly before this time is not the node's.
         """
         try:
             process = psutil.Process(pid)
@@ -48,7 +48,7 @@ class ProcessUsage:
 
         Args:
             pid: Process id.
-            descendants: Whether to add those of the processes that it has started.
+            descendants: Whether to add CPU and memory of the processes that it has started.
         """
         process = None if pid is None else self._processes.get(pid)
         if process is None:

@@ -102,7 +102,7 @@ def number(value: float | None, places: int = 0) -> str:
 
 
 def drops(counters: dict[str, int]) -> tuple[str, str]:
-    """Return the drops by reason, the largest first, and those that nobody wanted apart."""
+    """Return two texts: the losses by reason, the largest first, and the drops nobody wanted."""
     named = " ".join(f"{reason}={count}" for reason, count in losses(counters).items())
     reason = NOT_LOST[0]
     unwanted = counters.get(f"dropped.{reason}", 0)

@@ -1,4 +1,4 @@
-"""The tokens of the two scopes, and the sessions that browsers hold in a cookie instead of one."""
+"""The tokens of the two scopes, and the sessions that browsers keep instead of a token."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Principal:
 
     scope: Scope
     name: str
-    end_s: float = math.inf  # of the session, in s since 1970
+    end_s: float = math.inf  # when the session ends, in s since 1970
 
     def forbidden(self, now_s: float) -> str:
         """Return why it must not set parameters now; empty if it may."""
@@ -49,7 +49,7 @@ def view_token(token: str) -> str:
 
 
 def scope_of(text: str, token: str) -> Scope | None:
-    """Return the scope of a text if it is one of the two tokens, in constant time."""
+    """Return the scope that a text permits as a token, if any; compared in constant time."""
     if _equal(text, token):
         return Scope.CONTROL
     return Scope.VIEW if _equal(text, view_token(token)) else None
@@ -66,13 +66,13 @@ def new_session(scope: Scope, token: str, now_s: float) -> str:
 
 
 def token_principal(text: str, token: str) -> Principal | None:
-    """Return the sender of one of the two tokens; None if a text is neither."""
+    """Return the sender of a request with this token; None if the text is neither of the two."""
     scope = scope_of(text, token)
     return None if scope is None else Principal(scope, f"token ({scope})")
 
 
 def session_principal(text: str, token: str, now_s: float) -> Principal | None:
-    """Return the sender of a session; None if a text is not a session, or it has ended."""
+    """Return the sender of a request with this session; None if it is not valid, or has ended."""
     session, _, signature = text.rpartition(".")
     if not _equal(signature, _sign(token, "session", session)):
         return None

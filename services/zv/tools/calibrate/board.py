@@ -36,8 +36,8 @@ class BoardView:
         points: (n, 2), its corners on the board, in the unit of its squares; the first inner
             corner is 0, 0, X along the rows of corners.
         pixels: (n, 2), where the picture shows them, distorted as it is.
-        width: Of the picture, pixels; so is ``height``.
-        height: As width.
+        width: Width of the picture, pixels.
+        height: Height of the picture, pixels.
     """
 
     points: Points
@@ -53,7 +53,7 @@ class Board:
     Args:
         kind: ``chessboard``, or ``charuco``: a chessboard with a marker in each white square.
         columns: Inner corners in a row of a chessboard; squares in a row of a ChArUco board.
-        rows: As columns.
+        rows: Inner corners, or squares, in a column.
         square: Side of a square, in any unit.
         marker: Side of a marker, in that unit.
         dictionary: Name of the markers' dictionary.
@@ -73,8 +73,8 @@ class Board:
     def find(self, gray: Gray) -> BoardView | None:
         """Return the board in a picture, (height, width); None if it is not found.
 
-        A chessboard must be seen as a whole, a ChArUco board with at least eight corners that are
-        not on a line, all or all but one.
+        A chessboard must be seen as a whole. Of a ChArUco board at least eight corners must be
+        seen, of which two or more are not on a line with the others.
         """
         found = self._charuco(gray) if self.kind == "charuco" else self._chessboard(gray)
         if found is None:
@@ -97,7 +97,7 @@ class Board:
         if ids is None or len(ids) < LEAST_CORNERS:
             return None
         chosen = np.asarray(ids).ravel()
-        # OpenCV's origin is the corner of the board, which has no corner to see.
+        # OpenCV's origin is the outer corner of the board, ours is the first inner corner.
         points = self.drawing.getChessboardCorners()[chosen, :2] - self.square
         points = np.asarray(points, np.float64)
         if _on_a_line(points):

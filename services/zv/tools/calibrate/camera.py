@@ -31,7 +31,7 @@ class Collection:
     """The views that a calibration is made from.
 
     Attributes:
-        views: Those taken; ``poses`` and ``names`` belong to them.
+        views: The views taken; ``poses`` and ``names`` have an entry for each.
         searched: Number of pictures in which the board was looked for.
     """
 
@@ -47,7 +47,7 @@ class Collection:
         Args:
             name: Of the picture.
             gray: The picture.
-            before: The view of the picture before, of a stream; the board must not have moved.
+            before: The view in the previous picture of a stream; a moved board is not taken.
         """
         self.searched += 1
         view = self.board.find(gray)

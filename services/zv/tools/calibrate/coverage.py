@@ -37,11 +37,11 @@ class Pose:
     """Where a board is in a picture, and how it lies, roughly.
 
     Attributes:
-        x: Centre, as a share of the width; so is ``y`` of the height.
-        y: As x.
-        share: Of the picture's area that the corners span.
+        x: Centre of the board, as a share of the picture's width.
+        y: Centre of the board, as a share of the picture's height.
+        share: Share of the picture's area that the corners span.
         turned_deg: Angle to the picture's plane, around the vertical axis.
-        leaned_deg: As turned_deg, around the horizontal axis.
+        leaned_deg: Angle to the picture's plane, around the horizontal axis.
         parts: The parts of the picture, rows and columns of three, in which there are corners.
     """
 
@@ -64,7 +64,7 @@ class Pose:
 
 
 def pose_of(view: BoardView) -> Pose:
-    """Return where the board is; its tilt is that of a lens with a usual focal length."""
+    """Return where a board is and how it lies; the tilt assumes a usual focal length."""
     size = np.array([view.width, view.height], np.float64)
     x, y = view.pixels.mean(axis=0) / size
     hull = cv2.convexHull(view.pixels.astype(np.float32))

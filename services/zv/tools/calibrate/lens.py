@@ -27,13 +27,13 @@ class PoorViews(ValueError):
 
 @dataclass(frozen=True)
 class LensFit:
-    """A lens that was found, and how well.
+    """A lens that was found, and how well it fits the views.
 
     Attributes:
         camera: The lens.
         rms: Root mean square of the distances between the corners and where the lens puts them,
             pixels.
-        errors: The same of each view, (n,).
+        errors: ``rms`` of each view alone, (n,).
         focal_sigma: Standard deviation of the focal length, as a share of it; None if the method
             does not give it.
     """

@@ -23,7 +23,7 @@ def pair_of(text: str) -> Pair:
     """Read a pair of a pixel and a place, ``x,y=X,Y``.
 
     Raises:
-        ValueError: It is none.
+        ValueError: The text is not a pair.
     """
     found = PAIR.fullmatch(text.replace(" ", ""))
     if found is None:

@@ -119,7 +119,7 @@ def _pairs(options: PlaneOptions, connection: Connection, output: Output) -> Pai
 
 
 def _axes(view: BoardView) -> str:
-    """Return in words where the picture shows the board's axes: their ends are its corners."""
+    """Return in words where the picture shows the board's origin and the ends of its axes."""
     origin = int(np.abs(view.points).sum(axis=1).argmin())
     ends = [origin]
     for axis in (0, 1):

@@ -49,9 +49,9 @@ class _Stream:
 
 
 class MessageCheck:
-    """Collects messages of other types from now on, until ``findings`` checks them.
+    """Collects messages of types that are not of this project, until ``findings`` checks them.
 
-    It subscribes only to keys of no topic of this project, and to no pictures, since those may be
+    It does not subscribe to this project's topics, nor to any pictures, since those may be
     produced only for subscribers.
     """
 

@@ -119,8 +119,8 @@ def other_form(key: str) -> str:
 def observe(session: ToolSession, for_s: float) -> Observation:
     """Observe nodes and cameras for a time, and query the routers and the parameters.
 
-    The time begins with the first replies of the nodes: they can take longer than all of it, where
-    thousands of names are in use, and a node is judged by two reports.
+    The time begins with the first replies of the nodes: where thousands of names are in use, these
+    can take longer than ``for_s``, and a node is judged by two reports.
     """
     routers = [
         router_of(reply.key.split("/")[1], reply.ok.payload.to_bytes())

@@ -47,7 +47,7 @@ class ArrivalCounter:
     Streams without a declared publisher are found if someone else subscribes to them.
 
     Attributes:
-        left_out: How many more are declared than are counted.
+        left_out: How many declared cameras are not counted, since there are too many.
     """
 
     def __init__(self, session: ToolSession, found: Discovery) -> None:

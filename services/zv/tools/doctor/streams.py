@@ -131,10 +131,10 @@ def loss_findings(seen: Observation) -> list[Finding]:
 
 
 def _lost_before(seen: Observation, node: NodeState, span_s: float) -> float:
-    """Return how many frames the cameras of a node lost in the time observed of the node.
+    """Return how many frames the cameras of a node lost while the node was observed.
 
-    The reports of a camera cover a slightly different time than those of the node: up to a report's
-    period.
+    The times that the reports of a camera and of the node cover differ by up to the period of the
+    reports.
     """
     assert node.description is not None
     sending = {name for key in node.description.subscribes for name in seen.publishers_of(key)}
@@ -146,7 +146,7 @@ def _how_much(node: NodeState, change: CounterChange, reason: str, count: int) -
     """Return a text with a node's losses for a reason, or None if they are small.
 
     A loss of 1 or 2 % is at most a frame in a few seconds. In this case the totals since the
-    node's start decide, which alone would also report losses of the past.
+    node's start decide. They are not used alone, since they include losses of the past.
     """
     assert node.report is not None
     share = change.share(reason)

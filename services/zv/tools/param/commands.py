@@ -46,7 +46,7 @@ class Answers:
     Attributes:
         replies: All that came, at least one.
         found: The parameters in them, each with its reply.
-        failed: An error among them, a refusal rather than others; None if there is none.
+        failed: An error among the replies, a refusal if there is one; None without errors.
     """
 
     replies: list[Reply]
@@ -247,7 +247,7 @@ def _ask(
 def _read(
     replies: Iterable[Reply], node: str | None
 ) -> tuple[list[tuple[Reply, ParameterList]], VisionError | None]:
-    """Return the parameters in replies, and an error among them: a refusal rather than others."""
+    """Return the parameters in replies, and an error among them: a refusal if there is one."""
     found: list[tuple[Reply, ParameterList]] = []
     refusal: VisionError | None = None
     failed: VisionError | None = None
@@ -305,7 +305,7 @@ def _change(
 
 
 def _values(answers: Answers, session: str) -> dict[str, Value]:
-    """Return the values that a session answered; those of the first if it did not answer."""
+    """Return the values that a session answered, or the first answer's if it did not answer."""
     mine = [one for reply, one in answers.found if reply.session == session]
     (chosen, *_) = mine or [one for _, one in answers.found]
     return {one.name: one.value for one in chosen.parameters}
@@ -340,5 +340,5 @@ def _tell_of_several(
 
 
 def _place(reply: Reply, places: Mapping[str, str]) -> str:
-    """Return where the node runs that replied."""
+    """Return where the node that sent a reply runs."""
     return places.get(reply.session) or f"session {reply.session or '?'}"

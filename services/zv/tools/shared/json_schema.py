@@ -1,8 +1,8 @@
 """Turns a JSON Schema from the network into a validator of bounded cost.
 
 The validation is pydantic's own, so errors read as those of known messages. A node's schema is
-that of a pydantic model; keywords that those do not use are ignored, so that a message is then
-accepted rather than refused. Recursive parts accept anything: together with alternatives, their
+that of a pydantic model. Keywords that pydantic does not write are ignored, so a message that
+violates only those is accepted. Recursive parts accept anything: together with alternatives, their
 validation could take time that grows exponentially with the depth of a message.
 """
 

@@ -259,7 +259,7 @@ def keys_by_schema(session: ToolSession) -> dict[str, list[str]]:
 
 
 def type_on(session: ToolSession, key: str) -> MessageType | None:
-    """Return the type of the messages on a key: by the newest one, else by who publishes there.
+    """Return the type of the messages on a key, by the newest one, else by the publishing nodes.
 
     None if it is unknown.
 

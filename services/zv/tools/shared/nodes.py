@@ -35,9 +35,9 @@ def running_nodes(
 ) -> tuple[list[NodeState], int]:
     """Return a snapshot of the running nodes, including those that do not answer.
 
-    There are at most as many as a fleet may have, first those that answer; the second value is
-    the number of nodes left out. A node that answers counts as running: among very many tokens,
-    its own may arrive late.
+    The snapshot has at most as many nodes as a fleet may have, beginning with those that answer;
+    the second value is the number of nodes left out. A node that answers counts as running: among
+    very many tokens, its own may arrive late.
 
     Args:
         session: An open session.

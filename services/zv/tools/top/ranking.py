@@ -73,7 +73,7 @@ class Ranking:
     def update(self, found: Sequence[NodeState]) -> list[Ranked]:
         """Take a snapshot of all nodes and return them, the worst first.
 
-        Names that never answered, when they are the most, come last: anyone can show a token.
+        If most names never answered, those names come last: anyone can show a token.
         """
         self._fleet.update(found)
         ranked = [Ranked(node, *self._usage_of(node)) for node in self._fleet.nodes()]

@@ -115,7 +115,7 @@ class _Printer:
 
     Attributes:
         without_field: How many samples lacked a wanted field.
-        printed: How many had them all.
+        printed: How many had all wanted fields.
     """
 
     def __init__(
@@ -265,7 +265,7 @@ def _field(sample: Received, fields: dict[str, Any], name: str) -> Any:
 
 
 def _own_names(sample: Received) -> tuple[str, str]:
-    """Return the names under which a message may stand in front of its fields."""
+    """Return the names of a message that may precede the name of a field: ``centroid.x``."""
     return type_of(sample.encoding).lower(), sample.key.rpartition("/")[2]
 
 

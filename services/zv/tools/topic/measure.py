@@ -36,7 +36,8 @@ class Measure:
     """A kind of measurement of a stream: one value, and the spread of samples.
 
     Attributes:
-        title: Column of the value, ends in its unit; its name in JSON is made from it.
+        title: Title of the value's column, with the unit at its end; the name in JSON is made
+            from it.
         scale: Factor from the base unit of expectations (Hz, bytes per second, seconds) to the
             value's unit.
         spread_unit: Unit of the samples and their spread.

@@ -80,7 +80,7 @@ def payload_for(key: str, data: str, message: MessageType | None) -> Payload:
     Args:
         key: Where it is sent.
         data: JSON, or the name of a file.
-        message: The type to send; None is that of the key's topic.
+        message: The type to send; None for the type of the key's topic.
 
     Raises:
         ConfigurationError: The key has no type, or the data does not match it.

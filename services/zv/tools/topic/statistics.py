@@ -73,7 +73,7 @@ class _Epoch:
 
 @dataclass(slots=True)
 class Room:
-    """The number of missing numbers that may still be kept, shared by all streams."""
+    """How many more missing sequence numbers may be kept, by all streams together."""
 
     left: int = MAX_ALL_MISSING
 
@@ -233,7 +233,7 @@ class StreamMonitor:
             subscriber.undeclare()
 
     def _receive(self, earlier: Sequence[zenoh.KeyExpr], sample: zenoh.Sample) -> None:
-        # The subscriber of an earlier pattern that matches gets the sample as well.
+        # If an earlier pattern matches too, its own subscriber has received this sample.
         if len(self._waiting) >= MAX_WAITING:
             self.left_out += 1
         elif not any(other.intersects(sample.key_expr) for other in earlier):

@@ -18,8 +18,8 @@ LAST = "\U0010ffff"
 def matches(expressions: Iterable[str], keys: Sequence[str]) -> dict[str, list[str]]:
     """Return which of the sorted keys each expression with wildcards matches.
 
-    Left out are those without wildcards, which match themselves, those that are invalid, too long
-    or too deep, and all after ``MAX_TESTS`` keys have been compared.
+    Expressions without wildcards are left out, since they match only themselves. So are those that
+    are invalid, too long or too deep, and all that remain after ``MAX_TESTS`` comparisons.
     """
     found, tests = {}, 0
     for text in sorted({text for text in expressions if "*" in text}):

@@ -61,7 +61,8 @@ class SystemState:
         self._wanted = wanted
         self._lines: deque[tuple[str, Hashable]] = deque(maxlen=LINES)
         self._lines_made = 0
-        self._items: dict[str, tuple[str, dict[str, str]]] = {}  # a node's, its streams' by keys
+        # By node: its JSON, and that of its streams by key.
+        self._items: dict[str, tuple[str, dict[str, str]]] = {}
         self._sent: dict[Hashable, str] = {}
         self._published: dict[str, int | None] = {}
         self._changed = False
@@ -72,10 +73,10 @@ class SystemState:
     def overview(
         self, kinds: Collection[str] = PANELS, *, new: bool = True
     ) -> list[tuple[str, Hashable]]:
-        """Return the messages that a page needs at once, each with what it replaces.
+        """Return the messages that a page needs at once, each with the name that it is queued by.
 
-        ``kinds`` are the kinds of ``PANELS`` that it begins to show; a page that is not new needs
-        only those.
+        ``kinds`` are the kinds of ``PANELS`` that the page begins to show. A page that was open
+        before needs only those.
         """
         lines = self._lines if "log" in kinds else ()
         router = [(self._router_text(), "router")] if new else []
@@ -262,7 +263,7 @@ class SystemState:
             return []
         nodes = self.fleet.nodes()
         streams: dict[str, str] = {}
-        # If two nodes publish a key, the later one in the list counts, which is alive.
+        # If two nodes publish a key, the later one in the list counts: put living nodes last.
         for node in sorted(nodes, key=lambda each: each.alive):
             streams |= self._items[node.name][1]
         living = {key for n in nodes if n.alive for key in self._items[n.name][1]}
@@ -288,7 +289,7 @@ class SystemState:
 
 
 def panel_of(name: Hashable | None) -> str | None:
-    """Return which of ``PANELS`` a message belongs to, by the name of what it replaces."""
+    """Return which of ``PANELS`` a message belongs to, by the name that it is queued by."""
     kind = name[0] if isinstance(name, tuple) else name
     return kind if isinstance(kind, str) and kind in PANELS else None
 

@@ -64,7 +64,8 @@ class Access:
     def check_host(self, host: str | None) -> None:
         """Raise HTTPForbidden for an unknown ``Host``: any name may resolve to this machine.
 
-        Others on the network can answer for its own name too, so that needs a token.
+        Others on the network can answer for this machine's own name too, so a request
+        by that name needs a token.
         """
         name = host_name(host or "")
         if is_loopback(name) or (self.token and (name in self.names or is_address(name))):

@@ -112,7 +112,7 @@ class Application:
         return True
 
     async def _opened(self, handler: Handler, request: web.Request) -> web.StreamResponse:
-        """Run a page's handler, unless its address has a token, which becomes a session first."""
+        """Run a page's handler; a request with a token is redirected, with a session, instead."""
         return self._access.redirect(request) or await handler(request)
 
     async def _flush_audit(self, _: web.Application) -> None:

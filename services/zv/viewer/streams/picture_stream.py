@@ -48,7 +48,7 @@ class PictureStream(SharedStream[FrameIntake]):
         return FrameIntake(self.key, consumer, raw=kind_of(self.key).raw, max_pixels=most)
 
     def _close_intake(self, intake: FrameIntake) -> None:
-        if not self._verifying:  # otherwise ``_verified`` closes it, as its memory is being read
+        if not self._verifying:  # else its memory is being read, and ``_verified`` closes it
             super()._close_intake(intake)
 
     # Clients
@@ -210,7 +210,7 @@ class Rendition:
         work.add_done_callback(self._finish)
 
     def _render(self, quality: int) -> EncodedPicture:
-        """Render the newest frame, on a thread, for which this may have waited."""
+        """Render the newest frame; called on a thread, perhaps some time after it was requested."""
         assert self._stream.newest is not None
         self._rendering, frame = self._stream.newest
         self._tried = self._rendering.number
@@ -243,7 +243,7 @@ class PictureFeed:
         self.stream = stream
         self.options = rendition.options
         self.ready = ready
-        self.skipped = 0  # number of pictures between the last two that were taken
+        self.skipped = 0  # number of pictures not taken between the last two that were taken
         self.lost = 0  # number of frames that never arrived since the start of the feed
         self._rendition = rendition
         self._taken = 0  # number of the picture that was taken last

@@ -52,7 +52,7 @@ class StreamRegistry:
 
     def __init__(self, context: StreamContext) -> None:
         self.context = context
-        self.clients = 1  # each has its share of the streams
+        self.clients = 1  # the number of clients, which share the limit of streams equally
         self._pictures: dict[str, PictureStream] = {}
         self._messages: dict[str, MessageStream] = {}
         self._queries = asyncio.Semaphore(MAX_QUERIES)

@@ -92,8 +92,8 @@ class EncodedPicture:
     number: int = 0  # number of frames that had arrived on the key, including this one
     missed: int = 0  # number of frames that never arrived, by sequence numbers
     ended_ns: int | None = None  # when the last picture arrived, if it shows that; ns since 1970
-    values: ValueRange | None = None  # of 16 bits: those that became 1 and 255
-    packed: bool = False  # whether it is of the depth ``values``
+    values: ValueRange | None = None  # of 16 bits: the values that became 1 and 255
+    packed: bool = False  # whether it holds the exact values of 16 bits
     _messages: dict[str, bytes] = field(default_factory=dict, repr=False)
 
     def age_ms(self, now_ns: int) -> float:
@@ -108,7 +108,7 @@ class EncodedPicture:
 
 
 def original(frame: Frame, options: RenderOptions) -> EncodedPicture | None:
-    """Return a frame's bytes unchanged as its picture; None if they must be made or change."""
+    """Return a picture of a frame's unchanged bytes; None if it must be encoded or changed."""
     header = frame.header
     if kind_of(frame.key).raw or not frame.is_compressed:
         return None

@@ -38,12 +38,12 @@ class LoggedChange:
 class ParameterAudit:
     """Logs each attempt to change a parameter, within a second; on the event loop.
 
-    The many steps of a slider are one line, so that its last value is never left out.
+    The steps of a slider are logged as one line, so that its last value is never left out.
     """
 
     def __init__(self) -> None:
         self._changes: dict[tuple[str, str, str, bool], LoggedChange] = {}
-        self._refused: Counter[str] = Counter()  # lines of each client
+        self._refused: Counter[str] = Counter()  # lines about refused changes, by client
         self._left_out: Counter[bool] = Counter()  # by whether they were refused
 
     def note(

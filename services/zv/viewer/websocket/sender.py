@@ -38,7 +38,7 @@ class Outbox:
     def __init__(self, ready: asyncio.Event) -> None:
         self._ready = ready
         self._texts: OrderedDict[Hashable, str] = OrderedDict()
-        self._single = 0  # number of texts that replace no other
+        self._single = 0  # number of queued texts without a name
 
     def put(self, text: str, replaces: Hashable | None = None) -> None:
         """Add a text; it replaces a queued one of the same name."""

@@ -66,7 +66,7 @@ class WebSocketSession:
         self._commands = commands.CommandReader()
         wanted = request.query.get("show")
         self.shows = PANELS if wanted is None else PANELS.intersection(wanted.split(","))
-        self._asked: frozenset[str] = self.shows  # what it asked to be shown last
+        self._asked: frozenset[str] = self.shows  # the kinds in its last command ``show``
         self._asked_again = asyncio.Event()
 
     def send(self, text: str, replaces: Hashable | None = None) -> None:

@@ -20,9 +20,9 @@ const WINDOW_MS = 1000;
 
 export class Inspector extends PaneGrid {
 	/**
-	 * `go(keys, part)` shows these streams instead, in a layout with this part changed;
-	 * `orientations` and `transfer` are what the page knows of them, `setTransfer(choice)` changes the
-	 * latter for all streams.
+	 * `go(keys, part)` shows other streams, in a layout with this part changed. `orientations` and
+	 * `transfer` are the page's choices for the streams; `setTransfer(choice)` changes `transfer`
+	 * for all of them.
 	 */
 	constructor(system, watches, connection, go, { orientations, transfer, setTransfer }) {
 		super();
@@ -194,7 +194,7 @@ export class Inspector extends PaneGrid {
 		setData(this.panes[0].element, { without: this.missing.length > 0 });
 	}
 
-	/** The overlay of a pane: nothing if the tracker has already drawn on the picture. */
+	/** The overlay of a pane: none on a step, and no boxes where the tracker has drawn them. */
 	overlayOf({ stream }) {
 		if (staysBare(stream, this.panes.map((pane) => pane.stream)) && !this.editor.isActive) {
 			return { keys: [], trails: null, shapes: null };
@@ -206,13 +206,13 @@ export class Inspector extends PaneGrid {
 			shapes: (overlayOn && shapes) || this.editor.isActive ? this.editor.marks(counts) : null };
 	}
 
-	/** How the values of a pane's picture are shown; the first pane's are measured if that is seen. */
+	/** How a pane's values are shown; the first pane's are measured while the menu is open. */
 	toneOf(pane) {
 		const isMeasured = this.adjust.isOpen && pane === this.panes[0];
 		return { choice: this.adjust.of(pane.stream.key), isMeasured };
 	}
 
-	/** Return how many of the last frames had their messages, and why others had not, if any. */
+	/** Return how many of the last frames had all their messages, and why others lacked some. */
 	overlayState() {
 		const { shown, missing, feed: { joiner, messages } } = this;
 		const complete = shown.filter((one) => one.isComplete).length;

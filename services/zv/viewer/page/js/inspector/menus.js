@@ -66,7 +66,7 @@ function check(label, checked, chosen, title = null) {
 		element("span", {}, label));
 }
 
-/** Replace a menu's rows; the focus stays on its choice. */
+/** Replace a menu's rows; the choice that has the focus keeps it. */
 function fill(menu, rows) {
 	const focused = menu.contains(document.activeElement) && document.activeElement.dataset.choice;
 	menu.replaceChildren(...rows.filter(Boolean));

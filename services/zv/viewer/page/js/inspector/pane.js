@@ -117,7 +117,7 @@ export class Pane {
 			shapes: JSON.stringify(drawn.shapes), view: `${view.scale} ${view.x} ${view.y}` });
 	}
 
-	/** Show which colours mean which values, unless those of the picture are shown as they are. */
+	/** Show a scale of colours and values, unless a picture of 8 bits is shown unchanged. */
 	writeScale(map) {
 		const { isPlain, values, range } = this.toned;
 		this.scale.hidden = isPlain && !values.isDepth;

@@ -172,7 +172,7 @@ export class PaneGrid {
 		this.requestPaint();
 	}
 
-	/** The pointer went down on a pane, moved, or went up. Returns whether a shape was meant. */
+	/** Pass an event of the pointer on a pane to the shape editor; returns whether it used it. */
 	press(pane, at) {
 		const reach = REACH_PX * devicePixelRatio / this.view.scale;
 		return Boolean(this.frame) && this.editor.press(this.pointAt(pane, at), reach);

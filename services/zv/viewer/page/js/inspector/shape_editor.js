@@ -39,7 +39,7 @@ export class ShapeEditor {
 		return this[kind]?.[index] ?? null;
 	}
 
-	/** What is to be drawn with these counts; corners only while shapes are edited. */
+	/** Return the shapes to draw, with these counts; with corners only while they are edited. */
 	marks(counts) {
 		const { zones, lines, isActive, draft } = this;
 		return { zones, lines, counts, chosen: isActive ? this.chosen : undefined, draft: draft?.points };
@@ -91,7 +91,7 @@ export class ShapeEditor {
 		this.draw();
 	}
 
-	/** Give up what is being drawn, else end the editing; returns whether there was anything. */
+	/** Cancel the unfinished shape, else end the editing; returns whether there was either. */
 	escape() {
 		if (!this.isActive) return false;
 		if (this.draft) this.draft = null;
@@ -106,7 +106,7 @@ export class ShapeEditor {
 		this.draw();
 	}
 
-	/** The pointer went down at a point of the frame; returns whether this is the editor's. */
+	/** Handle a press of the pointer at a point of the frame; returns whether the editor used it. */
 	press(point, reach) {
 		if (!this.isActive) return false;
 		const at = point.map(Math.round);

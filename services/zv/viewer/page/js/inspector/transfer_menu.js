@@ -1,4 +1,4 @@
-// The large view's menu of what the server sends of a stream, its size and quality, and of the
+// The large view's menu of the size and quality in which the server sends a stream, and of the
 // stream's addresses for other pages and programs.
 
 import { copyText, streamAddress } from "../export/addresses.js";
@@ -9,7 +9,7 @@ import { byId, element, setText } from "../ui/elements.js";
 const COPIED_MS = 1500;
 
 export class TransferMenu {
-	/** `setCommon(choice)` takes a choice for all streams, `changed()` is called after others. */
+	/** `setCommon(choice)` sets that of all streams; `changed()` is called after other choices. */
 	constructor(transfer, setCommon, changed) {
 		Object.assign(this, { transfer, setCommon, changed, stream: null });
 		offer(byId("transfer-width"), WIDTHS, (width) => `at most ${width} pixels wide`);

@@ -27,7 +27,7 @@ export class Orientation {
 		return new Orientation((this.quarters + 1) % 4, this.mirrored);
 	}
 
-	/** The orientation after left and right of what is seen were exchanged. */
+	/** The orientation after the shown picture was mirrored, left to right. */
 	flipped() {
 		return new Orientation((4 - this.quarters) % 4, !this.mirrored);
 	}

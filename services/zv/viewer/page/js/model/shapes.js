@@ -1,5 +1,5 @@
-// Zones and lines: the tracker's texts of them, and points near to them. A shape is {name, world,
-// points}; points are [x, y], pixels of the frame unless `world`.
+// Zones and lines: reads and writes them as the tracker's texts, and finds the one near a point. A
+// shape is {name, world, points}; points are [x, y], in pixels of the frame unless `world` is true.
 
 /** Read the shapes of a text that the tracker has accepted; what cannot be drawn is left out. */
 export function readShapes(text) {
@@ -35,8 +35,8 @@ export function distanceToEdge([x, y], [ax, ay], [bx, by]) {
 }
 
 /**
- * Find what is within `reach` of a point: {kind, index, corner}, `corner` null if it is an edge; a
- * corner before an edge. Null if there is nothing. `shapes` is {zones, lines}.
+ * Find the corner within `reach` of a point, or else the edge: {kind, index, corner}, where
+ * `corner` is null for an edge. Null if there is neither. `shapes` is {zones, lines}.
  */
 export function shapeAt(shapes, point, reach) {
 	let best = null;

@@ -4,7 +4,7 @@ import { clock, duration } from "../ui/format.js";
 
 export const RAW = "raw";
 
-/** The edge detector's steps, which it makes only for those who look. */
+/** The edge detector's steps, which it makes only while someone watches them. */
 export const STAGES = ["smoothed", "magnitude", "direction", "suppressed", "thresholded"];
 
 const ORDER = ["image", "tracked", "mask", "edges", ...STAGES, "background", RAW];
@@ -57,7 +57,7 @@ export function isStep(stream) {
 	return STAGES.includes(topicName(stream));
 }
 
-/** Whether boxes would cover what is to be seen: on a step, and on the edges shown beside one. */
+/** Whether boxes would hide the picture's content: on a step, and on the edges shown beside one. */
 export function staysBare(stream, shown) {
 	return isStep(stream) || (topicName(stream) === "edges" && shown.some(isStep));
 }
@@ -125,7 +125,7 @@ export class StreamStatistics {
 		return this.perSecond(now, this.samples.length - 1);
 	}
 
-	/** The rate of so many frames after the first of the samples. */
+	/** The rate for this number of frames since the first sample. */
 	perSecond(now, frames) {
 		if (!this.isLive(now)) return null;
 		const passed = this.samples.at(-1).now - this.samples[0].now;

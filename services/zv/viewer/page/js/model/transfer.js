@@ -1,5 +1,5 @@
-// In which size and quality pictures are sent to this page: a choice for all streams, and others
-// for single ones. The server renders them; without a choice the pictures come as they were sent.
+// The size and quality in which the server sends pictures to this page: a choice for all streams,
+// and choices for single ones. Without a choice, the pictures arrive as their node sent them.
 
 import { loadPreference, savePreference } from "../ui/preferences.js";
 
@@ -47,7 +47,7 @@ export class Transfer {
 	}
 }
 
-/** What to ask of the server: only the fields that are chosen. */
+/** Return the fields of a `watch` for a choice: only those that are set. */
 export function watchOptions({ width, quality }) {
 	return { ...(width && { width }), ...(quality && { quality }) };
 }

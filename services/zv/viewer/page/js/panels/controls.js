@@ -79,7 +79,7 @@ export class Control {
 		this.draw();
 	}
 
-	/** Show the value instead of a text that was typed and taken back. */
+	/** Show the parameter's value again, after a typed text was discarded. */
 	endEdit() {
 		if (!this.edited) return;
 		this.edited = false;

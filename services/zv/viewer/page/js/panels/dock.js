@@ -9,7 +9,7 @@ const NEEDS = { parameters: ["parameters"], graph: ["matches"], log: ["log"] };
 export class Dock {
 	/**
 	 * `panels`: name -> object with `draw()`, whose `visible` is set while the panel is open and the
-	 * page is not hidden; `need(kinds)` is called with what they need of the server.
+	 * page is not hidden. `need(kinds)` is called with the kinds of text that the open panel needs.
 	 */
 	constructor(panels, need) {
 		Object.assign(this, { panels, need, open: "" });
@@ -27,8 +27,8 @@ export class Dock {
 	}
 
 	/**
-	 * Open a panel; "" closes it. If the closed panel had the focus, its button gets it. The choice is
-	 * kept in the browser unless it is that of a URL.
+	 * Open a panel; "" closes it. If the closed panel had the focus, its button gets the focus. The
+	 * choice is kept in the browser unless it comes from a URL.
 	 */
 	show(name, { isKept = true } = {}) {
 		const closed = this.open;
@@ -51,7 +51,7 @@ export class Dock {
 		if (isKept) savePreference("panel", this.open);
 	}
 
-	/** Draw the open panel, and end what the others cost; all of them while the page is hidden. */
+	/** Draw the open panel and stop the others; while the page is hidden, stop all. */
 	draw() {
 		this.need(document.hidden ? [] : ["health", ...NEEDS[this.open] ?? []]);
 		for (const [name, panel] of Object.entries(this.panels)) {

@@ -91,8 +91,8 @@ export class PlotsPanel {
 }
 
 /**
- * The lines of a chart of a camera's nodes: [{name, colour, dash, points: [{at, value}]}]. A node
- * reports of all its cameras together, so its name says how many those are.
+ * The lines of a chart of a camera's nodes: [{name, colour, dash, points: [{at, value}]}]. A node's
+ * report covers all its cameras together, so the line's name has their number.
  */
 export function linesOf(system, camera, fields, colour) {
 	const nodes = system.nodes.filter((node) => node.cameras?.includes(camera));

@@ -3,9 +3,9 @@
 //
 // The first picture stream leads. A frame is complete when all its parts have arrived. Two frame
 // times after the arrival of its leading picture, it is released without the missing messages. It
-// waits longer for pictures beside it, and not at all for parts that can no longer arrive because
-// their stream is further on or silent. Frames are released in order. A complete frame is released
-// before older incomplete ones, which are dropped.
+// waits longer for the pictures of other streams, and not at all for parts that can no longer
+// arrive because their stream has sent a later part or is silent. Frames are released in order. A
+// complete frame is released before older incomplete ones, which are dropped.
 
 import { longestSilence, median, StreamStatistics } from "../model/streams.js";
 import { between } from "../transport/connection.js";
@@ -192,7 +192,7 @@ export class FrameJoiner {
 		return [...this.parts.keys()].filter((key) => !frame.items.has(key));
 	}
 
-	/** Tell whether a frame lacks a picture although others, in the last second, had all. */
+	/** Tell whether a frame lacks a picture, while others in the last second had all pictures. */
 	isTorn(frame, now) {
 		return !this.hasPictures(frame) && now - this.togetherAt < longestSilence(this.frameTime);
 	}

@@ -8,7 +8,7 @@ const ARROW = 9;
 const DIRECTIONS = "→↘↓↙←↖↑↗"; // clockwise, as y points down
 
 /**
- * What is written at a shape; `count` is that of the Tracks message, or undefined, and `toRight` the
+ * The text at a shape. `count` is its count in the Tracks message, or undefined; `toRight` is the
  * direction in which a line's right side lies on the canvas.
  */
 export function shapeLabel({ name }, count, toRight) {

@@ -1,7 +1,7 @@
 // How the values of a picture become colours on the screen: the range that is stretched from black
 // to white, colour maps, and the histogram. The values are those of the 8 bits of each channel, or
 // of a picture of 16 bits (depth), which the server sends with the high byte as red, the low byte as
-// green, and as blue its own grey.
+// green, and the grey of its own rendering as blue.
 
 const BINS = 256;
 const SAMPLES = 65_536; // of a picture, for its histogram

@@ -1,5 +1,5 @@
-// Watches streams at the server: one watch per key, again after a reconnect, none while the page is
-// hidden, and never more than the server allows. Pictures are decoded to bitmaps.
+// Watches streams at the server: one watch per key, which is renewed after a reconnect and ended
+// while the page is hidden, and never more than the server allows. Pictures are decoded to bitmaps.
 
 import { milliseconds } from "../transport/connection.js";
 
@@ -45,10 +45,11 @@ export class Watches {
 	}
 
 	/**
-	 * Watch a picture stream, rendered as `size` says: any of {width, quality}, neither for unchanged,
-	 * and `values` for those of 16 bits. Returns a function that ends it. `statistics` counts the
-	 * pictures. One picture is decoded at a time, then the newest. `decoded(picture, bitmap)` owns the
-	 * bitmap; `delay(taken)` may delay the request for the next picture.
+	 * Watch a picture stream, in a `size` of {width, quality, values}: without width and quality the
+	 * pictures are unchanged; `values` asks for the values of 16 bits. Returns a function that ends
+	 * the watch. `statistics` counts the pictures. One picture is decoded at a time, then the
+	 * newest. `decoded(picture, bitmap)` owns the bitmap; `delay(taken)` may delay the request for
+	 * the next picture.
 	 */
 	watchPictures(key, size, statistics, decoded, delay = (taken) => taken()) {
 		let next = null; // the newest picture that is not decoded

@@ -15,8 +15,8 @@ const SMALLEST_TILE = 260;
 
 export class Wall {
 	/**
-	 * `orientations` and `transfer` are what the page knows of the streams; `linkTo(key)` is the
-	 * fragment of the URL that shows one large.
+	 * `orientations` and `transfer` are the page's choices for the streams; `linkTo(key)` returns
+	 * the fragment of the URL that shows a stream large.
 	 */
 	constructor(system, watches, { orientations, transfer }, linkTo) {
 		Object.assign(this, { system, watches, orientations, transfer, linkTo, open: false });
