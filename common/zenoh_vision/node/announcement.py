@@ -51,7 +51,7 @@ class Owner(Protocol):
 
 
 class Announcement:
-    """The token, the answer to queries for the description, and diagnostics once a second.
+    """Declares a node's token, answers queries for its description, and sends its diagnostics.
 
     The diagnostics have a thread of their own, so that no query delays them.
     """

@@ -47,12 +47,12 @@ def frame_input(
     """Return an iterable of a camera's frames, or of all cameras' with ``*``; see ``Node.frames``.
 
     Raises:
-        TypeError: ``buffering`` is something else.
+        TypeError: ``buffering`` is neither ``latest`` nor a ``queue(n)``.
         ValueError: The topic carries no pictures, there is no such form or transport, or the
             transport does not fit the topic.
-        ConfigurationError: It is shared memory, which this process cannot use, or the environment
-            names a transport that does not exist, or the setting one that has no frames of all
-            cameras.
+        ConfigurationError: The transport is shared memory, which this process cannot use; the
+            environment names a transport that does not exist; or the setting names one that an
+            input of all cameras does not have.
     """
     _check_arguments(topic, want, buffering, transport)
     namespace = node.connection.namespace
@@ -111,7 +111,7 @@ def _check_arguments(
     """Check what a program without a type checker may pass.
 
     Raises:
-        TypeError: ``buffering`` is something else.
+        TypeError: ``buffering`` is neither ``latest`` nor a ``queue(n)``.
         ValueError: The topic carries no pictures, or there is no such form or transport.
     """
     check_buffering(buffering)
@@ -152,7 +152,7 @@ def _check_setting(settings: Settings) -> None:
 
 
 def _check_possible(transport: Transport | None) -> None:
-    """Refuse a transport of which this process would never get a frame.
+    """Refuse a transport over which this process would never get a frame.
 
     Raises:
         ParameterRefused: It is shared memory, which this process cannot use.
@@ -177,7 +177,7 @@ def _check_of_all(settings: Settings) -> None:
 
 
 def _transport(revision: Revision[Any] | None, default: Transport) -> Transport:
-    """Return the setting ``transport`` of a revision; the default without one of our values."""
+    """Return the setting ``transport`` of a revision; the default if it names no transport."""
     found = _setting(revision, "transport", default)
     return found if found in get_args(Transport) else default
 

@@ -24,7 +24,7 @@ class Subscription(Protocol):
     """Passes samples to an intake until it is undeclared."""
 
     def undeclare(self) -> None:
-        """End it."""
+        """End the subscription."""
 
 
 class Owner(Protocol):
@@ -76,7 +76,7 @@ class Input(Generic[T]):
         """Yield the items that arrive until the node is told to stop.
 
         Raises:
-            RuntimeError: It is closed, as a loop over it has ended.
+            RuntimeError: The input is closed, since a loop over it has ended.
         """
         return merged(self._node, (self,))
 

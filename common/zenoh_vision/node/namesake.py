@@ -1,6 +1,6 @@
 """Detects another node of the same name, which sends diagnostics on the same key.
 
-Two tokens on one key look like one, so two nodes of one name can only be told by their reports.
+Two tokens on one key look like one, so only their reports distinguish two nodes of one name.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class NamesakeMonitor:
         self._sent_ns.append(report.stamp_ns)
 
     def check(self) -> None:
-        """Judge what has arrived since the last call; about once a second."""
+        """Look for another node in what arrived since the last call; about once a second."""
         newest, self._newest = self._newest, None
         now_s = time.monotonic()
         if newest is not None and self._is_of_another(newest):

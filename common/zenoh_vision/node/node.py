@@ -155,7 +155,7 @@ class Node:
 
     @property
     def camera(self) -> str:
-        """The camera that it serves, if that is only one."""
+        """The camera that the node serves, if it serves only one."""
         return self._camera(None)
 
     @property
@@ -197,8 +197,8 @@ class Node:
             camera: The camera, if the node serves several; ``*`` for all.
             want: The form that is decoded beforehand, so that its errors are counted here; or a
                 function that decodes what the loop needs of a frame, such as a reduced size.
-            max_age_s: Frames later than this over the best of the last minute are dropped as
-                ``stale``, unless the node has a setting ``max_age``, which then holds instead.
+            max_age_s: Frames that are more than this later than the fastest of the last minute are
+                dropped as ``stale``. If the node has a setting ``max_age``, that holds instead.
                 None drops none, whatever the settings.
             buffering: ``latest``, or ``queue(n)`` for frames in order of arrival.
             borrow: Frames may be views of memory that the transport lends, valid until the next
@@ -212,7 +212,7 @@ class Node:
                 of one camera without a queue; for any other input, its topic over the network.
 
         Raises:
-            TypeError: ``buffering`` is something else.
+            TypeError: ``buffering`` is neither ``latest`` nor a ``queue(n)``.
             ValueError: The node does not serve the camera, the topic carries no pictures, there is
                 no such form or transport, or the transport does not fit the topic.
             ConfigurationError: The transport is ``shm``, which this process cannot use.

@@ -120,8 +120,8 @@ class Outputs:
         Args:
             topic: A topic that the node publishes.
             message: The message, published for the camera in its header, if it has one; or a
-                function that makes it. That is called at most once, perhaps later and on another
-                thread, and for a lazy topic only if someone subscribes or queries.
+                function that makes it. The function is called at most once, perhaps later and on
+                another thread, and for a lazy topic only if someone subscribes or queries.
             camera: For a message without a header, or a function, if the node serves several
                 cameras.
         """
@@ -163,7 +163,7 @@ class Outputs:
             pixels = picture() if callable(picture) else picture
             return encoded_picture(
                 pixels,
-                self.header(frame, encoding),  # after the work: it has its end, ``done_ns``
+                self.header(frame, encoding),  # made after the work, whose end is ``done_ns``
                 jpeg_quality=quality if as_jpeg else None,
                 bilevel=bilevel,
                 bits=bits,
@@ -174,7 +174,7 @@ class Outputs:
     def publish_frame(
         self, frame: Frame, may_send: Callable[[Frame], bool] = lambda _: True
     ) -> bool:
-        """Publish a camera's own frame: in shared memory, compressed and raw, each if wanted.
+        """Publish a camera's own frame: in shared memory, compressed and raw, each if asked for.
 
         Args:
             frame: The frame.
@@ -185,7 +185,7 @@ class Outputs:
             Whether it was sent in any of these forms.
 
         Raises:
-            ValueError: The node publishes neither of this camera.
+            ValueError: The node publishes neither ``image/compressed`` nor ``image`` of the camera.
             PayloadError: The pixels cannot be encoded.
         """
         camera = frame.header.camera
@@ -215,7 +215,7 @@ class Outputs:
         return any(found) or shared
 
     def limit_replies(self, topic: Topic | str, camera: str, may_reply: MayReply) -> None:
-        """Ask a function before each reply to a query for a topic; see ``StreamPublisher``.
+        """Set the function that is asked before each reply on a topic; see ``StreamPublisher``.
 
         Raises:
             ValueError: The node does not publish the topic of the camera.
@@ -232,7 +232,7 @@ class Outputs:
             self._publisher(topic, camera)
 
     def _frame_topics(self, camera: str) -> list[str]:
-        """Return the names of a camera's topics of frames that are declared; one in any case."""
+        """Return the declared topics of a camera's frames; ``image/compressed`` if none is."""
         names = (COMPRESSED.name, RAW.name)
         return [name for name in names if (name, camera) in self._publishers] or [COMPRESSED.name]
 

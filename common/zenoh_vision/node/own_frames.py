@@ -61,8 +61,9 @@ class OwnFrames:
     ) -> Frame | None:
         """Publish a picture as the next frame of a camera of this node, and count it.
 
-        It counts as ``captured``, and as ``published`` or dropped: as ``no_subscriber``, or by the
-        fault of the picture. The newest parameters are activated for the next picture.
+        It counts as ``captured``, and then as ``published`` or dropped: as ``no_subscriber``, or
+        under the name of what is wrong with the picture. The newest parameters are activated for
+        the next picture.
 
         Args:
             picture: (height, width[, channels]) uint8 or uint16, or the bytes of a JPEG or PNG,

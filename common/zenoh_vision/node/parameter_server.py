@@ -24,8 +24,7 @@ MAX_BYTES = 1 << 16
 
 BURST_S = 1.0
 MAX_LOGGED = 10
-"""Most changes that are logged in this time; the number of the others is logged with a later
-one."""
+"""Most changes logged within ``BURST_S``; the next one logged says how many were left out."""
 
 ENCODINGS = ("application/msgpack", "zenoh/bytes", "application/octet-stream")
 """Allowed encodings of a query's payload. The second is Zenoh's default."""
@@ -153,8 +152,8 @@ def payload_of(query: zenoh.Query) -> bytes | None:
     """Return a query's payload; None if it has none.
 
     Raises:
-        ParameterRefused: It is too large (it is not even copied), or its encoding is not
-            msgpack: the text ``5`` would be the number 53.
+        ParameterRefused: It is too large, which is found before it is copied, or its encoding is
+            not msgpack: read as msgpack, the text ``5`` would be the number 53.
     """
     if query.payload is None:
         return None

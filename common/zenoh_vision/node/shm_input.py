@@ -32,13 +32,13 @@ class SharedMemoryInput:
         namespace: First chunk of the keys.
         camera: Whose frames.
         intake: Takes the samples.
-        raw_key: The key of the camera's raw pixels, as which the frames come.
+        raw_key: The key of the camera's raw pixels, which the samples carry.
 
     Anyone can declare any number of tokens. Only tokens with a doorbell are used, since only
     processes of this user can make doorbells.
 
     Attributes:
-        failure: Why frames that are offered are not received; empty if they are, or none are.
+        failure: Why offered frames are not received; empty if they are, or if none are offered.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class SharedMemoryInput:
             self._reader = FrameReader(name, self._raw_key, self._intake.receive)
 
     def _ask(self, offer: str) -> None:
-        """Subscribe, which makes the camera write; only now, so that nothing is lost."""
+        """Subscribe to an offer, so that the camera writes: only once the reader can receive."""
         self.failure = ""
         self._failed_s.pop(offer, None)
         handler = direct(lambda _sample: None)

@@ -43,7 +43,7 @@ class SharedMemoryOffer:
         camera: Whose frames.
 
     Attributes:
-        failure: Why it cannot offer them now; empty if it does.
+        failure: Why the frames cannot be offered now; empty if they are.
     """
 
     def __init__(self, link: Link, namespace: str, camera: str) -> None:
@@ -56,7 +56,7 @@ class SharedMemoryOffer:
         self._demand: Declaration[zenoh.Publisher] | None = None
         self._again_s = 0.0
         self._closed = False
-        self._lock = threading.Lock()  # it is closed by another thread than writes
+        self._lock = threading.Lock()  # ``close`` and ``write`` are called by different threads
         self._make()
 
     @property

@@ -15,7 +15,7 @@ from zenoh_vision.transport.subscriber import subscribe
 
 SILENT_NS = 3_000_000_000
 """After this time without a frame, ``auto`` subscribes to the raw pixels too: longer than ``zv
-camera`` takes to start, so that it need not make raw pixels for nobody."""
+camera`` takes to start, so that a camera that is just starting need not make raw pixels."""
 
 
 class TransportSwitch:
@@ -24,10 +24,10 @@ class TransportSwitch:
     With ``auto`` the compressed key is subscribed to, which costs nothing while nobody publishes on
     it. If frames flow through shared memory, that subscription ends, so that the camera need not
     encode them. Raw pixels over Zenoh are ten times as large, and a camera that has both makes each
-    only for subscribers: they are subscribed to only while nothing else arrives. Once a compressed
-    frame arrives, they are unsubscribed from. The routers' list of publishers would show sooner
-    which of the two is published, but Zenoh 1.10 can hang a router that is queried for it while a
-    publisher is being declared. ``follow`` does not wait for the network.
+    only for subscribers. So the raw key is subscribed to only after a silence, until a compressed
+    frame arrives. The routers' list of publishers would show sooner which of the two is published,
+    but Zenoh 1.10 can hang a router that is queried for it while a publisher is being declared.
+    ``follow`` does not wait for the network.
 
     Args:
         link: To the router.
