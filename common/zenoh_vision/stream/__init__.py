@@ -7,7 +7,7 @@ An ``Intake`` turns samples into frames, messages or counted drops. A transport 
   negative nor over 24 h ahead, and agree with the size in the picture's own header. For a bare
   picture a header is created on arrival and marked ``assumed``.
 - **Order.** Within an epoch only a higher ``seq``, by no more than a camera can have counted since
-  the last one: 1000, and 1000 for each second. A frame is checked on arrival and again when it is
+  the last one: 1000 plus 1000 for each second. A frame is checked on arrival and again when it is
   handed out.
 - **A new epoch must be verified.** Anyone can send a header with a high epoch and a broken
   picture. If such a frame took over on arrival, the true camera's frames would be of an older

@@ -52,10 +52,10 @@ def queue(depth: int, max_bytes: int = QUEUE_BYTES) -> Buffering:
 
 
 def check_buffering(buffering: object) -> None:
-    """Check that an argument ``buffering`` is one, since a mere number is easily passed.
+    """Check that an argument is a ``Buffering``, since a mere number is easily passed.
 
     Raises:
-        TypeError: It is something else.
+        TypeError: It is not.
     """
     if not isinstance(buffering, Buffering):
         raise TypeError(f"buffering={buffering!r}; allowed: latest, queue(n)")

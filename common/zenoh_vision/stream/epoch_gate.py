@@ -107,7 +107,7 @@ class EpochGate:
     ) -> Header:
         """Return the header that came with a picture, or one created on its arrival.
 
-        It has the time of arrival.
+        The header carries the time of arrival.
 
         Args:
             attachment: The header's bytes; None from a publisher that sends bare pictures.
@@ -250,7 +250,7 @@ class EpochGate:
         return self._accepted_ns is not None and now_ns - self._accepted_ns < SILENCE_NS
 
     def _is_another_clock(self, header: Header, now_ns: int) -> bool:
-        """Tell frames with stamps of another clock from frames that are late."""
+        """Tell whether a frame that looks late has a stamp of another clock instead."""
         if header.epoch == self._epoch and header.stamp_ns < self._last_stamp_ns:
             return True  # frames of an epoch come in order: only a clock set back stamps earlier
         runs = (_run_of(header, self._unverified), _run_of(header, self._refused))

@@ -32,7 +32,10 @@ FORGET_NS = 60 * 10**9
 
 @dataclass(slots=True)
 class KeyStream:
-    """State of a stream that sent a frame, and the key of the newest. Times are monotonic, ns."""
+    """State of a stream that has sent frames. Times are monotonic, ns.
+
+    ``key`` is that of the newest frame.
+    """
 
     gate: EpochGate
     key: str = ""
@@ -118,8 +121,8 @@ class FrameIntake(Intake[Arrival, Frame]):
             timeout_s: How long to wait.
             want: The form that is decoded here, so that its errors are counted here; or a
                 function that decodes what its caller needs.
-            max_age_s: Frames later than this over the best of the last minute are dropped as
-                ``stale``; None drops none.
+            max_age_s: Frames that are more than this later than the fastest of the last minute are
+                dropped as ``stale``; None drops none.
         """
         arrival = self.arrival(timeout_s)
         return None if arrival is None else self.accept(arrival, max_age_s, want)
@@ -127,7 +130,7 @@ class FrameIntake(Intake[Arrival, Frame]):
     def arrival(self, timeout_s: float) -> Arrival | None:
         """Return the next arrival, not decoded; None after the time-out.
 
-        ``accept`` must be called with each, in their order.
+        ``accept`` must be called with each arrival, in their order.
         """
         item = self._next(timeout_s)
         return None if item is None else item[1]
@@ -188,7 +191,7 @@ class FrameIntake(Intake[Arrival, Frame]):
 
     @property
     def newest(self) -> tuple[str | None, int]:
-        """Key and monotonic time of the last good arrival; None and the opening before it."""
+        """Key and monotonic time of the last good arrival; at first None and the intake's start."""
         with self._lock:
             return self._newest_key, self._since_ns
 

@@ -35,7 +35,7 @@ class InputState:
         since_ns: Last good arrival; before the first, when the input was opened.
         late_since_ns: Since when every frame has been stale; None if the last one was not.
         offset_ns: The least ``now - stamp`` of the last minute; None if unknown.
-        stream: Stays the same while the key changes, for a stream that has two; empty for the key.
+        stream: Name that stays the same when a stream changes its key; empty if it is the key.
         way: How the last frame arrived; None before the first.
     """
 
@@ -75,7 +75,7 @@ class Intake(ABC, Generic[Waiting, Item]):
         deletions: Whether deletions are taken too; else they are dropped as ``empty``.
 
     Attributes:
-        keys: The key expressions that are subscribed to: its own, unless its frames have two.
+        keys: The key expressions that are subscribed to: its own, or those of its transports.
         fault: Why items do not come by the intended transport, for the node's health; empty if they
             do.
     """

@@ -6,9 +6,9 @@ The rules are those of the approximate time policy of ROS's message_filters, for
 - Each item is in one pair at most, and pairs come in the order of their stamps.
 - An item waits until its partner arrives, until none can follow, since the other stream is past it,
   or until the time limit. If a stream ends, the items of the other therefore do not wait forever.
-- If the next item of the earlier one's stream has arrived too and is nearer to the partner, the
-  earlier one is left alone. With a tolerance below half of the time between two frames, that
-  cannot happen.
+- If the stream of the pair's earlier item has a next item that is nearer to the later one, the
+  earlier item stays without a partner. With a tolerance below half of the time between two frames,
+  that cannot happen.
 
 Stamps are compared directly, so cameras on two machines need synchronized clocks.
 """
@@ -100,7 +100,10 @@ class PairBuffer(Generic[T]):
         return found
 
     def _next_pair(self) -> tuple[T, T] | None:
-        """Return the oldest pair, or first an item that cannot have a partner any more, alone."""
+        """Return the oldest pair; None if there is none, or if an item was set aside instead.
+
+        An item is set aside when it cannot have a partner any more.
+        """
         first, second = self._queues
         if not first or not second:
             return None

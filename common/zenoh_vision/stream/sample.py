@@ -39,7 +39,7 @@ RAW_LIMIT = SizeLimit(MAX_RAW_BYTES)
 
 @dataclass(slots=True)
 class Sample:
-    """One arrival on one key; nobody changes it. To make a frozen one takes three times as long.
+    """One arrival on one key, never changed. A frozen class takes three times as long to make.
 
     Attributes:
         key: Full key, without wildcards.
