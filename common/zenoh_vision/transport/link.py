@@ -32,7 +32,7 @@ from zenoh_vision.transport.zenoh_config import (
 log = logging.getLogger(__name__)
 
 REPLACE_AFTER_S = 10.0
-"""After this long without a router another session is tried; a usable one reconnects in 1 s."""
+"""After this long without a router, another session is tried: a usable one reconnects in 1 s."""
 
 ASK_INTERVAL_S = 5.0
 ANSWER_S = 2.0
@@ -142,7 +142,7 @@ class Link:
             self._lock.release()
         closing = threading.Thread(target=close_session, args=(self._session,), daemon=True)
         closing.start()
-        # It is not to begin another attempt while the interpreter ends, which Zenoh would abort.
+        # No attempt may begin while the interpreter ends: Zenoh would abort the process.
         self._thread.join(MAX_ATTEMPT_S)
         closing.join(CLOSE_TIMEOUT_S)
 
@@ -217,7 +217,7 @@ class Link:
 
     def _is_answered(self) -> bool:
         """Ask the router for a token that nobody has; return whether it answered in time."""
-        until_s = time.monotonic() + 2 * ANSWER_S  # should not even a time-out be reported
+        until_s = time.monotonic() + 2 * ANSWER_S  # in case not even a time-out is reported
         answer: Future[Replies] = Future()
         query = Query(UNUSED_KEY, timeout_s=ANSWER_S, tokens=True)
         send(self._session, query, answer.set_result)
@@ -227,7 +227,7 @@ class Link:
         return answer.done() and not answer.result().timed_out
 
     def _try_replacement(self, why: str, *, is_connected: bool = False) -> None:
-        """Replace the session if another one can be opened, and it is still as it was."""
+        """Replace the session if another can be opened, and its own state has not changed."""
         session = open_replacement(self._connection, self._ending)
         if session is None:
             return

@@ -143,7 +143,7 @@ class StreamPublisher:
 
         Args:
             make: Makes the payload; called at most once.
-            may_send: Asked if it is to be published; if it may not be, it is not kept either.
+            may_send: Called before a payload is published; if False, it is not kept either.
 
         Returns:
             Whether it was published. A topic that is not lazy always is.

@@ -1,4 +1,4 @@
-"""Zenoh queries: ask a key expression and collect the replies with the times around each.
+"""Zenoh queries: ask a key expression and collect the replies, with times sent and received.
 
 ``send`` returns at once and hands the replies to a callback; ``ask`` waits for them.
 """
@@ -63,7 +63,8 @@ class Reply:
         ok: The sample of a good reply, else None.
         err: The error of an error reply, else None.
         session: Zenoh id of the session that replied; empty if it is unknown.
-        sent_ns: When the query was sent, ns since 1970; so is ``received_ns`` of the reply.
+        sent_ns: When the query was sent, ns since 1970.
+        received_ns: When the reply arrived, ns since 1970.
     """
 
     ok: zenoh.Sample | None
@@ -174,7 +175,7 @@ def ask(
     """Send queries together and wait for all replies, at most for the time-out of each query.
 
     ``stopping`` ends the wait early; queries that are not complete then have no replies. Replies
-    that are too many are left out, with a warning; so is a list of tokens that is not complete.
+    over a limit are left out, with a warning. An incomplete list of tokens is warned of too.
     """
     pending: list[Future[Replies]] = []
     asked = list(queries)
