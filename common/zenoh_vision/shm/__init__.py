@@ -10,7 +10,7 @@ order, size and age, the same counters.
 **Ownership of memory.** The camera owns the memory until it has sent it; after that, nobody writes
 to it. A receiver's sample is a read-only view. Everything that refers to it, such as
 ``Frame.pixels``, keeps it alive; without references, the memory is given back. So a frame does not
-change while someone has it, although it was not copied. A consumer may hold ``VIEWS`` of them; one
+change while someone has it, although it was not copied. A consumer may hold ``VIEWS`` samples; one
 that keeps more gets copies instead. Memory is reserved for this for each consumer, so no consumer
 blocks the camera. One sample waits for each consumer, and a newer one replaces it.
 

@@ -59,7 +59,7 @@ class Doorbell:
         try:
             file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o600)
             fcntl.flock(file, fcntl.LOCK_EX)
-            if not os.fstat(file).st_nlink:  # another process removed it, as that of a dead one
+            if not os.fstat(file).st_nlink:  # another process removed it as a dead one's
                 os.close(file)
                 return cls.create(name)
             os.posix_fallocate(file, 0, SIZE)

@@ -18,7 +18,7 @@ from zenoh_vision.shm.machine import FULL, SharedMemoryError, free_bytes
 
 MADV_POPULATE_WRITE = 23
 HEADER_ROOM = 1024
-"""Bytes beside the pixels for the header, with a margin, so that memory is not made again."""
+"""Bytes after the pixels for the header; ample, so that a longer header needs no new memory."""
 
 
 class FrameWriter:
@@ -83,7 +83,7 @@ class FrameWriter:
         if self._service is None:
             self._node, self._service = open_channel(self._offer)
         self._pieces.clear()
-        self._publisher = None  # there may be one at a time
+        self._publisher = None  # there may be only one at a time
         self._room = size + HEADER_ROOM
         builder = self._service.publisher_builder().initial_max_slice_len(self._room)
         self._publisher = builder.max_loaned_samples(1).create()
@@ -91,7 +91,7 @@ class FrameWriter:
     def _piece_at(self, address: int) -> NDArray[np.uint8]:
         """Return the piece of memory at an address, which can be written to.
 
-        Each is made an array of and reserved once, as ten or so are used in turn.
+        Each is reserved and made an array only once, since ten or so pieces are used in turn.
         """
         piece = self._pieces.get(address)
         if piece is None:
