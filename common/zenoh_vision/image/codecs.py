@@ -18,7 +18,7 @@ from zenoh_vision.image.pixel_formats import ENCODINGS, MAX_PIXELS, Pixels
 from zenoh_vision.keys import JPEG, PNG
 
 MAX_SIDE: Final = 65_500
-"""Of a JPEG, by libjpeg; a longer picture could be received, but not sent on."""
+"""libjpeg's limit of a side, pixels; a longer picture could be received, but not sent on."""
 
 MAX_COMPRESSED_BYTES: Final = 32 << 20
 JPEG_START: Final = b"\xff\xd8\xff"
@@ -27,12 +27,12 @@ PNG_HEAD: Final = 26
 """Length of a PNG's start that includes its bit depth and colour type, bytes."""
 
 ANIMATION_CHUNKS: Final = (b"acTL", b"fcTL", b"fdAT")
-"""Of an animated PNG, no frame of a camera; OpenCV 5.0 dies of malformed ones (SIGSEGV)."""
+"""Chunks of an animated PNG, which no camera sends; malformed ones crash OpenCV 5.0 (SIGSEGV)."""
 
 MAX_SCANS: Final = 100
 MAX_SCAN_PIXELS: Final = 16 * MAX_PIXELS
-"""Pixels times scans. A scan costs time for each pixel even if it is empty and has 53 bytes; usual
-are 1 scan, and 10 to 14 for a progressive JPEG."""
+"""Pixels times scans. A scan costs time for each pixel even if it is empty and has 53 bytes. A JPEG
+usually has 1 scan, a progressive one 10 to 14."""
 
 _MARKER: Final = re.compile(rb"\xff([^\x00\x01\xd0-\xd7\xff])")
 """A marker with a segment after it: neither a stuffed or filling byte, nor TEM or RST."""
@@ -132,7 +132,7 @@ def check_scans(jpeg: bytes) -> int | None:
         elif marker == _START_OF_SCAN:
             scans += 1
             if scans == 1 and sequential and body[:1] == bytes([components]):
-                # It holds all components, so libjpeg reads no other.
+                # This scan holds all components, so libjpeg reads no other.
                 return start + int.from_bytes(jpeg[start : start + 2])
             if scans > MAX_SCANS or scans * pixels > MAX_SCAN_PIXELS:
                 most = min(MAX_SCANS, MAX_SCAN_PIXELS // max(1, pixels))

@@ -141,12 +141,12 @@ class Frame:
 
     @property
     def is_deep(self) -> bool:
-        """Whether its header names an encoding of more than 8 bits: depth, or grey of 16 bits."""
+        """Whether it has more than 8 bits, depth or grey: by its encoding or the PNG's header."""
         return self._is_deep
 
     @property
     def value_range(self) -> ValueRange | None:
-        """The values that become 1 and 255 in 8 bits; None if it has 8 bits, or for all of them.
+        """The 16-bit values that become 1 and 255; None if it has 8 bits, or for the whole range.
 
         Raises:
             PayloadError: ``corrupt``, if the picture cannot be decoded.

@@ -154,6 +154,6 @@ def are_even(height: int, width: int) -> bool:
 
 def _scaled(plane: Plane, scale: float, offset: float) -> Plane:
     """Return a plane of limited range in full range; values below or above it are clipped."""
-    # A weighted sum saturates at 0; with a second weight of 0 it is the one pass of all of OpenCV's
-    # operations that does.
+    # A weighted sum saturates at 0. No other operation of OpenCV scales, adds and saturates so in
+    # one pass; the second weight of 0 leaves one plane.
     return np.asarray(cv2.addWeighted(plane, scale, plane, 0.0, offset - BLACK * scale), np.uint8)
