@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 NOT_LOST = ("no_subscriber", "unwatched", "unread", "duplicate")
-"""Drop reasons that are not losses: nobody wanted these frames, or they also arrived otherwise."""
+"""Drop reasons that are not losses: nobody wanted these frames, or they arrived already by another
+transport."""
 
 MISSED = "missed"
 """Counter outside the balance: frames that never arrived, known from gaps in their numbers."""
@@ -39,7 +40,7 @@ class CounterChange:
 
     @property
     def used(self) -> int:
-        """Frames that were taken from the buffer, processed or dropped later."""
+        """Frames that were taken from the buffer, and then processed or dropped."""
         return self.arrived - sum(self.losses.get(reason, 0) for reason in REPLACED)
 
     def share(self, reason: str) -> float:

@@ -87,15 +87,15 @@ class Health:
     def failure(self) -> str:
         """Return why the node cannot work: a stuck loop, a lost source; empty if it can.
 
-        Diagnostics call more than this an error or stale. A node without input has nothing to do,
-        which is no failure.
+        Diagnostics report more than this as an error or as stale. A node without input has nothing
+        to do, which is no failure.
         """
         level, message = self._report
         return "; ".join(filter(None, (self._stuck(), message if level == Level.ERROR else "")))
 
     def diagnostics(self) -> Diagnostics:
         """Return the health at this moment; the counters in it balance."""
-        # Read together, so that the start of the node follows from both.
+        # Read together: the node's start can be computed from the time and the uptime.
         now_s, stamp_ns = time.monotonic(), time.time_ns()
         self._log_throttle.flush(now_s)
         counters = self._counters.snapshot()
@@ -132,7 +132,7 @@ class Health:
             found.append((Level.ERROR, stuck))
         if self._report[0] == Level.OK:
             found += [(Level.WARN, words) for words in self.rates.judge(now_s, counters)]
-        else:  # a low rate because of that is not reported again
+        else:  # a low rate that follows from the service's report is not reported
             self.rates.restart()
         states = [state for watched in self.inputs for state in watched.states()]
         self._silence_log.note(states, now_s)

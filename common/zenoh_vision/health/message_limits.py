@@ -17,7 +17,7 @@ MAX_DESCRIPTION = 64_000
 """Limits of the characters in all texts of one message; each text counts ``TEXT`` more."""
 
 MAX_ALL_PARAMETERS = 64_000
-"""Limit of those in all parameters of one node, so that 1000 nodes take 64 MB and not 1.6 GB."""
+"""Limit of characters in all parameters of a node, so that 1000 nodes take 64 MB, not 1.6 GB."""
 
 TEXT = 64
 
@@ -46,7 +46,7 @@ def check_parameter(name: str, parameter: Parameter) -> None:
 
 
 def check_parameters(name: str, parameters: Collection[Parameter]) -> None:
-    """Raise ``PayloadError`` if all parameters of a node are too many, or too much together."""
+    """Raise ``PayloadError`` if a node has too many parameters, or too large ones in all."""
     if len(parameters) > MAX_PARAMETERS:
         raise PayloadError("too_many", f"more than {MAX_PARAMETERS} parameters of {name!r}")
     if sum(_size(_texts(each)) for each in parameters) > MAX_ALL_PARAMETERS:

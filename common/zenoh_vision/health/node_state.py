@@ -34,7 +34,7 @@ class NodeState:
 
     Attributes:
         session: Zenoh id of the session that answered for it, which distinguishes two nodes of
-            one name; empty if nodes are followed by their tokens, since these two share one.
+            one name; empty if nodes are followed by their tokens, which two such nodes share.
         since_ns: When it last appeared or disappeared.
         has_token: Whether it ever had a liveliness token; if not, its diagnostics are its only
             sign of life.
