@@ -52,7 +52,7 @@ export function showConnection(system, connection, watches) {
 		slow = null;
 		draw();
 		if (failures % 4 !== 2) return;
-		// A WebSocket does not tell why the server refuses it, so ask over HTTP from time to time.
+		// A WebSocket does not tell why it is refused, so try HTTP now and then.
 		const { status } = await fetch("/page/icon.svg", { cache: "no-store" }).catch(() => ({}));
 		if (status === 401 && !connection.isOpen) {
 			banner("The session has ended. Open the address that the viewer printed.", "refused");

@@ -1,6 +1,5 @@
 // The menu of the page's layout: which streams the wall shows, in which order and size, and what is
-// hidden. Each choice is in the URL at once, so that the same view can be opened elsewhere, such as
-// on a screen without a keyboard (kiosk).
+// hidden. Each choice is in the URL at once, so that the same view can be opened elsewhere.
 
 import { copyText } from "./export/addresses.js";
 import { HIDEABLE, MOST_COLUMNS, PANELS, writeLayout } from "./model/layout.js";

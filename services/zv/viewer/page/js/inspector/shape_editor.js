@@ -106,7 +106,7 @@ export class ShapeEditor {
 		this.draw();
 	}
 
-	/** Handle a press of the pointer at a point of the frame; returns whether the editor used it. */
+	/** Handle a press of the pointer at a point; returns whether the editor used it. */
 	press(point, reach) {
 		if (!this.isActive) return false;
 		const at = point.map(Math.round);

@@ -57,7 +57,7 @@ export function isStep(stream) {
 	return STAGES.includes(topicName(stream));
 }
 
-/** Whether boxes would hide the picture's content: on a step, and on the edges shown beside one. */
+/** Whether boxes would hide the picture: on a step, and on the edges shown beside one. */
 export function staysBare(stream, shown) {
 	return isStep(stream) || (topicName(stream) === "edges" && shown.some(isStep));
 }

@@ -51,7 +51,7 @@ export class Dock {
 		if (isKept) savePreference("panel", this.open);
 	}
 
-	/** Draw the open panel and stop the others; while the page is hidden, stop all. */
+	/** Draw the open panel and stop the others; stop all while the page is hidden. */
 	draw() {
 		this.need(document.hidden ? [] : ["health", ...NEEDS[this.open] ?? []]);
 		for (const [name, panel] of Object.entries(this.panels)) {

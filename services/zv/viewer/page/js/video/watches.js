@@ -1,5 +1,5 @@
-// Watches streams at the server: one watch per key, which is renewed after a reconnect and ended
-// while the page is hidden, and never more than the server allows. Pictures are decoded to bitmaps.
+// Watches streams at the server: one watch per key, renewed after a reconnect, ended while the page
+// is hidden, and at most as many as the server allows. Pictures are decoded to bitmaps.
 
 import { milliseconds } from "../transport/connection.js";
 
