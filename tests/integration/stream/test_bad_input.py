@@ -356,7 +356,7 @@ def test_a_clock_that_is_seconds_ahead_is_accepted_and_reported(client, service)
     assert not [name for name in counters if name.startswith("dropped.") and "over" not in name]
 
 
-@pytest.mark.alone
+@pytest.mark.quiet
 def test_a_flood_of_broken_pictures_leaves_the_frames_of_a_camera_alone(client, service):
     service("tracker")
     wait_for_nodes(client, "tracker_front")

@@ -228,7 +228,7 @@ def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
     assert longest_s < 1.5
 
 
-@pytest.mark.alone
+@pytest.mark.quiet
 def test_a_reader_of_everything_that_freezes_holds_up_nobody(router, client, service, tmp_path):
     for name in ("camera", "tracker", "edge"):
         service(name, *(("--width", 320, "--height", 240) if name == "camera" else ()))
