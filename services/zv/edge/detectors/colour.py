@@ -1,4 +1,4 @@
-"""The detector ``colour``: boundaries from colour differences at three scales, without learning."""
+"""The detector ``colour``: boundaries from colour differences at four scales, without learning."""
 
 from __future__ import annotations
 
@@ -18,47 +18,46 @@ colour, while shadows and texture differ by lightness."""
 FLOOR: Final = 40.0
 """Added to the mean difference, so that noise in a picture without objects stays weak."""
 
-FINE_WEIGHT: Final = np.float32(2.0)
-"""Weight of the difference at the finest scale; the one at the middle scale has the weight 1."""
-
-COARSE_WEIGHT: Final = np.float32(0.5)
-"""Weight of the difference at the coarsest scale. Its pixels are twice as far apart, so that their
-differences are twice as large."""
+SUPPORT_WEIGHT: Final = np.float32(3.0)
+"""Weight of the geometric mean of the fine and the coarse differences; those at the finest and the
+middle scale have the weight 1."""
 
 SURROUNDINGS: Final = 61
 """Side of the square around a pixel, in pixels of the half-size picture. Its mean difference weighs
 as much as that of the whole picture: boundaries in calm parts are stronger than in texture."""
 
-THRESHOLDS: Final = (1.0, 0.618, 0.546, 0.491, 0.445, 0.404, 0.367, 0.331, 0.296, 0.26, 0.225)
+THRESHOLDS: Final = (1.0, 0.628, 0.559, 0.507, 0.464, 0.427, 0.393, 0.361, 0.33, 0.3, 0.271)
 """Measured by ``python -m benchmarks.quality edges --thresholds --detectors colour``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Colour(RidgeDetector):
-    """Finds boundaries where the colour changes over 2 to 8 pixels, thinned along their ridges.
+    """Finds boundaries where the colour changes over 2 to 16 pixels, thinned along their ridges.
 
-    The half-size picture in CIE L*a*b* is smoothed at three scales. At each scale the difference
+    The half-size picture in CIE L*a*b* is smoothed at four scales. At each scale the difference
     is the length of the Sobel gradient summed over the three channels (S. Di Zenzo, "A note on the
-    gradient of a multi-image", 1986), in which lightness weighs little. The scales' weighted sum is
+    gradient of a multi-image", 1986), in which lightness weighs little. The strength is made of the
+    differences at the finest and the middle scale, and of the geometric mean of the finest one and
+    the sum of the two coarsest ones: it is large only on a thin line that is a boundary of
+    something large too, while texture has no coarse difference. Beside a boundary the coarse
+    differences are limited to the middle one, since noise would be a line there. The sum of all is
     divided by the average of two means, over the picture and over the surroundings, plus a floor;
     if x is the result, the strength is x / (1 + x).
     """
 
-    smoothing: ClassVar = 0.35
-    ridge_sigma: ClassVar = 1.5
+    smoothing: ClassVar = 0.25
+    ridge_sigma: ClassVar = 0.8
     thresholds: ClassVar = THRESHOLDS
 
     def strengths(self, picture: Picture) -> Strength:
         """Return the strengths of a picture at half its size: float32, 0 to 1."""
         lab = np.asarray(cv2.cvtColor(half_size(picture), cv2.COLOR_BGR2LAB), np.uint8)
-        quarter = np.asarray(cv2.pyrDown(lab), np.uint8)
-        coarse = cv2.resize(
-            difference(nearly_gaussian(quarter)), lab.shape[1::-1], interpolation=cv2.INTER_LINEAR
-        )
         fine = difference(np.asarray(cv2.GaussianBlur(lab, (5, 5), 1), np.uint8))
-        total = np.asarray(FINE_WEIGHT * fine, np.float32)
-        total += difference(nearly_gaussian(lab))
-        total += COARSE_WEIGHT * np.asarray(coarse, np.float32)
+        middle = difference(nearly_gaussian(lab))
+        coarse = np.minimum(coarse_differences(lab), middle)
+        total = SUPPORT_WEIGHT * np.asarray(cv2.sqrt(fine * coarse), np.float32)
+        total += fine
+        total += middle
         usual = np.asarray(cv2.blur(total, (SURROUNDINGS, SURROUNDINGS)), np.float32)
         usual += np.float32(total.mean() + 2 * FLOOR)
         total *= 2
@@ -72,6 +71,26 @@ class Colour(RidgeDetector):
 def nearly_gaussian(picture: Picture) -> Picture:
     """Return a picture after two box filters of 5 x 5, about a Gaussian with sigma 2."""
     return np.asarray(cv2.blur(cv2.blur(picture, (5, 5)), (5, 5)), np.uint8)
+
+
+def coarse_differences(lab: Picture) -> Strength:
+    """Return the sum of the differences at the two coarsest scales, (height, width) float32.
+
+    They are computed from a quarter and an eighth of the picture's size. There, pixels are two and
+    four times as far apart, and differences are as much larger.
+    """
+    quarter = np.asarray(cv2.pyrDown(lab), np.uint8)
+    eighth = np.asarray(cv2.pyrDown(quarter), np.uint8)
+    coarse = difference(nearly_gaussian(quarter)) * np.float32(0.5)
+    coarsest = difference(nearly_gaussian(eighth)) * np.float32(0.25)
+    coarse += enlarged_smoothly(coarsest, quarter)
+    return enlarged_smoothly(coarse, lab)
+
+
+def enlarged_smoothly(values: Strength, picture: Picture) -> Strength:
+    """Return a map enlarged to the size of a picture, by bilinear interpolation."""
+    size = picture.shape[1::-1]
+    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def difference(lab: Picture) -> Strength:

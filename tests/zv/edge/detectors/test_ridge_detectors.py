@@ -58,6 +58,29 @@ def test_the_noise_of_an_empty_picture_is_no_edge(name: str):
     assert not DETECTORS[name]().detect(np.clip(noise, 0, 255).astype(np.uint8)).edges.any()
 
 
+def test_colour_finds_a_boundary_of_areas_far_stronger_than_stripes_of_the_same_colours():
+    picture = np.empty((128, 512, 3), np.uint8)
+    picture[:] = RED
+    picture[:, 128:256] = GREEN
+    picture[:, 256:][:, np.arange(256) // 8 % 2 == 1] = GREEN
+    strength = DETECTORS["colour"]().detect(picture).strength
+    boundary, stripes = (
+        float(strength[32:96, middle - 28 : middle + 28].max()) for middle in (128, 384)
+    )
+    # Stripes of 8 pixels have no difference at the coarse scales. The two fine scales alone rate
+    # the boundary 2.3 times as high.
+    assert boundary / (1 - boundary) > 3 * stripes / (1 - stripes) > 0
+
+
+def test_noise_beside_a_strong_boundary_is_hardly_an_edge_for_colour():
+    false = []
+    for number, angle in enumerate(range(0, 360, 15)):
+        step = Step(float(angle), offset=0.25)
+        picture = np.repeat(step.picture(20.0, seed=number)[:, :, None], 3, axis=2)
+        false.append(judge(step, DETECTORS["colour"]().detect(picture).edges).false)
+    assert np.mean(false) < 4
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_larger_density_adds_edges_and_removes_none(name: str):
     picture = cv2.GaussianBlur(
