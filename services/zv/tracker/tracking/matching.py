@@ -27,6 +27,9 @@ TURNING_SPEED = 8.0
 """Speed, in sides per second, at which an object such as a ball may have moved in any direction
 since the last frame. A faster object may have moved in any direction at its own speed."""
 
+HIDDEN_STOP_S = 0.5
+"""Time constant with which the predicted motion of an object slows down while it is hidden."""
+
 PARTED_S = 0.4
 """An object that has looked like two for this long is divided into two."""
 
@@ -85,6 +88,9 @@ class Matcher:
         for target, column in self._turned(hidden, free):
             self._follow_one(target, [fragments[column]])
             free.remove(column)
+            hidden.remove(target)
+        for target in hidden:  # after the search, for which its last place and speed are needed
+            target.slow_down(math.exp(-self._dt_s / HIDDEN_STOP_S))
         return [fragments[column] for column in free]
 
     def _link_the_rest(self, links: NDArray[np.bool_]) -> None:
@@ -192,7 +198,7 @@ class Matcher:
             target.parted_ns = None
             if portions is None:
                 target.correct((target.x.position, target.y.position), self._targets.now_ns)
-            elif not measure_portion(target, portions[number], self._targets, self._dt_s):
+            elif not measure_portion(target, portions[number], self._targets):
                 self._hidden.append(target)
         merging.drop_duplicates(members, union(owned), self._targets)
         merging.join_stacked(members, self._targets)

@@ -32,7 +32,6 @@ WHOLE = 0.75
 HELD_S = 1.5
 """An object that is hidden in a group counts as seen for this long."""
 
-HIDDEN_STOP_S = 0.5
 COVERED = 0.5
 
 
@@ -98,15 +97,14 @@ def measure(
         target.learned_ns = targets.now_ns
 
 
-def measure_portion(target: Target, portion: Portion, targets: Targets, dt_s: float) -> bool:
+def measure_portion(target: Target, portion: Portion, targets: Targets) -> bool:
     """Correct an object by its portion of a region that it shares with others; False if hidden.
 
-    While it is hidden, its predicted motion slows down, and it counts as seen for up to ``HELD_S``
-    if there is foreground that may hide it.
+    While it is hidden, it counts as seen for up to ``HELD_S`` if there is foreground that may hide
+    it.
     """
     box = portion.box
     if box is None or portion.clear < LEAST_CLEAR:
-        target.slow_down(math.exp(-dt_s / HIDDEN_STOP_S))
         if portion.covered > COVERED and targets.since_s(target.clear_ns) < HELD_S:
             target.seen_ns = targets.now_ns
         return False

@@ -58,12 +58,12 @@ def test_an_object_of_other_colours_beside_the_last_place_is_another_one() -> No
     assert not after & before
 
 
-@pytest.mark.parametrize(("rate_hz", "speed"), [(10, 200), (5, 120)])
+@pytest.mark.parametrize(("rate_hz", "speed"), [(10, 200), (5, 120), (10, 400), (5, 250)])
 def test_an_object_that_turns_before_it_reaches_another_one_keeps_its_id(
     rate_hz: int, speed: float
 ) -> None:
     tracker, ids = Tracker(TrackingParameters(), (WIDTH, HEIGHT)), set()
     for index in range(4 * rate_hz):  # it turns 4 pixels before the box, where its motion leads
         x = 60 + abs((speed * index / rate_hz + 150) % 300 - 150)
-        ids |= seen(tracker, index / rate_hz, (x, 120.0), boxes=[(228, 80, 278, 160)])
+        ids |= seen(tracker, index / rate_hz, (x, 120.0), boxes=[(228, 80, 310, 160)])
     assert len(ids) == 1
