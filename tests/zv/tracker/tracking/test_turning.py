@@ -67,3 +67,17 @@ def test_an_object_that_turns_before_it_reaches_another_one_keeps_its_id(
         x = 60 + abs((speed * index / rate_hz + 150) % 300 - 150)
         ids |= seen(tracker, index / rate_hz, (x, 120.0), boxes=[(228, 80, 310, 160)])
     assert len(ids) == 1
+
+
+@pytest.mark.parametrize(("sides", "is_same"), [(2.1, True), (2.5, False)])
+def test_a_slow_object_is_found_as_far_away_as_eight_sides_per_second_allow(
+    sides: float, is_same: bool
+) -> None:
+    tracker = Tracker(TrackingParameters(), (WIDTH, HEIGHT))
+    for index in range(8):
+        before = seen(tracker, index / 5, (60 + 4 * index, 40.0))
+    # In 0.2 s, 8 * 0.2 sides and the 0.7 of any search around an expected place: 2.3 sides.
+    for index in range(8, 14):
+        after = seen(tracker, index / 5, (88 + 4 * (index - 8), 40.0 + sides * SIDE))
+    assert before == {1}
+    assert (after == before) is is_same
