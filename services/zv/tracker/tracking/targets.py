@@ -60,8 +60,11 @@ class Targets:
         width, height = self.size
         return box.left <= 1 or box.top <= 1 or box.right >= width - 1 or box.bottom >= height - 1
 
+    def outside(self, target: Target) -> bool:
+        """Return whether most of an object is expected outside of the picture."""
+        width, height = self.size
+        return not (0 < target.x.position < width and 0 < target.y.position < height)
+
     def leaving(self, target: Target) -> bool:
         """Return whether an object is expected at the border, or outside of it."""
-        width, height = self.size
-        x, y = target.x.position, target.y.position
-        return not (0 < x < width and 0 < y < height) or self.at_border(target.box)
+        return self.outside(target) or self.at_border(target.box)

@@ -26,7 +26,8 @@ SMOOTHED = 0.1
 centre of its box."""
 
 LEAVING_SHOWN_S = 0.1
-"""A track that is expected at the border or outside is lost if not seen for longer than this."""
+"""A track that is expected at the border is lost if not seen for longer than this; one that is
+expected outside, in the first frame that does not show it."""
 
 TENTATIVE_S = 0.3
 PROTECTED_SIDES = 1.2
@@ -213,6 +214,8 @@ class Tracker:
 
     def _shown_s(self, target: Target) -> float:
         """Return for how long a track that is not seen stays confirmed."""
+        if self._targets.outside(target):
+            return 0.0
         return LEAVING_SHOWN_S if self._targets.leaving(target) else SHOWN_S
 
 

@@ -97,7 +97,7 @@ def test_a_track_expected_outside_of_the_picture_is_lost_at_once():
     states = [[track.state for track in tracks] for tracks in tracked(frames)]
     gone = next(k for k in range(40) if 150 + 6 * k >= SIZE[0])
     assert states[gone - 2] == ["confirmed"]
-    assert "confirmed" not in states[gone + 4]
+    assert "confirmed" not in states[gone]
 
 
 def test_two_tracks_of_an_object_that_was_divided_become_one():
