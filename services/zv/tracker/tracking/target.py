@@ -205,12 +205,12 @@ class Target:
         """Return the distance from its origin.
 
         Growing or shrinking is not a motion, so along an axis both edges must have moved in the
-        same direction.
+        same direction. One that entered the picture has moved by as much as its edge inside, since
+        the centre of the part in view moves by half of that.
         """
         box, origin = self.box, self.origin
         if self.cut:
-            (x, y), (x0, y0) = box.center, origin.center
-            return math.hypot(x - x0, y - y0)
+            return math.dist(self.steady or box.center, origin.center)
         along_x = _both(box.left - origin.left, box.right - origin.right)
         along_y = _both(box.top - origin.top, box.bottom - origin.bottom)
         return math.hypot(along_x, along_y)

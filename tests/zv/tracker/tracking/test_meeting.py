@@ -100,6 +100,14 @@ def test_a_track_expected_outside_of_the_picture_is_lost_at_once():
     assert "confirmed" not in states[gone]
 
 
+@pytest.mark.parametrize("rate", [30, 10, 5])
+def test_an_object_that_enters_is_confirmed_as_soon_as_its_edge_has_moved_far_enough(rate: int):
+    # From 6 to 30 pixels in view in 0.4 s: 24 are 0.46 sides of the part in view, 12 were 0.23.
+    frames: list[Painted] = [[((-54 + 60 * k / rate, 20, 60, 90), RED)] for k in range(rate)]
+    states = [tracks[0].state for tracks in tracked(frames, rate)]
+    assert states.index("confirmed") == round(0.4 * rate)
+
+
 def test_two_tracks_of_an_object_that_was_divided_become_one():
     frames: list[Painted] = []
     for k in range(90):
