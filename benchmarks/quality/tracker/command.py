@@ -8,6 +8,7 @@ import itertools
 import platform
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import astuple
 from pathlib import Path
 
 import cv2
@@ -117,22 +118,26 @@ def measure_variants(_: argparse.Namespace) -> None:
 
 
 def measure_scenes(options: argparse.Namespace) -> None:
-    """Measure the synthetic scenes at several rates and with losses; the tutorial at 10 Hz only."""
+    """Measure the synthetic scenes at several rates and with losses; the tutorial at 10 Hz only.
+
+    All rates are scored at the same instants, see ``mean_at_5_hz``.
+    """
     title("scene", "frames", *(f"{name}: {SHORT}" for name in METHODS))
     for make in scenarios.SCENARIOS:
         if options.scene not in (None, make.__name__):
             continue
         scene = make()
-        for name, (shots,) in rates(scene.shots(30.0)).items():
-            comparison = compare(shots, tutorial=name == "10 Hz")
-            scores = {method: comparison.scorers[method].score() for method in METHODS}
-            texts = [short(scores[method], method != "tutorial") for method in METHODS]
+        for name, variants in rates(list(scene.shots(30.0)()).__iter__).items():
+            compared = [compare(shots, tutorial=name == "10 Hz") for shots in variants]
+            texts = [
+                short(mean_at_5_hz(compared, method), method != "tutorial") for method in METHODS
+            ]
             texts[0] = texts[0] if name == "10 Hz" else "-"
             row(scene.name, name, *texts)
-            draw(options, f"{make.__name__}_{name.replace(' ', '_')}", shots, comparison)
+            draw(options, f"{make.__name__}_{name.replace(' ', '_')}", variants[0], compared[0])
 
 
-def rates(shots: Shots, seeds: Sequence[int] = DROP_SEEDS[:1]) -> dict[str, list[Shots]]:
+def rates(shots: Shots) -> dict[str, list[Shots]]:
     """Return a sequence of 30 Hz, each third and sixth frame of it, and it with random losses.
 
     So all rates show the same pictures. For the losses there is a sequence for each seed.
@@ -141,37 +146,36 @@ def rates(shots: Shots, seeds: Sequence[int] = DROP_SEEDS[:1]) -> dict[str, list
         "30 Hz": [shots],
         "10 Hz": [every(shots, 3)],
         "5 Hz": [every(shots, STEP_OF_5_HZ)],
-        f"30 Hz, {DROPPED:.0%} dropped": [dropped(shots, DROPPED, seed) for seed in seeds],
+        f"30 Hz, {DROPPED:.0%} dropped": [dropped(shots, DROPPED, seed) for seed in DROP_SEEDS],
     }
 
 
-def measure_rooms(_: argparse.Namespace) -> None:
-    """Measure several rooms, and all rates in them at the same instants: the frames of 5 Hz.
+def mean_at_5_hz(compared: Sequence[Comparison], method: str) -> Score:
+    """Return the mean scores of a method in sequences of 30 Hz, at the frames of 5 Hz alone.
 
-    A change of the id is one error at any rate, so it would weigh less where there are more frames.
+    So all rates are scored at the same instants: a change of the id is one error at any rate, and
+    would weigh less where there are more frames, and the time until a track is confirmed would
+    weigh differently.
     """
+    scores = [each.scorers[method].at_each(STEP_OF_5_HZ).score() for each in compared]
+    return Score(*np.mean([astuple(score) for score in scores], axis=0).tolist())
+
+
+def measure_rooms(_: argparse.Namespace) -> None:
+    """Measure several rooms."""
     title("room, robust", "MOTA", "deviation of seeds", "missed", "false", "switches")
     figures: dict[str, list[list[float]]] = {}
     for seed in ROOM_SEEDS:
         kept = list(Room(seed=seed).shots(30.0)())  # 0.8 GB, since drawing takes as long
-        for name, variants in rates(kept.__iter__, DROP_SEEDS).items():
-            scores = [
-                compare(shots, tutorial=False).scorers["robust"].at_each(STEP_OF_5_HZ).score()
-                for shots in variants
-            ]
-            shares = [
-                (each.mota, *(100 * count / each.boxes for count in _errors(each)))
-                for each in scores
-            ]
-            figures.setdefault(name, []).append(np.mean(shares, axis=0).tolist())
+        for name, variants in rates(kept.__iter__).items():
+            score = mean_at_5_hz([compare(shots, tutorial=False) for shots in variants], "robust")
+            errors = (score.misses, score.false_boxes, score.switches)
+            shares = [100 * count / score.boxes for count in errors]
+            figures.setdefault(name, []).append([score.mota, *shares])
     for name, rows in figures.items():
-        mota, *errors = np.mean(rows, axis=0)
+        mota, *means = np.mean(rows, axis=0)
         deviation = np.std([each[0] for each in rows])
-        row(name, f"{mota:.1f}", f"{deviation:.1f}", *(f"{share:.1f} %" for share in errors))
-
-
-def _errors(score: Score) -> tuple[int, int, int]:
-    return score.misses, score.false_boxes, score.switches
+        row(name, f"{mota:.1f}", f"{deviation:.1f}", *(f"{share:.1f} %" for share in means))
 
 
 def measure_belt(options: argparse.Namespace) -> None:
@@ -245,7 +249,7 @@ def cells(score: Score, *, tracks: bool = True) -> list[str]:
 
 def short(score: Score, tracks: bool) -> str:
     """Return a score in one cell."""
-    ids = f"{score.mota:.1f} / {score.idf1:.1f} / {score.switches} / " if tracks else ""
+    ids = f"{score.mota:.1f} / {score.idf1:.1f} / {score.switches:.3g} / " if tracks else ""
     return f"{ids}{score.fit:.1f} %"
 
 
