@@ -12,6 +12,8 @@ from zv.tracker.tracking.appearance import Appearance, Scene
 from zv.tracker.tracking.fragment import Fragment, union
 from zv.tracker.tracking.groups import divide
 from zv.tracker.tracking.measuring import PLAUSIBLE, measure, measure_portion
+from zv.tracker.tracking.merging import PROVEN_S
+from zv.tracker.tracking.searching import found_in
 from zv.tracker.tracking.target import SHOWN_S, Target
 from zv.tracker.tracking.targets import Targets
 
@@ -26,6 +28,13 @@ OTHER_APPEARANCE = 0.75
 TURNING_SPEED = 8.0
 """Speed, in sides per second, at which an object such as a ball may have moved in any direction
 since the last frame. A faster object may have moved in any direction at its own speed."""
+
+LEAST_FOUND = 0.2
+"""An object is found in the region of others if at least this share of it has colours that are
+clearly its own; other objects may hide the rest, or have similar colours."""
+
+LEAST_MORE = 0.25
+"""That region must be larger than the other objects by at least this share of the object."""
 
 HIDDEN_STOP_S = 0.5
 """Time constant with which the predicted motion of an object slows down while it is hidden."""
@@ -66,16 +75,7 @@ class Matcher:
         targets, fragments = self._targets.all, self._fragments
         if not targets or not fragments:
             return fragments
-        boxes = [target.box for target in targets]
-        links = association.overlaps(boxes, fragments) > OVERLAP
-        for row, target in enumerate(targets):
-            missing_s = target.missing_s(self._targets.now_ns) - self._dt_s
-            if missing_s > SHOWN_S and target.grouped_ns is None:
-                links[row] = False
-        self._link_the_rest(links)
-        unlinked = [targets[row] for row in np.flatnonzero(~links.any(axis=1))]
-        for target, column in self._turned(unlinked, _unlinked_columns(links)):
-            links[targets.index(target), column] = True
+        links = self._links(targets)
         for rows, columns in association.components(links):
             owned = [fragments[column] for column in columns]
             members = [targets[row] for row in rows]
@@ -89,9 +89,29 @@ class Matcher:
             self._follow_one(target, [fragments[column]])
             free.remove(column)
             hidden.remove(target)
-        for target in hidden:  # after the search, for which its last place and speed are needed
-            target.slow_down(math.exp(-self._dt_s / HIDDEN_STOP_S))
+        for target in hidden:
+            if self._among_others(target, targets, links) is None:
+                # After the search, for which its last place and speed are needed.
+                target.slow_down(math.exp(-self._dt_s / HIDDEN_STOP_S))
         return [fragments[column] for column in free]
+
+    def _links(self, targets: list[Target]) -> NDArray[np.bool_]:
+        """Return which fragments may belong to which targets: (targets, fragments)."""
+        boxes = [target.box for target in targets]
+        links = association.overlaps(boxes, self._fragments) > OVERLAP
+        for row, target in enumerate(targets):
+            missing_s = target.missing_s(self._targets.now_ns) - self._dt_s
+            if missing_s > SHOWN_S and target.grouped_ns is None:
+                links[row] = False
+        self._link_the_rest(links)
+        unlinked = [targets[row] for row in np.flatnonzero(~links.any(axis=1))]
+        for target, column in self._turned(unlinked, _unlinked_columns(links)):
+            links[targets.index(target), column] = True
+        for row in np.flatnonzero(~links.any(axis=1)).tolist():
+            region = self._among_others(targets[row], targets, links)
+            if region is not None:
+                links[row, region] = True
+        return links
 
     def _link_the_rest(self, links: NDArray[np.bool_]) -> None:
         """Link targets and fragments that have no link yet, by minimum-cost assignment."""
@@ -140,17 +160,56 @@ class Matcher:
         turned = [each for each in candidates if each.missing_s(targets.now_ns) <= dt_s]
         costs = np.full((len(turned), len(columns)), association.IMPOSSIBLE)
         for number, target in enumerate(turned):
-            last = [axis.position - axis.velocity * dt_s for axis in (target.x, target.y)]
-            reach = GATE_SIDES + max(target.speed, TURNING_SPEED) * dt_s
+            last, reach = self._last_place(target)
             for place, column in enumerate(columns):
                 found = self._fragments[column]
-                away = math.dist(last, found.center) / (reach * target.side)
+                away = math.dist(last, found.center) / reach
                 if away > 1 or not 1 / PLAUSIBLE < (found.area + 1) / (target.area + 1) < PLAUSIBLE:
                     continue
                 difference = target.appearance.distance(scene, found)
                 if difference <= OTHER_APPEARANCE:
                     costs[number, place] = away + difference
         return [(turned[number], columns[place]) for number, place in association.assigned(costs)]
+
+    def _among_others(
+        self, target: Target, targets: list[Target], links: NDArray[np.bool_]
+    ) -> int | None:
+        """Return the number of the fragment of other objects in which an object has turned.
+
+        Its state is corrected to the place where its colours are found; which pixels are its own
+        is decided as in any shared region. The colours of all these objects must be well known,
+        and the fragment larger than the others would be alone.
+        """
+        scene, dt_s = self._scene, self._dt_s
+        if (
+            scene is None
+            or dt_s > SHOWN_S
+            or self._targets.since_s(target.clear_ns) > dt_s
+            or target.alone_s < PROVEN_S
+        ):
+            return None
+        last, reach = self._last_place(target)
+        found: list[tuple[float, int, tuple[float, float]]] = []
+        for column in np.flatnonzero(links.any(axis=0)).tolist():
+            region = self._fragments[column]
+            linked = [targets[row] for row in np.flatnonzero(links[:, column])]
+            others = [each for each in linked if each is not target]
+            usual = sum(each.area for each in others)
+            if region.area < usual + LEAST_MORE * target.area:
+                continue
+            if all(each.alone_s >= PROVEN_S for each in others):
+                share, place = found_in(region, target, others, last, reach, scene)
+                found.append((share, column, place))
+        share, column, place = max(found, default=(0.0, 0, last))
+        if share < LEAST_FOUND:
+            return None
+        target.correct(place, self._targets.now_ns)
+        return column
+
+    def _last_place(self, target: Target) -> tuple[tuple[float, float], float]:
+        """Return where an object was in the last frame, and how far from there it may be now."""
+        x, y = (axis.position - axis.velocity * self._dt_s for axis in (target.x, target.y))
+        return (x, y), (GATE_SIDES + max(target.speed, TURNING_SPEED) * self._dt_s) * target.side
 
     def _follow_one(self, target: Target, owned: list[Fragment]) -> None:
         parts = _two_of(owned) if self._convex else _parts(target, owned)

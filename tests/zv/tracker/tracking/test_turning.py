@@ -81,3 +81,15 @@ def test_a_slow_object_is_found_as_far_away_as_eight_sides_per_second_allow(
         after = seen(tracker, index / 5, (88 + 4 * (index - 8), 40.0 + sides * SIDE))
     assert before == {1}
     assert (after == before) is is_same
+
+
+@pytest.mark.parametrize("rate_hz", [10, 5])
+def test_an_object_that_keeps_turning_in_the_region_of_another_one_stays_confirmed(
+    rate_hz: int,
+) -> None:
+    tracker, ids = Tracker(TrackingParameters(), (WIDTH, HEIGHT)), []
+    for index in range(4 * rate_hz):  # from 1.4 s on half before the box, going up and down
+        time_s = index / rate_hz
+        place = min(60 + 100 * time_s, 198), 70 + abs((200 * time_s + 100) % 200 - 100)
+        ids.append(seen(tracker, time_s, place, boxes=[(200, 50, 280, 190)]))
+    assert ids[rate_hz:] == [{2}] * (3 * rate_hz)
