@@ -211,7 +211,31 @@ class Matcher:
         x, y = (axis.position - axis.velocity * self._dt_s for axis in (target.x, target.y))
         return (x, y), (GATE_SIDES + max(target.speed, TURNING_SPEED) * self._dt_s) * target.side
 
+    def _lost_before(self, new: Target, found: Fragment) -> Target | None:
+        """Return the lost object of which a new track has turned out to be the continuation.
+
+        An object that comes out from behind something is a narrow part at first, in which it is
+        not recognized.
+        """
+        if self._scene is None or new.confirmed:
+            return None
+        for lost in self._targets.all:
+            if (
+                lost.confirmed
+                and lost.missing_s(self._targets.now_ns) > SHOWN_S
+                and lost.seen_ns < new.born_ns
+                and association.overlap(found, lost.box) > OVERLAP
+                and 1 / PLAUSIBLE < found.area / max(1.0, lost.area) < PLAUSIBLE
+                and lost.appearance.distance(self._scene, found) <= OTHER_APPEARANCE
+            ):
+                return lost
+        return None
+
     def _follow_one(self, target: Target, owned: list[Fragment]) -> None:
+        lost = self._lost_before(target, union(owned))
+        if lost is not None:
+            self._targets.drop(target.id)
+            target = lost
         parts = _two_of(owned) if self._convex else _parts(target, owned)
         now_ns = self._targets.now_ns
         if parts is None:

@@ -173,6 +173,19 @@ def test_a_person_seen_in_parts_behind_a_sign_is_one_track_afterwards(rate: int)
         assert tracks[0].box[3] == pytest.approx(74, abs=6)
 
 
+@pytest.mark.parametrize("rate", [30, 10, 5])
+def test_an_object_that_was_hidden_by_a_pillar_is_the_same_when_it_comes_out_bit_by_bit(rate: int):
+    frames: list[Painted] = []
+    for k in range(4 * rate):
+        left = 20 + 60 * k / rate
+        before, after = min(left + 30, 110) - left, left + 30 - max(left, 170)  # hidden for 0.5 s
+        parts = [(left, 20, before, 60), (left + 30 - after, 20, after, 60)]
+        frames.append([(part, RED) for part in parts if part[2] >= 1])
+    found = tracked(frames, rate)
+    assert {track.id for track in found[rate]} == {1}
+    assert [(track.id, track.state) for track in found[-1]] == [(1, "confirmed")]
+
+
 @pytest.mark.parametrize("rate", [20, 10, 5])
 def test_one_whose_legs_become_hidden_does_not_seem_to_rise(rate: int):
     frames: list[Painted] = []
