@@ -138,7 +138,10 @@ Curve = tuple[NDArray[np.int32], float, bool]
 
 def _longest_curves(pixels: Gray, limits: LineLimits) -> tuple[list[Curve], int]:
     """Return the longest curves, and the number of others that are long enough."""
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(pixels, connectivity=8)
+    # This algorithm takes a third of the time of the default.
+    count, labels, boxes, _ = cv2.connectedComponentsWithStatsWithAlgorithm(
+        pixels, 8, cv2.CV_32S, cv2.CCL_GRANA
+    )
     sizes = boxes[:, cv2.CC_STAT_AREA].copy()
     sizes[0] = 0  # the background
     # Twice as many are traced as are kept, since the order by number of pixels is not quite the

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -93,8 +95,8 @@ def _profile(region: NDArray[np.uint8], axis: int) -> list[int]:
 
 def _middle(profile: list[int]) -> float:
     """Return the mean position of the pixels in columns or rows."""
-    moment = sum((place + 0.5) * number for place, number in enumerate(profile))
-    return moment / sum(profile)
+    moment: int = sum(map(operator.mul, profile, range(len(profile))))
+    return moment / sum(profile) + 0.5
 
 
 def _full(profile: list[int]) -> tuple[int, int]:
