@@ -89,10 +89,12 @@ def test_no_message_is_an_error_that_names_the_key():
     [
         ("import sys; sys.exit('no lamp')", "ended by itself: no lamp"),
         (
-            "import signal, sys, time\n"
-            "signal.signal(signal.SIGINT, lambda *_: sys.exit(5))\n"
+            "import signal, sys\n"
+            # Blocked, so that the signal cannot come just before the wait for it.
+            "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])\n"
             "open(sys.argv[1], 'w').close()\n"
-            "time.sleep(60)",
+            "signal.sigwait([signal.SIGINT])\n"
+            "sys.exit(5)",
             "status 5",
         ),
     ],
