@@ -69,6 +69,7 @@ class Matcher:
         self._scene = scene
         self._convex = convex
         self._hidden: list[Target] = []  # in a shared region, no fragment looks like them
+        self._lost: list[Target] = []  # confirmed, not seen lately, without a fragment
 
     def match(self) -> list[Fragment]:
         """Correct the predicted objects by their fragments; return the fragments without one."""
@@ -76,6 +77,11 @@ class Matcher:
         if not targets or not fragments:
             return fragments
         links = self._links(targets)
+        self._lost = [
+            targets[row]
+            for row in np.flatnonzero(~links.any(axis=1))
+            if targets[row].confirmed and targets[row].missing_s(self._targets.now_ns) > SHOWN_S
+        ]
         for rows, columns in association.components(links):
             owned = [fragments[column] for column in columns]
             members = [targets[row] for row in rows]
@@ -219,11 +225,9 @@ class Matcher:
         """
         if self._scene is None or new.confirmed:
             return None
-        for lost in self._targets.all:
+        for lost in self._lost:
             if (
-                lost.confirmed
-                and lost.missing_s(self._targets.now_ns) > SHOWN_S
-                and lost.seen_ns < new.born_ns
+                lost.seen_ns < new.born_ns
                 and association.overlap(found, lost.box) > OVERLAP
                 and 1 / PLAUSIBLE < found.area / max(1.0, lost.area) < PLAUSIBLE
                 and lost.appearance.distance(self._scene, found) <= OTHER_APPEARANCE
@@ -235,6 +239,7 @@ class Matcher:
         lost = self._lost_before(target, union(owned))
         if lost is not None:
             self._targets.drop(target.id)
+            self._lost.remove(lost)
             target = lost
         parts = _two_of(owned) if self._convex else _parts(target, owned)
         now_ns = self._targets.now_ns
