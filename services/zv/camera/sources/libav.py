@@ -19,13 +19,14 @@ from av.packet import Packet
 from av.stream import Disposition, Stream
 from av.video.format import VideoFormat
 from av.video.frame import VideoFrame
+from av.video.plane import VideoPlane
 from av.video.reformatter import ColorRange, VideoReformatter
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
 from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_RAW_BYTES
-from zenoh_vision.image.planar import PlanarForm, PlanarPicture, Planes, are_even
+from zenoh_vision.image.planar import Plane, PlanarForm, PlanarPicture, are_even
 from zv.camera.sources.base import Picture, picture_of
 from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
 from zv.camera.sources.swscale import BgrWriter
@@ -200,15 +201,16 @@ class AvStream:
         colour space and range; if the stream states neither, the result equals OpenCV's.
         """
         due_s = self._due_s(frame.time)
-        planes = stored_planes(frame)
-        if planes is None:
+        stored = stored_planes(frame)
+        if stored is None:
             return picture_of(self._pixels(frame), due_s=due_s)
         full_range = _is_full_range(frame)
+        luma, blue, red = map(_array, stored)
         planar = PlanarPicture(
-            planes,
+            (luma, blue, red),
             full_range=full_range,
             to_bgr=lambda: self._pixels(frame),
-            write_bgr=self._bgr.of(planes, full_range=full_range),
+            write_bgr=self._bgr.of(stored, full_range=full_range),
             asked=lambda form: self._asked.add(form),  # to the set at the time of the call
         )
         forms, self._asked = tuple(self._asked), set()
@@ -239,21 +241,22 @@ def _pixel_format(source: VideoFormat) -> str:
     return "gray16le" if components[0].bits > 8 else "gray"
 
 
-def stored_planes(frame: VideoFrame) -> Planes | None:
-    """Return the planes of a frame as a JPEG can store them; None if its colours are others."""
+def stored_planes(frame: VideoFrame) -> tuple[VideoPlane, ...] | None:
+    """Return the planes of a frame if a JPEG can store them; None if its colours are others."""
     if frame.format.name not in PLANAR or frame.colorspace not in BT_601 or frame.rotation % 360:
         return None
     if not are_even(frame.height, frame.width):
         return None
-    if any(plane.line_size < plane.width for plane in frame.planes):  # rows from bottom to top
+    planes = frame.planes  # each access makes new objects
+    if any(plane.line_size < plane.width for plane in planes):  # rows from bottom to top
         return None
-    luma, blue, red = (
-        np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[
-            : plane.height, : plane.width
-        ]
-        for plane in frame.planes
-    )
-    return luma, blue, red
+    return planes
+
+
+def _array(plane: VideoPlane) -> Plane:
+    """Return a view of a plane without the padding of its rows; it keeps the frame's memory."""
+    shape, strides = (plane.height, plane.width), (plane.line_size, 1)
+    return np.ndarray(shape, np.uint8, memoryview(plane), strides=strides)
 
 
 def _is_full_range(frame: VideoFrame) -> bool:

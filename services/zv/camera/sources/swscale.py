@@ -9,16 +9,16 @@ from __future__ import annotations
 import ctypes
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final
 
 import numpy as np
 from av.video import reformatter
+from av.video.plane import VideoPlane
 from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.image.planar import Planes
 
 BILINEAR: Final = 2
 """What PyAV chooses; libswscale's other ways of converting differ from it in some pixels."""
@@ -60,23 +60,29 @@ class BgrWriter:
         self._context = ctypes.c_void_p()
         self._lock = threading.Lock()
 
-    def of(self, planes: Planes, *, full_range: bool) -> Callable[[NDArray[np.uint8]], None] | None:
+    def of(
+        self, planes: Sequence[VideoPlane], *, full_range: bool
+    ) -> Callable[[NDArray[np.uint8]], None] | None:
         """Return a function that writes the pixels of planes to memory; None if that is impossible.
 
         The pixels are the same as PyAV's.
 
         Args:
-            planes: As for ``PlanarPicture``.
+            planes: Luma, blue and red chroma of a frame in 4:2:0 of BT.601, both sides even.
             full_range: Whether black is 0 and white 255.
         """
-        if _LIBRARIES is None or planes[0].shape[1] % BLOCK:
+        if _LIBRARIES is None or planes[0].width % BLOCK:
             return None
         return partial(self._write, _LIBRARIES, planes, full_range)
 
     def _write(
-        self, libraries: ctypes.CDLL, planes: Planes, full_range: bool, target: NDArray[np.uint8]
+        self,
+        libraries: ctypes.CDLL,
+        planes: Sequence[VideoPlane],
+        full_range: bool,
+        target: NDArray[np.uint8],
     ) -> None:
-        height, width = planes[0].shape
+        width, height = planes[0].width, planes[0].height
         if target.shape != (height, width, 3) or target.dtype != np.uint8:
             raise ValueError(f"{target.shape} {target.dtype} is no memory for {width}x{height} BGR")
         if not (target.flags.c_contiguous and target.flags.writeable):
@@ -86,8 +92,8 @@ class BgrWriter:
                 self._open(libraries, width, height, full_range)
             rows = libraries.sws_scale(
                 self._context,
-                _Pointers(*(plane.ctypes.data for plane in planes)),
-                _Strides(*(plane.strides[0] for plane in planes)),
+                _Pointers(*(plane.buffer_ptr for plane in planes)),
+                _Strides(*(plane.line_size for plane in planes)),
                 0,
                 height,
                 _Pointers(target.ctypes.data),

@@ -7,10 +7,10 @@ import sys
 import numpy as np
 import pytest
 from av.video.frame import VideoFrame
+from av.video.plane import VideoPlane
 from av.video.reformatter import ColorRange
 from numpy.typing import NDArray
 
-from zenoh_vision.image.planar import Planes
 from zv.camera.sources.libav import stored_planes
 from zv.camera.sources.swscale import BgrWriter
 
@@ -28,7 +28,7 @@ def noise(width: int, height: int, pixel_format: str, colour_range: int) -> Vide
     return frame
 
 
-def planes_of(frame: VideoFrame) -> Planes:
+def planes_of(frame: VideoFrame) -> tuple[VideoPlane, ...]:
     planes = stored_planes(frame)
     assert planes is not None
     return planes
