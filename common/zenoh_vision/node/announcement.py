@@ -125,6 +125,7 @@ class Announcement:
 
     def _send(self) -> None:
         self._health_file.beat(self._health.failure())
+        self._health.shared_memory = self._owner.outputs.shared_memory_failure
         diagnostics = self._health.diagnostics()
         self._namesake.note_own(diagnostics)
         self._diagnostics.offer(lambda: Outgoing.message(diagnostics))

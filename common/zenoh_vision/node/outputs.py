@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import Pixels
@@ -19,6 +20,15 @@ from zenoh_vision.transport.publisher import MayReply, Outgoing, StreamPublisher
 
 Publishes = Sequence[Topic | str] | Mapping[str, Sequence[Topic | str]]
 """The topics of each camera of a node, or those of all its cameras; a topic, or its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameOutputs:
+    """The outputs of one camera's own frames; None for what the node does not publish."""
+
+    compressed: StreamPublisher | None
+    raw: StreamPublisher | None
+    offer: SharedMemoryOffer | None
 
 
 class Outputs:
@@ -46,7 +56,7 @@ class Outputs:
         self._publishers: dict[tuple[str, str], StreamPublisher] = {}
         self._new_publisher: Callable[[Topic, str], StreamPublisher] | None = None
         self._new_offer: Callable[[str], SharedMemoryOffer] | None = None
-        self._offers: dict[str, SharedMemoryOffer] = {}
+        self._frames: dict[str, FrameOutputs] = {}
 
     @property
     def keys(self) -> list[str]:
@@ -84,17 +94,19 @@ class Outputs:
             if not topic.by_query
         }
         self._publishers = {**self._publishers, **new}  # other threads may iterate over the old one
-        if self._new_offer is not None and {COMPRESSED, RAW} & set(topics):
-            self._offers[camera] = self._new_offer(camera)
+        compressed, raw = new.get((COMPRESSED.name, camera)), new.get((RAW.name, camera))
+        if compressed is not None or raw is not None:
+            offer = None if self._new_offer is None else self._new_offer(camera)
+            self._frames = {**self._frames, camera: FrameOutputs(compressed, raw, offer)}
 
     @property
     def shared_memory_failure(self) -> str:
         """Why frames cannot be offered in shared memory now; empty if they can, or never were."""
-        return "; ".join(filter(None, (offer.failure for offer in self._offers.values())))
+        return "; ".join(offer.failure for offer in self._offers() if offer.failure)
 
     def close(self) -> None:
         """Withdraw the offers of shared memory; the end of the session does the rest."""
-        for offer in self._offers.values():
+        for offer in self._offers():
             offer.close()
 
     def header(self, frame: Frame, encoding: str | None = None) -> Header:
@@ -188,31 +200,23 @@ class Outputs:
             ValueError: The node publishes neither ``image/compressed`` nor ``image`` of the camera.
             PayloadError: The pixels cannot be encoded.
         """
-        camera = frame.header.camera
-        names = self._frame_topics(camera)
-        offer = self._offers.get(camera)
-        shared, is_decoded_for_it = False, frame.is_compressed
-        if offer is not None and not is_decoded_for_it:  # first, as it takes the least time
+        outputs = self._frame_outputs(frame.header.camera)
+        offer, decode_for_it = outputs.offer, frame.is_compressed
+        shared = sent = False
+        if offer is not None and not decode_for_it:  # first, as it takes the least time
             shared = offer.write(frame)
-        found = []
-        if COMPRESSED.name in names:
-            publisher = self._publisher(COMPRESSED, camera)
-            found.append(
-                publisher.offer(
-                    lambda: Outgoing(
-                        frame.compressed, frame.mime, frame.compressed_header.to_bytes()
-                    ),
-                    lambda: may_send(frame),
-                )
+        if outputs.compressed is not None:
+            sent = outputs.compressed.offer(
+                lambda: Outgoing(frame.compressed, frame.mime, frame.compressed_header.to_bytes()),
+                lambda: may_send(frame),
             )
-        if RAW.name in names:
-            publisher = self._publisher(RAW, camera)
-            found.append(
-                publisher.offer(lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes()))
+        if outputs.raw is not None:
+            sent |= outputs.raw.offer(
+                lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes())
             )
-        if offer is not None and is_decoded_for_it:
+        if offer is not None and decode_for_it:
             shared = offer.write(frame)
-        return any(found) or shared
+        return sent or shared
 
     def limit_replies(self, topic: Topic | str, camera: str, may_reply: MayReply) -> None:
         """Set the function that is asked before each reply on a topic; see ``StreamPublisher``.
@@ -228,13 +232,16 @@ class Outputs:
         Raises:
             ValueError: The node publishes neither ``image/compressed`` nor ``image`` of it.
         """
-        for topic in self._frame_topics(camera):
-            self._publisher(topic, camera)
+        self._frame_outputs(camera)
 
-    def _frame_topics(self, camera: str) -> list[str]:
-        """Return the declared topics of a camera's frames; ``image/compressed`` if none is."""
-        names = (COMPRESSED.name, RAW.name)
-        return [name for name in names if (name, camera) in self._publishers] or [COMPRESSED.name]
+    def _frame_outputs(self, camera: str) -> FrameOutputs:
+        found = self._frames.get(camera)
+        if found is None:
+            raise self._not_published(COMPRESSED.name, camera)
+        return found
+
+    def _offers(self) -> list[SharedMemoryOffer]:
+        return [each.offer for each in self._frames.values() if each.offer is not None]
 
     def _camera(self, named: str | None) -> str:
         """Return the camera of this name, or the node's only one."""
@@ -248,11 +255,14 @@ class Outputs:
         name = topic if isinstance(topic, str) else topic.name
         found = self._publishers.get((name, camera))
         if found is None:
-            raise ValueError(
-                f"{self._node} does not publish {name} of {camera}; it publishes "
-                f"{'; '.join(map(_listed, self._topics.items())) or 'nothing'}"
-            )
+            raise self._not_published(name, camera)
         return found
+
+    def _not_published(self, topic: str, camera: str) -> ValueError:
+        published = "; ".join(map(_listed, self._topics.items())) or "nothing"
+        return ValueError(
+            f"{self._node} does not publish {topic} of {camera}; it publishes {published}"
+        )
 
 
 def _listed(item: tuple[str, Sequence[Topic]]) -> str:

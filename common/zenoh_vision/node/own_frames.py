@@ -160,7 +160,6 @@ class OwnFrames:
             node.counters.drop("over_budget")
         else:
             node.counters.drop("no_subscriber")
-        node.health.shared_memory = node.outputs.shared_memory_failure
         node.health.done(frame.header.stamp_ns)
         return subscribed
 

@@ -21,6 +21,7 @@ from zenoh_vision.shm.machine import (
 )
 from zenoh_vision.shm.writer import FrameWriter
 from zenoh_vision.transport.link import Declaration, Link
+from zenoh_vision.transport.publisher import Demand
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +54,7 @@ class SharedMemoryOffer:
         self._camera = camera
         self._writer: FrameWriter | None = None
         self._declared: list[Declaration[Any]] = []
-        self._demand: Declaration[zenoh.Publisher] | None = None
+        self._demand: Demand | None = None
         self._again_s = 0.0
         self._closed = False
         self._lock = threading.Lock()  # ``close`` and ``write`` are called by different threads
@@ -63,7 +64,7 @@ class SharedMemoryOffer:
     def wanted(self) -> bool:
         """Whether a process of this machine takes the frames."""
         demand = self._demand
-        return demand is not None and bool(demand.current.matching_status.matching)  # type: ignore[attr-defined]
+        return demand is not None and demand.exists
 
     def write(self, frame: Frame) -> bool:
         """Write a frame if someone takes it; withdraw the offer if that is not possible.
@@ -105,9 +106,10 @@ class SharedMemoryOffer:
         except SharedMemoryError as error:
             self._fail(error)
             return
-        self._demand = self._link.declare(lambda session: session.declare_publisher(key))
+        publisher = self._link.declare(lambda session: session.declare_publisher(key))
         token = self._link.declare(lambda session: session.liveliness().declare_token(key))
-        self._declared = [self._demand, token]
+        self._declared = [publisher, token]
+        self._demand = Demand(publisher)
 
     def _fail(self, error: SharedMemoryError) -> None:
         words = f"no frames of {self._camera} through shared memory: {error}"

@@ -18,6 +18,9 @@ SILENT_NS = 3_000_000_000
 camera`` takes to start, so that a camera that is just starting need not make raw pixels."""
 
 
+LOOK_NS = 100_000_000
+
+
 class TransportSwitch:
     """Subscribes one input to a camera's frames: to two keys and shared memory, as needed.
 
@@ -53,15 +56,24 @@ class TransportSwitch:
         self._memory_transports = ("auto", "shm") if memory_by_itself else ("shm",)
         self._subscriptions: dict[str, Declaration[zenoh.Subscriber[Any]]] = {}
         self._falls_back = False
+        self._followed: Transport | None = None
+        self._look_ns = 0
 
     def follow(self, transport: Transport) -> None:
-        """Subscribe and unsubscribe, by the chosen transport and the frames that have arrived."""
+        """Subscribe and unsubscribe, by the chosen transport and the frames that have arrived.
+
+        Called for each frame; what has arrived is looked at every ``LOOK_NS``.
+        """
+        now_ns = time.monotonic_ns()
+        if transport == self._followed and now_ns < self._look_ns:
+            return
+        self._followed, self._look_ns = transport, now_ns + LOOK_NS
         if self._memory is not None:
             self._memory.follow(wanted=transport in self._memory_transports)
             self._intake.fault = self._memory.failure
         wanted = {self._intake.key: transport == "jpeg", self._raw_key: transport == "raw"}
         if transport == "auto":
-            wanted = self._by_what_flows(time.monotonic_ns())
+            wanted = self._by_what_flows(now_ns)
         for key, is_wanted in wanted.items():
             if is_wanted and key not in self._subscriptions:
                 self._subscriptions[key] = subscribe(self._link, self._intake, key)

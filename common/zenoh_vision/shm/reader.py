@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from zenoh_vision.keys import RAW_IMAGE
-from zenoh_vision.shm.channel import VIEWS, iceoryx_errors, open_channel
+from zenoh_vision.shm.channel import VIEWS, Lengths, iceoryx_errors, open_channel
 from zenoh_vision.shm.doorbell import Doorbell
 from zenoh_vision.shm.machine import SharedMemoryError
 from zenoh_vision.stream.sample import Sample
@@ -82,13 +82,13 @@ class FrameReader:
             bell.close()
 
     def _passed_on(self, sample: Any) -> Sample:
-        lengths = sample.user_header().contents
-        payload = sample.payload()
-        memory = (ctypes.c_uint8 * payload.len()).from_address(payload.as_ptr())
+        # iceoryx2's own views of both double the time that this function takes.
+        lengths = Lengths.from_address(sample.user_header_ptr)
+        pixels, attached = lengths.pixels, lengths.attachment
+        memory = (ctypes.c_uint8 * (pixels + attached)).from_address(sample.payload_ptr)
         memory.sample = sample  # references to this memory keep it alive
         whole = memoryview(memory).cast("B").toreadonly()
-        pixels = int(lengths.pixels)
-        attachment = bytes(whole[pixels : pixels + int(lengths.attachment)])
+        attachment = bytes(whole[pixels:])
         self._lent = [lent for lent in self._lent if lent() is not None]
         if len(self._lent) >= VIEWS - 1:
             return Sample(self._key, bytes(whole[:pixels]), RAW_IMAGE, attachment, shared=True)

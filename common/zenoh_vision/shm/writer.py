@@ -42,7 +42,7 @@ class FrameWriter:
         self._madvise = ctypes.CDLL(None, use_errno=True).madvise
 
     def write(self, frame: Frame) -> bool:
-        """Send a frame, if there is a reader; never waits.
+        """Send a frame; never waits.
 
         Returns:
             Whether a reader gets it.
@@ -57,8 +57,6 @@ class FrameWriter:
         whole = size + len(attachment)
         with iceoryx_errors():
             self._make_room(whole)
-            if not self._service.dynamic_config.number_of_subscribers:
-                return False
             loan = self._publisher.loan_slice_uninit(whole)
             memory = self._piece_at(loan.payload_ptr)
             frame.copy_raw(memory[:size])

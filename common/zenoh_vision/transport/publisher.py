@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from zenoh_vision.keys import BITS, JPEG, PNG, msgpack_of
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Header, Stamped
 from zenoh_vision.topics import Topic
-from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.session import direct
 
 
@@ -55,9 +56,17 @@ def encoded_picture(
 
 
 class LazyPayload:
-    """A payload that is made on first use, and only once; safe between threads."""
+    """A payload that is made on first use, and only once; safe between threads.
 
-    def __init__(self, make: Callable[[], Outgoing]) -> None:
+    ``timestamp`` is that of its reply to a query, if several payloads are kept.
+    """
+
+    __slots__ = ("_lock", "_made", "_make", "timestamp")
+
+    def __init__(
+        self, make: Callable[[], Outgoing], timestamp: zenoh.Timestamp | None = None
+    ) -> None:
+        self.timestamp = timestamp
         self._make: Callable[[], Outgoing] | None = make
         self._made: Outgoing | None = None
         self._lock = threading.Lock()
@@ -76,12 +85,29 @@ FRAME_DELIVERY = (zenoh.CongestionControl.BLOCK_FIRST, zenoh.Priority.DATA)
 MESSAGE_DELIVERY = (zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HIGH)
 
 
-@dataclass(frozen=True, slots=True)
-class Kept:
-    """A payload that is kept for queries; with a timestamp if several are."""
+LOOK_NS = 100_000_000
 
-    payload: LazyPayload
-    timestamp: zenoh.Timestamp | None = None
+
+class Demand:
+    """Whether someone subscribes to the key of a publisher.
+
+    Zenoh is asked again after ``LOOK_NS`` only, since a look at it takes longer than anything else
+    that is done for a frame that nobody wants.
+    """
+
+    def __init__(self, publisher: Declaration[zenoh.Publisher]) -> None:
+        self._publisher = publisher
+        self._exists = False
+        self._look_ns = 0
+
+    @property
+    def exists(self) -> bool:
+        """Whether someone subscribed, at the last look."""
+        now_ns = time.monotonic_ns()
+        if now_ns >= self._look_ns:
+            self._look_ns = now_ns + LOOK_NS
+            self._exists = bool(self._publisher.current.matching_status.matching)  # type: ignore[attr-defined]
+        return self._exists
 
 
 MayReply = Callable[[int], str]
@@ -116,7 +142,7 @@ class StreamPublisher:
         )
         self.may_reply: MayReply = lambda _: ""
         self._link = link
-        self._kept: deque[Kept] = deque(maxlen=topic.keeps)
+        self._kept: deque[LazyPayload] = deque(maxlen=topic.keeps)
         self._publisher = link.declare(
             lambda session: session.declare_publisher(
                 key,
@@ -125,6 +151,7 @@ class StreamPublisher:
                 priority=priority,
             )
         )
+        self._demand = Demand(self._publisher)
         link.declare(
             lambda session: session.declare_queryable(
                 key, direct(lambda query: queue_query(query, self.answer)), complete=True
@@ -134,7 +161,7 @@ class StreamPublisher:
     @property
     def wanted(self) -> bool:
         """Whether someone subscribes to the key."""
-        return bool(self._publisher.current.matching_status.matching)  # type: ignore[attr-defined]
+        return self._demand.exists
 
     def offer(
         self, make: Callable[[], Outgoing], may_send: Callable[[], bool] = lambda: True
@@ -151,9 +178,9 @@ class StreamPublisher:
         to_send = not self.topic.lazy or self.wanted
         if to_send and not may_send():
             return False
-        newest = LazyPayload(make)
         several = self.topic.keeps > 1
-        self._kept.append(Kept(newest, self._link.session.new_timestamp() if several else None))
+        newest = LazyPayload(make, self._link.session.new_timestamp() if several else None)
+        self._kept.append(newest)
         if not to_send:
             return False
         outgoing = newest()
@@ -169,7 +196,7 @@ class StreamPublisher:
         the latest timestamp, or without timestamps the last.
         """
         for kept in tuple(self._kept):
-            sent = kept.payload()
+            sent = kept()
             refusal = self.may_reply(len(sent.payload))
             if refusal:
                 query.reply_err(refusal.encode(), encoding="text/plain")

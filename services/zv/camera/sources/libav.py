@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
 from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_RAW_BYTES
-from zenoh_vision.image.planar import Plane, PlanarForm, PlanarPicture, are_even
+from zenoh_vision.image.planar import PlanarForm, PlanarPicture, Plane, are_even
 from zv.camera.sources.base import Picture, picture_of
 from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
 from zv.camera.sources.swscale import BgrWriter
