@@ -50,8 +50,8 @@ def material(source: str) -> list[NDArray[np.uint8]]:
 
 def pixels_of(picture: Picture) -> NDArray[np.uint8]:
     """Return the pixels of a picture, decoded or converted if it came without."""
-    if picture.planar is not None:
-        return picture.planar.bgr()
+    if picture.stored is not None:
+        return picture.stored.bgr()
     return decode_jpeg(picture.jpeg, "bgr8") if picture.pixels is None else picture.pixels
 
 

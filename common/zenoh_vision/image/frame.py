@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.depth import RangeFinder, ValueRange, eight_bits
 from zenoh_vision.image.pixel_formats import Pixels
-from zenoh_vision.image.planar import PlanarPicture
+from zenoh_vision.image.stored import StoredPicture
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Header
 
@@ -32,7 +32,8 @@ class Frame:
         header: Its identity; ``header.encoding`` is the format of ``pixels``.
         pixels: (height, width[, channels]) in that encoding, if it is made from pixels.
         compressed: JPEG, or PNG for 16 bits, if it is made from a compressed picture; bytes.
-        planar: Planes of luma and chroma, if it is made from them; in colour, 8 bits.
+        stored: A source's picture that is not converted yet, if it is made from one; in colour, 8
+            bits.
         finder: Finds the range of 16-bit values that becomes 8 bits; None for the whole range.
         quality: JPEG quality, 1 to 100, if it must be encoded.
         key: The key on which it arrived; empty if it was made in this process.
@@ -53,15 +54,15 @@ class Frame:
         *,
         pixels: Pixels | None = None,
         compressed: bytes | None = None,
-        planar: PlanarPicture | None = None,
+        stored: StoredPicture | None = None,
         quality: int = 80,
         key: str = "",
         borrowed: bool = False,
         bilevel: bool = False,
         finder: RangeFinder | None = None,
     ) -> None:
-        if [pixels is None, compressed is None, planar is None].count(False) != 1:
-            raise ValueError("a frame is made from either pixels, planes or a compressed picture")
+        if [pixels is None, compressed is None, stored is None].count(False) != 1:
+            raise ValueError("a frame is made from either pixels, a stored or a compressed picture")
         pixel_formats.encoding_named(header.encoding)
         self.header = header
         self.key = key
@@ -71,7 +72,7 @@ class Frame:
         self._encoding = header.encoding or ""
         self._pixels = None if pixels is None else _read_only(pixels)
         self._compressed = compressed
-        self._planar = planar
+        self._stored = stored
         self._quality = quality
         self._is_deep = (
             self._encoding in pixel_formats.DEEP
@@ -165,8 +166,8 @@ class Frame:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
         with self._lock:
-            if self._pixels is None and self._planar is not None:
-                bgr = self._planar.bgr()
+            if self._pixels is None and self._stored is not None:
+                bgr = self._stored.bgr()
                 self._pixels = _read_only(pixel_formats.convert(bgr, "bgr8", self._encoding))
             elif self._pixels is None:
                 self._pixels = _read_only(self._decode(self._encoding))
@@ -191,7 +192,7 @@ class Frame:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
         with self._lock:
-            jpeg = None if self._planar is not None else self._compressed
+            jpeg = None if self._stored is not None else self._compressed
             if self._pixels is None and jpeg is not None and jpeg.startswith(codecs.JPEG_START):
                 return codecs.decode_jpeg(jpeg, encoding, (width, height))
             return self._eight_bits(encoding)
@@ -210,11 +211,11 @@ class Frame:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
         with self._lock:
-            if self._pixels is None and self._planar is not None and self._encoding == "bgr8":
-                width, height = self._planar.size
-                self._planar.copy_bgr(target.reshape(height, width, 3))
+            if self._pixels is None and self._stored is not None and self._encoding == "bgr8":
+                width, height = self._stored.size
+                self._stored.copy_bgr(target.reshape(height, width, 3))
                 return
-            jpeg = None if self._planar is not None else self._compressed
+            jpeg = None if self._stored is not None else self._compressed
             shallow = self._encoding not in pixel_formats.DEEP
             if self._pixels is None and jpeg is not None and shallow:
                 size = (self.header.width, self.header.height)
@@ -232,8 +233,8 @@ class Frame:
         return self.gray if name == "gray" else self.pixels
 
     def _encode(self) -> bytes:
-        if self._planar is not None:
-            return self._planar.jpeg(self._quality)
+        if self._stored is not None:
+            return self._stored.jpeg(self._quality)
         assert self._pixels is not None
         depth = self.depth
         if depth is not None:
@@ -255,7 +256,7 @@ class Frame:
         if depth is not None:
             gray = eight_bits(depth, self.value_range)
             return np.asarray(pixel_formats.convert(gray, "mono8", encoding), np.uint8)
-        if self._pixels is None and self._planar is None and self._compressed is not None:
+        if self._pixels is None and self._stored is None and self._compressed is not None:
             return np.asarray(self._decode(encoding), np.uint8)
         return np.asarray(pixel_formats.convert(self.pixels, self._encoding, encoding), np.uint8)
 

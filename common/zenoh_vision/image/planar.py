@@ -6,7 +6,6 @@ a quarter of its encoding.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -14,6 +13,8 @@ import cv2
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
+
+from zenoh_vision.image.stored import StoredPicture, are_equal
 
 Plane = NDArray[np.uint8]
 Planes = tuple[Plane, Plane, Plane]
@@ -27,10 +28,8 @@ LUMA_OFFSET = -0.5  # rounds down, as libav's conversion to BGR does
 CHROMA_OFFSET = 128 - 112 * CHROMA_SCALE
 
 
-class PlanarPicture:
-    """A decoded picture of BT.601 in 4:2:0; its forms are made on demand, each at most once.
-
-    Safe to use from several threads.
+class PlanarPicture(StoredPicture):
+    """A decoded picture of BT.601 in 4:2:0.
 
     Args:
         planes: Luma (height, width), both even; blue and red chroma, half as high and wide;
@@ -55,21 +54,20 @@ class PlanarPicture:
         write_bgr: Callable[[NDArray[np.uint8]], None] | None = None,
         asked: Callable[[PlanarForm], None] = lambda _: None,
     ) -> None:
+        super().__init__()
         if not are_even(*planes[0].shape):
             raise ValueError(f"planes of {planes[0].shape}: both sides must be even")
-        self.stored = planes
+        self.planes = planes
         self._is_full_range = full_range
         self._full: Planes | None = planes if full_range else None
-        self._bgr: NDArray[np.uint8] | None = None
         self._to_bgr = to_bgr
-        self._write_bgr = write_bgr
+        self._writer = write_bgr
         self._asked = asked
-        self._lock = threading.Lock()
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height, pixels."""
-        height, width = self.stored[0].shape
+        height, width = self.planes[0].shape
         return width, height
 
     def prepare(self, forms: Sequence[PlanarForm]) -> None:
@@ -78,22 +76,12 @@ class PlanarPicture:
             if form == "planes":
                 self._full_range()
             else:
-                self._pixels()
+                super().bgr()
 
     def bgr(self) -> NDArray[np.uint8]:
         """Return the pixels, (height, width, 3); read-only."""
         self._asked("bgr")
-        return self._pixels()
-
-    def copy_bgr(self, target: NDArray[np.uint8]) -> None:
-        """Write the pixels to memory of their size, (height, width, 3); they are not kept."""
-        prepared = self._bgr
-        if prepared is not None:
-            np.copyto(target, prepared)  # not a request: the next picture need not be prepared
-        elif self._write_bgr is not None:
-            self._write_bgr(target)
-        else:
-            np.copyto(target, self.bgr())
+        return super().bgr()
 
     def jpeg(self, quality: int) -> bytes:
         """Return the picture as a JPEG of this quality, 1 to 100."""
@@ -108,7 +96,7 @@ class PlanarPicture:
             return None
         rows, columns = slice(y, y + height), slice(x, x + width)
         half = (slice(y // 2, (y + height) // 2), slice(x // 2, (x + width) // 2))
-        luma, blue, red = self.stored
+        luma, blue, red = self.planes
         parts = luma[rows, columns], blue[half], red[half]
         return PlanarPicture(
             (
@@ -120,25 +108,23 @@ class PlanarPicture:
             to_bgr=lambda: np.ascontiguousarray(self.bgr()[rows, columns]),
         )
 
-    def equals(self, other: PlanarPicture) -> bool:
+    def equals(self, other: StoredPicture) -> bool:
         """Tell whether another picture has the same planes."""
-        if self.size != other.size:
-            return False
-        row = self.stored[0].shape[0] // 2
-        if not np.array_equal(self.stored[0][row], other.stored[0][row]):
-            return False  # one row is nearly always enough to find a difference
-        return all(map(np.array_equal, self.stored, other.stored))
+        return isinstance(other, PlanarPicture) and all(map(are_equal, self.planes, other.planes))
 
-    def _pixels(self) -> NDArray[np.uint8]:
-        with self._lock:
-            if self._bgr is None:
-                self._bgr = self._to_bgr()
-            return self._bgr
+    def _made_bgr(self) -> NDArray[np.uint8]:
+        return self._to_bgr()
+
+    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:
+        if self._writer is None:
+            return False
+        self._writer(target)
+        return True
 
     def _full_range(self) -> Planes:
         with self._lock:
             if self._full is None:
-                luma, blue, red = self.stored
+                luma, blue, red = self.planes
                 self._full = (
                     _scaled(luma, LUMA_SCALE, LUMA_OFFSET),
                     _scaled(blue, CHROMA_SCALE, CHROMA_OFFSET),

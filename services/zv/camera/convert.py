@@ -58,8 +58,8 @@ class Converter:
         unchanged = is_unchanged(picture, wanted, flip)
         if picture.jpeg is not None and unchanged and self._is_valid(picture.jpeg, header.epoch):
             return Frame(header, compressed=picture.jpeg)
-        if picture.planar is not None and unchanged and wanted not in pixel_formats.DEEP:
-            return Frame(header, planar=picture.planar, quality=quality)
+        if picture.stored is not None and unchanged and wanted not in pixel_formats.DEEP:
+            return Frame(header, stored=picture.stored, quality=quality)
         return Frame(header, pixels=_pixels(picture, wanted, flip), quality=quality)
 
     def _is_valid(self, jpeg: bytes, epoch: int) -> bool:
@@ -91,8 +91,8 @@ def decoded(picture: Picture, encoding: str, least: tuple[int, int] = (0, 0)) ->
     Raises:
         PayloadError: ``corrupt``.
     """
-    if picture.planar is not None:
-        return picture.planar.bgr()
+    if picture.stored is not None:
+        return picture.stored.bgr()
     if picture.pixels is not None:
         return picture.pixels
     # Flaws that libjpeg can repair are accepted in a webcam's JPEG.

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
+from zenoh_vision.image.stored import are_equal
 from zv.camera.sources.base import Picture
 
 EARLY = 0.25
@@ -61,11 +60,8 @@ class FrameFilter:
 def _equal(one: Picture, other: Picture) -> bool:
     if one.jpeg is not None and other.jpeg is not None:
         return one.jpeg == other.jpeg
-    if one.planar is not None and other.planar is not None:
-        return one.planar.equals(other.planar)
-    if one.pixels is None or other.pixels is None or one.pixels.shape != other.pixels.shape:
+    if one.stored is not None and other.stored is not None:
+        return one.stored.equals(other.stored)
+    if one.pixels is None or other.pixels is None:
         return False
-    row = one.pixels.shape[0] // 2
-    if not np.array_equal(one.pixels[row], other.pixels[row]):
-        return False  # one row is nearly always enough to find a difference
-    return np.array_equal(one.pixels, other.pixels)
+    return are_equal(one.pixels, other.pixels)

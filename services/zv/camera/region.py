@@ -45,9 +45,9 @@ def cropped(picture: Picture, box: Box, flip: str) -> Picture:
     x, y, width, height = box
     x = picture.width - x - width if flip in ("horizontal", "both") else x
     y = picture.height - y - height if flip in ("vertical", "both") else y
-    planar = None if picture.planar is None else picture.planar.cropped((x, y, width, height))
+    stored = None if picture.stored is None else picture.stored.cropped((x, y, width, height))
     pixels: Pixels | None = None
-    if planar is None:
+    if stored is None:
         part = decoded(picture, picture.encoding)[y : y + height, x : x + width]
         pixels = part.copy()  # so that the rest is not kept in memory
     truth = picture.truth
@@ -55,7 +55,7 @@ def cropped(picture: Picture, box: Box, flip: str) -> Picture:
         seen = (_cut_out(track, (x, y, width, height)) for track in truth)
         truth = tuple(track for track in seen if track is not None)
     return replace(
-        picture, width=width, height=height, pixels=pixels, jpeg=None, planar=planar, truth=truth
+        picture, width=width, height=height, pixels=pixels, jpeg=None, stored=stored, truth=truth
     )
 
 

@@ -159,5 +159,5 @@ def reduced(picture: Picture, divisor: int) -> Picture:
             for track in truth
         )
     return replace(
-        picture, width=width, height=height, pixels=pixels, jpeg=None, planar=None, truth=truth
+        picture, width=width, height=height, pixels=pixels, jpeg=None, stored=None, truth=truth
     )

@@ -116,7 +116,7 @@ def with_orientation(jpeg: bytes, orientation: int, order: str = "little") -> by
 
 def shown(picture: Picture) -> NDArray[np.generic]:
     """Return the pixels of a source's picture, converted if it came as planes."""
-    if picture.planar is not None:
-        return picture.planar.bgr()
+    if picture.stored is not None:
+        return picture.stored.bgr()
     assert picture.pixels is not None
     return picture.pixels

@@ -80,7 +80,7 @@ def frame(counts: Counter[str], encoding: str = "bgr8") -> Frame:
         return np.full((48, 64, 3), (10, 200, 30), np.uint8)
 
     planar = PlanarPicture(plain(64, 48, GREEN), full_range=False, to_bgr=to_bgr)
-    return Frame(header(encoding=encoding), planar=planar, quality=80)
+    return Frame(header(encoding=encoding), stored=planar, quality=80)
 
 
 def test_a_frame_of_planes_makes_pixels_only_if_they_are_asked_for_and_once():
@@ -132,10 +132,10 @@ def test_pixels_are_written_to_memory_without_a_copy_unless_they_exist_already()
         to_bgr=lambda: np.full((48, 64, 3), (1, 2, 3), np.uint8),
         write_bgr=write_bgr,
     )
-    Frame(header(), planar=planar).copy_raw(memory)
+    Frame(header(), stored=planar).copy_raw(memory)
     assert memory.reshape(-1, 3).tolist() == [[10, 200, 30]] * (48 * 64)
     assert planar.bgr()[0, 0].tolist() == [1, 2, 3]
-    Frame(header(), planar=planar).copy_raw(memory)
+    Frame(header(), stored=planar).copy_raw(memory)
     assert memory.reshape(-1, 3).tolist() == [[1, 2, 3]] * (48 * 64)
     assert counts == {"written": 1}
 
@@ -163,7 +163,7 @@ def test_memory_gets_the_pixels_in_the_encoding_of_the_frame():
         to_bgr=lambda: np.full((48, 64, 3), 77, np.uint8),
         write_bgr=lambda _: pytest.fail("it is no memory for BGR"),
     )
-    Frame(header(encoding="mono8"), planar=planar).copy_raw(memory)
+    Frame(header(encoding="mono8"), stored=planar).copy_raw(memory)
     assert set(memory.tolist()) == {77}
 
 

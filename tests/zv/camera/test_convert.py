@@ -262,7 +262,7 @@ def planar(bgr: Any) -> PlanarPicture:
 def test_planes_are_encoded_unless_they_must_change(
     encoding: str, flip: str, is_encoded_from_planes: bool
 ):
-    found = converted(Picture("bgr8", 64, 48, planar=planar(SCENE)), encoding, flip)
+    found = converted(Picture("bgr8", 64, 48, stored=planar(SCENE)), encoding, flip)
     assert born_as_pixels(found) is not is_encoded_from_planes
     expected = pixel_formats.convert(FLIPS[flip](SCENE), "bgr8", encoding)
     assert np.array_equal(found.pixels, expected)

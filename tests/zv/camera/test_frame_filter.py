@@ -25,7 +25,7 @@ def packet(jpeg: bytes) -> Picture:
 
 def planar(red: int = 128) -> Picture:
     planes = (NOISE[:, :, 0], NOISE[:5, :6, 1], np.full((5, 6), red, np.uint8))
-    return Picture("bgr8", 12, 10, planar=PlanarPicture(planes, full_range=True, to_bgr=NOISE.copy))
+    return Picture("bgr8", 12, 10, stored=PlanarPicture(planes, full_range=True, to_bgr=NOISE.copy))
 
 
 def test_the_first_picture_repeats_nothing():

@@ -84,7 +84,7 @@ def test_a_videos_picture_shows_the_part_as_pixels_and_as_jpeg(box, flip: str):
     x, y, width, height = box
     expected = whole.bgr()[::-1, ::-1] if flip == "both" else whole.bgr()
     expected = expected[y : y + height, x : x + width]
-    part = cropped(Picture("bgr8", 320, 240, planar=whole), box, flip)
+    part = cropped(Picture("bgr8", 320, 240, stored=whole), box, flip)
     header = Header(
         camera="front", seq=0, epoch=1, stamp_ns=0, width=width, height=height, encoding="bgr8"
     )
@@ -92,7 +92,7 @@ def test_a_videos_picture_shows_the_part_as_pixels_and_as_jpeg(box, flip: str):
     shown = cv2.imdecode(np.frombuffer(frame.compressed, np.uint8), cv2.IMREAD_COLOR)
     assert np.array_equal(frame.pixels, expected)
     assert np.abs(shown.astype(int) - expected).mean() < 2
-    assert (part.planar is not None) is (box == BOX)
+    assert (part.stored is not None) is (box == BOX)
 
 
 def test_the_truth_is_in_pixels_of_the_region_and_only_what_is_seen_in_it():

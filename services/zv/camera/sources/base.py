@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 from numpy.typing import NDArray
 
 from zenoh_vision.image.pixel_formats import Pixels, encoding_of
-from zenoh_vision.image.planar import PlanarPicture
+from zenoh_vision.image.stored import StoredPicture
 from zenoh_vision.messages import Track
 
 
@@ -19,10 +19,10 @@ class Picture:
     Attributes:
         encoding: That of the decoded pixels: ``mono8 mono16 bgr8 rgb8 bgra8 rgba8 16UC1 32FC1``.
         pixels: (height, width) or (height, width, channels), uint8, uint16 or float32; None where
-            the source delivered a JPEG that is not decoded yet, or planes.
+            the source delivered a JPEG or another form that is not decoded yet.
         jpeg: The packet of an MJPEG source, complete (Huffman tables included); None for other
             sources.
-        planar: A decoded video's picture, not converted yet to ``bgr8``; None for others.
+        stored: A video's or webcam's picture, not converted yet to ``bgr8``; None for others.
         stamp_ns: Capture time, ns since 1970; None if unknown.
         due_s: When to publish it, seconds on the source's own clock since its first picture; None
             for a source that paces itself or has no clock.
@@ -34,7 +34,7 @@ class Picture:
     height: int
     pixels: Pixels | None = None
     jpeg: bytes | None = None
-    planar: PlanarPicture | None = None
+    stored: StoredPicture | None = None
     stamp_ns: int | None = None
     due_s: float | None = None
     truth: tuple[Track, ...] | None = None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError, SourceError, SourceLost
 from zenoh_vision.host import video_devices
+from zenoh_vision.image.packed import PackedPicture, is_packed
 from zv.camera.sources.base import Picture, picture_of
 from zv.camera.sources.mjpeg import START_OF_IMAGE, DamagedJpeg, whole_jpeg
 
@@ -27,6 +28,9 @@ MAX_AGE_S: Final = 1.0
 """Highest age of a driver's time stamp; an older one was made by another clock."""
 
 CONVERT: Final = cv2.CAP_PROP_CONVERT_RGB
+
+UNDECODED: Final = {"MJPG": "MJPG", "JPEG": "MJPG", "YUYV": "YUYV", "YUY2": "YUYV"}
+"""Formats that are read as the device delivers them, by the FOURCC that it grants."""
 
 
 def open_capture(device: str | int) -> cv2.VideoCapture:
@@ -48,8 +52,10 @@ class DeviceSource:
     """Pictures of a local camera, which is named by its number or path.
 
     If the device delivers MJPG, its packets are read undecoded, so that they need neither decoding
-    nor encoding. Width, height, rate and pixel format (FOURCC) are requests, None for the device's
-    choice; ``description`` has the values that the device uses.
+    nor encoding. YUYV is read as it is too, so that it can be converted straight into the memory
+    that is to hold the pixels. OpenCV decodes other formats. Width, height, rate and pixel format
+    (FOURCC) are requests, None for the device's choice; ``description`` has the values that the
+    device uses.
 
     Raises:
         SourceError: It cannot be opened or delivers no picture; the text lists the existing
@@ -85,8 +91,9 @@ class DeviceSource:
             if value:
                 self._capture.set(property_id, value)
         granted = _fourcc_text(self._capture.get(cv2.CAP_PROP_FOURCC))
-        # 0: deliver the packets undecoded.
-        self._packets = granted in ("MJPG", "JPEG") and self._capture.set(CONVERT, 0)
+        self._undecoded = UNDECODED.get(granted)
+        if self._undecoded and not self._capture.set(CONVERT, 0):
+            self._undecoded = None
         try:
             self._first: Picture | None = self._next()
         except SourceLost as error:
@@ -124,7 +131,13 @@ class DeviceSource:
 
     def _picture(self, image: NDArray[Any]) -> Picture | None:
         """Return an image of the device as a picture; None if it is damaged."""
-        if self._packets and 1 in image.shape[:2]:
+        if self._undecoded == "YUYV" and image.shape[2:] != (3,):  # some decode it nevertheless
+            if is_packed(image):
+                packed = PackedPicture(image)
+                return Picture("bgr8", *packed.size, stored=packed, stamp_ns=self._stamp_ns())
+            self._decode_from_now(f"delivers no YUYV, but {image.shape} {image.dtype}")
+            return None
+        if self._undecoded == "MJPG" and 1 in image.shape[:2]:
             packet = image.tobytes()
             try:
                 jpeg = whole_jpeg(packet)
@@ -144,7 +157,7 @@ class DeviceSource:
 
     def _decode_from_now(self, reason: str) -> None:
         log.warning("%s: %s; its pictures are decoded", self._name, reason)
-        self._packets = False
+        self._undecoded = None
         if not self._capture.set(CONVERT, 1):
             raise SourceLost(f"{self._name}: {reason}")
 

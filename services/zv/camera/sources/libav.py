@@ -215,7 +215,7 @@ class AvStream:
         )
         forms, self._asked = tuple(self._asked), set()
         planar.prepare(forms)  # before they are requested, as they were of earlier pictures
-        return Picture("bgr8", *planar.size, planar=planar, due_s=due_s)
+        return Picture("bgr8", *planar.size, stored=planar, due_s=due_s)
 
     def _pixels(self, frame: VideoFrame) -> NDArray[Any]:
         wanted = _pixel_format(frame.format)

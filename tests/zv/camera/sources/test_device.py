@@ -42,7 +42,7 @@ class StandIn:
         self,
         images: Iterable[Any] = (),
         *,
-        fourcc: str = "YUYV",
+        fourcc: str = "BGR3",
         rate_hz: float = 30.0,
         is_open: bool = True,
         can_give_packets: bool = True,
@@ -99,7 +99,7 @@ def test_what_the_device_granted_stands_in_the_description():
     source = DeviceSource(
         "/dev/video2", width=1920, height=1080, rate_hz=60, capture=StandIn([PIXELS])
     )
-    assert source.description == "device /dev/video2 (64x48, 30 Hz, YUYV)"
+    assert source.description == "device /dev/video2 (64x48, 30 Hz, BGR3)"
 
 
 def test_the_format_is_asked_for_before_size_and_rate_which_depend_on_it():
@@ -118,6 +118,45 @@ def test_nothing_is_asked_for_that_was_not_wanted():
     stand_in = StandIn([PIXELS])
     DeviceSource(0, capture=stand_in)
     assert stand_in.asked == []
+
+
+def yuyv(width: int, height: int) -> np.ndarray:
+    """Return a grey picture of two bytes a pixel that is brighter to the right."""
+    luma = np.tile(np.linspace(16, 235, width).astype(np.uint8), (height, 1))
+    return np.dstack([luma, np.full_like(luma, 128)])
+
+
+@pytest.mark.parametrize("fourcc", ["YUYV", "YUY2"])
+def test_yuyv_is_converted_only_for_who_wants_pixels(fourcc: str):
+    stand_in = StandIn([yuyv(64, 48)], fourcc=fourcc)
+    picture = DeviceSource(0, capture=stand_in).read()
+    assert (cv2.CAP_PROP_CONVERT_RGB, 0) in stand_in.asked
+    assert (picture.encoding, picture.width, picture.height) == ("bgr8", 64, 48)
+    assert (picture.pixels, picture.jpeg) == (None, None)
+    assert picture.stored is not None
+    first, last = picture.stored.bgr()[24, [0, 63]].tolist()
+    assert (first, last) == ([0, 0, 0], [255, 255, 255])
+
+
+@pytest.mark.parametrize(
+    "image",
+    [yuyv(64, 48).reshape(1, -1), yuyv(64, 48).ravel(), yuyv(63, 48), noise(72, 64)],
+    ids=["one row", "no rows", "an odd width", "12 bits a pixel"],
+)
+def test_a_device_whose_yuyv_is_something_else_is_asked_to_have_it_decoded(
+    image: np.ndarray, caplog: pytest.LogCaptureFixture
+):
+    stand_in = StandIn([image, PIXELS], fourcc="YUYV")
+    picture = DeviceSource(0, capture=stand_in).read()
+    assert np.array_equal(picture.pixels, PIXELS)
+    assert stand_in.asked[-1] == (cv2.CAP_PROP_CONVERT_RGB, 1)
+    assert f"delivers no YUYV, but {image.shape} uint8" in caplog.text
+
+
+@pytest.mark.parametrize("can_give_packets", [True, False])
+def test_yuyv_that_is_decoded_all_the_same_is_taken_as_pixels(can_give_packets: bool):
+    stand_in = StandIn([PIXELS], fourcc="YUYV", can_give_packets=can_give_packets)
+    assert np.array_equal(DeviceSource(0, capture=stand_in).read().pixels, PIXELS)
 
 
 def test_packets_of_an_mjpg_device_come_through_undecoded():

@@ -136,8 +136,8 @@ def test_a_jpeg_of_a_videos_planes_has_the_colours_of_its_pixels(
     smooth = cv2.GaussianBlur(colour_bars(), (0, 0), 4)
     path = make_video(tmp_path / "a.mkv", codec="ffv1", frames=[smooth], tags=tags)
     (picture,) = pictures(path)
-    assert picture.planar is not None
-    by_planes = decoded(picture.planar.jpeg(95)).astype(int)
+    assert picture.stored is not None
+    by_planes = decoded(picture.stored.jpeg(95)).astype(int)
     by_pixels = decoded(codecs.encode_jpeg(shown(picture), "bgr8", 95))
     difference = np.abs(by_planes - by_pixels)
     assert difference.mean() < 1.6
@@ -151,7 +151,7 @@ def test_memory_gets_the_pixels_of_a_video(
 ):
     shows = noise(48, width, 3)
     path = make_video(tmp_path / "a.mkv", codec="ffv1", frames=[shows, shows], tags=tags)
-    first, second = (picture.planar for picture in pictures(path))
+    first, second = (picture.stored for picture in pictures(path))
     memory = np.zeros((48, width, 3), np.uint8)
     if width == 64:
         monkeypatch.setattr(first, "_to_bgr", lambda: pytest.fail("it is converted and copied"))
@@ -178,7 +178,7 @@ def test_planes_that_no_jpeg_can_store_are_converted(
         tmp_path / "a.mkv", codec="ffv1", pixel_format=pixel_format, frames=[frame], tags=tags
     )
     (picture,) = pictures(path)
-    assert picture.planar is None
+    assert picture.stored is None
     assert picture.pixels.shape == (*size, 3)
 
 
@@ -188,8 +188,8 @@ def test_forms_that_were_asked_for_are_prepared_for_the_next_picture(
     prepared = []
     monkeypatch.setattr(PlanarPicture, "prepare", lambda _, forms: prepared.append(set(forms)))
     source = VideoSource(make_video(tmp_path / "a.avi"))
-    source.read().planar.jpeg(80)
-    source.read().planar.bgr()
+    source.read().stored.jpeg(80)
+    source.read().stored.bgr()
     source.read()
     source.read()
     source.close()
