@@ -6,8 +6,7 @@ a quarter of its encoding.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Literal
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -18,7 +17,6 @@ from zenoh_vision.image.stored import StoredPicture, are_equal
 
 Plane = NDArray[np.uint8]
 Planes = tuple[Plane, Plane, Plane]
-PlanarForm = Literal["planes", "bgr"]
 
 BLACK = 16
 """Factors of the limited range, in which videos store luma as 16 to 235, chroma as 16 to 240."""
@@ -36,10 +34,6 @@ class PlanarPicture(StoredPicture):
             uint8. Not modified, and kept.
         full_range: Whether black is 0 and white 255, as in a JPEG, instead of 16 and 235.
         to_bgr: Makes the pixels, (height, width, 3).
-        write_bgr: Writes them to memory of their size instead, without a copy; None if that is not
-            possible.
-        asked: Called with each form that is asked for, so that it can be prepared for the next
-            picture.
 
     Raises:
         ValueError: A side is odd, for which libjpeg 3.1 encodes a wrong last row.
@@ -51,8 +45,6 @@ class PlanarPicture(StoredPicture):
         *,
         full_range: bool,
         to_bgr: Callable[[], NDArray[np.uint8]],
-        write_bgr: Callable[[NDArray[np.uint8]], None] | None = None,
-        asked: Callable[[PlanarForm], None] = lambda _: None,
     ) -> None:
         super().__init__()
         if not are_even(*planes[0].shape):
@@ -61,8 +53,6 @@ class PlanarPicture(StoredPicture):
         self._is_full_range = full_range
         self._full: Planes | None = planes if full_range else None
         self._to_bgr = to_bgr
-        self._writer = write_bgr
-        self._asked = asked
 
     @property
     def size(self) -> tuple[int, int]:
@@ -70,22 +60,12 @@ class PlanarPicture(StoredPicture):
         height, width = self.planes[0].shape
         return width, height
 
-    def prepare(self, forms: Sequence[PlanarForm]) -> None:
-        """Make forms that will probably be asked for."""
-        for form in forms:
-            if form == "planes":
-                self._full_range()
-            else:
-                super().bgr()
-
-    def bgr(self) -> NDArray[np.uint8]:
-        """Return the pixels, (height, width, 3); read-only."""
-        self._asked("bgr")
-        return super().bgr()
+    def prepare(self) -> None:
+        """Scale the planes as a JPEG stores them, which ``jpeg`` does if it was not done before."""
+        self._full_range()
 
     def jpeg(self, quality: int) -> bytes:
         """Return the picture as a JPEG of this quality, 1 to 100."""
-        self._asked("planes")
         jpeg: bytes = simplejpeg.encode_jpeg_yuv_planes(*self._full_range(), quality=quality)
         return jpeg
 
@@ -115,11 +95,8 @@ class PlanarPicture(StoredPicture):
     def _made_bgr(self) -> NDArray[np.uint8]:
         return self._to_bgr()
 
-    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:
-        if self._writer is None:
-            return False
-        self._writer(target)
-        return True
+    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:  # noqa: ARG002
+        return False
 
     def _full_range(self) -> Planes:
         with self._lock:

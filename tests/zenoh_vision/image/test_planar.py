@@ -118,50 +118,12 @@ def test_pixels_that_are_copied_are_not_those_of_the_jpeg():
     assert memory[:3].tolist() == [10, 200, 30]
 
 
-def test_pixels_are_written_to_memory_without_a_copy_unless_they_exist_already():
-    counts: Counter[str] = Counter()
-    memory = np.zeros(48 * 64 * 3, np.uint8)
-
-    def write_bgr(target: NDArray[np.uint8]) -> None:
-        counts["written"] += 1
-        target[:] = (10, 200, 30)
-
-    planar = PlanarPicture(
-        plain(64, 48, GREEN),
-        full_range=False,
-        to_bgr=lambda: np.full((48, 64, 3), (1, 2, 3), np.uint8),
-        write_bgr=write_bgr,
-    )
-    Frame(header(), stored=planar).copy_raw(memory)
-    assert memory.reshape(-1, 3).tolist() == [[10, 200, 30]] * (48 * 64)
-    assert planar.bgr()[0, 0].tolist() == [1, 2, 3]
-    Frame(header(), stored=planar).copy_raw(memory)
-    assert memory.reshape(-1, 3).tolist() == [[1, 2, 3]] * (48 * 64)
-    assert counts == {"written": 1}
-
-
-def test_a_copy_of_prepared_pixels_asks_for_none_of_the_next_picture():
-    asked: list[str] = []
-    planar = PlanarPicture(
-        plain(8, 8, GREEN),
-        full_range=False,
-        to_bgr=lambda: np.full((8, 8, 3), 77, np.uint8),
-        write_bgr=lambda _: pytest.fail("they exist already"),
-        asked=asked.append,
-    )
-    planar.bgr()
-    asked.clear()
-    planar.copy_bgr(np.zeros((8, 8, 3), np.uint8))
-    assert asked == []
-
-
 def test_memory_gets_the_pixels_in_the_encoding_of_the_frame():
     memory = np.zeros(48 * 64, np.uint8)
     planar = PlanarPicture(
         plain(64, 48, GREEN),
         full_range=False,
         to_bgr=lambda: np.full((48, 64, 3), 77, np.uint8),
-        write_bgr=lambda _: pytest.fail("it is no memory for BGR"),
     )
     Frame(header(encoding="mono8"), stored=planar).copy_raw(memory)
     assert set(memory.tolist()) == {77}

@@ -4,32 +4,25 @@ from __future__ import annotations
 
 import ctypes
 import logging
-import threading
 import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import av
-import numpy as np
 from av.container import InputContainer
 from av.error import FFmpegError
 from av.packet import Packet
 from av.stream import Disposition, Stream
-from av.video.format import VideoFormat
 from av.video.frame import VideoFrame
-from av.video.plane import VideoPlane
-from av.video.reformatter import ColorRange, VideoReformatter
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
 from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_RAW_BYTES
-from zenoh_vision.image.planar import PlanarForm, PlanarPicture, Plane, are_even
-from zv.camera.sources.base import Picture, picture_of
+from zv.camera.sources.base import Picture
+from zv.camera.sources.libav_frames import FrameConverter
 from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
-from zv.camera.sources.swscale import BgrWriter
 
 log = logging.getLogger(__name__)
 
@@ -38,10 +31,6 @@ DEFAULT_RATE_HZ: Final = 25.0
 MAX_BLOCK_BYTES: Final = MAX_RAW_BYTES + (1 << 20)
 """The largest block of memory that libav may take: the largest picture, with padding. If a
 server sends no boundary, a packet has no end, and would otherwise grow until the time-out."""
-
-PLANAR: Final = frozenset({"yuv420p", "yuvj420p"})
-BT_601: Final = frozenset({2, 5, 6})  # not stated, BT.470 BG, SMPTE 170M
-"""Colour spaces of JPEG; libav assumes one of these if a stream states none."""
 
 TEXT_DECODERS: Final = frozenset({"ansi", "bintext", "xbin", "idf"})
 """Codecs with which libav draws any text file as a picture of a terminal."""
@@ -132,10 +121,7 @@ class AvStream:
         self._packets: Iterator[Packet[Stream]] = iter(container.demux())
         self._is_mjpeg = context.name == "mjpeg"
         self._frames: deque[VideoFrame] = deque()
-        self._reformatter = VideoReformatter()
-        self._bgr = BgrWriter()
-        self._converting = threading.Lock()  # pixels may be requested by other threads
-        self._asked: set[PlanarForm] = set()
+        self._converter = FrameConverter()
         self._warned = False
         rate = self._stream.average_rate or self._stream.guessed_rate
         self.rate_hz = float(rate) if rate else None
@@ -154,7 +140,8 @@ class AvStream:
         started_s = time.monotonic()
         while True:
             if self._frames:
-                return self._decoded(self._frames.popleft())
+                frame = self._frames.popleft()
+                return self._converter.picture(frame, self._due_s(frame.time))
             packet = next(self._packets, None)
             if packet is None:
                 return None
@@ -192,75 +179,6 @@ class AvStream:
 
     def _due_s(self, time_s: float | None) -> float | None:
         return None if self.live else self._timeline.due_s(time_s)
-
-    def _decoded(self, frame: VideoFrame) -> Picture:
-        """Return a decoded frame, upright, as a picture.
-
-        Planes that a JPEG can store are left as they are. Grey pictures keep their depth (9 to 15
-        bits are scaled up to 16); alpha is kept. All others are converted to BGR by the stream's
-        colour space and range; if the stream states neither, the result equals OpenCV's.
-        """
-        due_s = self._due_s(frame.time)
-        stored = stored_planes(frame)
-        if stored is None:
-            return picture_of(self._pixels(frame), due_s=due_s)
-        full_range = _is_full_range(frame)
-        luma, blue, red = map(_array, stored)
-        planar = PlanarPicture(
-            (luma, blue, red),
-            full_range=full_range,
-            to_bgr=lambda: self._pixels(frame),
-            write_bgr=self._bgr.of(stored, full_range=full_range),
-            asked=lambda form: self._asked.add(form),  # to the set at the time of the call
-        )
-        forms, self._asked = tuple(self._asked), set()
-        planar.prepare(forms)  # before they are requested, as they were of earlier pictures
-        return Picture("bgr8", *planar.size, stored=planar, due_s=due_s)
-
-    def _pixels(self, frame: VideoFrame) -> NDArray[Any]:
-        wanted = _pixel_format(frame.format)
-        with self._converting:
-            converted = self._reformatter.reformat(
-                frame, format=wanted, src_color_range=frame.color_range, threads=1
-            )
-        pixels = converted.to_ndarray()
-        if frame.rotation % 90 == 0 and frame.rotation % 360:
-            pixels = np.rot90(pixels, frame.rotation // 90)
-        if converted is frame or not pixels.flags.c_contiguous:
-            pixels = pixels.copy()  # the decoder may still need its own
-        return pixels
-
-
-def _pixel_format(source: VideoFormat) -> str:
-    """Return libav's name of the pixel format to convert to."""
-    components = source.components
-    if any(component.is_alpha for component in components):
-        return "bgra"
-    if source.has_palette or source.is_rgb or len(components) != 1:
-        return "bgr24"
-    return "gray16le" if components[0].bits > 8 else "gray"
-
-
-def stored_planes(frame: VideoFrame) -> tuple[VideoPlane, ...] | None:
-    """Return the planes of a frame if a JPEG can store them; None if its colours are others."""
-    if frame.format.name not in PLANAR or frame.colorspace not in BT_601 or frame.rotation % 360:
-        return None
-    if not are_even(frame.height, frame.width):
-        return None
-    planes = frame.planes  # each access makes new objects
-    if any(plane.line_size < plane.width for plane in planes):  # rows from bottom to top
-        return None
-    return planes
-
-
-def _array(plane: VideoPlane) -> Plane:
-    """Return a view of a plane without the padding of its rows; it keeps the frame's memory."""
-    shape, strides = (plane.height, plane.width), (plane.line_size, 1)
-    return np.ndarray(shape, np.uint8, memoryview(plane), strides=strides)
-
-
-def _is_full_range(frame: VideoFrame) -> bool:
-    return frame.format.name == "yuvj420p" or frame.color_range == ColorRange.JPEG
 
 
 def _video_stream(container: InputContainer) -> VideoStream:

@@ -9,8 +9,7 @@ from __future__ import annotations
 import ctypes
 import threading
 import weakref
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -60,29 +59,26 @@ class BgrWriter:
         self._context = ctypes.c_void_p()
         self._lock = threading.Lock()
 
-    def of(
-        self, planes: Sequence[VideoPlane], *, full_range: bool
-    ) -> Callable[[NDArray[np.uint8]], None] | None:
-        """Return a function that writes the pixels of planes to memory; None if that is impossible.
-
-        The pixels are the same as PyAV's.
+    def write(
+        self, planes: Sequence[VideoPlane], *, full_range: bool, target: NDArray[np.uint8]
+    ) -> bool:
+        """Write the pixels of planes to memory; they are the same as PyAV's.
 
         Args:
             planes: Luma, blue and red chroma of a frame in 4:2:0 of BT.601, both sides even.
             full_range: Whether black is 0 and white 255.
-        """
-        if _LIBRARIES is None or planes[0].width % BLOCK:
-            return None
-        return partial(self._write, _LIBRARIES, planes, full_range)
+            target: (height, width, 3), without gaps.
 
-    def _write(
-        self,
-        libraries: ctypes.CDLL,
-        planes: Sequence[VideoPlane],
-        full_range: bool,
-        target: NDArray[np.uint8],
-    ) -> None:
-        width, height = planes[0].width, planes[0].height
+        Returns:
+            False if that is not possible on this machine, or for this width.
+
+        Raises:
+            ValueError: The memory does not fit.
+            PayloadError: ``corrupt``.
+        """
+        libraries, width, height = _LIBRARIES, planes[0].width, planes[0].height
+        if libraries is None or width % BLOCK:
+            return False
         if target.shape != (height, width, 3) or target.dtype != np.uint8:
             raise ValueError(f"{target.shape} {target.dtype} is no memory for {width}x{height} BGR")
         if not (target.flags.c_contiguous and target.flags.writeable):
@@ -101,6 +97,7 @@ class BgrWriter:
             )
         if rows != height:
             raise PayloadError("corrupt", f"{rows} of {height} rows could be converted")
+        return True
 
     def _open(self, libraries: ctypes.CDLL, width: int, height: int, full_range: bool) -> None:
         stored, made = map(libraries.av_get_pix_fmt, (b"yuv420p", b"bgr24"))

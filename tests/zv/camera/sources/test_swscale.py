@@ -11,7 +11,7 @@ from av.video.plane import VideoPlane
 from av.video.reformatter import ColorRange
 from numpy.typing import NDArray
 
-from zv.camera.sources.libav import stored_planes
+from zv.camera.sources.libav_frames import stored_planes
 from zv.camera.sources.swscale import BgrWriter
 
 GUARD = 64
@@ -37,9 +37,8 @@ def planes_of(frame: VideoFrame) -> tuple[VideoPlane, ...]:
 def written(writer: BgrWriter, frame: VideoFrame, *, full_range: bool) -> NDArray[np.uint8]:
     """Return what is written to memory of just the size of the pixels."""
     memory = np.full(frame.width * frame.height * 3 + GUARD, UNTOUCHED, np.uint8)
-    write = writer.of(planes_of(frame), full_range=full_range)
-    assert write is not None
-    write(memory[:-GUARD].reshape(frame.height, frame.width, 3))
+    target = memory[:-GUARD].reshape(frame.height, frame.width, 3)
+    assert writer.write(planes_of(frame), full_range=full_range, target=target)
     assert set(memory[-GUARD:].tolist()) == {UNTOUCHED}
     return memory[:-GUARD].reshape(frame.height, frame.width, 3)
 
@@ -70,7 +69,9 @@ def test_pixels_are_those_of_pyav(width, height, pixel_format, colour_range, ful
 @pytest.mark.parametrize("width", [2, 8, 18, 40, 854])
 def test_widths_of_which_whole_blocks_do_not_fit_are_not_written(width):
     frame = noise(width, 48, "yuv420p", ColorRange.MPEG)
-    assert BgrWriter().of(planes_of(frame), full_range=False) is None
+    memory = np.zeros((48, width, 3), np.uint8)
+    assert not BgrWriter().write(planes_of(frame), full_range=False, target=memory)
+    assert not memory.any()
 
 
 @pytest.mark.parametrize(
@@ -84,10 +85,9 @@ def test_widths_of_which_whole_blocks_do_not_fit_are_not_written(width):
     ids=["other size", "other type", "gaps", "read only"],
 )
 def test_memory_that_does_not_fit_is_refused(memory):
-    write = BgrWriter().of(planes_of(noise(64, 48, "yuv420p", ColorRange.MPEG)), full_range=False)
-    assert write is not None
+    planes = planes_of(noise(64, 48, "yuv420p", ColorRange.MPEG))
     with pytest.raises(ValueError, match="memory"):
-        write(memory)
+        BgrWriter().write(planes, full_range=False, target=memory)
     assert not memory.any()
 
 

@@ -24,10 +24,11 @@ from tests.support.pictures.videos import (
 )
 from zenoh_vision.errors import SourceError
 from zenoh_vision.image import codecs
-from zenoh_vision.image.planar import PlanarPicture
+from zenoh_vision.image import planar as planar_module
 from zv.camera.sources import libav
 from zv.camera.sources.base import Picture
 from zv.camera.sources.libav import Timeline
+from zv.camera.sources.libav_frames import VideoPicture
 from zv.camera.sources.video import VideoSource
 
 MJPEG = {"codec": "mjpeg", "pixel_format": "yuvj420p"}
@@ -154,7 +155,7 @@ def test_memory_gets_the_pixels_of_a_video(
     first, second = (picture.stored for picture in pictures(path))
     memory = np.zeros((48, width, 3), np.uint8)
     if width == 64:
-        monkeypatch.setattr(first, "_to_bgr", lambda: pytest.fail("it is converted and copied"))
+        monkeypatch.setattr(first, "_made_bgr", lambda: pytest.fail("it is converted and copied"))
     first.copy_bgr(memory)
     assert np.array_equal(memory, second.bgr())
 
@@ -186,14 +187,32 @@ def test_forms_that_were_asked_for_are_prepared_for_the_next_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     prepared = []
-    monkeypatch.setattr(PlanarPicture, "prepare", lambda _, forms: prepared.append(set(forms)))
+    monkeypatch.setattr(VideoPicture, "prepare", lambda _, forms: prepared.append(set(forms)))
     source = VideoSource(make_video(tmp_path / "a.avi"))
     source.read().stored.jpeg(80)
-    source.read().stored.bgr()
+    with_pixels = source.read().stored
+    with_pixels.bgr()
     source.read()
+    # A copy of pixels that exist asks for none of the next picture.
+    with_pixels.copy_bgr(np.zeros((*with_pixels.size[::-1], 3), np.uint8))
     source.read()
     source.close()
     assert prepared == [set(), {"planes"}, {"bgr"}, set()]
+
+
+def test_planes_are_scaled_and_pixels_are_made_before_they_are_asked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    source = VideoSource(make_video(tmp_path / "a.avi"))
+    first = source.read().stored
+    first.jpeg(80)
+    first.bgr()
+    second = source.read().stored
+    monkeypatch.setattr(second, "_made_bgr", lambda: pytest.fail("made when asked for"))
+    monkeypatch.setattr(planar_module, "_scaled", lambda *_: pytest.fail("scaled when asked for"))
+    second.bgr()
+    second.jpeg(80)
+    source.close()
 
 
 def test_changing_a_picture_does_not_spoil_the_next(tmp_path: Path):
