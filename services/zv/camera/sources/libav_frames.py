@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -112,7 +113,7 @@ class VideoPicture(StoredPicture):
 
     def cropped(self, box: tuple[int, int, int, int]) -> StoredPicture | None:
         """Return the part in a rectangle (x, y, width, height); None if a number in it is odd."""
-        return self._as_planar().cropped(box)
+        return self._new_planar(self.bgr).cropped(box)
 
     def equals(self, other: StoredPicture) -> bool:
         """Tell whether another picture has the same planes."""
@@ -130,11 +131,16 @@ class VideoPicture(StoredPicture):
     def _as_planar(self) -> PlanarPicture:
         with self._lock:
             if self._planar is None:
-                luma, blue, red = map(_array, self._planes)
-                self._planar = PlanarPicture(
-                    (luma, blue, red), full_range=_is_full_range(self._frame), to_bgr=self.bgr
-                )
+                # Not ``self.bgr``: two objects that refer to each other stay until Python looks for
+                # such cycles, and the memory of dozens of frames with them.
+                self._planar = self._new_planar(partial(self._converter.pixels, self._frame))
             return self._planar
+
+    def _new_planar(self, to_bgr: Callable[[], NDArray[np.uint8]]) -> PlanarPicture:
+        luma, blue, red = map(_array, self._planes)
+        return PlanarPicture(
+            (luma, blue, red), full_range=_is_full_range(self._frame), to_bgr=to_bgr
+        )
 
 
 def stored_planes(frame: VideoFrame) -> tuple[VideoPlane, ...] | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import struct
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 
@@ -213,6 +215,22 @@ def test_planes_are_scaled_and_pixels_are_made_before_they_are_asked_for_again(
     second.bgr()
     second.jpeg(80)
     source.close()
+
+
+def test_a_picture_is_freed_as_soon_as_nothing_refers_to_it(tmp_path: Path):
+    source = VideoSource(make_video(tmp_path / "a.avi"))
+    gc.disable()
+    try:
+        picture = source.read().stored
+        picture.jpeg(80)
+        part = picture.cropped((0, 0, 32, 32))
+        assert (part.bgr() == picture.bgr()[:32, :32]).all()
+        freed = weakref.ref(picture)
+        del picture, part
+        assert freed() is None
+    finally:
+        gc.enable()
+        source.close()
 
 
 def test_changing_a_picture_does_not_spoil_the_next(tmp_path: Path):
