@@ -82,7 +82,8 @@ class FrameReader:
             bell.close()
 
     def _passed_on(self, sample: Any) -> Sample:
-        # iceoryx2's own views of both double the time that this function takes.
+        # iceoryx2's own views of both double the time that this function takes. The lengths are
+        # believed: only processes of this user can write here.
         lengths = Lengths.from_address(sample.user_header_ptr)
         pixels, attached = lengths.pixels, lengths.attachment
         memory = (ctypes.c_uint8 * (pixels + attached)).from_address(sample.payload_ptr)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import cv2
 import numpy as np
 import pytest
 
 from tests.support.headers import header
 from zenoh_vision.messages import Header
-from zenoh_vision.transport.publisher import LazyPayload, Outgoing, encoded_picture
+from zenoh_vision.transport import publisher as publisher_module
+from zenoh_vision.transport.publisher import Demand, LazyPayload, Outgoing, encoded_picture
 
 GREY = np.arange(64 * 48, dtype=np.uint32).reshape(48, 64).astype(np.uint8)
 
@@ -53,3 +57,32 @@ def test_a_sample_is_made_when_first_asked_for_and_only_once():
     assert not made
     assert once() is once()
     assert made == [1]
+
+
+def test_zenoh_is_asked_ten_times_a_second_whether_someone_subscribes(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    now_ns, asked = 5 * 10**9, 0
+    matching = False
+
+    class Asked:
+        @property
+        def matching_status(self) -> SimpleNamespace:
+            nonlocal asked
+            asked += 1
+            return SimpleNamespace(matching=matching)
+
+    clock = SimpleNamespace(monotonic_ns=lambda: now_ns)
+    monkeypatch.setattr(publisher_module, "time", clock)
+    demand = Demand(cast("Any", SimpleNamespace(current=Asked())))
+    assert not demand.exists
+    matching = True
+    now_ns += 99_999_999
+    assert not demand.exists
+    now_ns += 1
+    assert demand.exists
+    matching = False
+    assert demand.exists
+    now_ns += 100_000_000
+    assert not demand.exists
+    assert asked == 3
