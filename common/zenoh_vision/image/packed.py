@@ -55,7 +55,7 @@ class PackedPicture(StoredPicture):
     def _made_bgr(self) -> NDArray[np.uint8]:
         return np.asarray(cv2.cvtColor(self._packed, cv2.COLOR_YUV2BGR_YUYV), np.uint8)
 
-    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:
+    def _write_bgr(self, target: NDArray[np.uint8], /) -> bool:
         # OpenCV would make new memory instead of writing to an array that it cannot use.
         if target.shape != (*self._packed.shape[:2], 3) or target.dtype != np.uint8:
             raise ValueError(f"{target.shape} {target.dtype} is no memory for {self.size}")

@@ -95,9 +95,6 @@ class PlanarPicture(StoredPicture):
     def _made_bgr(self) -> NDArray[np.uint8]:
         return self._to_bgr()
 
-    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:  # noqa: ARG002
-        return False
-
     def _full_range(self) -> Planes:
         with self._lock:
             if self._full is None:

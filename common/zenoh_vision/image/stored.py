@@ -57,9 +57,9 @@ class StoredPicture(ABC):
     def _made_bgr(self) -> NDArray[np.uint8]:
         """Return new pixels."""
 
-    @abstractmethod
-    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:
+    def _write_bgr(self, _target: NDArray[np.uint8], /) -> bool:
         """Write new pixels to memory of their size; return False if that is not possible."""
+        return False
 
 
 def are_equal(one: NDArray[Any], other: NDArray[Any]) -> bool:

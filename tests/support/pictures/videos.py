@@ -14,6 +14,7 @@ from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
 from zv.camera.sources.base import Picture
+from zv.camera.sources.video import VideoSource
 
 WIDTH, HEIGHT = 64, 48
 TICK = Fraction(1, 1000)
@@ -112,6 +113,15 @@ def with_orientation(jpeg: bytes, orientation: int, order: str = "little") -> by
     tiff = mark + number(42, 2) + number(8, 4) + number(1, 2) + entry + bytes(4)
     body = b"Exif\0\0" + tiff
     return jpeg[:2] + b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body + jpeg[2:]
+
+
+def pictures(path: Path) -> list[Picture]:
+    """Return all pictures of a video file."""
+    source = VideoSource(path)
+    try:
+        return list(iter(source.read, None))
+    finally:
+        source.close()
 
 
 def shown(picture: Picture) -> NDArray[np.generic]:

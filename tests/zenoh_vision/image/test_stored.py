@@ -37,7 +37,7 @@ class Plain(StoredPicture):
         self.counts["made"] += 1
         return np.full((48, 64, 3), 1, np.uint8)
 
-    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:
+    def _write_bgr(self, target: NDArray[np.uint8], /) -> bool:
         self.counts["written"] += 1
         if self._writes:
             target[:] = 2

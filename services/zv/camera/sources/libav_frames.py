@@ -124,7 +124,7 @@ class VideoPicture(StoredPicture):
     def _made_bgr(self) -> NDArray[np.uint8]:
         return np.asarray(self._converter.pixels(self._frame), np.uint8)
 
-    def _write_bgr(self, target: NDArray[np.uint8]) -> bool:
+    def _write_bgr(self, target: NDArray[np.uint8], /) -> bool:
         full_range = _is_full_range(self._frame)
         return self._converter.bgr.write(self._planes, full_range=full_range, target=target)
 
