@@ -101,7 +101,7 @@ class SourceReader:
         return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
 
     def start_reading(self) -> None:
-        """Let the thread read the source; until then it only opens it."""
+        """Let the thread put pictures into the buffer; those that come earlier are discarded."""
         self._may_read.set()
 
     def abandon(self) -> None:
@@ -129,7 +129,6 @@ class SourceReader:
         self.description, self.live = source.description, source.live
         self.timer.blocked_since_s = None
         self.state = "reading"
-        self._may_read.wait()
         try:
             with closing(source):
                 self._read(source)
@@ -160,6 +159,8 @@ class SourceReader:
     def _read(self, source: Source) -> None:
         # Asked once, since it costs as much as all else that is done here for a picture.
         due_s = source.next_due_s if isinstance(source, KnowsNextDue) else None
+        if not source.live:
+            self._may_read.wait()
         while not self.timer.stopped:
             self.timer.rest()
             self.timer.blocked_since_s = time.monotonic()
@@ -173,6 +174,10 @@ class SourceReader:
                     self.timer.wait_after_last(1.0 / (self._rate_hz() or source.rate_hz or 10.0))
                 return
             if source.live:
+                if not self._may_read.is_set():
+                    # It must not wait in a buffer of the driver or the network, and be published
+                    # later with the time of its reading.
+                    continue
                 rate_hz = self._parameters.newest.settings.rate
                 if not self._filter.allow(rate_hz, time.monotonic()):
                     continue

@@ -86,8 +86,7 @@ class Rig:
             self.at_s.append(time.monotonic())
             self.pictures.append(captured)
 
-    def start(self) -> None:
-        self.capture.open()
+    def start_reading(self) -> None:
         self._thread.start()
 
     def stop(self) -> None:
@@ -107,15 +106,24 @@ class Rig:
 
 
 @contextmanager
-def rigged(source: str, *, live: bool, period_s: float = 0.0, **settings: object) -> Iterator[Rig]:
+def unstarted(
+    source: str, *, live: bool, period_s: float = 0.0, **settings: object
+) -> Iterator[Rig]:
     rig = Rig(
         CameraSettings.model_validate({"source": source, **settings}), live=live, period_s=period_s
     )
     try:
-        rig.start()
         yield rig
     finally:
         rig.stop()
+
+
+@contextmanager
+def rigged(source: str, *, live: bool, period_s: float = 0.0, **settings: object) -> Iterator[Rig]:
+    with unstarted(source, live=live, period_s=period_s, **settings) as rig:
+        rig.capture.open()
+        rig.start_reading()
+        yield rig
 
 
 def numbers(pictures: list[CapturedFrame]) -> list[int]:
@@ -131,6 +139,28 @@ def test_a_device_follows_what_it_can_without_being_opened_again():
         assert numbers(rig.pictures) == [0, 0, 1, 2, 3]
         assert [captured.seq for captured in rig.pictures] == [0, 1, 2, 3, 4]
         assert len(rig.sources) == 1
+
+
+def test_a_picture_that_a_device_took_while_the_camera_waited_for_its_router_is_not_published():
+    with unstarted("0", live=True) as rig:
+        rig.capture.open()
+        waiting = rig.sources[0]
+        for _ in range(3):
+            waiting.given.put("picture")
+        wait_until(lambda: not waiting.given.unfinished_tasks)
+        rig.start_reading()
+        (first,) = rig.give()
+        assert first.picture.pixels[0, 0, 0] == 3
+        assert first.seq == 0
+
+
+def test_a_file_is_not_read_while_the_camera_waits_for_its_router():
+    with unstarted("clip.avi", live=False) as rig:
+        rig.capture.open()
+        rig.sources[0].given.put("picture")
+        rig.start_reading()
+        wait_until(lambda: rig.pictures)
+        assert rig.pictures[0].picture.pixels[0, 0, 0] == 0
 
 
 def test_a_picture_that_comes_after_a_change_is_made_with_it_though_reading_began_before():

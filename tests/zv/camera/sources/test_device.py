@@ -322,3 +322,12 @@ def test_an_unopened_device_is_released_and_explained():
     with pytest.raises(SourceError, match="/dev/video98: "):
         DeviceSource("98", capture=stand_in)
     assert stand_in.released == 1
+
+
+def test_a_picture_that_waited_in_the_drivers_buffers_keeps_its_own_time_stamp():
+    stand_in = StandIn([PIXELS, PIXELS], stamp_ms=time.monotonic() * 1e3)
+    source = DeviceSource(0, capture=stand_in)
+    source.read()
+    stand_in._values[cv2.CAP_PROP_POS_MSEC] -= 60_000
+    age_ns = time.time_ns() - source.read().stamp_ns
+    assert age_ns >= 60 * 10**9
