@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from zenoh_vision.errors import PayloadError
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import JPEG, RAW_IMAGE
@@ -184,7 +185,11 @@ class Outputs:
         publisher.offer(make)
 
     def publish_frame(
-        self, frame: Frame, may_send: Callable[[Frame], bool] = lambda _: True
+        self,
+        frame: Frame,
+        may_send: Callable[[Frame], bool] = lambda _: True,
+        *,
+        not_decoded: Callable[[PayloadError], None],
     ) -> bool:
         """Publish a camera's own frame: in shared memory, compressed and raw, each if asked for.
 
@@ -192,13 +197,15 @@ class Outputs:
             frame: The frame.
             may_send: Tells whether to send it compressed; called only if someone subscribes to
                 that.
+            not_decoded: Called if it was sent compressed, but its pixels, which others asked for,
+                cannot be decoded.
 
         Returns:
             Whether it was sent in any of these forms.
 
         Raises:
             ValueError: The node publishes neither ``image/compressed`` nor ``image`` of the camera.
-            PayloadError: The pixels cannot be encoded.
+            PayloadError: The picture can neither be encoded nor decoded.
         """
         outputs = self._frame_outputs(frame.header.camera)
         offer, decode_for_it = outputs.offer, frame.is_compressed
@@ -210,12 +217,17 @@ class Outputs:
                 lambda: Outgoing(frame.compressed, frame.mime, frame.compressed_header.to_bytes()),
                 lambda: may_send(frame),
             )
-        if outputs.raw is not None:
-            sent |= outputs.raw.offer(
-                lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes())
-            )
-        if offer is not None and decode_for_it:
-            shared = offer.write(frame)
+        try:
+            if outputs.raw is not None:
+                sent |= outputs.raw.offer(
+                    lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes())
+                )
+            if offer is not None and decode_for_it:
+                shared = offer.write(frame)
+        except PayloadError as error:
+            if not sent:
+                raise
+            not_decoded(error)
         return sent or shared
 
     def limit_replies(self, topic: Topic | str, camera: str, may_reply: MayReply) -> None:

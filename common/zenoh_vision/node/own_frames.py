@@ -105,7 +105,7 @@ class OwnFrames:
                 revision=0 if revision is None else revision.number,
             )
             frame = _frame(header, picture, quality, revision)
-            self.publish_pending(frame)
+            self._publish(frame, lambda _: True)
         except PayloadError as error:
             node.drop(error)
             return None
@@ -118,7 +118,7 @@ class OwnFrames:
         """Publish a frame that was made elsewhere; see ``Node.publish_frame``."""
         node = self._node
         if node.inputs:
-            return node.outputs.publish_frame(frame)
+            return node.outputs.publish_frame(frame, not_decoded=self._not_decoded)
         node.outputs.check_camera(frame.header.camera)
         node.health.loop_alive()
         node.counters.arrive()
@@ -141,6 +141,18 @@ class OwnFrames:
         Returns:
             Whether it was sent to someone.
         """
+        try:
+            return self._publish(frame, may_send)
+        except PayloadError as error:
+            self._node.drop(error)
+            return False
+
+    def _publish(self, frame: Frame, may_send: Callable[[Frame], bool]) -> bool:
+        """Publish and count a frame, unless it can neither be encoded nor decoded.
+
+        Raises:
+            PayloadError: It cannot; it is not counted yet.
+        """
         node = self._node
         withheld = False
 
@@ -149,11 +161,7 @@ class OwnFrames:
             withheld = not may_send(frame)
             return not withheld
 
-        try:
-            subscribed = node.outputs.publish_frame(frame, allowed)
-        except PayloadError as error:
-            node.drop(error)
-            return False
+        subscribed = node.outputs.publish_frame(frame, allowed, not_decoded=self._not_decoded)
         if subscribed:
             node.counters.finish()
         elif withheld:
@@ -162,6 +170,11 @@ class OwnFrames:
             node.counters.drop("no_subscriber")
         node.health.done(frame.header.stamp_ns)
         return subscribed
+
+    def _not_decoded(self, error: PayloadError) -> None:
+        """Count and log a frame that was sent compressed, but not as pixels."""
+        self._node.counters.note("not_decoded")
+        self._node.health.log_drop(error)
 
 
 def _checked(picture: Pixels | bytes, encoding: str | None) -> tuple[int, int, str]:

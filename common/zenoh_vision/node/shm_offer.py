@@ -26,7 +26,8 @@ from zenoh_vision.transport.publisher import Demand
 log = logging.getLogger(__name__)
 
 AGAIN_S = 10.0
-"""After a failure the next offer is made after this time."""
+"""After a failure the next offer is made after this time; if nobody has asked for its frames for as
+long again, the failure is over."""
 
 
 def may_offer() -> bool:
@@ -44,7 +45,8 @@ class SharedMemoryOffer:
         camera: Whose frames.
 
     Attributes:
-        failure: Why the frames cannot be offered now; empty if they are.
+        failure: Why the last frame that someone asked for could not be written; empty if it was,
+            or if nobody asks for frames any more.
     """
 
     def __init__(self, link: Link, namespace: str, camera: str) -> None:
@@ -80,7 +82,11 @@ class SharedMemoryOffer:
                 return False
             if self._writer is None and time.monotonic() >= self._again_s:
                 self._make()
-            if self._writer is None or not self.wanted:
+            if self._writer is None:
+                return False
+            if not self.wanted:
+                if time.monotonic() >= self._again_s:
+                    self.failure = ""
                 return False
             try:
                 written = self._writer.write(frame)
@@ -106,6 +112,7 @@ class SharedMemoryOffer:
         except SharedMemoryError as error:
             self._fail(error)
             return
+        self._again_s = time.monotonic() + AGAIN_S
         publisher = self._link.declare(lambda session: session.declare_publisher(key))
         token = self._link.declare(lambda session: session.liveliness().declare_token(key))
         self._declared = [publisher, token]

@@ -38,11 +38,12 @@ class FrameWriter:
         self._service: Any = None
         self._publisher: Any = None
         self._room = 0
+        self._readers = 0  # that got the last frame
         self._pieces: dict[int, NDArray[np.uint8]] = {}  # those that are used in turn, by address
         self._madvise = ctypes.CDLL(None, use_errno=True).madvise
 
     def write(self, frame: Frame) -> bool:
-        """Send a frame; never waits.
+        """Send a frame, if there is a reader; never waits.
 
         Returns:
             Whether a reader gets it.
@@ -57,15 +58,22 @@ class FrameWriter:
         whole = size + len(attachment)
         with iceoryx_errors():
             self._make_room(whole)
+            # Asked only if the last frame had no reader, since it takes as long as the sending.
+            if not self._readers and not self._service.dynamic_config.number_of_subscribers:
+                return False
             loan = self._publisher.loan_slice_uninit(whole)
-            memory = self._piece_at(loan.payload_ptr)
-            frame.copy_raw(memory[:size])
-            memory[size:whole] = np.frombuffer(attachment, np.uint8)
-            lengths = Lengths.from_address(loan.user_header_ptr)
-            lengths.pixels, lengths.attachment = size, len(attachment)
-            readers = int(loan.assume_init().send())
+            try:
+                memory = self._piece_at(loan.payload_ptr)
+                frame.copy_raw(memory[:size])
+                memory[size:whole] = np.frombuffer(attachment, np.uint8)
+                lengths = Lengths.from_address(loan.user_header_ptr)
+                lengths.pixels, lengths.attachment = size, len(attachment)
+            except BaseException:
+                del loan  # the only one there may be: it would last as long as the exception
+                raise
+            self._readers = int(loan.assume_init().send())
         self._bell.ring()
-        return readers > 0
+        return self._readers > 0
 
     def close(self) -> None:
         """Release the memory; readers that hold views keep theirs."""

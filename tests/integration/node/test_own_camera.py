@@ -12,6 +12,7 @@ from pydantic import Field
 
 from tests.support.listening import Listener, balance, newest
 from tests.support.pictures.encoded import PICTURES
+from tests.support.pictures.videos import jpeg_of, noise
 from tests.support.waiting import wait_until
 from zenoh_vision import Connection, Frame, Header, Level, Live, Node, Settings
 from zenoh_vision.image.codecs import encode_png
@@ -55,6 +56,38 @@ def test_pictures_become_frames_with_numbers_in_one_epoch_and_are_counted(client
     assert {each.header["node"] for each in found} == {"camera_front"}
     assert (first.header.width, first.header.height, first.header.encoding) == (64, 48, "bgr8")
     assert counted == {"captured": 3, "published": 3, "pending": 0}
+
+
+def test_a_jpeg_that_was_sent_counts_as_published_though_its_pixels_cannot_be_decoded(
+    client, connection
+):
+    corrupt = jpeg_of(noise(*PIXELS.shape))[:-99]
+    pictures, raw = Listener(client, COMPRESSED), Listener(client, RAW)
+    with Node("camera", connection=connection, publishes=["image/compressed", "image"]) as node:
+        wait_until(lambda: node.outputs._publisher("image/compressed", "front").wanted)
+        wait_until(lambda: node.outputs._publisher("image", "front").wanted)
+        for _ in range(3):
+            assert node.publish_captured(corrupt) is not None
+        pictures.wait_for(3)
+        assert node.counters.snapshot() == {
+            "captured": 3,
+            "published": 3,
+            "pending": 0,
+            "not_decoded": 3,
+        }
+        assert node.health.diagnostics().level == Level.WARN
+    assert not raw.messages
+
+
+def test_a_jpeg_that_nobody_gets_since_its_pixels_cannot_be_decoded_is_dropped(client, connection):
+    corrupt = jpeg_of(noise(*PIXELS.shape))[:-99]
+    raw = Listener(client, RAW)
+    with Node("camera", connection=connection, publishes=["image/compressed", "image"]) as node:
+        wait_until(lambda: node.outputs._publisher("image", "front").wanted)
+        assert node.publish_captured(corrupt) is None
+        counted = node.counters.snapshot()
+    assert counted == {"captured": 1, "published": 0, "dropped.corrupt": 1, "pending": 0}
+    assert not raw.messages
 
 
 def test_what_nobody_subscribes_to_is_counted_so_and_kept_for_a_snapshot(client, connection):

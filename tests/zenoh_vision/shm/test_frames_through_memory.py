@@ -13,6 +13,8 @@ import pytest
 
 from tests.support.headers import header
 from tests.support.waiting import wait_until
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.image.codecs import encode_jpeg
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import ENCODINGS
 from zenoh_vision.messages import Header
@@ -127,6 +129,30 @@ def test_a_view_outlives_the_reader_and_the_writer(way):
     way.close()
     assert set(pixels.tolist()) == {9}
     way.writer, way.reader = FrameWriter(way.offer), way.reader
+
+
+def test_a_frame_that_nobody_reads_is_not_converted(way, monkeypatch):
+    converted = []
+    copy_raw = Frame.copy_raw
+    monkeypatch.setattr(
+        Frame, "copy_raw", lambda frame, target: converted.append(1) or copy_raw(frame, target)
+    )
+    way.send(filled(0, 0))
+    way.reader.close()
+    for seq in range(1, 5):
+        assert not way.writer.write(filled(seq, 0))
+    assert len(converted) <= 2  # the first after the reader left may still be written
+    way.reader = FrameReader(way.offer, KEY, way.arrived.append)
+    wait_until(lambda: way.reader.ready)
+    assert way.send(filled(5, 5))
+
+
+def test_a_picture_that_cannot_be_decoded_costs_no_memory_while_its_error_is_kept(way):
+    corrupt = encode_jpeg(filled(0, 0).pixels, "bgr8", 80)[:-40]
+    with pytest.raises(PayloadError) as kept:
+        way.writer.write(Frame(a_header(0), compressed=corrupt))
+    assert set(bytes(way.send(filled(1, 7)).payload)) == {7}
+    assert kept.value.reason == "corrupt"
 
 
 def test_a_larger_frame_follows_a_smaller_one(way):
