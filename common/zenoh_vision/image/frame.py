@@ -205,7 +205,8 @@ class Frame:
     def copy_raw(self, target: NDArray[np.uint8]) -> None:
         """Write the pixel rows in ``header.encoding`` to memory of their size.
 
-        A JPEG or planes of which no pixels were made yet are decoded into it, and not kept.
+        A JPEG or a stored picture of which no pixels were made yet is decoded into it; the pixels
+        are kept only if that is not possible.
 
         Raises:
             PayloadError: ``corrupt``, if the picture cannot be decoded.

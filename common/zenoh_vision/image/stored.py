@@ -30,10 +30,14 @@ class StoredPicture(ABC):
         with self._lock:
             if self._bgr is None:
                 self._bgr = self._made_bgr()
+                self._bgr.flags.writeable = False
             return self._bgr
 
     def copy_bgr(self, target: NDArray[np.uint8]) -> None:
-        """Write the pixels to memory of their size, (height, width, 3); they are not kept."""
+        """Write the pixels to memory of their size, (height, width, 3).
+
+        They are kept only if they cannot be written straight to it.
+        """
         made = self._bgr
         if made is not None or not self._write_bgr(target):
             np.copyto(target, self.bgr() if made is None else made)

@@ -56,12 +56,12 @@ class SharedMemoryInput:
         self._following: Declaration[Any] | None = None
         self._offer: str | None = None
         self._reader: FrameReader | None = None
-        self._demand: Declaration[Any] | None = None
+        self._request: Declaration[Any] | None = None
 
     @property
     def receiving(self) -> bool:
         """Whether a camera offers its frames, and they are received."""
-        return self._demand is not None
+        return self._request is not None
 
     def follow(self, *, wanted: bool) -> None:
         """Open or close the connection to the newest offer, as needed; does not wait."""
@@ -85,7 +85,7 @@ class SharedMemoryInput:
         if newest != self._offer:
             self._leave()
             self._open_reader(newest)
-        if self._reader is not None and self._reader.ready and self._demand is None:
+        if self._reader is not None and self._reader.ready and self._request is None:
             self._ask(self._offer or "")
 
     def close(self) -> None:
@@ -116,12 +116,12 @@ class SharedMemoryInput:
         self.failure = ""
         self._failed_s.pop(offer, None)
         handler = direct(lambda _sample: None)
-        self._demand = self._link.declare(partial(_subscribe_to, offer, handler))
+        self._request = self._link.declare(partial(_subscribe_to, offer, handler))
 
     def _leave(self) -> None:
-        if self._demand is not None:
-            self._demand.undeclare()
-            self._demand = None
+        if self._request is not None:
+            self._request.undeclare()
+            self._request = None
         if self._reader is not None:
             self._reader.end()
             self._reader = None

@@ -19,6 +19,7 @@ camera`` takes to start, so that a camera that is just starting need not make ra
 
 
 LOOK_NS = 100_000_000
+"""How often it is decided anew which transports to subscribe to."""
 
 
 class TransportSwitch:

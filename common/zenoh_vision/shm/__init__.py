@@ -1,8 +1,8 @@
 """Frames between processes of one machine through shared memory. Only this package uses iceoryx2.
 
 **How one frame travels.** The camera's ``FrameWriter`` loans memory from iceoryx2, and a JPEG is
-decoded into it, a video's planes are converted into it, or pixels are copied; the header's bytes
-follow them. It sends the sample and rings a ``Doorbell``, a number that all receivers wait for, as
+decoded into it, a video's planes or a webcam's YUYV are converted into it, or pixels are copied;
+the header's bytes follow them. It sends the sample and rings a ``Doorbell``, a number that all receivers wait for, as
 iceoryx2's own waiting would stop every thread of a Python process. The ``FrameReader`` of each
 consumer, a thread, passes the sample to an intake like any other: the same checks of identity,
 order, size and age, the same counters.

@@ -86,6 +86,7 @@ MESSAGE_DELIVERY = (zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HI
 
 
 LOOK_NS = 100_000_000
+"""How often Zenoh is asked whether someone subscribes to a key."""
 
 
 class Demand:

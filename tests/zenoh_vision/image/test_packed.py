@@ -58,6 +58,10 @@ def test_pixels_that_exist_are_copied():
     assert picture.bgr() is pixels
 
 
+def test_pixels_that_several_may_use_cannot_be_written_to():
+    assert not PackedPicture(scene()).bgr().flags.writeable
+
+
 def test_memory_with_gaps_gets_the_pixels_too():
     memory = np.zeros((48, 64, 4), np.uint8)
     PackedPicture(scene()).copy_bgr(memory[:, :, :3])

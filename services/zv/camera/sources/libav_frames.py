@@ -20,10 +20,10 @@ from zv.camera.sources.base import Picture, picture_of
 from zv.camera.sources.swscale import BgrWriter
 
 STORED: Final = frozenset({"yuv420p", "yuvj420p"})
-BT_601: Final = frozenset({2, 5, 6})  # not stated, BT.470 BG, SMPTE 170M
+BT_601_SPACES: Final = frozenset({2, 5, 6})  # not stated, BT.470 BG, SMPTE 170M
 """Colour spaces of JPEG; libav assumes one of these if a stream states none."""
 
-Form = Literal["planes", "bgr"]
+StoredForm = Literal["planes", "bgr"]
 
 
 class FrameConverter:
@@ -36,7 +36,7 @@ class FrameConverter:
 
     def __init__(self) -> None:
         self.bgr = BgrWriter()
-        self.asked: set[Form] = set()
+        self.asked: set[StoredForm] = set()
         self._reformatter = VideoReformatter()
         self._lock = threading.Lock()
 
@@ -93,7 +93,7 @@ class VideoPicture(StoredPicture):
         """Width and height, pixels."""
         return self._frame.width, self._frame.height
 
-    def prepare(self, forms: Iterable[Form]) -> None:
+    def prepare(self, forms: Iterable[StoredForm]) -> None:
         """Make forms that will probably be asked for."""
         for form in forms:
             if form == "planes":
@@ -145,7 +145,7 @@ class VideoPicture(StoredPicture):
 
 def stored_planes(frame: VideoFrame) -> tuple[VideoPlane, ...] | None:
     """Return the planes of a frame if a JPEG can store them; None if its colours are others."""
-    if frame.format.name not in STORED or frame.colorspace not in BT_601 or frame.rotation % 360:
+    if frame.format.name not in STORED or frame.colorspace not in BT_601_SPACES or frame.rotation % 360:
         return None
     if not are_even(frame.height, frame.width):
         return None
