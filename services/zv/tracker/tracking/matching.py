@@ -96,9 +96,11 @@ class Matcher:
             free.remove(column)
             hidden.remove(target)
         for target in hidden:
-            if self._among_others(target, targets, links) is None:
+            if target.turned_to is None and self._among_others(target, targets, links) is None:
                 # After the search, for which its last place and speed are needed.
                 target.slow_down(math.exp(-self._dt_s / HIDDEN_STOP_S))
+            else:
+                target.correct(target.box.center, self._targets.now_ns)
         return [fragments[column] for column in free]
 
     def _links(self, targets: list[Target]) -> NDArray[np.bool_]:
@@ -182,9 +184,10 @@ class Matcher:
     ) -> int | None:
         """Return the number of the fragment of other objects in which an object has turned.
 
-        Its state is corrected to the place where its colours are found; which pixels are its own
-        is decided as in any shared region. The colours of all these objects must be well known,
-        and the fragment larger than the others would be alone.
+        It is then expected where its colours are found; its state is corrected by the pixels that
+        are its own, as in any shared region, or by that place if these are too few. The colours of
+        all these objects must be well known, and the fragment larger than the others would be
+        alone.
         """
         scene, dt_s = self._scene, self._dt_s
         if (
@@ -209,7 +212,7 @@ class Matcher:
         share, column, place = max(found, default=(0.0, 0, last))
         if share < LEAST_FOUND:
             return None
-        target.correct(place, self._targets.now_ns)
+        target.turned_to = place
         return column
 
     def _last_place(self, target: Target) -> tuple[tuple[float, float], float]:
@@ -362,8 +365,7 @@ def _one_for_each(
                 and fragment.width < 1.6 * target.width
             ):
                 continue
-            x, y = fragment.center
-            away = math.hypot(x - target.x.position, y - target.y.position) / target.side
+            away = math.dist(fragment.center, target.box.center) / target.side
             difference = 0.0
             if scene is not None and target.grouped_ns is not None:
                 difference = 2.0 * target.appearance.distance(scene, fragment)
@@ -378,7 +380,7 @@ def _nearest(members: list[Target], fragment: Fragment) -> Target:
     return min(
         members,
         key=lambda each: (
-            abs(x - each.x.position) / each.width + abs(y - each.y.position) / each.height,
+            abs(x - each.box.center[0]) / each.width + abs(y - each.box.center[1]) / each.height,
             each.id,
         ),
     )

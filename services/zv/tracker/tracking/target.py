@@ -67,6 +67,8 @@ class Target:
         full: Whether it was ever seen away from the border of the picture.
         whole: Largest width and height in which it was seen from end to end; they fade while it
             is seen so again, and are 0 if it never was.
+        turned_to: Where it was found in this frame, in the region of other objects, before its
+            pixels there are known; None if it is expected where its motion leads.
         shown: Its own foreground in this frame, if that seems to be all of it.
         steady: A point of the object as measured in this frame; None if it was not measured. It
             moves with the object even while the object enters the picture, when the centre of the
@@ -100,6 +102,7 @@ class Target:
     alone_s: float = 0.0
     full: bool = False
     whole: Point = (0.0, 0.0)
+    turned_to: Point | None = None
     shown: Fragment | None = None
     steady: Point | None = None
     offset: Point = (0.0, 0.0)
@@ -113,8 +116,8 @@ class Target:
 
     @property
     def box(self) -> Fragment:
-        """Its box, measured or predicted."""
-        x, y = self.x.position, self.y.position
+        """Its box, measured or expected."""
+        x, y = self.turned_to or (self.x.position, self.y.position)
         half_width, half_height = self.width / 2, self.height / 2
         return Fragment(x - half_width, y - half_height, x + half_width, y + half_height, self.area)
 
@@ -147,6 +150,7 @@ class Target:
                 axis.correct(position, deviation)
             else:
                 axis.correct(position, UNSURE * deviation)
+        self.turned_to = None
         self.steady = _minus(measured, self.offset)
         self.seen_ns = stamp_ns
         self.hits += 1
@@ -224,10 +228,10 @@ class Target:
     def become(self, found: Fragment) -> None:
         """Take a box that shows all of the object, without changing the velocity."""
         self.resize(found.width, found.height, found.area, 1.0)
-        moved = _minus(found.center, (self.x.position, self.y.position))
+        moved = _minus(found.center, self.box.center)
         self.offset = self.offset[0] + moved[0], self.offset[1] + moved[1]
         self.x.position, self.y.position = found.center
-        self.shift = None
+        self.turned_to = self.shift = None
 
     def missing_s(self, stamp_ns: int) -> float:
         """Return the seconds since it was last seen."""

@@ -83,13 +83,29 @@ def test_a_slow_object_is_found_as_far_away_as_eight_sides_per_second_allow(
     assert (after == before) is is_same
 
 
+def up_and_down(time_s: float) -> tuple[float, float]:
+    """Return the place of a disc that keeps turning, from 1.4 s on half before ``WALL``."""
+    return min(60 + 100 * time_s, 198), 70 + abs((200 * time_s + 100) % 200 - 100)
+
+
+WALL = (200, 50, 280, 190)
+
+
 @pytest.mark.parametrize("rate_hz", [10, 5])
 def test_an_object_that_keeps_turning_in_the_region_of_another_one_stays_confirmed(
     rate_hz: int,
 ) -> None:
     tracker, ids = Tracker(TrackingParameters(), (WIDTH, HEIGHT)), []
-    for index in range(4 * rate_hz):  # from 1.4 s on half before the box, going up and down
+    for index in range(4 * rate_hz):
         time_s = index / rate_hz
-        place = min(60 + 100 * time_s, 198), 70 + abs((200 * time_s + 100) % 200 - 100)
-        ids.append(seen(tracker, time_s, place, boxes=[(200, 50, 280, 190)]))
+        ids.append(seen(tracker, time_s, up_and_down(time_s), boxes=[WALL]))
     assert ids[rate_hz:] == [{2}] * (3 * rate_hz)
+
+
+def test_an_object_found_where_it_has_turned_is_seen_once_in_that_frame() -> None:
+    tracker, hits = Tracker(TrackingParameters(), (WIDTH, HEIGHT)), []
+    for index in range(14):  # at 8 Hz; it turns at 1.5 s, before the last frame
+        seen(tracker, index / 8, up_and_down(index / 8), boxes=[WALL])
+        hits.append(tracker.targets[-1].hits)
+    assert hits == list(range(1, 15))
+    assert tracker.targets[-1].box.center == pytest.approx(up_and_down(13 / 8), abs=3)
