@@ -230,7 +230,7 @@ class Matcher:
             return None
         for lost in self._lost:
             if (
-                lost.seen_ns < new.born_ns
+                lost.seen_ns < new.born_ns  # nor continued by another track in this frame
                 and association.overlap(found, lost.box) > OVERLAP
                 and 1 / PLAUSIBLE < found.area / max(1.0, lost.area) < PLAUSIBLE
                 and lost.appearance.distance(self._scene, found) <= OTHER_APPEARANCE
@@ -242,7 +242,6 @@ class Matcher:
         lost = self._lost_before(target, union(owned))
         if lost is not None:
             self._targets.drop(target.id)
-            self._lost.remove(lost)
             target = lost
         parts = _two_of(owned) if self._convex else _parts(target, owned)
         now_ns = self._targets.now_ns

@@ -173,17 +173,43 @@ def test_a_person_seen_in_parts_behind_a_sign_is_one_track_afterwards(rate: int)
         assert tracks[0].box[3] == pytest.approx(74, abs=6)
 
 
-@pytest.mark.parametrize("rate", [30, 10, 5])
-def test_an_object_that_was_hidden_by_a_pillar_is_the_same_when_it_comes_out_bit_by_bit(rate: int):
+def behind_a_pillar(rate: int, height: int, color: tuple[int, int, int]) -> list[Painted]:
+    """Return 4 s of a red object, 60 high, that is hidden for 0.5 s; another may come out."""
     frames: list[Painted] = []
     for k in range(4 * rate):
         left = 20 + 60 * k / rate
-        before, after = min(left + 30, 110) - left, left + 30 - max(left, 170)  # hidden for 0.5 s
-        parts = [(left, 20, before, 60), (left + 30 - after, 20, after, 60)]
-        frames.append([(part, RED) for part in parts if part[2] >= 1])
-    found = tracked(frames, rate)
+        before, after = min(left + 30, 110) - left, left + 30 - max(left, 170)
+        parts = [((left, 20, before, 60), RED), ((left + 30 - after, 20, after, height), color)]
+        frames.append([(box, bgr) for box, bgr in parts if box[2] >= 1])
+    return frames
+
+
+@pytest.mark.parametrize("rate", [30, 10, 5])
+def test_an_object_that_was_hidden_by_a_pillar_is_the_same_when_it_comes_out_bit_by_bit(rate: int):
+    found = tracked(behind_a_pillar(rate, 60, RED), rate)
     assert {track.id for track in found[rate]} == {1}
     assert [(track.id, track.state) for track in found[-1]] == [(1, "confirmed")]
+
+
+@pytest.mark.parametrize("rate", [30, 10])
+@pytest.mark.parametrize(
+    ("height", "color"),
+    [pytest.param(60, BLUE, id="another colour"), pytest.param(30, RED, id="half as high")],
+)
+def test_another_object_that_comes_out_from_behind_the_pillar_gets_an_id_of_its_own(
+    height: int, color: tuple[int, int, int], rate: int
+):
+    found = tracked(behind_a_pillar(rate, height, color), rate)
+    assert [(track.id, track.state) for track in found[-1]] == [(2, "confirmed")]
+
+
+def test_one_that_waits_where_another_is_expected_is_not_the_other():
+    frames: list[Painted] = []
+    for k in range(60):  # at 20 Hz; the first one vanishes at 80
+        walking = [((20 + 3 * k, 20, 20, 60), RED)] if k < 20 else []
+        frames.append([*walking, ((150, 20, 20, 60), RED)])
+    found = tracked(frames)
+    assert [(track.id, track.state) for track in found[-1]] == [(1, "lost"), (2, "tentative")]
 
 
 @pytest.mark.parametrize("rate", [20, 10, 5])
