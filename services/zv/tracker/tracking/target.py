@@ -128,7 +128,7 @@ class Target:
 
     def predict(self, dt_s: float) -> None:
         """Predict its state some seconds ahead, to the stamp of the next frame."""
-        self.shown = self.steady = None
+        self.shown = self.steady = self.turned_to = None
         acceleration = ACCELERATION * self.side
         self.x.predict(dt_s, acceleration)
         self.y.predict(dt_s, acceleration)
