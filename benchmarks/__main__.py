@@ -19,6 +19,7 @@ from benchmarks.tools import cost as tools
 from benchmarks.tools import exporter
 from benchmarks.viewer import clients as viewer
 from benchmarks.viewer import painted
+from zenoh_vision.host.parallel import workers
 
 SIZES = ((768, 576), (1920, 1080))
 
@@ -35,6 +36,7 @@ def main() -> None:
     options = parser.parse_args()
     chosen = [name for name in PARTS if getattr(options, f"only_{name}")]
     cv2.setNumThreads(1)
+    workers.limit(1)
     print(f"# {platform.machine()}, Python {platform.python_version()}, OpenCV {cv2.__version__}")
     for name in chosen or PARTS:
         PARTS[name](options)

@@ -23,6 +23,7 @@ import numpy as np
 
 from benchmarks.quality.data import found
 from benchmarks.quality.edges import flicker, images, scoring
+from zenoh_vision.host.parallel import workers
 from zv.edge.detectors.available import DETECTORS
 from zv.edge.detectors.canny import Canny
 from zv.edge.detectors.detection import Detector
@@ -98,6 +99,7 @@ def main(words: Sequence[str]) -> None:
     )
     options = parser.parse_args(words)
     cv2.setNumThreads(1)
+    workers.limit(1)
     bsds, vtest = found(images.FOLDER), found("vtest.avi")
     if bsds is not None and options.thresholds:
         for name in options.detectors:

@@ -29,6 +29,7 @@ from benchmarks.quality.tracker.sequence import (
     video,
 )
 from tests.support.pictures.belt import Belt
+from zenoh_vision.host.parallel import workers
 
 VIDEO, TRUTH = "vtest.avi", "pets_s2l1_gt_first265.txt"
 LATER_FROM = 179
@@ -65,6 +66,7 @@ def main(words: Sequence[str]) -> None:
     parser.add_argument("--draw-every", type=int, default=20, help="pictures between drawn ones")
     options = parser.parse_args(words)
     cv2.setNumThreads(1)
+    workers.limit(1)
     check_the_scores()
     today = datetime.datetime.now(datetime.UTC).date()
     print(f"# {today}, {platform.machine()}, OpenCV {cv2.__version__}, NumPy {np.__version__}")

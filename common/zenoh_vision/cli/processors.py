@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field
 
 from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.settings import Settings, Text
+from zenoh_vision.host.parallel import MAX_BY_ITSELF, MAX_THREADS, workers
 from zenoh_vision.host.processors import processors_of, use_processors
 
 
@@ -19,6 +20,15 @@ def _checked(text: str) -> str:
 Threads = Annotated[
     int,
     Field(ge=0, le=256, description="threads that an OpenCV call may use; 0: one per processor"),
+]
+JpegThreads = Annotated[
+    int,
+    Field(
+        ge=0,
+        le=MAX_THREADS,
+        description="threads that encode or decode one JPEG, from 640x480 on; 0: one per "
+        f"processor, at most {MAX_BY_ITSELF}",
+    ),
 ]
 Nice = Annotated[
     int,
@@ -36,13 +46,15 @@ class ProcessorSettings(Settings):
     """How much CPU a service may use.
 
     One OpenCV thread by default: its threads busy-wait for each other, so a call on two threads
-    takes more CPU time than on one, and several services share a machine.
+    takes more CPU time than on one, and several services share a machine. The threads for JPEGs
+    do not, and make large pictures faster.
     """
 
     env_prefix: ClassVar[str] = "ZV_"
     env_shared: ClassVar[bool] = True
 
     threads: Threads = 1
+    jpeg_threads: JpegThreads = 0
     nice: Nice = 0
     affinity: Affinity = None
 
@@ -55,3 +67,4 @@ class ProcessorSettings(Settings):
         use_processors(
             self.threads, self.nice, processors_of(self.affinity) if self.affinity else ()
         )
+        workers.limit(self.jpeg_threads)

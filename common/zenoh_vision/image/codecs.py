@@ -14,6 +14,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.image import bands
 from zenoh_vision.image.pixel_formats import ENCODINGS, MAX_PIXELS, Pixels
 from zenoh_vision.keys import JPEG, PNG
 
@@ -64,8 +65,13 @@ def encode_jpeg(pixels: Pixels, encoding: str, quality: int) -> bytes:
     array = np.ascontiguousarray(pixels if pixels.ndim == 3 else pixels[:, :, np.newaxis])
     space = ENCODINGS[encoding].space
     sampling = "Gray" if space == "GRAY" else "420"
-    jpeg: bytes = simplejpeg.encode_jpeg(array, quality, space, sampling)
-    return jpeg
+
+    def encode_rows(rows: slice) -> bytes:
+        jpeg: bytes = simplejpeg.encode_jpeg(array[rows], quality, space, sampling)
+        return jpeg
+
+    height, width = array.shape[:2]
+    return bands.encode(width, height, encode_rows)
 
 
 def decode_jpeg(
@@ -93,17 +99,40 @@ def decode_jpeg(
     if _known_size(jpeg) is None:
         check_scans(jpeg)
     try:
-        pixels = simplejpeg.decode_jpeg(
-            jpeg,
-            ENCODINGS[encoding].space,
-            min_width=least[0],
-            min_height=least[1],
-            strict=strict,
-            buffer=target,
-        )
+        pixels = None if any(least) else _decode_bands(jpeg, encoding, target, strict=strict)
+        if pixels is None:
+            pixels = simplejpeg.decode_jpeg(
+                jpeg,
+                ENCODINGS[encoding].space,
+                min_width=least[0],
+                min_height=least[1],
+                strict=strict,
+                buffer=target,
+            )
     except ValueError as error:
         raise PayloadError("corrupt", str(error)) from None
-    return pixels[:, :, 0] if pixels.shape[2] == 1 else pixels  # type: ignore[no-any-return]
+    return pixels[:, :, 0] if pixels.shape[2] == 1 else pixels
+
+
+def _decode_bands(
+    jpeg: bytes, encoding: str, target: NDArray[np.uint8] | None, *, strict: bool
+) -> NDArray[np.uint8] | None:
+    """Return the pixels of a JPEG in bands, (height, width, channels); None if it is in one piece.
+
+    Raises:
+        ValueError: A band is corrupt.
+    """
+    layout = bands.layout(jpeg)
+    if layout is None:
+        return None
+    known = ENCODINGS[encoding]
+    shape = (layout.height, layout.width, known.channels)
+    pixels = np.empty(shape, np.uint8) if target is None else target.reshape(shape)
+
+    def decode_rows(band: bytes, rows: slice) -> None:
+        simplejpeg.decode_jpeg(band, known.space, strict=strict, buffer=pixels[rows])
+
+    return pixels if bands.decode(jpeg, layout, decode_rows) else None
 
 
 def check_scans(jpeg: bytes) -> int | None:

@@ -13,6 +13,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
+from zenoh_vision.image import bands
 from zenoh_vision.image.stored import StoredPicture, are_equal
 
 Plane = NDArray[np.uint8]
@@ -66,8 +67,15 @@ class PlanarPicture(StoredPicture):
 
     def jpeg(self, quality: int) -> bytes:
         """Return the picture as a JPEG of this quality, 1 to 100."""
-        jpeg: bytes = simplejpeg.encode_jpeg_yuv_planes(*self._full_range(), quality=quality)
-        return jpeg
+        luma, blue, red = self._full_range()
+
+        def encode_rows(rows: slice) -> bytes:
+            half = slice(rows.start // 2, rows.stop // 2)
+            planes = luma[rows], blue[half], red[half]
+            jpeg: bytes = simplejpeg.encode_jpeg_yuv_planes(*planes, quality=quality)
+            return jpeg
+
+        return bands.encode(*self.size, encode_rows)
 
     def cropped(self, box: tuple[int, int, int, int]) -> PlanarPicture | None:
         """Return the part in a rectangle (x, y, width, height); None if a number in it is odd."""

@@ -2,10 +2,10 @@
 
 **How one frame travels.** The camera's ``FrameWriter`` loans memory from iceoryx2, and a JPEG is
 decoded into it, a video's planes or a webcam's YUYV are converted into it, or pixels are copied;
-the header's bytes follow them. It sends the sample and rings a ``Doorbell``, a number that all receivers wait for, as
-iceoryx2's own waiting would stop every thread of a Python process. The ``FrameReader`` of each
-consumer, a thread, passes the sample to an intake like any other: the same checks of identity,
-order, size and age, the same counters.
+the header's bytes follow them. It sends the sample and rings a ``Doorbell``, a number that all
+receivers wait for, as iceoryx2's own waiting would stop every thread of a Python process. The
+``FrameReader`` of each consumer, a thread, passes the sample to an intake like any other: the same
+checks of identity, order, size and age, the same counters.
 
 **Ownership of memory.** The camera owns the memory until it has sent it; after that, nobody writes
 to it. A receiver's sample is a read-only view. Everything that refers to it, such as

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NoReturn
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from zenoh_vision.cli.processors import Affinity, Nice, ProcessorSettings, Threads
+from zenoh_vision.cli.processors import Affinity, JpegThreads, Nice, ProcessorSettings, Threads
 from zenoh_vision.config.constraints import allowed_and_default, unknown_key, wrong_value
 from zenoh_vision.config.settings import CameraName, CameraNames, Text, read_toml
 from zenoh_vision.errors import ConfigurationError
@@ -111,6 +111,7 @@ class NodeTable(Table):
     ] = None
     restart: Annotated[bool, Field(description="restart the process when it dies")] = True
     threads: Threads = 1
+    jpeg_threads: JpegThreads = 0
     nice: Nice = 0
     affinity: Affinity = None
 

@@ -19,7 +19,9 @@ from zenoh_vision import ServiceSettings, run_service
 def run(settings, connection):
     '''Print what this process may use.'''
     import cv2
-    print(cv2.getNumThreads(), os.getpriority(os.PRIO_PROCESS, 0), sorted(os.sched_getaffinity(0)))
+    from zenoh_vision.host.parallel import workers
+    numbers = cv2.getNumThreads(), workers.threads, os.getpriority(os.PRIO_PROCESS, 0)
+    print(*numbers, sorted(os.sched_getaffinity(0)))
     threads = [int(name) for name in os.listdir("/proc/self/task")]
     assert len({{tuple(os.sched_getaffinity(each)) for each in threads}}) == 1
     assert len({{os.getpriority(os.PRIO_PROCESS, each) for each in threads}}) == 1
@@ -67,19 +69,19 @@ HIGHEST = pytest.mark.skipif(NICENESS == 19, reason="these tests have the highes
 
 @pytest.mark.parametrize("imported", ["", "import cv2"], ids=["OpenCV later", "OpenCV before"])
 def test_by_default_an_opencv_call_has_one_thread_and_nothing_else_is_limited(tmp_path, imported):
-    assert run(tmp_path, imported=imported).stdout == f"1 {NICENESS} {ALL}\n"
+    assert run(tmp_path, imported=imported).stdout == f"1 {min(4, len(ALL))} {NICENESS} {ALL}\n"
 
 
 @HIGHEST
 def test_threads_niceness_and_affinity_are_what_was_given(tmp_path):
     begun = "import threading; threading.Thread(target=threading.Event().wait, daemon=True).start()"
     nice = NICENESS + 1  # at 19, six workers beside it would let it wait for half a minute
-    limits = ("--threads", 3, "--nice", nice, "--affinity", ALL[-1])
+    limits = ("--threads", 3, "--jpeg-threads", 5, "--nice", nice, "--affinity", ALL[-1])
     done = run(tmp_path, *limits, imported=begun)
-    assert done.stdout == f"3 {nice} [{ALL[-1]}]\n", done.stderr
+    assert done.stdout == f"3 5 {nice} [{ALL[-1]}]\n", done.stderr
     limits = {"ZV_THREADS": "2", "ZV_NICE": f"{nice}", "ZV_AFFINITY": f"{ALL[0]}-{ALL[0]}"}
     by_environment = run(tmp_path, **limits)
-    assert by_environment.stdout == f"2 {nice} [{ALL[0]}]\n", by_environment.stderr
+    assert by_environment.stdout == f"2 1 {nice} [{ALL[0]}]\n", by_environment.stderr
 
 
 def test_a_processor_that_is_not_there_is_refused_with_those_that_are(tmp_path):

@@ -145,7 +145,11 @@ class VideoPicture(StoredPicture):
 
 def stored_planes(frame: VideoFrame) -> tuple[VideoPlane, ...] | None:
     """Return the planes of a frame if a JPEG can store them; None if its colours are others."""
-    if frame.format.name not in STORED or frame.colorspace not in BT_601_SPACES or frame.rotation % 360:
+    if (
+        frame.format.name not in STORED
+        or frame.colorspace not in BT_601_SPACES
+        or frame.rotation % 360
+    ):
         return None
     if not are_even(frame.height, frame.width):
         return None

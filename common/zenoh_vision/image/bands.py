@@ -1,0 +1,196 @@
+"""JPEGs in bands of rows, which several processors encode and decode at once.
+
+A restart marker ends each band, after which the coded data depends on nothing before it
+(ITU-T T.81, E.1.4 and E.2.4), so any decoder reads such a JPEG. Its pixels are those of the same
+picture in one piece, except that decoders which smooth chroma do so across the border of two bands
+only if they decode it in one piece. Here a JPEG in bands is always decoded band by band, so its
+pixels do not depend on the machine.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from zenoh_vision.host.parallel import workers
+from zenoh_vision.image.pixel_formats import MAX_PIXELS
+
+BAND_PIXELS: Final = 150_000
+"""Least number of pixels of a band: its fixed cost is then less than a tenth of its encoding."""
+
+MAX_BANDS: Final = 8
+"""The numbers of restart markers are repeated after so many."""
+
+ROWS: Final = 16
+"""The height of a band is a multiple of this: that of an MCU with chroma of half height."""
+
+MAX_INTERVAL: Final = 2**16 - 1
+"""Most MCUs of a band, as a JPEG states their number; they have 8x8 pixels or more."""
+
+_HUFFMAN_TABLES, _START_OF_SCAN, _RESTART_INTERVAL = 0xC4, 0xDA, 0xDD
+_BASELINE: Final = (0xC0, 0xC1)
+_FIRST_RESTART = 0xD0
+_END_OF_IMAGE: Final = b"\xff\xd9"
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """The segments of a JPEG up to its coded data, by their offsets in the file.
+
+    Attributes:
+        size: Where the frame header has height and width, 16 bits each.
+        scan: The marker of the scan header.
+        end: Where the coded data begins.
+        mcu: Width and height of an MCU, pixels.
+        interval: Number of MCUs between restart markers; 0 without them.
+    """
+
+    size: int
+    scan: int
+    end: int
+    mcu: tuple[int, int]
+    interval: int
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a JPEG is divided: its size, and the height of its bands, of which the last may be lower.
+
+    Attributes:
+        head: The segments up to the coded data.
+        width: Of the picture.
+        height: Of the picture.
+        rows: Height of a band.
+    """
+
+    head: Head
+    width: int
+    height: int
+    rows: int
+
+
+def encode(width: int, height: int, encode_rows: Callable[[slice], bytes]) -> bytes:
+    """Return a picture as a JPEG, in as many bands as there are threads, if it is large enough.
+
+    Args:
+        width: Of the picture.
+        height: Of the picture.
+        encode_rows: Returns some of the rows as a baseline JPEG with one scan; called by several
+            threads.
+    """
+    rows = _band_rows(width, height)
+    if rows >= height:
+        return encode_rows(slice(0, height))
+    tops = range(0, height, rows)
+    jpegs = workers.run([partial(encode_rows, slice(top, top + rows)) for top in tops])
+    first, head = jpegs[0], _head(jpegs[0])
+    assert head is not None
+    interval = -(-width // head.mcu[0]) * (rows // head.mcu[1])
+    pieces: list[bytes | memoryview] = [
+        first[: head.size],
+        height.to_bytes(2),
+        first[head.size + 2 : head.scan],
+        bytes((0xFF, _RESTART_INTERVAL, 0, 4)) + interval.to_bytes(2),
+        first[head.scan : head.end],
+    ]
+    for number, jpeg in enumerate(jpegs):
+        pieces.append(memoryview(jpeg)[head.end : -len(_END_OF_IMAGE)])
+        pieces.append(_restart(number) if number + 1 < len(jpegs) else _END_OF_IMAGE)
+    return b"".join(pieces)
+
+
+def layout(jpeg: bytes) -> Layout | None:
+    """Return how a large JPEG is divided into bands; None if it is not.
+
+    Restart markers may also divide it into other parts, or into more of them than are worth it.
+    """
+    head = _head(jpeg)
+    if head is None or not head.interval:
+        return None
+    height, width = struct.unpack_from(">HH", jpeg, head.size)
+    if not 2 * BAND_PIXELS <= width * height <= MAX_PIXELS:
+        return None
+    lines, rest = divmod(head.interval, -(-width // head.mcu[0]))
+    rows = lines * head.mcu[1]
+    if rest or not 1 < -(-height // rows) <= MAX_BANDS:
+        return None
+    return Layout(head, width, height, rows)
+
+
+def decode(jpeg: bytes, found: Layout, decode_rows: Callable[[bytes, slice], object]) -> bool:
+    """Decode a JPEG in its bands.
+
+    Args:
+        jpeg: The file.
+        found: Its layout.
+        decode_rows: Decodes a JPEG of some of the rows; called by several threads.
+
+    Returns:
+        False if its bands are not complete, so that nothing was decoded.
+    """
+    head, data = found.head, memoryview(jpeg)
+    tops = range(0, found.height, found.rows)
+    starts = [head.end]
+    for number in range(len(tops) - 1):
+        at = jpeg.find(_restart(number), starts[-1])
+        if at < 0:
+            return False
+        starts.append(at + 2)
+    ends = [*(start - 2 for start in starts[1:]), len(jpeg)]
+
+    def decode_band(top: int, start: int, end: int) -> None:
+        bottom = min(top + found.rows, found.height)
+        band = (
+            data[: head.size],
+            (bottom - top).to_bytes(2),
+            data[head.size + 2 : head.end],
+            data[start:end],
+            _END_OF_IMAGE if bottom < found.height else b"",
+        )
+        decode_rows(b"".join(band), slice(top, bottom))
+
+    workers.run([partial(decode_band, *each) for each in zip(tops, starts, ends, strict=True)])
+    return True
+
+
+def _band_rows(width: int, height: int) -> int:
+    """Return the height of a picture's bands; its own height if it is not divided."""
+    count = min(workers.threads, width * height // BAND_PIXELS, MAX_BANDS)
+    if count < 2:
+        return height
+    rows = -(-height // (count * ROWS)) * ROWS
+    return rows if -(-width // 8) * rows // 8 <= MAX_INTERVAL else height
+
+
+def _restart(number: int) -> bytes:
+    return bytes((0xFF, _FIRST_RESTART + number % 8))
+
+
+def _head(jpeg: bytes) -> Head | None:
+    """Return the segments of a baseline JPEG with one scan up to that; None if it is another."""
+    at, size, interval, mcu = 2, 0, 0, (8, 8)
+    components = 0
+    while at + 4 <= len(jpeg) and jpeg[at] == 0xFF:
+        body = at + 4
+        marker, end = jpeg[at + 1], at + 2 + int.from_bytes(jpeg[at + 2 : body])
+        if end > len(jpeg):
+            return None
+        if marker == _START_OF_SCAN:
+            whole = components and all(mcu) and jpeg[body:end][:1] == bytes([components])
+            return Head(size, at, end, mcu, interval) if whole else None
+        if marker == _RESTART_INTERVAL and end == body + 2:
+            interval = int.from_bytes(jpeg[body:end])
+        elif marker in _BASELINE and end > body + 6 and not components:
+            size, components = body + 1, jpeg[body + 5]
+            factors = jpeg[body + 7 : end : 3]
+            if components not in (1, 3) or end != body + 6 + 3 * components:
+                return None
+            if components == 3:  # else an MCU is one block, whatever the factors are
+                mcu = 8 * max(each >> 4 for each in factors), 8 * max(each & 15 for each in factors)
+        elif not (marker == _HUFFMAN_TABLES or 0xDB <= marker <= 0xFE):
+            return None
+        at = end
+    return None
