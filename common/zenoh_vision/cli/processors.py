@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 
 from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.settings import Settings, Text
-from zenoh_vision.host.parallel import MAX_BY_ITSELF, MAX_THREADS, workers
+from zenoh_vision.host.parallel import MAX_BY_DEFAULT, MAX_THREADS, workers
 from zenoh_vision.host.processors import processors_of, use_processors
 
 
@@ -27,7 +27,7 @@ JpegThreads = Annotated[
         ge=0,
         le=MAX_THREADS,
         description="threads that encode or decode one JPEG, from 640x480 on; 0: one per "
-        f"processor, at most {MAX_BY_ITSELF}",
+        f"processor, at most {MAX_BY_DEFAULT}",
     ),
 ]
 Nice = Annotated[

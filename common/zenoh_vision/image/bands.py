@@ -3,8 +3,8 @@
 A restart marker ends each band, after which the coded data depends on nothing before it
 (ITU-T T.81, E.1.4 and E.2.4), so any decoder reads such a JPEG. Its pixels are those of the same
 picture in one piece, except that decoders which smooth chroma do so across the border of two bands
-only if they decode it in one piece. Here a JPEG in bands is always decoded band by band, so its
-pixels do not depend on the machine.
+only if they decode it in one piece. Here a JPEG in bands is always decoded band by band, unless at
+a reduced scale, so its pixels do not depend on the machine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from functools import partial
 from typing import Final
 
 from zenoh_vision.host.parallel import workers
-from zenoh_vision.image.pixel_formats import MAX_PIXELS
+from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_SIDE
 
 BAND_PIXELS: Final = 150_000
 """Least number of pixels of a band: its fixed cost is then less than a tenth of its encoding."""
@@ -24,11 +24,11 @@ BAND_PIXELS: Final = 150_000
 MAX_BANDS: Final = 8
 """The numbers of restart markers are repeated after so many."""
 
-ROWS: Final = 16
-"""The height of a band is a multiple of this: that of an MCU with chroma of half height."""
-
 MAX_INTERVAL: Final = 2**16 - 1
-"""Most MCUs of a band, as a JPEG states their number; they have 8x8 pixels or more."""
+"""Most MCUs of a band, as a JPEG states their number."""
+
+MAX_HEAD_BYTES: Final = 1 << 16
+"""Each band gets a copy of the segments before the coded data, usually less than 1 kB."""
 
 _HUFFMAN_TABLES, _START_OF_SCAN, _RESTART_INTERVAL = 0xC4, 0xDA, 0xDD
 _BASELINE: Final = (0xC0, 0xC1)
@@ -72,7 +72,7 @@ class Layout:
     rows: int
 
 
-def encode(width: int, height: int, encode_rows: Callable[[slice], bytes]) -> bytes:
+def encode(width: int, height: int, encode_rows: Callable[[slice], bytes], mcu: int) -> bytes:
     """Return a picture as a JPEG, in as many bands as there are threads, if it is large enough.
 
     Args:
@@ -80,15 +80,16 @@ def encode(width: int, height: int, encode_rows: Callable[[slice], bytes]) -> by
         height: Of the picture.
         encode_rows: Returns some of the rows as a baseline JPEG with one scan; called by several
             threads.
+        mcu: Side of an MCU: 16 pixels with chroma of half width and height, 8 without chroma.
     """
-    rows = _band_rows(width, height)
+    rows = _band_rows(width, height, mcu)
     if rows >= height:
         return encode_rows(slice(0, height))
     tops = range(0, height, rows)
     jpegs = workers.run([partial(encode_rows, slice(top, top + rows)) for top in tops])
     first, head = jpegs[0], _head(jpegs[0])
     assert head is not None
-    interval = -(-width // head.mcu[0]) * (rows // head.mcu[1])
+    interval = -(-width // mcu) * (rows // mcu)
     pieces: list[bytes | memoryview] = [
         first[: head.size],
         height.to_bytes(2),
@@ -156,13 +157,14 @@ def decode(jpeg: bytes, found: Layout, decode_rows: Callable[[bytes, slice], obj
     return True
 
 
-def _band_rows(width: int, height: int) -> int:
+def _band_rows(width: int, height: int, mcu: int) -> int:
     """Return the height of a picture's bands; its own height if it is not divided."""
     count = min(workers.threads, width * height // BAND_PIXELS, MAX_BANDS)
-    if count < 2:
+    if count < 2 or height > MAX_SIDE:  # which the encoder refuses
         return height
-    rows = -(-height // (count * ROWS)) * ROWS
-    return rows if -(-width // 8) * rows // 8 <= MAX_INTERVAL else height
+    most = MAX_INTERVAL // -(-width // mcu)
+    lines = min(most, -(-height // (count * mcu)))
+    return lines * mcu if -(-height // (lines * mcu)) <= MAX_BANDS else height
 
 
 def _restart(number: int) -> bytes:
@@ -176,7 +178,7 @@ def _head(jpeg: bytes) -> Head | None:
     while at + 4 <= len(jpeg) and jpeg[at] == 0xFF:
         body = at + 4
         marker, end = jpeg[at + 1], at + 2 + int.from_bytes(jpeg[at + 2 : body])
-        if end > len(jpeg):
+        if end > min(len(jpeg), MAX_HEAD_BYTES):
             return None
         if marker == _START_OF_SCAN:
             whole = components and all(mcu) and jpeg[body:end][:1] == bytes([components])

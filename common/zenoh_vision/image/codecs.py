@@ -18,9 +18,6 @@ from zenoh_vision.image import bands
 from zenoh_vision.image.pixel_formats import ENCODINGS, MAX_PIXELS, Pixels
 from zenoh_vision.keys import JPEG, PNG
 
-MAX_SIDE: Final = 65_500
-"""libjpeg's limit of a side, pixels; a longer picture could be received, but not sent on."""
-
 MAX_COMPRESSED_BYTES: Final = 32 << 20
 JPEG_START: Final = b"\xff\xd8\xff"
 PNG_START: Final = b"\x89PNG\r\n\x1a\n"
@@ -64,14 +61,14 @@ def encode_jpeg(pixels: Pixels, encoding: str, quality: int) -> bytes:
     """
     array = np.ascontiguousarray(pixels if pixels.ndim == 3 else pixels[:, :, np.newaxis])
     space = ENCODINGS[encoding].space
-    sampling = "Gray" if space == "GRAY" else "420"
+    sampling, mcu = ("Gray", 8) if space == "GRAY" else ("420", 16)
 
     def encode_rows(rows: slice) -> bytes:
         jpeg: bytes = simplejpeg.encode_jpeg(array[rows], quality, space, sampling)
         return jpeg
 
     height, width = array.shape[:2]
-    return bands.encode(width, height, encode_rows)
+    return bands.encode(width, height, encode_rows, mcu)
 
 
 def decode_jpeg(
@@ -99,7 +96,7 @@ def decode_jpeg(
     if _known_size(jpeg) is None:
         check_scans(jpeg)
     try:
-        pixels = None if any(least) else _decode_bands(jpeg, encoding, target, strict=strict)
+        pixels = _decode_bands(jpeg, encoding, least, target, strict=strict)
         if pixels is None:
             pixels = simplejpeg.decode_jpeg(
                 jpeg,
@@ -115,15 +112,25 @@ def decode_jpeg(
 
 
 def _decode_bands(
-    jpeg: bytes, encoding: str, target: NDArray[np.uint8] | None, *, strict: bool
+    jpeg: bytes,
+    encoding: str,
+    least: tuple[int, int],
+    target: NDArray[np.uint8] | None,
+    *,
+    strict: bool,
 ) -> NDArray[np.uint8] | None:
-    """Return the pixels of a JPEG in bands, (height, width, channels); None if it is in one piece.
+    """Return the pixels of a JPEG in bands, (height, width, channels).
+
+    None if it is in one piece, or of a size that a smaller scale has too.
 
     Raises:
         ValueError: A band is corrupt.
     """
     layout = bands.layout(jpeg)
     if layout is None:
+        return None
+    next_smaller = -(-layout.width * 7 // 8), -(-layout.height * 7 // 8)
+    if any(least) and next_smaller[0] >= least[0] and next_smaller[1] >= least[1]:
         return None
     known = ENCODINGS[encoding]
     shape = (layout.height, layout.width, known.channels)

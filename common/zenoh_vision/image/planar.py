@@ -75,7 +75,7 @@ class PlanarPicture(StoredPicture):
             jpeg: bytes = simplejpeg.encode_jpeg_yuv_planes(*planes, quality=quality)
             return jpeg
 
-        return bands.encode(*self.size, encode_rows)
+        return bands.encode(*self.size, encode_rows, mcu=16)
 
     def cropped(self, box: tuple[int, int, int, int]) -> PlanarPicture | None:
         """Return the part in a rectangle (x, y, width, height); None if a number in it is odd."""

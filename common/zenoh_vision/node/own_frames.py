@@ -13,7 +13,13 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.health import Health
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.image.pixel_formats import MAX_PIXELS, Pixels, encoding_named, encoding_of
+from zenoh_vision.image.pixel_formats import (
+    MAX_PIXELS,
+    MAX_SIDE,
+    Pixels,
+    encoding_named,
+    encoding_of,
+)
 from zenoh_vision.messages import Header
 from zenoh_vision.node.outputs import Outputs
 from zenoh_vision.stream.counters import FrameCounters
@@ -205,6 +211,8 @@ def _checked(picture: Pixels | bytes, encoding: str | None) -> tuple[int, int, s
     height, width = picture.shape[:2]
     if not 0 < width * height <= MAX_PIXELS:
         raise PayloadError("too_large", f"{width}x{height} pixels, at most {MAX_PIXELS} in all")
+    if max(width, height) > MAX_SIDE:
+        raise PayloadError("too_large", f"{width}x{height} pixels, a side at most {MAX_SIDE}")
     return width, height, named
 
 

@@ -13,7 +13,7 @@ from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.bits import bits_size, unpack_bits
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.frame import Frame, Want
-from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES, MAX_PIXELS
+from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES, MAX_PIXELS, MAX_SIDE
 from zenoh_vision.keys import Way
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffering, latest
@@ -288,9 +288,9 @@ def checked_header(
         raise PayloadError(
             "too_large", f"{header.width}x{header.height} pixels, at most {max_pixels} in all"
         )
-    if max(header.width, header.height) > codecs.MAX_SIDE:
+    if max(header.width, header.height) > MAX_SIDE:
         raise PayloadError(
-            "too_large", f"{header.width}x{header.height} pixels, a side at most {codecs.MAX_SIDE}"
+            "too_large", f"{header.width}x{header.height} pixels, a side at most {MAX_SIDE}"
         )
     if raw or bits:
         expected = (

@@ -101,7 +101,7 @@ class SourceReader:
         return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
 
     def start_reading(self) -> None:
-        """Let the thread put pictures into the buffer; those that come earlier are discarded."""
+        """Let the thread put pictures into the buffer; a live source's earlier ones are lost."""
         self._may_read.set()
 
     def abandon(self) -> None:

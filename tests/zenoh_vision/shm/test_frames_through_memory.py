@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.support.headers import header
+from tests.support.pictures.videos import noise
 from tests.support.waiting import wait_until
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image.codecs import encode_jpeg
@@ -148,9 +149,10 @@ def test_a_frame_that_nobody_reads_is_not_converted(way, monkeypatch):
 
 
 def test_a_picture_that_cannot_be_decoded_costs_no_memory_while_its_error_is_kept(way):
-    corrupt = encode_jpeg(filled(0, 0).pixels, "bgr8", 80)[:-40]
+    width, height = 800, 608  # which is decoded by several threads
+    corrupt = encode_jpeg(noise(height, width, 3), "bgr8", 80)[:-900]
     with pytest.raises(PayloadError) as kept:
-        way.writer.write(Frame(a_header(0), compressed=corrupt))
+        way.writer.write(Frame(a_header(0, width=width, height=height), compressed=corrupt))
     assert set(bytes(way.send(filled(1, 7)).payload)) == {7}
     assert kept.value.reason == "corrupt"
 

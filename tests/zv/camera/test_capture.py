@@ -157,10 +157,10 @@ def test_a_picture_that_a_device_took_while_the_camera_waited_for_its_router_is_
 def test_a_file_is_not_read_while_the_camera_waits_for_its_router():
     with unstarted("clip.avi", live=False) as rig:
         rig.capture.open()
-        rig.sources[0].given.put("picture")
+        assert not rig.sources[0].reading.wait(0.1)
         rig.start_reading()
-        wait_until(lambda: rig.pictures)
-        assert rig.pictures[0].picture.pixels[0, 0, 0] == 0
+        (first,) = rig.give()
+        assert first.picture.pixels[0, 0, 0] == 0
 
 
 def test_a_picture_that_comes_after_a_change_is_made_with_it_though_reading_began_before():

@@ -24,10 +24,9 @@ log = logging.getLogger(__name__)
 MAX_DAMAGED: Final = 30
 """Number of damaged packets in a row after which the source is lost: 1 s at 30 Hz."""
 
-MAX_FIRST_AGE_S: Final = 1.0
-"""Highest age of the first picture by the driver's time stamp; if it is older by that, the stamps
-were made by another clock. Later pictures may be older: those that waited in the driver's buffers
-while this process was suspended."""
+MAX_AGE_S: Final = 1.0
+"""A driver's time stamps are believed from the first one on that is not older than this. Later ones
+may be: those of pictures that waited in the driver's buffers while this process was suspended."""
 
 CONVERT: Final = cv2.CAP_PROP_CONVERT_RGB
 
@@ -94,7 +93,7 @@ class DeviceSource:
                 self._capture.set(property_id, value)
         granted = _fourcc_text(self._capture.get(cv2.CAP_PROP_FOURCC))
         self._undecoded = UNDECODED.get(granted)
-        self._has_stamps: bool | None = None  # unknown before the first picture
+        self._has_stamps = False
         if self._undecoded and not self._capture.set(CONVERT, 0):
             self._undecoded = None
         try:
@@ -166,10 +165,12 @@ class DeviceSource:
 
     def _stamp_ns(self) -> int | None:
         """Return when the driver filled the buffer; None if its clock is not the monotonic one."""
-        age_s = time.monotonic() - self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-        if self._has_stamps is None:
-            self._has_stamps = 0.0 <= age_s < MAX_FIRST_AGE_S
-        return time.time_ns() - round(max(0.0, age_s) * 1e9) if self._has_stamps else None
+        filled_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+        age_s = time.monotonic() - filled_s
+        if 0.0 <= age_s < MAX_AGE_S:
+            self._has_stamps = True
+        is_stamp = self._has_stamps and filled_s > 0 and age_s >= 0
+        return time.time_ns() - round(age_s * 1e9) if is_stamp else None
 
 
 def _fourcc_text(code: float) -> str:

@@ -331,3 +331,14 @@ def test_a_picture_that_waited_in_the_drivers_buffers_keeps_its_own_time_stamp()
     stand_in._values[cv2.CAP_PROP_POS_MSEC] -= 60_000
     age_ns = time.time_ns() - source.read().stamp_ns
     assert age_ns >= 60 * 10**9
+
+
+def test_one_wrong_time_stamp_is_not_believed_and_the_next_good_one_is():
+    stand_in = StandIn([PIXELS] * 4, stamp_ms=0.0)
+    source, stamps = DeviceSource(0, capture=stand_in), []
+    stamps.append(source.read().stamp_ns)
+    for age_s in (0.1, None, 0.1):
+        filled_s = 0.0 if age_s is None else time.monotonic() - age_s
+        stand_in._values[cv2.CAP_PROP_POS_MSEC] = filled_s * 1e3
+        stamps.append(source.read().stamp_ns)
+    assert [stamp is None for stamp in stamps] == [True, False, True, False]
