@@ -21,7 +21,8 @@ SIZES = [(768, 576), (801, 611), (640, 480), (1921, 333)]
 
 
 @pytest.fixture(autouse=True)
-def threads() -> Iterator[None]:
+def four_threads_for_small_pictures(monkeypatch) -> Iterator[None]:
+    monkeypatch.setattr(bands, "BAND_PIXELS", 40_000)
     workers.limit(4)
     yield
     workers.limit(0)
@@ -129,9 +130,19 @@ def test_restart_markers_of_another_encoder_make_bands_if_they_are_so(size, inte
     assert np.array_equal(codecs.decode_jpeg(jpeg, "mono8"), gray)
 
 
-@pytest.mark.parametrize("size", [(639, 468), (160, 120)])
-def test_small_pictures_are_in_one_piece(size):
-    assert RESTART_INTERVAL not in codecs.encode_jpeg(scene(*size), "bgr8", 80)
+@pytest.mark.parametrize(
+    ("width", "height", "number"),
+    [(640, 480, 1), (1024, 768, 1), (1280, 720, 2), (1920, 1080, 4), (3840, 2160, 4)],
+)
+def test_the_larger_a_picture_is_the_more_bands_it_has_but_no_more_than_threads(
+    width, height, number, monkeypatch
+):
+    monkeypatch.undo()
+    jpeg = codecs.encode_jpeg(scene(width, height), "bgr8", 80)
+    layout = bands.layout(jpeg)
+    assert (layout is None) == (number == 1) == (RESTART_INTERVAL not in jpeg)
+    if layout is not None:
+        assert -(-height // layout.rows) == number
 
 
 @pytest.mark.parametrize(

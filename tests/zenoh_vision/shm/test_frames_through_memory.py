@@ -149,7 +149,7 @@ def test_a_frame_that_nobody_reads_is_not_converted(way, monkeypatch):
 
 
 def test_a_picture_that_cannot_be_decoded_costs_no_memory_while_its_error_is_kept(way):
-    width, height = 800, 608  # which is decoded by several threads
+    width, height = 1280, 720  # which is decoded by several threads
     corrupt = encode_jpeg(noise(height, width, 3), "bgr8", 80)[:-900]
     with pytest.raises(PayloadError) as kept:
         way.writer.write(Frame(a_header(0, width=width, height=height), compressed=corrupt))
