@@ -100,7 +100,8 @@ class Crew:
             return
         self._allowed = allowed
         for thread in self._threads:
-            _bind(thread.native_id or 0, others)
+            if thread.native_id is not None and thread.is_alive():  # else it is another's number
+                _bind(thread.native_id, others)
 
     def _run(self) -> None:
         while (part := self.waiting.get()) is not None:
