@@ -101,29 +101,43 @@ def usual_colours(pictures: Sequence[Image], free: Sequence[Image]) -> Image:
         (height, width, 3) uint8 BGR.
     """
     places = sorted({round(at) for at in np.linspace(0, len(pictures) - 1, COMPARED)})
-    shown, counted = [pictures[at] for at in places], [free[at] for at in places]
-    alike = np.array(counted)
+    shown, counted = [_planes(pictures[at]) for at in places], [free[at] for at in places]
+    alike = [each.copy() for each in counted]
     for one in range(len(shown)):
         for two in range(one):
-            both = cv2.min(counted[one], counted[two])
-            same = np.asarray(cv2.min(_same(shown[one], shown[two]), both), np.uint8)
-            alike[one] += same
-            alike[two] += same
-    best = np.take_along_axis(np.array(shown), alike.argmax(axis=0)[None, :, :, None], axis=0)[0]
-    total, count = np.zeros(best.shape, np.float32), np.zeros(best.shape[:2], np.uint8)
-    for picture, counts in zip(shown, counted, strict=True):
-        same = np.asarray(cv2.min(_same(picture, best), counts), np.uint8)
-        cv2.accumulate(picture, total, mask=same)
-        count += same
-    found = np.rint(total / np.maximum(count, 1)[:, :, None]).astype(np.uint8)
-    enough = (count >= LEAST_ALIKE)[:, :, None]
-    return np.asarray(np.where(enough, found, _middle(pictures)), np.uint8)
+            same = cv2.min(_same(shown[one], shown[two]), cv2.min(counted[one], counted[two]))
+            cv2.add(alike[one], same, alike[one])
+            cv2.add(alike[two], same, alike[two])
+    best, most = shown[0].copy(), alike[0].copy()
+    for planes, votes in zip(shown[1:], alike[1:], strict=True):
+        more = cv2.compare(votes, most, cv2.CMP_GT)
+        for plane, kept in zip(planes, best, strict=True):
+            cv2.copyTo(plane, more, kept)
+        cv2.max(votes, most, most)
+    total, count = np.zeros(best.shape, np.float32), np.zeros(best.shape[1:], np.uint8)
+    for planes, counts in zip(shown, counted, strict=True):
+        same = cv2.min(_same(planes, best), counts)
+        for plane, plane_total in zip(planes, total, strict=True):
+            cv2.accumulate(plane, plane_total, mask=same)
+        cv2.add(count, same, count)
+    mean = np.rint(total / np.maximum(count, 1)).astype(np.uint8)
+    found = np.asarray(cv2.merge(list(mean)), np.uint8)
+    _, few = cv2.threshold(count, LEAST_ALIKE - 1, 255, cv2.THRESH_BINARY_INV)
+    cv2.copyTo(_middle(pictures), few, found)
+    return found
+
+
+def _planes(picture: Image) -> Image:
+    """Return a picture as (3, height, width): OpenCV compares planes three times as fast."""
+    return np.array(cv2.split(picture), np.uint8)
 
 
 def _same(one: Image, other: Image) -> Image:
-    """Return where two pictures have the same colour: (height, width), 255 there, else 0."""
-    apart = cv2.absdiff(one, other)
-    return np.asarray(cv2.inRange(apart, (0.0, 0.0, 0.0), (float(ALIKE),) * 3), np.uint8)
+    """Return where two pictures in planes have the same colour: (height, width), 255 or 0."""
+    width = one.shape[2]
+    apart = cv2.absdiff(one.reshape(-1, width), other.reshape(-1, width)).reshape(one.shape)
+    most = cv2.max(cv2.max(apart[0], apart[1]), apart[2])
+    return np.asarray(cv2.threshold(most, ALIKE, 255, cv2.THRESH_BINARY_INV)[1], np.uint8)
 
 
 def _middle(pictures: Sequence[Image]) -> Image:

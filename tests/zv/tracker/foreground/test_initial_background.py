@@ -48,6 +48,28 @@ def test_the_background_is_the_median_without_three_pictures_of_one_colour():
     assert usual_colours(pictures, everywhere(pictures)).tolist() == [[[50, 50, 50]]]
 
 
+def usual_colour(colours: np.ndarray, free: np.ndarray) -> list[int]:
+    """Return the usual colour of one pixel by its definition: (n, 3) colours, (n,) 0 or 1."""
+    same = (np.abs(colours[:, None] - colours) <= 20).all(axis=2) & (free[:, None] & free > 0)
+    found = (np.abs(colours - colours[same.sum(axis=0).argmax()]) <= 20).all(axis=1) & (free > 0)
+    if found.sum() < 3:
+        thirds = [np.median(colours[k::3], axis=0) for k in range(3)]
+        return np.median(thirds, axis=0).astype(int).tolist()
+    return np.rint(colours[found].sum(axis=0) / np.float32(found.sum())).astype(int).tolist()
+
+
+def test_each_pixel_of_random_pictures_gets_the_colour_that_the_definition_gives():
+    random = np.random.default_rng(7)
+    pictures = random.choice([40, 55, 75, 96, 130], (9, 11, 13, 3)).astype(np.uint8)
+    free = (random.random((9, 11, 13)) < 0.8).astype(np.uint8)
+    found = usual_colours(list(pictures), list(free))
+    expected = [
+        [usual_colour(pictures[:, y, x].astype(int), free[:, y, x]) for x in range(13)]
+        for y in range(11)
+    ]
+    assert found.tolist() == expected
+
+
 def test_a_tracked_person_who_stands_in_the_first_seconds_is_not_learned():
     found = ForegroundDetector(ForegroundParameters())
     for k in range(60):
