@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import gc
 import json
 import time
 from typing import Any
@@ -86,6 +87,7 @@ def stalls(number: int, seconds: float) -> dict[str, Any]:
         connection = Connection(connect=system.endpoint)
         node = Node("viewer", camera=(), connection=connection, parameters=parameters)
         access = Access(None, frozenset({"localhost"}))
+        gc.freeze()  # as ``zv view`` does before it starts
         with WebServer(listening, parameters, node, access) as server, node:
             server.connect(node.link)
             asyncio.run_coroutine_threadsafe(_beat(gaps), server._loop)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 import re
 import sys
@@ -38,7 +39,7 @@ DOCSTRING_SECTION = re.compile(r"\n\s*\n(Args|Attributes|Raises|Returns):\n.*", 
 def service_command(
     name: str,
     model: type[S],
-    run: Callable[[S, Connection], object],
+    load: Callable[[], Callable[[S, Connection], object]],
     text: str,
     examples: Sequence[str],
     *,
@@ -49,11 +50,12 @@ def service_command(
     Args:
         name: The last word that calls it.
         model: The settings: each is a flag, an environment variable and a key of ``--config``.
-        run: The loop, called with the settings and the connection.
+        load: Returns the loop, which is called with the settings and the connection; what it needs
+            is imported then, not for ``--help``.
         text: What it does, in paragraphs; its first line is the summary.
         examples: Command lines.
         files: Further flags, and the function that is called with the settings and these flags,
-            instead of ``run``, if one of them is given. It works on files, without a router.
+            instead of the loop, if one of them is given. It works on files, without a router.
 
     Raises:
         ValueError: A setting has the name of a flag that every service has.
@@ -81,6 +83,10 @@ def service_command(
         ):
             run_on_files(settings, load_settings(file_model, flags=given))
         else:
+            run = load()
+            # Otherwise a full garbage collection visits what is imported, and delays a frame by
+            # 20 ms.
+            gc.freeze()
             run(settings, connection)
 
     headings = dict(sections([*parameters_of(model), CONFIG]))
@@ -128,7 +134,7 @@ def run_service(
     """
     name = program_name()
     text = DOCSTRING_SECTION.sub("", inspect.getdoc(run) or "")
-    command = service_command(name, settings, run, text, examples)
+    command = service_command(name, settings, lambda: run, text, examples)
     code = getattr(inspect.unwrap(run), "__code__", None)
     file = None if code is None else code.co_filename
     exit_with_status(lambda: run_command(command, name, sys.argv[1:]), name, file)

@@ -53,9 +53,11 @@ def _service(name: str) -> Command:
     service = BY_COMMAND[name]
     entry = SERVICES[service]
 
-    def run(settings: Settings, connection: Connection) -> None:
-        loop = importlib.import_module(f"zv.{service}.service").run
-        loop(settings, connection.zenoh_config if service == "router" else connection)
+    def loop() -> Callable[[Settings, Connection], object]:
+        run: Callable[..., object] = importlib.import_module(f"zv.{service}.service").run
+        if service == "router":
+            return lambda settings, connection: run(settings, connection.zenoh_config)
+        return run
 
     def run_on_files(settings: Settings, options: Settings) -> None:
         importlib.import_module(f"zv.{service}.files").run(settings, options)
@@ -63,7 +65,7 @@ def _service(name: str) -> Command:
     return service_command(
         name,
         model_of(service),
-        run,
+        loop,
         entry.summary,
         entry.example.splitlines(),
         files=(imported(entry.files), run_on_files) if entry.files else None,

@@ -24,6 +24,7 @@ from zenoh_vision.errors import ConfigurationError, ToldToStop
 from zv.cli import main
 from zv.cli.generate import entries
 from zv.cli.main import COMMANDS, example, section
+from zv.registry import BY_COMMAND
 
 HEAVY = {
     "av",
@@ -101,6 +102,24 @@ for words in {list(ENTRIES)!r}:
 """
     done = run_program([sys.executable, "-c", program])
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("command", list(BY_COMMAND))
+def test_garbage_collections_do_not_visit_what_a_service_imports(command: str):
+    # A full collection that visits all of it delays a frame by 20 ms.
+    module = f"zv.{BY_COMMAND[command]}.service"
+    program = f"""
+import gc, os, sys
+def freeze():
+    print({module!r} in sys.modules, flush=True)
+    os._exit(0)
+gc.freeze = freeze
+sys.argv = ["zv", {command!r}]
+from zv.cli.main import main
+main()
+"""
+    done = run_program([sys.executable, "-c", program])
+    assert (done.stdout, done.stderr) == ("True\n", "")
 
 
 @pytest.mark.parametrize(

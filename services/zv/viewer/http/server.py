@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import logging
 import resource
 import socket
@@ -58,7 +57,6 @@ class WebServer:
             for name in ("aiohttp", "asyncio"):  # errors of clients do not belong in our log
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         _raise_file_limit()
-        gc.freeze()  # otherwise each full garbage collection would visit all modules' objects
         self._thread.start()
         self._started.result(START_S)
         return self
