@@ -26,7 +26,7 @@ JpegThreads = Annotated[
     Field(
         ge=0,
         le=MAX_THREADS,
-        description="threads that encode or decode one JPEG, from 1280x720 on; 0: one per "
+        description="threads that encode or decode one JPEG of over 400,000 pixels; 0: one per "
         f"processor, at most {MAX_BY_DEFAULT}",
     ),
 ]
