@@ -67,3 +67,4 @@ def open_tab(browser: Any, system: Running) -> Iterator[Open]:
             return stack.enter_context(tab(browser, system.address, **context)).open(place)
 
         yield opened
+        system.router.answers()  # fails with its output if it has ended, as when Zenoh locks up
