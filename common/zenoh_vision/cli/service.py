@@ -84,8 +84,9 @@ def service_command(
             run_on_files(settings, load_settings(file_model, flags=given))
         else:
             run = load()
-            # Otherwise a full garbage collection visits what is imported, and delays a frame by
-            # 20 ms.
+            # Otherwise each full garbage collection visits what is imported, and the first delays a
+            # frame by 20 ms. What is garbage by now would be kept for ever.
+            gc.collect()
             gc.freeze()
             run(settings, connection)
 

@@ -108,13 +108,16 @@ for words in {list(ENTRIES)!r}:
 def test_garbage_collections_do_not_visit_what_a_service_imports(command: str):
     # A full collection that visits all of it delays a frame by 20 ms.
     module = f"zv.{BY_COMMAND[command]}.service"
+    flags = (
+        ["--listen", "tcp/127.0.0.1:0"] if command == "router" else ["--connect", "tcp/127.0.0.1:1"]
+    )
     program = f"""
 import gc, os, sys
 def freeze():
     print({module!r} in sys.modules, flush=True)
     os._exit(0)
 gc.freeze = freeze
-sys.argv = ["zv", {command!r}]
+sys.argv = ["zv", {command!r}, *{flags!r}]
 from zv.cli.main import main
 main()
 """
