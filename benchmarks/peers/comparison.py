@@ -31,9 +31,9 @@ SHARE = 4 / 15
 
 BITS_PER_PIXEL = 4
 
-SPARE_S = 10.0
-"""The clip is longer than a run by this, for the start of the programs: at its end a file is opened
-again, which a camera is not, and our tracker begins anew."""
+SPARE_S = 15.0
+"""The clip is longer than a run by this, for the start of the programs and a tracker's warm-up: at
+its end a file is opened again, which a camera is not, and our tracker begins anew."""
 
 FLOOR = System("encoding and decoding alone", lambda *_: Outcome((), 0.0, 0.0, 0.0))
 
@@ -80,7 +80,7 @@ class Row:
 
 
 def write_clip(path: Path, pictures: Sequence[NDArray[np.uint8]], seconds: float) -> None:
-    """Write pictures as a video of 30 Hz of at least so many seconds, forth and back again."""
+    """Write pictures, forth and back, as a video of 30 Hz that lasts at least so many seconds."""
     height, width = pictures[0].shape[:2]
     with av.open(str(path), "w") as container:
         stream = container.add_stream("mpeg4", rate=int(RATE_HZ))

@@ -131,7 +131,7 @@ def measured(started: Programs, consumer: psutil.Popen, frames: int) -> Outcome:
     watchdog.start()
     try:
         if consumer.stdout.readline().strip() != "begin":
-            raise Failed(f"no {WARM_UP} frames in {longest_s:.0f} s")
+            raise Failed(f"no frames beyond the warm-up in {longest_s:.0f} s")
         before_s, begun_s = started.cpu_s(), time.monotonic()
         line = consumer.stdout.readline()
         cpu_s, took_s = started.cpu_s() - before_s, time.monotonic() - begun_s

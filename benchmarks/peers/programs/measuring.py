@@ -43,11 +43,13 @@ class Ages:
 
     Args:
         wanted: How many frames are measured.
+        warm_up: How many before them are not.
     """
 
-    def __init__(self, wanted):
+    def __init__(self, wanted, warm_up=WARM_UP):
         cv2.setNumThreads(1)
         self._wanted = wanted
+        self._warm_up = warm_up
         self._arrived = 0
         self._ages_ms = []
 
@@ -55,9 +57,9 @@ class Ages:
         """Note a frame that is decoded now; return False when there are enough."""
         age_ms = (time.time_ns() - stamp_ns) / 1e6
         self._arrived += 1
-        if self._arrived == WARM_UP:
+        if self._arrived == self._warm_up:
             print("begin", flush=True)
-        elif self._arrived > WARM_UP and len(self._ages_ms) < self._wanted:
+        elif self._arrived > self._warm_up and len(self._ages_ms) < self._wanted:
             self._ages_ms.append(age_ms)
             if len(self._ages_ms) == self._wanted:
                 print(json.dumps(self._ages_ms), flush=True)
