@@ -26,8 +26,8 @@ JpegThreads = Annotated[
     Field(
         ge=0,
         le=MAX_THREADS,
-        description="threads that encode or decode one JPEG of over 400,000 pixels; 0: one per "
-        f"processor, at most {MAX_BY_DEFAULT}",
+        description="threads that encode one JPEG of over 400,000 pixels, or decode one of "
+        f"800,000; 0: one per processor, at most {MAX_BY_DEFAULT}",
     ),
 ]
 Nice = Annotated[

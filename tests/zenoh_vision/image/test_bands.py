@@ -131,18 +131,24 @@ def test_restart_markers_of_another_encoder_make_bands_if_they_are_so(size, inte
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "number"),
-    [(640, 480, 1), (800, 500, 1), (768, 576, 2), (1280, 720, 2), (1920, 1080, 4), (3840, 2160, 4)],
+    ("width", "height", "encoded", "decoded"),
+    [
+        (640, 480, 1, 1),
+        (800, 500, 1, 1),
+        (768, 576, 2, 1),
+        (1280, 720, 2, 2),
+        (1920, 1080, 4, 4),
+        (3840, 2160, 4, 4),
+    ],
 )
 def test_the_larger_a_picture_is_the_more_bands_it_has_but_no_more_than_threads(
-    width, height, number, monkeypatch
+    width, height, encoded, decoded, monkeypatch
 ):
     monkeypatch.undo()
     jpeg = codecs.encode_jpeg(scene(width, height), "bgr8", 80)
+    assert sum(jpeg.count(bytes((0xFF, 0xD0 + number))) for number in range(8)) == encoded - 1
     layout = bands.layout(jpeg)
-    assert (layout is None) == (number == 1) == (RESTART_INTERVAL not in jpeg)
-    if layout is not None:
-        assert -(-height // layout.rows) == number
+    assert (1 if layout is None else -(-height // layout.rows)) == decoded
 
 
 @pytest.mark.parametrize(
