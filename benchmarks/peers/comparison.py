@@ -27,7 +27,7 @@ SIZES = ((768, 576), (1920, 1080))
 QUALITIES = (80, 95)
 ROUNDS = 2
 SHARE = 4 / 15
-"""Of the seconds of other measurements, for each system in each round: seven minutes in all."""
+"""Of the seconds of other measurements, for each system in each round: nine minutes in all."""
 
 BITS_PER_PIXEL = 4
 
