@@ -90,7 +90,7 @@ class Capture:
         Raises:
             SourceError: It cannot be opened, or does not answer within ``stall_after``.
         """
-        reader = self._start_reader()
+        reader = self._start_reader(may_read=False)
         while reader.state == "opening":
             time.sleep(OPEN_POLL_S)
             if self._stalled(reader):
@@ -143,7 +143,7 @@ class Capture:
                 self.ended = f"{self._shown} ended after {reader.captured} frames"
                 return self._buffer.filled  # the last picture is still to be published
             elif not self._buffer.filled:
-                self._start_reader().start_reading()
+                self._start_reader()
         elif reader.state in ("lost", "failed"):
             self._reopen_later(reader.reason, report)
         elif self._stalled(reader):
@@ -160,7 +160,7 @@ class Capture:
         most = 1 if self.kind == "synthetic" else MAX_ABANDONED  # a scene's readers always end
         if len(self._abandoned) < most:
             self._reopen_at_s = self._closing = None
-            self._start_reader().start_reading()
+            self._start_reader()
         elif self._failure != STUCK:
             self._failure = STUCK
             report(STUCK)
@@ -198,7 +198,7 @@ class Capture:
         self._failure = f"{reason}; opening {self._shown} again in {delay_s:g} s"
         report(self._failure)
 
-    def _start_reader(self) -> SourceReader:
+    def _start_reader(self, *, may_read: bool = True) -> SourceReader:
         self.ended = ""
         self._epoch = max(self._epoch + 1, time.time_ns())
         self._reader = SourceReader(
@@ -208,5 +208,6 @@ class Capture:
             epoch=self._epoch,
             buffer=self._buffer,
             counters=self._counters,
+            may_read=may_read,
         )
         return self._reader

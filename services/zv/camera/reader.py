@@ -48,6 +48,9 @@ class SourceReader:
     ``abandon`` it puts no more frames into the buffer. A change of the parameters takes effect
     with the next picture.
 
+    Args:
+        may_read: Whether to read at once; else it only opens the source until ``start_reading``.
+
     Attributes:
         state: ``failed`` if it could not be opened; ``lost`` if reading failed later.
         reason: Why it failed or was lost.
@@ -66,6 +69,7 @@ class SourceReader:
         epoch: int,
         buffer: Buffer[CapturedFrame],
         counters: FrameCounters,
+        may_read: bool,
     ) -> None:
         self.epoch = epoch
         self.state: State = "opening"
@@ -81,6 +85,8 @@ class SourceReader:
         self._buffer = buffer
         self._counters = counters
         self._may_read = threading.Event()
+        if may_read:
+            self._may_read.set()
         self._source: Source | None = None
         self.timer = PictureTimer(self._rate_hz)
         self.timer.blocked_since_s = time.monotonic()

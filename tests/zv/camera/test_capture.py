@@ -67,6 +67,7 @@ class Rig:
         self.at_s: list[float] = []
         self.troubles: list[str] = []
         self.broken: Callable[[CameraSettings], bool] = lambda _settings: False
+        self.gives_at_once = False
 
         def open_source(
             opened: CameraSettings, newest: Callable[[], CameraSettings]
@@ -75,19 +76,27 @@ class Rig:
                 raise SourceError("the device cannot do that")
             assert all(source.closed for source in self.sources), "opened while another is open"
             self.sources.append(ScriptedSource(opened, live=live, period_s=period_s))
+            if self.gives_at_once:
+                self.sources[-1].given.put("picture")
             return self.sources[-1]
 
         self.capture = Capture(self.parameters, FrameCounters("captured", "published"), open_source)
         self._stop = threading.Event()
+        self._asked = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
+    def _stopping(self) -> bool:
+        self._asked.set()
+        return self._stop.is_set()
+
     def _run(self) -> None:
-        for captured in self.capture.frames(self._stop.is_set, self.troubles.append):
+        for captured in self.capture.frames(self._stopping, self.troubles.append):
             self.at_s.append(time.monotonic())
             self.pictures.append(captured)
 
     def start_reading(self) -> None:
         self._thread.start()
+        assert self._asked.wait(DEADLINE_S)  # a live source's pictures before that are lost
 
     def stop(self) -> None:
         self._stop.set()
@@ -186,6 +195,16 @@ def test_a_device_is_opened_again_for_another_size_in_a_new_epoch_once_the_old_o
         assert rig.troubles == []
         sizes = {(c.revision.settings.width, c.picture.width) for c in rig.pictures}
         assert sizes == {(16, 16), (32, 32)}
+
+
+def test_the_first_picture_of_a_device_that_is_opened_again_is_published():
+    with rigged("0", live=True, width=16) as rig:
+        rig.gives_at_once = True
+        for width in range(32, 52):
+            rig.parameters.change({"width": width})
+            rig.sources[-1].given.put("end")
+            wait_until(lambda width=width: rig.pictures and rig.pictures[-1].picture.width == width)
+            assert rig.pictures[-1].picture.pixels[0, 0, 0] == 0
 
 
 def test_a_size_that_the_device_refuses_is_given_back_by_the_next_change():
