@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -179,3 +180,19 @@ def drops(counters: dict[str, int]) -> int:
 def wait_until_listed(session: zenoh.Session, *keys: str, kind: str = "publisher") -> None:
     """Wait until the router lists publishers, or else subscribers, of these keys."""
     wait_until(lambda: all(list(session.get(f"@/*/router/{kind}/{key}")) for key in keys))
+
+
+def known_queryable(
+    session: zenoh.Session,
+    key: str,
+    answer: Callable[[zenoh.Query], object],
+    *,
+    complete: bool = False,
+) -> zenoh.Queryable[None]:
+    """Declare a queryable, and wait until the router knows it: before that it gets no queries.
+
+    Zenoh sends declarations first, and the router handles what a session sends in order.
+    """
+    queryable = session.declare_queryable(key, answer, complete=complete)
+    wait_until(lambda: list(session.get("@/*/router")))
+    return queryable

@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from tests.integration.conftest import a_router
-from tests.support.listening import open_client
+from tests.support.listening import known_queryable, open_client
 from tests.support.processes import ROOT, environment
 from tests.support.routing import free_endpoint, silent_listener
 from tests.support.waiting import wait_until
@@ -87,7 +87,7 @@ def test_an_answer_that_is_no_message_offers_nothing(endpoint: str, said: bytes)
         with query:
             query.reply("@vision/param/odd", said)
 
-    with open_client(endpoint) as client, client.declare_queryable("@vision/param/odd", answer):
+    with open_client(endpoint) as client, known_queryable(client, "@vision/param/odd", answer):
         assert completed(endpoint, "param get odd ") == []
 
 

@@ -14,7 +14,7 @@ import pytest
 import zenoh
 
 from tests.support.diagnosing import Diagnosis
-from tests.support.listening import Listener, wait_for_nodes
+from tests.support.listening import Listener, known_queryable, wait_for_nodes
 from tests.support.waiting import wait_until
 from zenoh_vision import Connection, Message, Node, Stamped, message_topic
 from zenoh_vision.errors import ConfigurationError
@@ -158,7 +158,7 @@ def test_csv_has_a_column_for_a_field_that_is_not_in_the_first_message(zv, clien
 
 def test_a_schema_that_is_broken_is_one_clear_line(zv, endpoint, client, node, capsys):
     name = "@vision/schema/my.Broken.v1"
-    with client.declare_queryable(name, lambda query: query.reply(name, b"[" * 5000)):
+    with known_queryable(client, name, lambda query: query.reply(name, b"[" * 5000)):
         for attempt in (
             lambda: schema(endpoint, capsys, "Broken"),
             lambda: zv(pub("vision/front/any", {"a": 1}, type_="Broken")),

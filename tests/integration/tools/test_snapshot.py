@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.listening import open_client, wait_until_listed
+from tests.support.listening import known_queryable, open_client, wait_until_listed
 from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg
 from tests.support.publishing import RAW_PIXELS, Paced, raw_frames
 from tests.support.waiting import DEADLINE_S
@@ -86,7 +86,7 @@ def answering(
             query.reply(key, payload, encoding=encoding, attachment=attachment)
 
     # complete, as a node's are: of such, Zenoh asks only one unless told otherwise
-    queryable = session.declare_queryable(key, answer, complete=True)
+    queryable = known_queryable(session, key, answer, complete=True)
     try:
         yield
     finally:

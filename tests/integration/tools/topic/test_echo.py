@@ -14,6 +14,7 @@ import msgpack
 import pytest
 import zenoh
 
+from tests.support.listening import known_queryable
 from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH
 from tests.support.publishing import (
     CENTROID,
@@ -252,7 +253,7 @@ def test_what_has_stopped_to_flow_is_shown_by_query(client, zv):
         with query:
             query.reply(KEY, body, encoding=CENTROID)
 
-    queryable = client.declare_queryable(KEY, answer)
+    queryable = known_queryable(client, KEY, answer)
     assert zv(EchoOptions(key=KEY, once=True, field=("header.seq",))) == ["4"]
     queryable.undeclare()
 

@@ -13,7 +13,7 @@ import msgpack
 import pytest
 import zenoh
 
-from tests.support.listening import open_client
+from tests.support.listening import known_queryable, open_client
 from tests.support.pictures.encoded import STILL
 from tests.support.publishing import (
     JPEG,
@@ -64,7 +64,7 @@ def described(session: zenoh.Session, **fields: Any) -> zenoh.Queryable:
         with query:
             query.reply(f"@vision/node/{fields['node']}", description.to_bytes())
 
-    return session.declare_queryable(f"@vision/node/{fields['node']}", answer)
+    return known_queryable(session, f"@vision/node/{fields['node']}", answer)
 
 
 def entries(lines: list[str]) -> dict[str, dict[str, Any]]:
@@ -173,7 +173,7 @@ def test_info_shows_publishers_subscribers_and_the_newest_sample(client, zv, nod
             attachment = msgpack.packb(header(8, stamp_ns=stamp_ns, encoding="mono8"))
             query.reply(LAZY, payload, encoding=JPEG, attachment=attachment)
 
-    queryable = client.declare_queryable(LAZY, answer)
+    queryable = known_queryable(client, LAZY, answer)
     (line,) = zv(InfoOptions(key=LAZY, window=0.2), as_json=True)
     found = json.loads(line)
     assert found["publishers"] == [
@@ -208,7 +208,7 @@ def test_info_says_how_the_pictures_of_a_camera_come_to_the_nodes_that_subscribe
         with query:
             query.reply(key, report.to_bytes())
 
-    queryable = client.declare_queryable(key, answer)
+    queryable = known_queryable(client, key, answer)
     publishers = [client.declare_publisher(each) for each in ("vision/c/image", CAMERA_INFO)]
     found = entries(zv(InfoOptions(key="vision/c/*", window=0.1), as_json=True))
     picture, info = found["vision/c/image"], found[CAMERA_INFO]

@@ -14,7 +14,7 @@ import pytest
 import zenoh
 from pydantic import ValidationError
 
-from tests.support.listening import Listener, open_client
+from tests.support.listening import Listener, known_queryable, open_client
 from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg
 from tests.support.processes import run_program
 from tests.support.publishing import (
@@ -59,7 +59,7 @@ def test_pub_takes_the_frame_size_from_the_newest_picture_of_the_camera(client, 
     data = json.dumps({"x": 1, "y": 2, "box": None, "area": None})
     with pytest.raises(ConfigurationError, match="--size"):
         zv(PubOptions(key=KEY, data=data))
-    queryable = client.declare_queryable("vision/c/image/compressed", answer)
+    queryable = known_queryable(client, "vision/c/image/compressed", answer)
     listener = Listener(client, KEY)
     zv(PubOptions(key=KEY, data=data))
     (message,) = listener.wait_for(1)
