@@ -1,4 +1,4 @@
-"""Runs all systems in turn, three times, over sizes and qualities, and collects what they measured."""
+"""Runs the systems in turn, three times, over sizes and qualities; collects what they measured."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from zenoh_vision.errors import VisionError
 SIZES = ((768, 576), (1920, 1080))
 QUALITIES = (80, 95)
 ROUNDS = 3
-"""A virtual machine becomes up to half as fast again, and back, within minutes. One round more says
-more about a system than longer ones."""
+"""The speed of a virtual machine changes by up to half within minutes, so one more round is better
+than longer rounds."""
 SHARE = 4 / 15
 """Of the seconds of other measurements, for each system in each round: 14 minutes in all."""
 

@@ -208,6 +208,8 @@ class Capture:
             epoch=self._epoch,
             buffer=self._buffer,
             counters=self._counters,
-            may_read=may_read,
         )
+        if may_read:
+            self._reader.start_reading()
+        self._reader.open()
         return self._reader

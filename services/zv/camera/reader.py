@@ -48,9 +48,6 @@ class SourceReader:
     ``abandon`` it puts no more frames into the buffer. A change of the parameters takes effect
     with the next picture.
 
-    Args:
-        may_read: Whether to read at once; else it only opens the source until ``start_reading``.
-
     Attributes:
         state: ``failed`` if it could not be opened; ``lost`` if reading failed later.
         reason: Why it failed or was lost.
@@ -69,7 +66,6 @@ class SourceReader:
         epoch: int,
         buffer: Buffer[CapturedFrame],
         counters: FrameCounters,
-        may_read: bool,
     ) -> None:
         self.epoch = epoch
         self.state: State = "opening"
@@ -85,13 +81,14 @@ class SourceReader:
         self._buffer = buffer
         self._counters = counters
         self._may_read = threading.Event()
-        if may_read:
-            self._may_read.set()
         self._source: Source | None = None
         self.timer = PictureTimer(self._rate_hz)
         self.timer.blocked_since_s = time.monotonic()
         self._filter = FrameFilter()
         self._thread = threading.Thread(target=self._run, name=f"source {epoch}", daemon=True)
+
+    def open(self) -> None:
+        """Begin to open the source, on the thread."""
         self._thread.start()
 
     @property
@@ -107,7 +104,10 @@ class SourceReader:
         return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
 
     def start_reading(self) -> None:
-        """Let the thread put pictures into the buffer; a live source's earlier ones are lost."""
+        """Let the thread put pictures into the buffer; a live source's earlier ones are lost.
+
+        None is lost if this is called before ``open``.
+        """
         self._may_read.set()
 
     def abandon(self) -> None:

@@ -199,12 +199,13 @@ def test_a_device_is_opened_again_for_another_size_in_a_new_epoch_once_the_old_o
 
 def test_the_first_picture_of_a_device_that_is_opened_again_is_published():
     with rigged("0", live=True, width=16) as rig:
-        rig.gives_at_once = True
+        rig.give()
+        rig.gives_at_once = True  # the first picture is the only one
         for width in range(32, 52):
+            before = rig.sources[-1]
             rig.parameters.change({"width": width})
-            rig.sources[-1].given.put("end")
-            wait_until(lambda width=width: rig.pictures and rig.pictures[-1].picture.width == width)
-            assert rig.pictures[-1].picture.pixels[0, 0, 0] == 0
+            before.given.put("end")
+            wait_until(lambda width=width: rig.pictures[-1].picture.width == width)
 
 
 def test_a_size_that_the_device_refuses_is_given_back_by_the_next_change():
