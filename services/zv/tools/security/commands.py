@@ -1,0 +1,262 @@
+"""The commands of ``zv security`` that change a system: init, add, renew, revoke."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import zenoh
+
+from zenoh_vision.errors import ConfigurationError, SourceError
+from zenoh_vision.security.credentials import renewal, shown_time
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.endpoints import MAX_PORT
+from zv.tools.security.authority import new_authority
+from zv.tools.security.folder import (
+    AUTHORITY,
+    AUTHORITY_KEY,
+    COMPOSE,
+    PRIVATE,
+    PUBLIC,
+    Folder,
+    System,
+)
+from zv.tools.security.issuing import (
+    HERE,
+    Issuing,
+    role_of_node,
+    role_of_player,
+    roles_of_all_cameras,
+    roles_of_cameras,
+    roles_of_people,
+)
+from zv.tools.security.options import (
+    AddOptions,
+    InitOptions,
+    RenewOptions,
+    RevokeOptions,
+)
+from zv.tools.security.roles import LAUNCHER, ROUTER, Role
+from zv.tools.shared.output import Output
+
+COMPOSE_APART: Final = 10_000
+
+RELOAD = "zv router and the compose file take the new rules within 5 s; restart any other router"
+
+
+def init(options: InitOptions, connection: Connection, output: Output) -> None:
+    """Make an authority, and certificates for the router, every node and the tools' users.
+
+    Raises:
+        ConfigurationError: The folder was used before, or a name is given twice.
+        SourceError: A file cannot be written.
+    """
+    folder = Folder(options.folder)
+    hosts = tuple(dict.fromkeys((*options.host, *HERE)))
+    named = [
+        (ROUTER, Role(ROUTER)),
+        *roles_of_cameras(dict.fromkeys(options.camera)),
+        *roles_of_all_cameras(),
+        (LAUNCHER, Role(LAUNCHER)),
+        *roles_of_people(options.operator, options.guest),
+    ]
+    _check_unique(name for name, _ in named)
+    folder.make()
+    authority = new_authority(connection.namespace)
+    folder.put(folder.path / AUTHORITY_KEY, authority.key.decode(), PRIVATE)
+    folder.put(folder.path / AUTHORITY, authority.certificate.decode(), PUBLIC)
+    endpoint = f"tls/{_in_brackets(hosts[0])}:{options.port}"
+    system = System(connection.namespace, endpoint, options.port, options.days)
+    issuing = Issuing(folder, authority)
+    for name, role in named:
+        own = hosts if role.kind == ROUTER else ()
+        system = issuing.holder(system, name, role, hosts=own)
+    issuing.routers(system)
+    folder.put(folder.path / COMPOSE, _compose_variables(folder.path, options.port), PUBLIC)
+    folder.write(system)
+    names = [name for name, _ in named]
+    output.result(
+        {"folder": str(folder.path), "endpoint": endpoint, "holders": names},
+        f"wrote {folder.path}: {', '.join(names)}",
+        f"the router is found at {endpoint}; certificates end {shown_time(_first_end(system))}",
+        f"keep {folder.path / AUTHORITY_KEY} where only you can read it: who has it can let "
+        "anybody in",
+        "next:",
+        f"  zv up --secure {folder.path}",
+        f"  zv topic list --credentials {folder.file_of(named[-1][0])}",
+    )
+
+
+def add(options: AddOptions, _connection: Connection, output: Output) -> None:
+    """Give certificates to further nodes, users and routers.
+
+    Raises:
+        ConfigurationError: Nobody or somebody who has a certificate is named, or what a node may
+            do is not.
+        SourceError: A file cannot be read or written.
+    """
+    folder = Folder(options.dir)
+    with folder.locked():
+        system, issuing = folder.system(), Issuing(folder, folder.authority())
+        named = [*roles_of_people(options.operator, options.guest)]
+        named += role_of_player(options.player)
+        if options.node is None:
+            named += roles_of_cameras(options.camera)
+        else:
+            named.append((options.node, _own_role(options)))
+        if options.router is not None:
+            named.append((options.router, Role(ROUTER)))
+            if not options.host:
+                raise ConfigurationError(f"--router {options.router} needs --host, its name")
+        if not named:
+            raise ConfigurationError(
+                "nobody is named; allowed: --camera, --operator, --guest, --player, --node or "
+                "--router"
+            )
+        _check_unique(name for name, _ in named)
+        there = system.valid()
+        known = [name for name, _ in named if name in there]
+        named = [(name, role) for name, role in named if name not in there]
+        if not named:
+            raise ConfigurationError(
+                f"{', '.join(known)} have certificates already; {renewal(folder.path, known[0])} "
+                "gives another one, zv security revoke withdraws it"
+            )
+        connect = (options.connect_to,) if options.connect_to else ()
+        for name, role in named:
+            is_router = role.kind == ROUTER
+            system = issuing.holder(
+                system,
+                name,
+                role,
+                hosts=tuple(dict.fromkeys((*options.host, *HERE))) if is_router else (),
+                connect=connect if is_router else (),
+            )
+        issuing.routers(system)
+        folder.write(system)
+    files = [
+        str((folder.router_file_of if role.kind == ROUTER else folder.file_of)(name))
+        for name, role in named
+    ]
+    output.result({"added": files}, *(f"wrote {file}" for file in files), RELOAD)
+
+
+def renew(options: RenewOptions, _connection: Connection, output: Output) -> None:
+    """Give holders another certificate and key of the same name; the former stay valid.
+
+    Raises:
+        ConfigurationError: Nobody has this name, or no name is given.
+        SourceError: A file cannot be read or written.
+    """
+    folder = Folder(options.dir)
+    with folder.locked():
+        system, issuing = folder.system(), Issuing(folder, folder.authority())
+        names = [*system.valid()] if options.all else [*options.name]
+        if not names:
+            raise ConfigurationError("nobody is named; allowed: NAME, or --all")
+        for name in names:
+            holder = system.holder(name)
+            hosts = holder.hosts
+            if options.host:
+                if holder.role.kind != ROUTER:
+                    raise ConfigurationError(
+                        f"--host is not allowed for {name}, which is no router"
+                    )
+                hosts = tuple(dict.fromkeys((*hosts, *options.host)))
+            system = issuing.holder(
+                system, name, holder.role, hosts=hosts, connect=holder.connect, days=options.days
+            )
+        issuing.routers(system)
+        folder.write(system)
+    for name in names:
+        ends = shown_time(system.holders[name].ends_s)
+        output.result(
+            {"name": name, "ends_s": system.holders[name].ends_s}, f"{name}: valid until {ends}"
+        )
+    output.note(
+        "copy the files to where they are used; a node takes its own at the next connection"
+    )
+
+
+def revoke(options: RevokeOptions, _connection: Connection, output: Output) -> None:
+    """Withdraw the rights of all certificates that a holder has.
+
+    Raises:
+        ConfigurationError: Nobody has this name, or it is revoked already.
+        SourceError: A file cannot be read or written.
+    """
+    folder = Folder(options.dir)
+    with folder.locked():
+        system, issuing = folder.system(), Issuing(folder, folder.authority())
+        for name in dict.fromkeys(options.name):
+            holder = replace(system.holder(name), revoked_s=time.time())
+            system = system.with_holder(name, holder)
+        if not system.routers():
+            raise ConfigurationError(
+                "the only router cannot be revoked; zv security init begins anew"
+            )
+        issuing.routers(system)
+        folder.write(system)
+        for name in options.name:
+            folder.remove(name)
+    names = ", ".join(dict.fromkeys(options.name))
+    output.result({"revoked": list(options.name)}, f"revoked {names}", RELOAD)
+
+
+def _own_role(options: AddOptions) -> Role:
+    assert options.node is not None
+    publishes, subscribes = options.publishes, options.subscribes
+    if options.description is not None:
+        about = _description(Path(options.description))
+        publishes += about["publishes"]
+        subscribes += about["subscribes"]
+    return role_of_node(options.node, options.camera, publishes, subscribes)
+
+
+def _description(file: Path) -> dict[str, tuple[str, ...]]:
+    """Return the keys of data in a description of a node."""
+    found: dict[str, tuple[str, ...]] = {}
+    try:
+        about = json.loads(file.read_text())
+        for name in ("publishes", "subscribes"):
+            keys = [str(key) for key in about[name] if not str(key).startswith("@")]
+            found[name] = tuple(str(zenoh.KeyExpr(key)) for key in keys)
+    except OSError as error:
+        raise SourceError(f"{file}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError, RecursionError, zenoh.ZError):
+        raise ConfigurationError(
+            f"{file}: no description of a node; allowed: the output of zv node info NODE --json"
+        ) from None
+    return found
+
+
+def _check_unique(names: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise ConfigurationError(f"{name} is named twice; allowed: each name once")
+        seen.add(name)
+
+
+def _compose_variables(folder: Path, port: int) -> str:
+    return (
+        "# For docker compose --env-file: the containers run as the owner of these files.\n"
+        f"ZV_SECURITY={folder.resolve()}\n"
+        f"ZV_SECURITY_OWNER={os.getuid()}:{os.getgid()}\n"
+        f"ZV_SECURE_PORT={port}\n"
+        "# The port that docker-compose.yml opens for this machine gives way to that one.\n"
+        f"ZV_PORT={port + COMPOSE_APART if port + COMPOSE_APART < MAX_PORT else port - 1}\n"
+    )
+
+
+def _in_brackets(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _first_end(system: System) -> float:
+    return min(each.ends_s for each in system.holders.values())

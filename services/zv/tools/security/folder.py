@@ -1,0 +1,285 @@
+"""The folder of a system's certificates: files that are replaced as a whole or not at all."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+from zenoh_vision.error_text import joined, suggestion
+from zenoh_vision.errors import ConfigurationError, SourceError
+from zenoh_vision.security.credentials import ROUTER_FILE, SUFFIX, read_json5, read_private
+from zv.tools.security.authority import Issued, belong_together
+from zv.tools.security.roles import ROUTER, Role
+
+LIST: Final = "security.json"
+AUTHORITY: Final = "ca.pem"
+AUTHORITY_KEY: Final = "ca.key"
+COMPOSE: Final = "compose.env"
+
+PUBLIC, PRIVATE = 0o644, 0o600
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Somebody who has, or had, a certificate.
+
+    Attributes:
+        role: What it is.
+        ends_s: Until when its newest certificate is valid, s since 1970.
+        number: Counts the names that it had: after a revocation, another one is certified, since
+            the certificate that was lost would else be as good as the new one.
+        hosts: Names and addresses, of a router.
+        connect: Endpoints of other routers that a router connects to.
+        revoked_s: When its certificates were revoked; None if they are not.
+    """
+
+    role: Role
+    ends_s: float
+    number: int = 1
+    hosts: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    revoked_s: float | None = None
+
+    def common_name(self, name: str) -> str:
+        """Return the name in its certificate, by which the access rules know it."""
+        return name if self.number == 1 else f"{name}.{self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """What ``security.json`` says.
+
+    Attributes:
+        endpoint: Where nodes find the router.
+        port: Where routers listen.
+        days: How long certificates are valid.
+        holders: By name.
+    """
+
+    namespace: str
+    endpoint: str
+    port: int
+    days: int
+    holders: Mapping[str, Holder] = field(default_factory=dict)
+
+    def valid(self) -> dict[str, Holder]:
+        """Return the holders whose certificates are not revoked."""
+        known = sorted(self.holders.items())  # so that equal systems have equal rules
+        return {name: each for name, each in known if each.revoked_s is None}
+
+    def routers(self) -> dict[str, Holder]:
+        """Return the routers among them."""
+        return {name: each for name, each in self.valid().items() if each.role.kind == ROUTER}
+
+    def holder(self, name: str) -> Holder:
+        """Return a holder whose certificates are not revoked.
+
+        Raises:
+            ConfigurationError: There is none; the text has those that there are.
+        """
+        found = self.holders.get(name)
+        if found is None:
+            hint = suggestion(name, self.valid(), after=" ")
+            raise ConfigurationError(
+                f"nobody is called {name}; {hint}allowed: {joined(self.valid())}"
+            )
+        if found.revoked_s is not None:
+            raise ConfigurationError(
+                f"{name} is revoked; zv security add gives it a certificate under another number"
+            )
+        return found
+
+    def with_holder(self, name: str, holder: Holder) -> System:
+        """Return the system with a holder added or replaced."""
+        return replace(self, holders={**self.holders, name: holder})
+
+
+class Folder:
+    """Reads and writes the files of one system.
+
+    Args:
+        path: The folder.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = Path(path)
+
+    def file_of(self, name: str) -> Path:
+        """Return the path of somebody's credentials."""
+        return self.path / f"{name}{SUFFIX}"
+
+    def router_file_of(self, name: str) -> Path:
+        """Return the path of a router's configuration.
+
+        Its folder is its own, since a container sees that a file in a folder was replaced, but not
+        that a single file was.
+        """
+        return self.path / name / ROUTER_FILE
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other commands from changing the folder meanwhile.
+
+        Raises:
+            SourceError: There is no such folder, or it has no authority.
+        """
+        try:
+            with (self.path / AUTHORITY).open() as file:
+                fcntl.flock(file, fcntl.LOCK_EX)
+                yield
+        except FileNotFoundError as error:
+            if error.filename != str(self.path / AUTHORITY):
+                raise
+            raise self._missing(AUTHORITY) from None
+
+    def system(self) -> System:
+        """Read the list of holders.
+
+        Raises:
+            SourceError: There is none.
+            ConfigurationError: It is damaged.
+        """
+        file = self.path / LIST
+        try:
+            content = json.loads(file.read_text())
+            holders = {str(name): _holder(each) for name, each in content["holders"].items()}
+            return System(
+                str(content["namespace"]),
+                str(content["endpoint"]),
+                int(content["port"]),
+                int(content["days"]),
+                holders,
+            )
+        except OSError:
+            raise self._missing(LIST) from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise ConfigurationError(
+                f"{file}: damaged; copy it back from a backup, or make another folder with "
+                "zv security init"
+            ) from None
+
+    def authority(self) -> Issued:
+        """Read the certificate authority.
+
+        Raises:
+            SourceError: A file of it is missing.
+            ConfigurationError: Others can read its key, or the files do not belong together.
+        """
+        certificate, key = self.path / AUTHORITY, self.path / AUTHORITY_KEY
+        if not key.is_file():
+            raise SourceError(
+                f"{key}: the authority's key is not here; if it is kept elsewhere, put it back to "
+                "issue certificates"
+            )
+        found = Issued(certificate.read_bytes(), read_private(key).encode())
+        try:
+            if belong_together(found):
+                return found
+            said = "is not that of"
+        except ValueError:
+            said = "cannot be read, or"
+        raise ConfigurationError(f"{key}: the key {said} the certificate {certificate}")
+
+    def read_router(self, name: str) -> dict[str, Any]:
+        """Read the configuration of a router.
+
+        Raises:
+            SourceError: It cannot be read.
+            ConfigurationError: Others can read it, or it is damaged.
+        """
+        return read_json5(self.router_file_of(name))
+
+    def write(self, system: System) -> None:
+        """Write the list of holders."""
+        holders = {name: asdict(each) for name, each in sorted(system.holders.items())}
+        content = {**asdict(system), "holders": holders}
+        self.put(self.path / LIST, json.dumps(content, indent=2) + "\n", PUBLIC)
+
+    def write_private(self, file: Path, about: str, content: Mapping[str, Any]) -> None:
+        """Write a JSON5 file with a private key."""
+        text = f"// {about}. It holds a private key: nobody else may read it.\n"
+        self.put(file, f"{text}{json.dumps(content, indent=2)}\n", PRIVATE)
+
+    def put(self, target: Path, content: str | bytes, mode: int) -> None:
+        """Replace a file by a complete new one, or leave it as it is.
+
+        Raises:
+            SourceError: It cannot be written.
+        """
+        temporary = None
+        try:
+            target.parent.mkdir(mode=0o700, exist_ok=True)
+            number, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+            with os.fdopen(number, "wb") as file:  # readable by its owner only, from the beginning
+                file.write(content.encode() if isinstance(content, str) else content)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(temporary).chmod(mode)
+            Path(temporary).replace(target)
+        except OSError as error:
+            if temporary is not None:
+                with suppress(OSError):
+                    Path(temporary).unlink()
+            raise SourceError(
+                f"{target}: {error.strerror or error}; the file is as it was before"
+            ) from None
+
+    def make(self) -> None:
+        """Make the folder, which must not have been used.
+
+        Raises:
+            ConfigurationError: It has files.
+            SourceError: It cannot be made, or an init was not finished.
+        """
+        try:
+            self.path.mkdir(mode=0o755, parents=True, exist_ok=True)
+            listed, begun = self._has(LIST), self._has(AUTHORITY, AUTHORITY_KEY)
+        except OSError as error:
+            raise SourceError(f"{self.path}: {error.strerror or error}") from None
+        if begun and not listed:
+            raise self._missing(LIST)
+        if listed:
+            raise ConfigurationError(
+                f"{self.path}: has the certificates of a system already, and nothing is "
+                "overwritten; zv security add adds to them"
+            )
+
+    def remove(self, name: str) -> None:
+        """Delete somebody's file."""
+        with suppress(FileNotFoundError):
+            self.file_of(name).unlink()
+
+    def _has(self, *names: str) -> bool:
+        return any((self.path / name).exists() for name in names)
+
+    def _missing(self, name: str) -> SourceError:
+        why = "zv security init makes the folder"
+        if self._has(LIST):
+            why = "copy it back from a backup, or make another folder with zv security init"
+        elif self._has(AUTHORITY, AUTHORITY_KEY):
+            name = LIST  # which init writes last
+            why = (
+                f"an init that was not finished: delete {self.path} and begin again; if it was in "
+                "use, copy the file back from a backup"
+            )
+        return SourceError(f"{self.path / name}: no such file; {why}")
+
+
+def _holder(fields: Mapping[str, Any]) -> Holder:
+    role = fields["role"]
+    several = {name: tuple(map(str, each)) for name, each in role.items() if name != "kind"}
+    return Holder(
+        Role(str(role["kind"]), **several),
+        float(fields["ends_s"]),
+        int(fields["number"]),
+        tuple(map(str, fields["hosts"])),
+        tuple(map(str, fields["connect"])),
+        None if fields["revoked_s"] is None else float(fields["revoked_s"]),
+    )

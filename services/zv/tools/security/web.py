@@ -1,0 +1,82 @@
+"""``zv security web``: a certificate for the viewer's TLS, and those of people for browsers."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable
+from typing import Any, Final
+
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import (
+    NoEncryption,
+    load_pem_private_key,
+    pkcs12,
+)
+
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.security.credentials import CA, CERTIFICATE, KEY, read_json5, shown_time
+from zenoh_vision.transport.connection import Connection
+from zv.tools.security.authority import issue
+from zv.tools.security.folder import AUTHORITY, PRIVATE, Folder, System
+from zv.tools.security.issuing import HERE
+from zv.tools.security.options import WebOptions
+from zv.tools.security.roles import GUEST, OPERATOR, ROUTER
+from zv.tools.shared.output import Output
+
+FILE: Final = "web.pem"
+NAME: Final = "viewer-web"
+"""Whom the viewer's certificate names: nobody who has rights at a router."""
+
+FOR_BROWSERS: Final = ".p12"
+
+
+def web(options: WebOptions, _connection: Connection, output: Output) -> None:
+    """Write the viewer's certificate with its key, and a file for the browser of each person.
+
+    Raises:
+        ConfigurationError: Nobody has one of the names, or it is no person's.
+        SourceError: A file cannot be read or written.
+    """
+    folder = Folder(options.dir)
+    with folder.locked():
+        system, authority = folder.system(), folder.authority()
+        people = list(_people(system, options.name))
+        hosts = options.host or system.holders[ROUTER].hosts
+        own = issue(authority, NAME, dict.fromkeys((*hosts, *HERE)), system.days)
+        files = [folder.path / FILE]
+        text = f"{own.certificate.decode()}{own.key.decode()}"
+        folder.put(files[0], text, PRIVATE)
+        for name in people:
+            files.append(folder.path / f"{name}{FOR_BROWSERS}")
+            folder.put(files[-1], _for_browser(name, read_json5(folder.file_of(name))), PRIVATE)
+    names = ",".join(system.holders[name].common_name(name) for name in people)
+    output.result(
+        {"written": [str(file) for file in files], "names": names},
+        *(f"wrote {file}" for file in files),
+        f"{files[0]} is valid until {shown_time(own.ends_s)}, for {', '.join((*hosts, *HERE))}",
+        "next:",
+        f"  zv view --host 0.0.0.0 --tls-certificate {files[0]} "
+        f"--tls-clients {folder.path / AUTHORITY}",
+        f"  import {folder.path / AUTHORITY}, and a {FOR_BROWSERS} without a password, in browsers",
+    )
+
+
+def _people(system: System, names: Iterable[str]) -> Iterable[str]:
+    persons = [name for name, each in system.valid().items() if each.role.kind in (OPERATOR, GUEST)]
+    for name in names:
+        system.holder(name)
+        if name not in persons:
+            raise ConfigurationError(
+                f"{name} is no person; allowed: {', '.join(persons) or 'none'}"
+            )
+    return names or persons
+
+
+def _for_browser(name: str, content: dict[str, Any]) -> bytes:
+    tls = content["transport"]["link"]["tls"]
+    parts = {part: base64.b64decode(tls[part]) for part in (CA, CERTIFICATE, KEY)}
+    key: Any = load_pem_private_key(parts[KEY], None)
+    own, authority = (x509.load_pem_x509_certificate(parts[each]) for each in (CERTIFICATE, CA))
+    return pkcs12.serialize_key_and_certificates(
+        name.encode(), key, own, [authority], NoEncryption()
+    )

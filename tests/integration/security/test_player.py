@@ -1,0 +1,65 @@
+"""``zv bag play`` where rights are required: with a certificate for it, and without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.fork_server import ZV
+from tests.support.listening import Listener
+from tests.support.processes import Program
+from tests.support.recordings import centroids, frames, write
+from tests.support.secured import Secured, official, secured
+from tests.support.typist import type_zv
+from tests.support.waiting import wait_until
+
+FRAMES = frames(30)
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Secured]:
+    made = secured(tmp_path_factory.mktemp("player"))
+    made.add(player=("walk", "door"))
+    write(made.folder / "run.mcap", FRAMES, centroids(FRAMES))
+    with official(made, made.folder):
+        yield made
+
+
+def words(system: Secured, who: str, *flags: str) -> list[str | Path]:
+    given = ["bag", "play", system.folder / "run.mcap", *flags, "--connect", system.endpoint]
+    return [*given, "--credentials", system.file(who)]
+
+
+def test_a_player_sends_a_recording_as_its_camera_and_is_controlled(
+    system: Secured, tmp_path: Path
+):
+    with system.client("guest") as guest:
+        received = Listener(guest, "vision/walk/**")
+        given = words(system, "player", "--as", "walk", "--loop")
+        with Program(given, tmp_path, "play", forked=ZV) as program:
+            received.wait_for(60)
+            found = {message.key for message in received.messages}
+            assert found >= {"vision/walk/image/compressed", "vision/walk/centroid"}
+            # A node looks every 3 s what is denied to it.
+            health = Listener(guest, "@vision/diagnostics/player_walk")
+            reports = [report.body["message"] for report in health.wait_for(6)]
+            assert not any("denies" in said for said in (*reports, program.complaints))
+            control = ["param", "set", "player_walk", "paused=true", "--connect", system.endpoint]
+            done = type_zv([*control, "--credentials", system.file("operator")])
+            assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("who", "camera"),
+    [("player", "front"), ("operator", "walk"), ("camera_front", "walk")],
+    ids=["a player as another camera", "an operator", "a camera"],
+)
+def test_nobody_else_and_as_nothing_else(system: Secured, tmp_path: Path, who: str, camera: str):
+    with system.witness() as witness:
+        received = Listener(witness, f"vision/{camera}/**")
+        given = words(system, who, "--as", camera, "--loop")
+        with Program(given, tmp_path, "play", forked=ZV) as program:
+            wait_until(lambda: "the router denies" in program.complaints, 30)
+        assert not received.messages

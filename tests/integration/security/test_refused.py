@@ -1,0 +1,389 @@
+"""Who is let in and who is not, what is said then, and what a revocation does to the others."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.support.fork_server import ZV
+from tests.support.processes import Program
+from tests.support.routing import free_port
+from tests.support.secured import Secured, embedded, official, secured
+from tests.support.waiting import wait_until
+from zenoh_vision.errors import RouterUnreachable
+from zenoh_vision.messages import Diagnostics
+from zenoh_vision.security.credentials import CERTIFICATE, KEY, credentials_file
+from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.link import Link
+from zv.tools.security.authority import Issued, base64_of, issue
+from zv.tools.security.folder import Folder
+
+SAID_S = 5.0
+"""Within this long a node says that something is denied."""
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Secured:
+    return secured(tmp_path_factory.mktemp("refused"))
+
+
+@pytest.fixture(scope="module", params=[official, embedded], ids=["zenohd", "embedded"])
+def router(
+    request: pytest.FixtureRequest, system: Secured, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Secured]:
+    own = replace(system, port=system.port)
+    with request.param(own, tmp_path_factory.mktemp("router")):
+        yield own
+
+
+def another(system: Secured, name: str, folder: Path, issued: Issued) -> Path:
+    """Write credentials like somebody's, with another certificate."""
+    content = system.content(name)
+    tls = content["transport"]["link"]["tls"]
+    tls[CERTIFICATE], tls[KEY] = base64_of(issued.certificate), base64_of(issued.key)
+    file = folder / f"{name}.json5"
+    file.touch(0o600)
+    file.write_text(f"// changed\n{json.dumps(content)}")
+    return file
+
+
+def refused(system: Secured, file: Path | None, **changes: object) -> str:
+    """Try to connect; return what is said about the refusal."""
+    given = {"connect": system.endpoint, "timeout_s": 2.0, **changes}
+    credentials = None if file is None else str(file)
+    with pytest.raises(RouterUnreachable) as raised:
+        Link(Connection(credentials=credentials, **given)).close()  # type: ignore[arg-type]
+    return str(raised.value)
+
+
+def certificate(system: Secured, days: int, monkeypatch: pytest.MonkeyPatch) -> Issued:
+    """Issue a certificate that begins in so many days, or has ended so many days ago."""
+    from zv.tools.security import authority
+
+    class Shifted(authority.datetime):
+        @classmethod
+        def now(cls, zone: object = None) -> object:
+            return super().now(zone) + authority.timedelta(days=days)
+
+    signer = Folder(str(system.folder)).authority()
+    monkeypatch.setattr(authority, "datetime", Shifted)
+    issued = issue(signer, "camera_front", (), 1)
+    monkeypatch.undo()
+    return issued
+
+
+def test_one_with_a_certificate_is_let_in(router: Secured):
+    with router.client("camera_front") as session:
+        assert list(session.info.routers_zid())
+
+
+def test_nobody_without_a_certificate_gets_in_and_it_is_said_what_is_needed(router: Secured):
+    said = refused(router, None, connect=f"tcp/127.0.0.1:{router.port}")
+    assert "it speaks TLS and asks for a certificate: give --credentials" in said
+
+
+def test_a_certificate_that_has_ended_is_no_more_let_in(router: Secured, tmp_path, monkeypatch):
+    issued = certificate(router, -3, monkeypatch)
+    said = refused(router, another(router, "camera_front", tmp_path, issued))
+    assert "the certificate of camera_front ended " in said
+    assert f"zv security renew camera_front --dir {tmp_path}, unless the clock is wrong" in said
+    with pytest.raises(zenoh.ZError):
+        raw_client(router, tmp_path / "camera_front.json5")
+
+
+def test_a_certificate_of_the_future_is_not_let_in_and_the_clock_is_named(
+    router: Secured, tmp_path, monkeypatch
+):
+    issued = certificate(router, 3, monkeypatch)
+    said = refused(router, another(router, "camera_front", tmp_path, issued))
+    assert "is valid from" in said
+    assert "this machine's clock says" in said
+    assert said.endswith("set the clock")
+    with pytest.raises(zenoh.ZError):
+        raw_client(router, tmp_path / "camera_front.json5")
+
+
+def raw_client(system: Secured, file: Path) -> None:
+    """Connect as Zenoh itself does, without any check of ours."""
+    config = zenoh.Config.from_file(str(file))
+    for key, value in {"connect/endpoints": [system.endpoint], "connect/timeout_ms": 800}.items():
+        config.insert_json5(key, json.dumps(value))
+    zenoh.open(config).close()
+
+
+def test_a_file_of_credentials_is_a_configuration_that_any_zenoh_program_can_load(router: Secured):
+    raw_client(router, router.file("camera_front"))
+
+
+def test_a_certificate_of_another_authority_is_not_let_in(router: Secured, tmp_path):
+    other = secured(tmp_path)
+    said = refused(router, other.file("camera_front"))
+    assert "was issued by another authority than that of camera_front" in said
+    # It does not help to know the right authority.
+    foreign = other.content("camera_front")
+    tls = foreign["transport"]["link"]["tls"]
+    mixed = another(
+        router, "camera_front", tmp_path, Issued(*(_pem(tls[part]) for part in (CERTIFICATE, KEY)))
+    )
+    with pytest.raises(zenoh.ZError):
+        raw_client(router, mixed)
+
+
+def _pem(text: str) -> bytes:
+    import base64
+
+    return base64.b64decode(text)
+
+
+def test_a_router_under_another_name_is_not_spoken_to(router: Secured):
+    said = refused(router, router.file("guest"), connect=f"tls/127.0.0.9:{router.port}")
+    assert "its certificate does not name 127.0.0.9: zv security renew router --host" in said
+
+
+def test_without_a_router_nothing_is_said_of_a_refusal(system: Secured):
+    said = refused(system, system.file("guest"), connect=f"tls/127.0.0.1:{free_port()}")
+    assert "no Zenoh router at tls/127.0.0.1:" in said
+
+
+# Revocation
+
+
+def test_a_revoked_node_is_out_and_the_others_go_on_and_may_come_back_under_another_number(
+    tmp_path,
+):
+    system = secured(tmp_path)
+    stolen = tmp_path / "camera_front.json5"
+    with embedded(system, tmp_path) as router, watching(system) as seen:
+        health = tmp_path / "health"
+        with (
+            service(system, "camera", tmp_path, ZV_HEALTH_FILE=str(health)) as camera,
+            service(system, "tracker", tmp_path) as tracker,
+        ):
+            wait_until(lambda: seen() >= {"camera_front", "tracker_front"}, 20)
+            stolen.touch(0o600)
+            stolen.write_bytes(system.file("camera_front").read_bytes())
+            begun_s = time.monotonic()
+            system.revoke("camera_front")
+            wait_until(lambda: seen() == {"tracker_front"}, 60)
+            assert time.monotonic() - begun_s < 60
+            said = "the router gives camera_front no rights: its certificate was revoked"
+            wait_until(lambda: said in camera.complaints, 3 * SAID_S)
+            wait_until(lambda: said in health.read_text(), 3 * SAID_S)
+            assert tracker.process.poll() is None
+        assert "took the new rules" in router.complaints
+        # The name is given a new certificate; the stolen one stays out.
+        system.add(camera=("front",))
+        wait_until(lambda: router.complaints.count("took the new rules") == 2, 20)
+        with (
+            Program(
+                ["camera", "--credentials", stolen, "--connect", system.endpoint],
+                tmp_path,
+                "thief",
+                forked=ZV,
+            ) as thief,
+            watching(system) as seen,
+        ):
+            wait_until(lambda: said in thief.complaints, 20)
+            assert seen() == set()
+            with service(system, "camera", tmp_path):
+                wait_until(lambda: seen() == {"camera_front"}, 20)
+
+
+def watching(system: Secured) -> _Watching:
+    return _Watching(system)
+
+
+class _Watching:
+    """The nodes whose tokens a guest sees."""
+
+    def __init__(self, system: Secured) -> None:
+        self._system = system
+
+    def __enter__(self) -> Callable[[], set[str]]:
+        self._link = Link(self._system.connection("guest"))
+
+        def seen() -> set[str]:
+            replies = self._link.session.liveliness().get("@vision/node/*", timeout=1.0)
+            return {str(each.ok.key_expr).rpartition("/")[2] for each in replies if each.ok}
+
+        return seen
+
+    def __exit__(self, *error: object) -> None:
+        self._link.close()
+
+
+def service(system: Secured, name: str, folder: Path, **variables: str) -> Program:
+    """Start a service of the camera ``front`` with its own credentials."""
+    words = [name, "--credentials", system.file(f"{name}_front"), "--connect", system.endpoint]
+    label = f"{name}{time.monotonic_ns()}"
+    return Program(words, folder, label, forked=ZV, **variables)
+
+
+def test_rights_survive_a_restart_of_the_router(tmp_path):
+    system = secured(tmp_path)
+    arrived: list[str] = []
+    for _ in range(2):
+        with (
+            embedded(system, tmp_path),
+            system.client("guest") as guest,
+            system.witness() as witness,
+        ):
+            witness.declare_subscriber(
+                "vision/**", lambda sample: arrived.append(str(sample.key_expr))
+            )
+            guest.put("vision/front/centroid", b"forged")
+            for each in (guest, witness):
+                assert list(each.get("@/*/router", timeout=2.0))
+    assert arrived == []
+
+
+def test_a_router_keeps_its_rules_while_its_file_cannot_be_used(tmp_path):
+    system = secured(tmp_path)
+    with embedded(system, tmp_path) as router:
+        whole = system.file("router").read_text()
+        system.file("router").write_text(whole[: len(whole) // 2])
+        wait_until(lambda: "the former rules hold" in router.complaints, 20)
+        with system.client("guest") as guest:
+            assert list(guest.info.routers_zid())
+        system.file("router").write_text(whole)
+        wait_until(lambda: "took the new rules" in router.complaints, 20)
+
+
+# What is denied is said
+
+
+@pytest.mark.parametrize(
+    ("words", "credentials", "denied"),
+    [
+        (("camera", "--camera", "back"), "camera_front", "publish vision/back/image/compressed"),
+        (("tracker",), "edge_front", "publish vision/front/centroid"),
+        (("edge",), "camera_front", "subscribe vision/front/image"),
+        (("camera", "--namespace", "lab"), "camera_front", "announce @lab/node/camera_front"),
+    ],
+    ids=["another camera", "another service", "no input", "another namespace"],
+)
+def test_a_node_says_within_5_s_what_it_is_denied(
+    router: Secured, tmp_path, words, credentials, denied
+):
+    health = tmp_path / "health"
+    given = [*words, "--credentials", router.file(credentials), "--connect", router.endpoint]
+    with Program(given, tmp_path, "node", forked=ZV, ZV_HEALTH_FILE=str(health)) as node:
+        connected = wait_until(lambda: re.search(r"connected to the router", node.complaints), 30)
+        assert connected
+        begun_s = time.monotonic()
+        wait_until(lambda: "the router denies: " in node.complaints, 20)
+        assert time.monotonic() - begun_s < SAID_S
+        (line,) = [line for line in node.complaints.splitlines() if "the router denies" in line]
+        assert denied in line or "more" in line
+        assert f"no rule allows it to the certificate of {credentials}" in line
+        assert f"--dir {router.folder}" in line
+        wait_until(lambda: "the router denies" in health.read_text(), 5)
+
+
+def test_a_certificate_that_ends_soon_is_warned_about_in_log_and_diagnostics(tmp_path):
+    system = secured(tmp_path, days=10)
+    with embedded(system, tmp_path), service(system, "camera", tmp_path) as camera:
+        said = "the certificate of camera_front ends"
+        wait_until(lambda: said in camera.complaints, 20)
+        with system.client("guest") as guest:
+
+            def warned() -> bool:
+                replies = guest.get("@vision/diagnostics/camera_front", timeout=2.0)
+                reports = [each.ok.payload.to_bytes() for each in replies if each.ok]
+                return any(said.encode() in each for each in reports)
+
+            wait_until(warned, 10)
+            system.renew("camera_front", days=300)
+            wait_until(lambda: not warned(), 10)
+            system.file("camera_front").write_text("{")
+            said = "the next connection will fail: "
+            wait_until(warned, 10)
+            assert "cut short or damaged; zv security renew camera_front" in camera.complaints
+            system.renew("camera_front")
+
+
+def test_a_node_judges_by_the_rights_that_its_file_has_now(tmp_path):
+    system = secured(tmp_path)
+    content = system.content("camera_front")
+    rights = content["metadata"]["zenoh_vision"]["rights"]
+    announce = rights.pop("announce")
+    system.rewrite("camera_front", content)
+    with embedded(system, tmp_path), service(system, "camera", tmp_path) as camera:
+        wait_until(lambda: "denies: announce @vision/node/camera_front" in camera.complaints, 30)
+        rights["announce"] = announce
+        system.rewrite("camera_front", content)
+        wait_until(lambda: "denied no more" in camera.complaints, 20)
+
+
+def test_a_node_whose_certificate_has_ended_says_so_while_it_waits_and_comes_in_once_renewed(
+    router: Secured, tmp_path, monkeypatch
+):
+    good = router.file("camera_front").read_bytes()
+    file = another(router, "camera_front", tmp_path, certificate(router, -3, monkeypatch))
+    health = tmp_path / "health"
+    words = ["camera", "--credentials", file, "--connect", router.endpoint]
+    with Program(words, tmp_path, "late", forked=ZV, ZV_HEALTH_FILE=str(health)) as camera:
+        wait_until(lambda: "the certificate of camera_front ended" in camera.complaints, 20)
+        wait_until(lambda: "trouble: the certificate" in health.read_text(), 5)
+        new = tmp_path / "new"
+        new.touch(0o600)
+        new.write_bytes(good)
+        os.replace(new, file)
+        wait_until(lambda: "connected to the router" in camera.complaints, 20)
+        wait_until(lambda: health.read_text() == "ok\n", 10)
+
+
+def test_nodes_that_share_memory_are_denied_nothing(tmp_path):
+    system = secured(tmp_path)
+    with (
+        embedded(system, tmp_path),
+        service(system, "camera", tmp_path) as camera,
+        service(system, "edge", tmp_path) as edge,
+        system.client("guest") as guest,
+    ):
+
+        def uptime_s() -> float:
+            replies = guest.get("@vision/diagnostics/edge_front", timeout=2.0)
+            payloads = [each.ok.payload.to_bytes() for each in replies if each.ok]
+            return Diagnostics.from_bytes(payloads[0]).uptime_s if payloads else 0.0
+
+        wait_until(lambda: uptime_s() > 9, 60)  # after two rounds of the check
+        for node in (camera, edge):
+            assert "denies" not in node.complaints
+
+
+def test_two_nodes_with_the_same_certificate_are_both_told(tmp_path):
+    system = secured(tmp_path)
+    with embedded(system, tmp_path), service(system, "camera", tmp_path) as first:
+        wait_until(lambda: "connected to the router" in first.complaints, 30)
+        with service(system, "camera", tmp_path) as second:
+            for camera in (first, second):
+                said = "another node is called camera_front: pid"
+                wait_until(lambda camera=camera, said=said: said in camera.complaints, 30)
+
+
+def test_nothing_secret_is_printed_logged_or_on_the_command_line(router: Secured, tmp_path):
+    content = router.content("camera_front")
+    secret = content["transport"]["link"]["tls"][KEY]
+    words = ["camera", "--debug", "--credentials", router.file("camera_front")]
+    words += ["--connect", router.endpoint]
+    with Program(words, tmp_path, "node", forked=ZV) as node, router.client("operator") as operator:
+        wait_until(lambda: "connected to the router" in node.complaints, 30)
+        everything = ["vision/**", "@vision/node/*", "@vision/param/**", "@/*/router/**"]
+        shown = b""
+        for key in everything:
+            for reply in operator.get(key, timeout=2.0):
+                shown += reply.ok.payload.to_bytes() if reply.ok else reply.err.payload.to_bytes()
+        command = Path(f"/proc/{node.process.pid}/cmdline").read_bytes()
+    assert secret not in node.complaints + node.output
+    assert secret.encode() not in shown + command
+    repr_of = repr(credentials_file(str(router.folder / "camera_front")))
+    assert secret not in repr_of
