@@ -1,10 +1,13 @@
 """The public names, one a line."""
 
 from zenoh_vision.cli.service import run_service as run_service
+from zenoh_vision.config.consumer_options import FrameTransport as FrameTransport
+from zenoh_vision.config.consumer_options import MaxAge as MaxAge
 from zenoh_vision.config.parameters import Live as Live
 from zenoh_vision.config.revisions import Change as Change
 from zenoh_vision.config.revisions import ParameterStore as ParameterStore
 from zenoh_vision.config.revisions import Revision as Revision
+from zenoh_vision.config.roles import Role as Role
 from zenoh_vision.config.settings import ServiceSettings as ServiceSettings
 from zenoh_vision.config.settings import Settings as Settings
 from zenoh_vision.config.settings import load_settings as load_settings
@@ -16,6 +19,7 @@ from zenoh_vision.errors import SourceError as SourceError
 from zenoh_vision.errors import ToldToStop as ToldToStop
 from zenoh_vision.errors import VisionError as VisionError
 from zenoh_vision.image.frame import Frame as Frame
+from zenoh_vision.image.picture import Picture as Picture
 from zenoh_vision.message_codec import Message as Message
 from zenoh_vision.messages import CameraInfo as CameraInfo
 from zenoh_vision.messages import Centroid as Centroid
@@ -32,6 +36,7 @@ from zenoh_vision.messages import TrackEvent as TrackEvent
 from zenoh_vision.messages import Tracks as Tracks
 from zenoh_vision.node.inputs import Input as Input
 from zenoh_vision.node.node import Node as Node
+from zenoh_vision.node.outputs import Published as Published
 from zenoh_vision.stream.buffer import Buffering as Buffering
 from zenoh_vision.stream.buffer import latest as latest
 from zenoh_vision.stream.buffer import queue as queue

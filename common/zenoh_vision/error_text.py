@@ -1,22 +1,53 @@
-"""Texts for people: shortens wrong values, suggests similar names, escapes foreign text."""
+"""Texts for people: shortens values, masks passwords, suggests names, escapes foreign text."""
 
 from __future__ import annotations
 
 import difflib
+import re
 import reprlib
 from collections.abc import Iterable, Sequence
 
 MAX_CHARACTERS = 80
 SHORTENED_CHARACTERS = 60
 
+USER_WITHOUT_SCHEME = re.compile(r"^[^/:@\s]+:[^\s@]*@")
+USER = re.compile(r"://.*@", re.DOTALL)
+USER_ALONE = re.compile(r"(://(?!\[)[^/?#:@]*:)(?!\d{0,5}(?:[/?#]|$)).*", re.DOTALL)
+"""A user and a password without a host: what follows the colon is no port."""
+SECRET_FIELD = re.compile(
+    r"([^=&?/#;]*(?:pass|pwd|pw|psw|pin|token|key|secret|auth|cred|sig|session)[^=&?/#;]*=)[^&]*",
+    re.IGNORECASE | re.DOTALL,
+)
+
+
+def without_password(text: str) -> str:
+    """Return a text with the secrets of a URL in it masked, wherever the URL has them.
+
+    They are user and password before the host, and values whose names say that they are secret, in
+    the query, the path or the fragment. Rather too much is masked than too little: everything up to
+    the last ``@``, and a value up to the next ``&``, since people paste passwords with any
+    character in them. Of a text without ``://``, only ``user:password@`` at its start is masked.
+    """
+    before, separator, after = text.partition("://")
+    if not separator:
+        return USER_WITHOUT_SCHEME.sub("***@", text)
+    url = USER_ALONE.sub(r"\1***", USER.sub("://***@", separator + after))
+    return before + SECRET_FIELD.sub(r"\1***", url)
+
+
+class _WithoutPasswords(reprlib.Repr):
+    def repr_str(self, x: str, level: int) -> str:
+        return super().repr_str(without_password(x), level)
+
 
 def shortened(value: object) -> str:
-    """Return the ``repr`` of a value, with long texts and lists shortened.
+    """Return the ``repr`` of a value, with long texts and lists shortened and passwords masked.
 
     Accepts values of any nesting depth, for which ``repr`` may raise ``RecursionError``.
     """
     if not isinstance(value, str):
-        return reprlib.repr(value)
+        return _WithoutPasswords().repr(value)
+    value = without_password(value)
     if len(value) <= MAX_CHARACTERS:
         return repr(value)
     return f"{value[:SHORTENED_CHARACTERS]!r}... ({len(value)} characters)"

@@ -20,16 +20,19 @@ RAW_IMAGE: Final = "application/octet-stream;vision.Image.v1"
 BITS: Final = "application/octet-stream;vision.Bits.v1"
 UNCOMPRESSED: Final = {RAW_IMAGE: "raw", BITS: "bits"}
 """Encodings of pictures without a size of their own, which only their header says, with the word
-for each."""
+for each; here for programs that list samples without loading OpenCV."""
 JSON: Final = "application/json"
 
-Way = Literal["shm", "jpeg", "raw"]
-"""How a frame came: through shared memory, or over Zenoh, compressed (JPEG or PNG) or raw."""
+RouteName = Literal["shm", "jpeg", "raw"]
+"""How frames come: through shared memory, or over Zenoh on the key of the compressed frames (JPEG
+or PNG) or on that of the raw pixels."""
 
 Transport = Literal["auto", "shm", "raw", "jpeg"]
-"""Which way a consumer takes a camera's frames. ``jpeg``: the key of the compressed frames, JPEG or
-PNG. ``raw``: that of the raw pixels. ``shm``: shared memory. ``auto``: shared memory if camera and
+"""The route that a consumer chooses for a camera's frames. ``auto``: shared memory if camera and
 consumer have it in common, else the compressed frames if they flow, else the raw ones."""
+
+LaunchVerb = Literal["stop", "start", "restart"]
+"""What ``zv up`` does with a node that it runs, on request."""
 
 TRANSPORT_VARIABLE: Final = "ZV_TRANSPORT"
 """Environment variable: the transport of every consumer without a setting of its own. A camera
@@ -76,6 +79,18 @@ def suffix_of(key: str) -> str:
     return key.partition("/")[2].partition("/")[2]
 
 
+LINK: Final = "@link"
+"""Key that nobody declares a token on; a router that answers a query for its tokens works."""
+
+
+def holder_key(name: str) -> str:
+    """Return the key on which the holder of a certificate shows that it is connected.
+
+    No namespace has a dash, and routers do not list keys with ``@``.
+    """
+    return f"zenoh-vision/holder/{name}"
+
+
 def node_key(namespace: str, node: str) -> str:
     """Return the key of a node's liveliness token and description."""
     return f"@{namespace}/node/{node}"
@@ -84,6 +99,11 @@ def node_key(namespace: str, node: str) -> str:
 def diagnostics_key(namespace: str, node: str) -> str:
     """Return the key of a node's health."""
     return f"@{namespace}/diagnostics/{node}"
+
+
+def launch_key(namespace: str, node: str) -> str:
+    """Return the key on which the ``zv up`` that runs a node answers for it; may be ``*``."""
+    return f"@{namespace}/launch/{node}"
 
 
 def shared_memory_key(namespace: str, camera: str, machine: str, offer: str) -> str:
@@ -99,6 +119,16 @@ def parameter_key(namespace: str, node: str, name: str) -> str:
 def parameters_key(namespace: str, node: str) -> str:
     """Return the key of all parameters of a node; ``node`` may be ``*``."""
     return f"@{namespace}/param/{node}"
+
+
+def set_key(namespace: str, node: str, name: str = "") -> str:
+    """Return the key that sets parameters of a node; with a name, that sets this one."""
+    return f"@{namespace}/set/{node}/{name}".rstrip("/")
+
+
+def record_key(namespace: str, node: str) -> str:
+    """Return the key on which a query has a recorder write its last seconds; it may be ``*``."""
+    return f"@{namespace}/record/{node}"
 
 
 def schema_key(namespace: str, name: str) -> str:

@@ -21,7 +21,14 @@ class Message(BaseModel):
     optional fields that they leave out while these are nil.
     """
 
-    model_config = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True,
+        strict=True,
+        extra="ignore",
+        allow_inf_nan=False,
+        validate_by_name=True,  # ``class`` is no name in Python
+        serialize_by_alias=True,
+    )
 
     schema_name: ClassVar[str] = ""
     omit_nil: ClassVar[tuple[str, ...]] = ()

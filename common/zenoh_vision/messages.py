@@ -16,6 +16,8 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.message_codec import Message, unpack
 
 MAX_BOUNDS = 100
+MAX_ROUTES = 100
+"""Most inputs of a node whose routes are reported."""
 MAX_COUNT = 2**64 - 1
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9_]+$", max_length=64)]
@@ -23,10 +25,16 @@ Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
 Count = Annotated[int, Field(ge=0, le=MAX_COUNT)]
 Side = Annotated[int, Field(ge=1, le=65535)]
 Pixel = Annotated[int, Field(ge=-(2**31), lt=2**31)]
-Box = tuple[Pixel, Pixel, Pixel, Pixel]
+Box = Annotated[tuple[Pixel, Pixel, Pixel, Pixel], Field(strict=False)]
+"""Here as for all tuples, ``strict`` concerns the numbers, and a list may be given too."""
+
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+
+ClassName = Annotated[str, Field(max_length=64)]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 T = TypeVar("T")
-Many = Annotated[tuple[T, ...], Field(fail_fast=True)]
+Many = Annotated[tuple[T, ...], Field(fail_fast=True, strict=False)]
 """Any number of items. Checking ends at the first wrong one: 64 kB of wrong items took 0.3 s."""
 
 
@@ -67,6 +75,30 @@ class Header(Message):
         bool | None,
         Field(description="true if the sender gave no header and the receiver made this one up"),
     ] = None
+    replay: Annotated[
+        Nanoseconds | None,
+        Field(description="start of the replay's pass, ns; new after each jump; nil: not a replay"),
+    ] = None
+    replayed_ns: Annotated[
+        Nanoseconds | None, Field(description="when the replay sent it, by its clock, ns")
+    ] = None
+    lockstep: Annotated[
+        bool | None,
+        Field(description="true if its sender waits for the answer to it, so that it is not stale"),
+    ] = None
+
+    @property
+    def run(self) -> tuple[int, int]:
+        """The run of frames that it belongs to: later runs compare higher.
+
+        A run is an epoch; each pass of a replay repeats the epochs that were recorded.
+        """
+        return (self.epoch if self.replay is None else self.replay, self.epoch)
+
+    @property
+    def age_start_ns(self) -> int:
+        """The time from which its age counts, ns: its capture; of a replay, when it was sent."""
+        return self.stamp_ns if self.replayed_ns is None else self.replayed_ns
 
     def to_map(self) -> dict[str, Any]:
         """Return the fields that are not nil as they are; they are flat, so none is converted."""
@@ -121,6 +153,11 @@ class Centroid(Stamped):
     area: Annotated[float | None, Field(ge=0, description="contour area, square pixels")]
 
 
+def is_none(value: object) -> bool:
+    """Return whether a field is nil, and thus not sent."""
+    return value is None
+
+
 class Track(Message):
     """One moving object of one frame."""
 
@@ -134,7 +171,15 @@ class Track(Message):
     vy: Annotated[float, Field(description="pixels per second")] = 0.0
     age_s: Annotated[float, Field(ge=0)] = 0.0
     missing_s: Annotated[float, Field(ge=0)] = 0.0
-    world: tuple[float, float] | None = None
+    world: Pair | None = None
+    class_name: Annotated[
+        ClassName | None,
+        Field(alias="class", exclude_if=is_none, description="what a model says that it is"),
+    ] = None
+    score: Annotated[
+        Share | None,
+        Field(exclude_if=is_none, description="how sure the model was when it last found it"),
+    ] = None
 
 
 class ZoneCount(Message):
@@ -168,7 +213,15 @@ class TrackEvent(Stamped):
     """An event of a track: it started, ended, crossed a line, entered or left a zone."""
 
     schema_name: ClassVar[str] = "vision.TrackEvent.v1"
-    omit_nil: ClassVar[tuple[str, ...]] = ("stamp_ns", "count", "inside", "dwell_s", "world")
+    omit_nil: ClassVar[tuple[str, ...]] = (
+        "stamp_ns",
+        "count",
+        "inside",
+        "dwell_s",
+        "world",
+        "class",
+        "score",
+    )
 
     event: Annotated[str, Field(max_length=64)]
     id: Count
@@ -187,7 +240,13 @@ class TrackEvent(Stamped):
     ] = None
     inside: Annotated[Count | None, Field(description="objects in the zone after it")] = None
     dwell_s: Annotated[float | None, Field(ge=0, description="stay in the zone so far")] = None
-    world: tuple[float, float] | None = None
+    world: Pair | None = None
+    class_name: Annotated[
+        ClassName | None, Field(alias="class", description="what a model says that it is")
+    ] = None
+    score: Annotated[
+        Share | None, Field(description="how sure the model was when it last found it")
+    ] = None
 
 
 class CameraInfo(Stamped):
@@ -203,9 +262,6 @@ class CameraInfo(Stamped):
     r: Annotated[Many[float], Field(min_length=9, max_length=9)]
     p: Annotated[Many[float], Field(min_length=12, max_length=12)]
     plane: Annotated[Many[float], Field(min_length=9, max_length=9)] | None = None
-
-
-Pair = tuple[float, float]
 
 
 class Prediction(Stamped):
@@ -259,6 +315,31 @@ class Contours(Stamped):
     ] = None
 
 
+class ReplayMark(Message):
+    """An event in a recording."""
+
+    at_s: Annotated[float, Field(ge=0, description="since the begin of the recording")]
+    event: Annotated[str, Field(max_length=64)]
+    zone: Annotated[str | None, Field(max_length=256)] = None
+
+
+class Replay(Message):
+    """What a player plays and where it is, a few times a second."""
+
+    schema_name: ClassVar[str] = "vision.Replay.v1"
+
+    node: Annotated[str, Field(description="the player, whose parameters control it")]
+    file: Annotated[str, Field(max_length=256)]
+    begin_ns: Annotated[Nanoseconds, Field(description="when the recording begins")]
+    length_s: Annotated[float, Field(ge=0)]
+    position_s: Annotated[float, Field(ge=0, description="since the begin")]
+    speed: Annotated[float, Field(ge=0, description="0: as fast as possible")]
+    paused: bool
+    loop: bool
+    step: Annotated[Count, Field(description="value of the parameter; the next one steps")]
+    marks: Annotated[Many[ReplayMark], Field(max_length=1000, description="recorded events")]
+
+
 class Latency(Message):
     """Milliseconds from capture, over the last seconds; nil before the first frame."""
 
@@ -292,7 +373,7 @@ class Diagnostics(Message):
     """Health of one node, once a second; the counters are totals since its start."""
 
     schema_name: ClassVar[str] = "vision.Diagnostics.v1"
-    omit_nil: ClassVar[tuple[str, ...]] = ("latency_histogram_ms", "transport")
+    omit_nil: ClassVar[tuple[str, ...]] = ("latency_histogram_ms", "routes")
 
     node: str
     stamp_ns: Nanoseconds
@@ -305,9 +386,12 @@ class Diagnostics(Message):
     latency_histogram_ms: Annotated[
         Histogram | None, Field(description="latencies since the start, cumulative")
     ] = None
-    transport: Annotated[
-        str | None,
-        Field(description="how its frames come: shm, jpeg or raw; several with commas between"),
+    routes: Annotated[
+        dict[str, str] | None,
+        Field(
+            description="how its frames come, by key: shm (shared memory), jpeg or raw (Zenoh)",
+            max_length=MAX_ROUTES,
+        ),
     ] = None
 
 
@@ -327,6 +411,17 @@ class Parameter(Message):
     unit: str | None = None
     description: str = ""
     revision: Count = 0
+    step: Annotated[
+        float | None, Field(exclude_if=is_none, description="steps of the value, if above 1")
+    ] = None
+    flags: Annotated[
+        Many[str] | None,
+        Field(
+            exclude_if=is_none,
+            description="read_only, write_only, inactive (without effect now), volatile (changed "
+            "by the device itself), grabbed (locked now)",
+        ),
+    ] = None
 
 
 class ParameterList(Message):

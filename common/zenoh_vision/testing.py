@@ -30,10 +30,13 @@ from typing import Any
 
 import zenoh
 
+from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import DEFAULT_CAMERA
+from zenoh_vision.messages import Track, Tracks
+from zenoh_vision.node.inputs import Input
 from zenoh_vision.node.node import Node
-from zenoh_vision.topics import COMPRESSED, RAW, Topic, topic_named
+from zenoh_vision.topics import COMPRESSED, RAW, TRACKS, Topic, topic_named
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.router import listening_endpoints
 from zenoh_vision.transport.session import close_session
@@ -107,9 +110,13 @@ def running_service(
 
 @contextmanager
 def publishing(
-    endpoint: str, *pictures: Pixels, camera: str = DEFAULT_CAMERA, rate_hz: float = 20.0
+    endpoint: str,
+    *pictures: Pixels,
+    camera: str = DEFAULT_CAMERA,
+    rate_hz: float = 20.0,
+    tracks: Sequence[Track] | None = None,
 ) -> Iterator[None]:
-    """Publish pictures as the frames of a camera, in a loop.
+    """Publish pictures as the frames of a camera, in a loop, perhaps with the tracks of each.
 
     Args:
         endpoint: Of the router.
@@ -117,14 +124,17 @@ def publishing(
             order B, G, R; sent as JPEG of quality 100, 16 bits as PNG, and raw.
         camera: Name of the camera.
         rate_hz: Frames per second.
+        tracks: Sent as ``Tracks`` of each frame, as a tracker does; None sends none.
     """
     stop = threading.Event()
-    topics = [COMPRESSED, RAW]
+    topics = [COMPRESSED, RAW] if tracks is None else [COMPRESSED, RAW, TRACKS]
     with Node("camera", camera=camera, connection=at(endpoint), publishes=topics) as node:
 
         def run() -> None:
             for picture in itertools.cycle(pictures):
-                node.publish_captured(picture, quality=100)
+                frame = node.publish_picture(COMPRESSED, picture, quality=100).frame
+                if tracks is not None and frame is not None:
+                    node.publish(TRACKS, Tracks(header=frame.header, tracks=tuple(tracks)))
                 if stop.wait(1 / rate_hz):
                     return
 
@@ -151,16 +161,45 @@ def first_message(
     Raises:
         AssertionError: None came in time; the text has the key.
     """
+    return _first("message", endpoint, topic, camera, timeout_s)
+
+
+def first_picture(
+    endpoint: str,
+    topic: Topic | str = COMPRESSED,
+    camera: str = DEFAULT_CAMERA,
+    timeout_s: float = DEADLINE_S,
+) -> Frame:
+    """Return the first frame that is published on a topic of pictures from now on.
+
+    Its ``pixels``, ``bgr`` and ``header`` are those that a consumer gets. A topic that is made only
+    on demand, such as ``tracked/compressed``, is made for this.
+
+    Args:
+        endpoint: Of the router.
+        topic: A topic that carries pictures, or its name in the table.
+        camera: Its camera.
+        timeout_s: How long to wait.
+
+    Raises:
+        AssertionError: None came in time; the text has the key.
+    """
+    return _first("picture", endpoint, topic, camera, timeout_s)  # type: ignore[no-any-return]
+
+
+def _first(what: str, endpoint: str, topic: Topic | str, camera: str, timeout_s: float) -> Any:
     row = topic_named(topic)
     with Node("tester", camera=camera, connection=at(endpoint)) as node:
-        messages = node.messages(row)
+        arriving: Input[Any] = (
+            node.messages(row) if what == "message" else node.frames(row, max_age_s=None)
+        )
         deadline_s = time.monotonic() + timeout_s
         while time.monotonic() < deadline_s:
-            found = messages.take(POLL_S)
+            found = arriving.take(POLL_S)
             if found is not None:
                 return found
     raise AssertionError(
-        f"no message on {row.key(node.connection.namespace, camera)} within {timeout_s:g} s"
+        f"no {what} on {row.key(node.connection.namespace, camera)} within {timeout_s:g} s"
     )
 
 

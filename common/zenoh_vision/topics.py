@@ -13,6 +13,7 @@ from zenoh_vision.messages import (
     Centroid,
     Contours,
     Prediction,
+    Replay,
     TrackEvent,
     Tracks,
 )
@@ -34,6 +35,10 @@ class Topic:
         lazy: Payloads are made only for subscribers and queries.
         keeps: How many of its newest payloads answer a query.
         by_query: It is never published: a function of the node answers each query.
+        recorded: Part of a recording unless keys are named; not what is made for display only, nor
+            a second form of what is recorded.
+        every_frame: There is one payload for each frame that the node processes, so a number that
+            is missing on it is a loss.
     """
 
     name: str
@@ -43,31 +48,43 @@ class Topic:
     lazy: bool = True
     keeps: int = 1
     by_query: bool = False
+    recorded: bool = True
+    every_frame: bool = True
 
     def key(self, namespace: str, camera: str) -> str:
         """Return the full key expression; the camera may be ``*``."""
         return f"{namespace}/{camera}/{self.name}"
 
-    @property
-    def raw(self) -> bool:
-        """Whether its payloads are raw pixels."""
-        return self.encoding == RAW_IMAGE
 
-
-def message_topic(name: str, message: type[Message], *, keeps: int = 1) -> Topic:
+def message_topic(
+    name: str, message: type[Message], *, keeps: int = 1, every_frame: bool = True
+) -> Topic:
     """Return the topic of a msgpack message, which is published even without subscribers."""
-    encoding = msgpack_of(message.schema_name)
-    return Topic(name, encoding, message, delivery="message", lazy=False, keeps=keeps)
+    return Topic(
+        name,
+        msgpack_of(message.schema_name),
+        message,
+        delivery="message",
+        lazy=False,
+        keeps=keeps,
+        every_frame=every_frame,
+    )
 
 
 COMPRESSED = Topic("image/compressed", JPEG)
-RAW = Topic("image", RAW_IMAGE)
+RAW = Topic("image", RAW_IMAGE, recorded=False)
 CENTROID = message_topic("centroid", Centroid)
 TRACKS = message_topic("tracks", Tracks)
-EVENTS = message_topic("events", TrackEvent, keeps=100)
+EVENTS = message_topic("events", TrackEvent, keeps=100, every_frame=False)
 PREDICTION = Topic(
-    "prediction", msgpack_of(Prediction.schema_name), Prediction, delivery="message", by_query=True
+    "prediction",
+    msgpack_of(Prediction.schema_name),
+    Prediction,
+    delivery="message",
+    by_query=True,
+    recorded=False,
 )
+REPLAY = message_topic("replay", Replay)
 EDGES = Topic("edges/compressed", PNG)
 CONTOURS = Topic("edges/contours", msgpack_of(Contours.schema_name), Contours, lazy=True)
 EDGE_STAGES: Final = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
@@ -77,18 +94,20 @@ TOPICS: Final = {
     for topic in (
         COMPRESSED,
         RAW,
-        message_topic("camera_info", CameraInfo),
+        message_topic("camera_info", CameraInfo, every_frame=False),
         CENTROID,
         TRACKS,
         EVENTS,
         PREDICTION,
-        Topic("tracked/compressed", JPEG),
-        Topic("mask/compressed", PNG),
-        Topic("background/compressed", JPEG),
+        Topic("tracked/compressed", JPEG, recorded=False),
+        Topic("mask/compressed", PNG, recorded=False),
+        Topic("background/compressed", JPEG, recorded=False),
+        Topic("relayed/compressed", JPEG, recorded=False),
         EDGES,
-        *(Topic(f"edges/{stage}/compressed", PNG) for stage in EDGE_STAGES),
+        *(Topic(f"edges/{stage}/compressed", PNG, recorded=False) for stage in EDGE_STAGES),
         CONTOURS,
         message_topic("truth", Tracks),
+        REPLAY,
     )
 }
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import msgpack
 import pytest
+from pydantic import ValidationError
 
+from tests.support.node_states import report
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES, unpack
-from zenoh_vision.messages import Centroid, Diagnostics, Header, Latency, Parameter, Tracks
+from zenoh_vision.messages import Centroid, Diagnostics, Header, Parameter, Track, Tracks
 
 HEADER = Header(camera="front", epoch=1, seq=2, stamp_ns=300, width=640, height=480)
 
@@ -32,9 +34,11 @@ def test_a_header_is_these_bytes():
 
 def test_a_header_leaves_out_what_does_not_apply():
     optional = {"encoding", "received_ns", "done_ns", "assumed"}
+    optional |= {"replay", "replayed_ns", "lockstep"}
     assert set(Header.model_fields) - set(HEADER.to_map()) == optional
     whole = HEADER.model_copy(
         update={"encoding": "bgr8", "received_ns": 0, "done_ns": 0, "assumed": False}
+        | {"replay": 0, "replayed_ns": 0, "lockstep": False}
     )
     assert set(whole.to_map()) == set(Header.model_fields)
 
@@ -120,16 +124,7 @@ def test_a_parameter_keeps_the_type_of_its_value(value: object):
 
 
 def test_a_message_over_a_megabyte_is_refused_unread():
-    diagnostics = Diagnostics(
-        node="n",
-        stamp_ns=0,
-        level=0,
-        message="",
-        uptime_s=0.0,
-        counters={},
-        rate_hz=0.0,
-        latency_ms=Latency(p50=None, p99=None),
-    )
+    diagnostics = report(message="")
     room = MAX_MESSAGE_BYTES - len(diagnostics.to_bytes()) - 4  # 0xdb and 32 bits for 0xa0
     fits = diagnostics.model_copy(update={"message": "m" * room}).to_bytes()
     assert len(fits) == MAX_MESSAGE_BYTES
@@ -172,3 +167,12 @@ def test_messages_cannot_be_changed():
 def test_bytes_that_are_no_msgpack_are_called_so_even_if_msgpack_has_no_words_for_it():
     with pytest.raises(PayloadError, match="not msgpack: FormatError"):
         unpack(b"\xc1")  # the one byte that the specification leaves unused
+
+
+def test_lists_are_taken_where_tuples_are_and_their_numbers_are_checked_as_ever():
+    track = Track(id=1, state="confirmed", x=5, y=5, box=[4, 4, 2, 2], area=4, world=[1.0, 2.0])
+    assert (track.box, track.world) == ((4, 4, 2, 2), (1.0, 2.0))
+    with pytest.raises(ValidationError):
+        track.model_validate(track.to_map() | {"box": [4, 4, 2, "2"]})
+    with pytest.raises(ValidationError):
+        track.model_validate(track.to_map() | {"box": "4422"})

@@ -12,7 +12,14 @@ import pytest
 from tests.support.processes import ROOT
 from tests.support.waiting import POLL_S, wait_until
 from zenoh_vision import Connection, Message, Node, Stamped, message_topic
-from zenoh_vision.testing import at, first_message, publishing, running_router, running_service
+from zenoh_vision.testing import (
+    at,
+    first_message,
+    first_picture,
+    publishing,
+    running_router,
+    running_service,
+)
 
 OWN = ROOT / "examples" / "own_service.py"
 
@@ -122,3 +129,13 @@ def test_variables_of_the_user_do_not_reach_the_service(tmp_path: Path, monkeypa
         running_service([OWN], "tcp/127.0.0.1:1", ZV_BRIGHTNESS_GAIN="11") as process,
     ):
         miss_a_message(process)
+
+
+def test_a_picture_that_a_service_makes_is_received():
+    levels = [np.full((24, 32), level, np.uint8) for level in (50, 51)]
+    with running_router() as endpoint, publishing(endpoint, *levels, camera="left"):
+        frame = first_picture(endpoint, camera="left")
+        assert (frame.header.camera, frame.header.width, frame.header.height) == ("left", 32, 24)
+        assert int(frame.bgr[0, 0, 0]) in (50, 51)
+        with pytest.raises(AssertionError, match="no picture on vision/rear/mask/compressed"):
+            first_picture(endpoint, "mask/compressed", camera="rear", timeout_s=0.1)

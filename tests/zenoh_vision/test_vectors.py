@@ -24,6 +24,7 @@ MESSAGES: dict[str, type[Message]] = {
         "TrackEvent",
         "CameraInfo",
         "Prediction",
+        "Replay",
         "Contours",
         "Diagnostics",
         "Parameter",

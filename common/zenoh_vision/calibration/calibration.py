@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zenoh_vision.calibration.camera_model import (
     CalibrationFault,
@@ -57,47 +59,73 @@ class Calibration:
         """Return the calibration of the same picture at another size with the same aspect ratio.
 
         Raises:
-            CalibrationFault: The other size has another aspect ratio.
+            CalibrationFault: The aspect ratio differs by more than a pixel, so the picture shows
+                another part of the scene.
         """
-        camera = self.camera.scaled(width, height)
-        if camera is self.camera:
+        was = self.camera
+        if (width, height) == (was.width, was.height):
             return self
-        across, down = width / self.camera.width, height / self.camera.height
-        p = list(self.p)
-        p[:4] = [p[0] * across, p[1] * across, (p[2] + 0.5) * across - 0.5, p[3] * across]
-        p[4:8] = [p[4] * down, p[5] * down, (p[6] + 0.5) * down - 0.5, p[7] * down]
-        plane = None if self.plane is None else self.plane.scaled(across, down)
-        return replace(self, camera=camera, p=tuple(p), plane=plane)
+        across, down = width / was.width, height / was.height
+        if abs(height - was.height * across) > 1 and abs(width - was.width * down) > 1:
+            raise CalibrationFault(
+                "picture",
+                f"{width}x{height}",
+                f"{was.width}x{was.height} of the calibration, or the same aspect ratio",
+            )
+        # A pixel's centre is at a whole number, so its left edge is at -0.5.
+        shift_x, shift_y = 0.5 * across - 0.5, 0.5 * down - 0.5
+        return self._moved([[across, 0, shift_x], [0, down, shift_y], [0, 0, 1]], width, height)
 
     def cropped(self, x: int, y: int, width: int, height: int) -> Calibration:
         """Return the calibration of a rectangle of the picture."""
-        camera = self.camera.cropped(x, y, width, height)
-        a, b, c = np.reshape(self.p, (3, 4))
-        p = np.concatenate([a - x * c, b - y * c, c])
-        plane = None if self.plane is None else self.plane.cropped(x, y)
-        return replace(self, camera=camera, p=tuple(p.tolist()), plane=plane)
+        return self._moved([[1, 0, -x], [0, 1, -y], [0, 0, 1]], width, height)
 
     def mirrored(self, *, sideways: bool, upside_down: bool) -> Calibration:
         """Return the calibration of the mirrored picture."""
         if not (sideways or upside_down):
             return self
-        camera = self.camera.mirrored(sideways=sideways, upside_down=upside_down)
-        across, down = -1.0 if sideways else 1.0, -1.0 if upside_down else 1.0
-        p = list(self.p)
-        p[1:4] = [
-            p[1] * across * down,
-            self.camera.width - 1 - p[2] if sideways else p[2],
-            p[3] * across,
-        ]
-        p[6:8] = [self.camera.height - 1 - p[6] if upside_down else p[6], p[7] * down]
-        signs = (1, across * down, across, across * down, 1, down, across, down, 1)
-        r = tuple(number * sign for number, sign in zip(self.r, signs, strict=True))
-        plane = self.plane
-        if plane is not None:
-            plane = plane.mirrored(
-                self.camera.width, self.camera.height, sideways=sideways, upside_down=upside_down
-            )
-        return replace(self, camera=camera, r=r, p=tuple(p), plane=plane)
+        width, height = self.camera.width, self.camera.height
+        across = [-1, 0, width - 1] if sideways else [1, 0, 0]
+        down = [0, -1, height - 1] if upside_down else [0, 1, 0]
+        return self._moved([across, down, [0, 0, 1]], width, height)
+
+    def rotated(self, degrees: int) -> Calibration:
+        """Return the calibration of the picture rotated clockwise by 0, 90, 180 or 270 degrees."""
+        width, height = self.camera.width, self.camera.height
+        if degrees == 90:
+            return self._moved([[0, -1, height - 1], [1, 0, 0], [0, 0, 1]], height, width)
+        if degrees == 270:
+            return self._moved([[0, 1, 0], [-1, 0, width - 1], [0, 0, 1]], height, width)
+        return self.mirrored(sideways=degrees == 180, upside_down=degrees == 180)
+
+    def _moved(self, rows: Sequence[Sequence[float]], width: int, height: int) -> Calibration:
+        """Return the calibration of a picture with other pixel coordinates.
+
+        Args:
+            rows: The matrix from this picture's coordinates to those of the other, (3, 3). If it
+                mirrors them or turns them by a right angle, the axes of the camera do so too, so
+                that focal lengths stay above 0 and on the diagonal.
+            width: Of the other picture, pixels.
+            height: The same.
+        """
+        move = np.array(rows, np.float64)
+        axes = np.eye(3)
+        axes[:2, :2] = np.sign(move[:2, :2])
+        d = list(self.camera.d)
+        if d and self.camera.distortion_model != "equidistant":
+            # The tangential distortion p1, p2: (p2, p1) is a vector of the picture's plane.
+            d[3], d[2] = map(float, axes[:2, :2] @ (d[3], d[2]))
+        k = move @ self.camera.matrix @ axes.T
+        p = move @ np.reshape(self.p, (3, 4))
+        p[:, :3] = p[:, :3] @ axes.T
+        return replace(
+            self,
+            camera=replace(self.camera, width=width, height=height, k=_row_by_row(k), d=tuple(d)),
+            r=_row_by_row(axes @ np.reshape(self.r, (3, 3)) @ axes.T),
+            p=_row_by_row(p),
+            plane=self.plane
+            and Plane(_row_by_row(self.plane.matrix @ np.linalg.inv(move).astype(np.float64))),
+        )
 
     def message(self, header: Header) -> CameraInfo:
         """Return the calibration as a ``CameraInfo`` message with the header of a frame."""
@@ -132,3 +160,7 @@ class Calibration:
             return cls(camera, message.header.camera, message.r, message.p, plane)
         except CalibrationFault as fault:
             raise PayloadError("bad_calibration", f"CameraInfo.{fault}") from None
+
+
+def _row_by_row(matrix: NDArray[np.float64]) -> tuple[float, ...]:
+    return tuple((matrix + 0.0).ravel().tolist())  # -0.0 becomes 0.0

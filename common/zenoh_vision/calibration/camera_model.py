@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Literal
 
@@ -147,46 +147,6 @@ class CameraModel:
         else:
             shown, _ = cv2.projectPoints(rays, still, still, self.matrix, self.coefficients)
         return np.asarray(shown, np.float64).reshape(-1, 2)
-
-    def scaled(self, width: int, height: int) -> CameraModel:
-        """Return the model of the same picture at another size with the same aspect ratio.
-
-        Raises:
-            CalibrationFault: The aspect ratio differs by more than a pixel, so the picture shows
-                another part of the scene.
-        """
-        if (width, height) == (self.width, self.height):
-            return self
-        scale = width / self.width
-        too_high = abs(height - self.height * scale) > 1
-        if too_high and abs(width - self.width * height / self.height) > 1:
-            raise CalibrationFault(
-                "picture",
-                f"{width}x{height}",
-                f"{self.width}x{self.height} of the calibration, or the same aspect ratio",
-            )
-        fx, _, cx, _, fy, cy, *_ = self.k
-        across, down = scale, height / self.height
-        # A pixel's centre is at a whole number, so its left edge is at -0.5.
-        k = (fx * across, 0, (cx + 0.5) * across - 0.5, 0, fy * down, (cy + 0.5) * down - 0.5)
-        return replace(self, width=width, height=height, k=(*k, 0, 0, 1))
-
-    def cropped(self, x: int, y: int, width: int, height: int) -> CameraModel:
-        """Return the model of a rectangle of the picture."""
-        fx, _, cx, _, fy, cy, *_ = self.k
-        return replace(self, width=width, height=height, k=(fx, 0, cx - x, 0, fy, cy - y, 0, 0, 1))
-
-    def mirrored(self, *, sideways: bool, upside_down: bool) -> CameraModel:
-        """Return the model of the mirrored picture; its tangential distortion is mirrored too."""
-        fx, _, cx, _, fy, cy, *_ = self.k
-        cx, cy = (
-            self.width - 1 - cx if sideways else cx,
-            self.height - 1 - cy if upside_down else cy,
-        )
-        d = list(self.d)
-        if self.distortion_model != "equidistant" and d:
-            d[2], d[3] = -d[2] if upside_down else d[2], -d[3] if sideways else d[3]
-        return replace(self, k=(fx, 0, cx, 0, fy, cy, 0, 0, 1), d=tuple(d))
 
 
 def checked_numbers(key: str, numbers: tuple[float, ...], count: int) -> None:

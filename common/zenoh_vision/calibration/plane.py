@@ -61,29 +61,6 @@ class Plane:
         """Map points X, Y on the plane, (n, 2), to undistorted pixels."""
         return _mapped(np.linalg.inv(self.matrix).astype(np.float64), world, one_side=False)
 
-    def scaled(self, across: float, down: float) -> Plane:
-        """Return the homography of the picture enlarged by a factor across and one down."""
-        shrink = np.array(
-            [
-                [1 / across, 0, 0.5 / across - 0.5],
-                [0, 1 / down, 0.5 / down - 0.5],
-                [0, 0, 1],
-            ]
-        )
-        return Plane(tuple((self.matrix @ shrink).ravel().tolist()))
-
-    def cropped(self, x: int, y: int) -> Plane:
-        """Return the homography of a rectangle of the picture whose top left pixel is (x, y)."""
-        shift = np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
-        return Plane(tuple((self.matrix @ shift).ravel().tolist()))
-
-    def mirrored(self, width: int, height: int, *, sideways: bool, upside_down: bool) -> Plane:
-        """Return the homography of the mirrored picture of this size."""
-        mirror = np.diag([-1.0 if sideways else 1.0, -1.0 if upside_down else 1.0, 1.0])
-        mirror[0, 2] = width - 1 if sideways else 0
-        mirror[1, 2] = height - 1 if upside_down else 0
-        return Plane(tuple((self.matrix @ mirror).ravel().tolist()))
-
 
 @dataclass(frozen=True)
 class PlaneFit:

@@ -73,12 +73,7 @@ class PlaneView:
     def covariance(
         self, x: float, y: float, covariance: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
-        """Map the covariance of a pixel position to the plane, to first order: J C J'.
-
-        Args:
-            x: The position, pixels; so is ``y``.
-            y: As x.
-            covariance: (2, 2), square pixels.
+        """Map the covariance of a pixel position, (2, 2), to the plane, to first order: J C J'.
 
         Returns:
             (2, 2), square world units; None if the pixel shows no point of the plane.

@@ -1,4 +1,4 @@
-"""Reads and writes calibrations as the YAML of ROS' camera_info_manager.
+"""Reads calibrations, and writes them as the YAML of ROS' camera_info_manager.
 
 The keys and their order are those that ROS' camera_calibration_parsers writes. The plane is in an
 additional key, ``plane_homography``, which ROS ignores like every unknown key.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -17,6 +18,7 @@ import yaml
 
 from zenoh_vision.calibration.calibration import IDENTITY, Calibration
 from zenoh_vision.calibration.camera_model import CalibrationFault, CameraModel, model_named
+from zenoh_vision.calibration.file_formats import fields_of
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.error_text import did_you_mean, similar_names
 from zenoh_vision.errors import ConfigurationError, SourceError
@@ -43,6 +45,8 @@ OPTIONAL: Final = (
     "plane_homography",
 )
 
+NUMBERS: Final = re.compile(r"[-+.0-9eE\s]+")
+
 KEY_OF: Final = {
     "width": "image_width",
     "height": "image_height",
@@ -56,7 +60,10 @@ KEY_OF: Final = {
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Read a calibration file.
+    """Read a calibration file of ROS (YAML or ``.ini``) or OpenCV (YAML).
+
+    Args:
+        path: The file; as in ROS, also ``file:///PATH``.
 
     Raises:
         SourceError: It cannot be opened.
@@ -64,14 +71,14 @@ def read_calibration(path: str | Path) -> Calibration:
             the file, the key and what is allowed.
     """
     try:
-        with Path(path).open("rb") as file:
+        with Path(str(path).removeprefix("file://")).open("rb") as file:
             text = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise SourceError(f"{path}: {error.strerror or error}") from None
     if len(text) > MAX_BYTES:
         raise ConfigurationError(f"{path}: over {MAX_BYTES} bytes: no calibration file")
     try:
-        fields = yaml.safe_load(text)
+        fields = fields_of(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         words = " ".join(str(error).split())[:200]
         raise ConfigurationError(f"{path}: not YAML: {words}") from None
@@ -175,7 +182,7 @@ def _numbers(
     data = matrix.get("data")
     if not isinstance(data, list):
         raise CalibrationFault(f"{key}.data", repr(data)[:80], "a list of numbers")
-    numbers = tuple(_number(key, value) for value in data)
+    numbers = tuple(_number(key, value) for value in _split(data))
     for name, wanted in (("rows", rows), ("cols", columns)):
         if wanted is not None and matrix.get(name, wanted) != wanted:
             raise CalibrationFault(f"{key}.{name}", repr(matrix[name])[:80], str(wanted))
@@ -183,6 +190,13 @@ def _numbers(
         found = f"{len(numbers)} numbers"
         raise CalibrationFault(f"{key}.data", found, f"{rows * columns}: {rows} rows of {columns}")
     return numbers
+
+
+def _split(data: list[object]) -> Iterator[object]:
+    """Yield the items of a list whose numbers may be separated by spaces alone, as NumPy prints."""
+    for value in data:
+        spaced = isinstance(value, str) and NUMBERS.fullmatch(value)
+        yield from str(value).split() if spaced else [value]
 
 
 def _number(key: str, value: object) -> float:

@@ -13,6 +13,7 @@ CONNECTION_FLAGS = {
     "--connect": ("ENDPOINT", "Zenoh endpoint of the router"),
     "--namespace": ("NAMESPACE", "first chunk of every key expression"),
     "--zenoh-config": ("FILE", "Zenoh's JSON5 configuration file"),
+    "--credentials": ("FILE", "certificate, key and rights, of zv security"),
     "--timeout": ("DURATION", "how long to wait for a router"),
 }
 """The flags of the connection, which may stand before a command's name too. Written here, so that

@@ -7,6 +7,7 @@ in ``zv ... | head``, that is not an error.
 from __future__ import annotations
 
 import gc
+import io
 import logging
 import os
 import select
@@ -61,6 +62,9 @@ def exit_with_status(
         file: Its source file; an unexpected error is printed with the line in it.
     """
     debug = "--debug" in sys.argv[1:]
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # None if it is closed
+            stream.reconfigure(errors="backslashreplace")  # what the locale's encoding lacks
     if not debug:
         threading.excepthook = partial(tell_end_of_thread, program=program, file=file)
     try:

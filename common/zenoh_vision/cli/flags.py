@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, get_origin
 
 import click
@@ -10,15 +11,18 @@ from click.shell_completion import CompletionItem
 from pydantic import Field
 
 from zenoh_vision.cli.command import Sections
-from zenoh_vision.config.constraints import choices, help_words, is_duration
+from zenoh_vision.config.constraints import choices, help_words, is_duration, schema_of
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.settings import (
+    CONNECTION,
     NAME_FORM,
     Argument,
     Letter,
+    LocalPath,
     Settings,
     flag_of,
     load_settings,
+    read_config,
 )
 from zenoh_vision.keys import DEFAULT_NAMESPACE, NAME
 from zenoh_vision.transport.connection import DEFAULT_ENDPOINT, Connection
@@ -42,9 +46,18 @@ class ConnectionSettings(Settings):
     zenoh_config: Annotated[
         str | None,
         Field(
-            description="Zenoh's JSON5 configuration file, for TLS and other settings; endpoints "
-            "in it override --connect and --listen"
+            description="Zenoh's JSON5 configuration file, for settings of Zenoh; endpoints in it "
+            "override --connect and --listen"
         ),
+        LocalPath(),
+    ] = None
+    credentials: Annotated[
+        str | None,
+        Field(
+            description="certificate, key and rights, a file of zv security; without --connect, "
+            "the endpoint in it is used"
+        ),
+        LocalPath(),
     ] = None
     timeout: Annotated[
         float | None,
@@ -58,7 +71,9 @@ class ConnectionSettings(Settings):
             connect=self.connect,
             namespace=self.namespace,
             zenoh_config=self.zenoh_config,
+            credentials=self.credentials,
             timeout_s=self.timeout,
+            any_namespace="namespace" not in self.model_fields_set,
         )
 
 
@@ -101,11 +116,24 @@ def sections(
 
 
 def connection_from(
-    flags: dict[str, Any], model: type[ConnectionSettings] = ConnectionSettings
+    flags: dict[str, Any],
+    model: type[ConnectionSettings] = ConnectionSettings,
+    config: str | Path | None = None,
 ) -> Connection:
-    """Take the connection's flags out of a command's, and return the connection."""
-    own = {name: flags.pop(name) for name in model.model_fields}
-    return load_settings(model, flags=own).connection()
+    """Take the connection's flags out of a command's, and return the connection.
+
+    Flags and environment override the table ``connection`` of the service's file ``config``.
+    """
+    own = {name: flags.pop(name, None) for name in model.model_fields}
+    table = {} if config is None else read_config(config)[1]
+    settings = load_settings(
+        model,
+        flags=own,
+        inline=table,
+        inline_place=f"{config}: [{CONNECTION}]",
+        inline_folder=Path(config or "").parent,
+    )
+    return settings.connection()
 
 
 def parameters_of(model: type[Settings]) -> list[click.Parameter]:
@@ -116,13 +144,14 @@ def parameters_of(model: type[Settings]) -> list[click.Parameter]:
 def _parameter(model: type[Settings], name: str) -> click.Parameter:
     field = model.model_fields[name]
     text = field.description or ""
-    if field.annotation is not bool or model.env_prefix:
+    is_switch = schema_of(model, name).get("type") == "boolean"
+    if not is_switch or model.env_prefix:
         text += _in_brackets(help_words(model, name))
     if model.env_prefix:
         text += f" [env: {model.env_prefix}{name.upper()}]"
     marks = {type(mark): mark for mark in field.metadata}
     letters = [f"-{marks[Letter].letter}"] if Letter in marks else []
-    if field.annotation is bool:
+    if is_switch:
         return _switch(model, name, text, letters)
     several = get_origin(field.annotation) is tuple
     attributes: dict[str, Any] = {

@@ -20,18 +20,18 @@ from zenoh_vision.cli.flags import (
     sections,
 )
 from zenoh_vision.cli.processors import ProcessorSettings
-from zenoh_vision.config.settings import Settings, load_settings
+from zenoh_vision.config.settings import CONNECTION, Settings, load_settings
 from zenoh_vision.host.lifeline import end_with_parent
 from zenoh_vision.transport.connection import Connection
 
 S = TypeVar("S", bound=Settings)
 
 TAKEN = (
-    *("config", "debug", "help"),
+    *("config", "debug", "help", CONNECTION),
     *ConnectionSettings.model_fields,
     *ProcessorSettings.model_fields,
 )
-"""Names of flags that every service has."""
+"""Names of flags that every service has, and of the table in every service's file."""
 
 DOCSTRING_SECTION = re.compile(r"\n\s*\n(Args|Attributes|Raises|Returns):\n.*", re.DOTALL)
 
@@ -43,7 +43,7 @@ def service_command(
     text: str,
     examples: Sequence[str],
     *,
-    files: tuple[type[Settings], Callable[[S, Settings], object]] | None = None,
+    alone: tuple[type[Settings], Callable[[S, Settings], object]] | None = None,
 ) -> Command:
     """Return the command that reads a service's settings and runs its loop.
 
@@ -54,8 +54,8 @@ def service_command(
             is imported then, not for ``--help``.
         text: What it does, in paragraphs; its first line is the summary.
         examples: Command lines.
-        files: Further flags, and the function that is called with the settings and these flags,
-            instead of the loop, if one of them is given. It works on files, without a router.
+        alone: Further flags, and the function that is called with the settings and these flags,
+            instead of the loop, if one of them is given. It needs no router.
 
     Raises:
         ValueError: A setting has the name of a flag that every service has.
@@ -65,23 +65,23 @@ def service_command(
             f"{model.__name__}.{taken}: every service has --{taken}; give the setting another name"
         )
 
-    file_model, run_on_files = files or (None, None)
+    other_model, run_alone = alone or (None, None)
 
     def call(*, debug: bool, config: str | None, **flags: Any) -> None:
         leave_on_signals()
         end_with_parent()
         log_to_stderr(debug)
-        connection = connection_from(flags)
+        connection = connection_from(flags, config=config)
         limits = {each: flags.pop(each) for each in ProcessorSettings.model_fields}
         load_settings(ProcessorSettings, flags=limits).apply()
-        given = {each: flags.pop(each) for each in file_model.model_fields} if file_model else {}
+        given = {each: flags.pop(each) for each in other_model.model_fields} if other_model else {}
         settings = load_settings(model, flags=flags, config=config)
         if (
-            file_model is not None
-            and run_on_files is not None
+            other_model is not None
+            and run_alone is not None
             and any(value is not None for value in given.values())
         ):
-            run_on_files(settings, load_settings(file_model, flags=given))
+            run_alone(settings, load_settings(other_model, flags=given))
         else:
             run = load()
             # Otherwise each full garbage collection visits what is imported, and the first delays a
@@ -92,8 +92,8 @@ def service_command(
 
     headings = dict(sections([*parameters_of(model), CONFIG]))
     connection = headings.popitem()
-    if file_model is not None:
-        headings["Files, without a router"] = parameters_of(file_model)
+    if other_model is not None:
+        headings["Without a router"] = parameters_of(other_model)
     headings |= {**dict([connection]), "Processors": parameters_of(ProcessorSettings)}
     return Command(name, call, headings, text, examples)
 
@@ -107,8 +107,9 @@ def run_service(
     """Run a service of your own as a program with the options and behaviour of ``zv``'s services.
 
     Reads the settings from flags, environment, ``--config FILE.toml`` and defaults, in this order
-    of precedence, and the connection from its flags and ``ZV_CONNECT``, ``ZV_NAMESPACE``,
-    ``ZV_ZENOH_CONFIG``, ``ZV_TIMEOUT``. The log goes to standard error. An error is one line there
+    of precedence, and the connection likewise from its flags, ``ZV_CONNECT``, ``ZV_NAMESPACE``,
+    ``ZV_ZENOH_CONFIG``, ``ZV_CREDENTIALS`` and ``ZV_TIMEOUT``, and the table ``connection`` of the
+    file. The log goes to standard error. An error is one line there
     and an exit status: 0 told to stop, 2 wrong use or configuration, 3 a source that cannot be
     opened, 4 no router within ``--timeout``, 70 an unexpected error, with its traceback if
     ``--debug`` is given.

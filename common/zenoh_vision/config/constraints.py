@@ -12,12 +12,13 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from zenoh_vision.config.durations import EXAMPLES, Duration, duration_text
+from zenoh_vision.config.parameter_groups import table_of
 from zenoh_vision.error_text import printable, shortened, suggestion
 from zenoh_vision.messages import Parameter, ParameterList
 
@@ -113,8 +114,8 @@ def allowed(model: type[BaseModel], name: str) -> str:
 
 
 def form_words(model: type[BaseModel], name: str) -> str:
-    """Return in words which texts an option allows; empty if it has no ``Form``."""
-    form = _mark(model, name, Form)
+    """Return in words which texts an option, or each of a list, allows; empty without ``Form``."""
+    form = mark_of(model, name, Form)
     return "" if form is None else form.words
 
 
@@ -137,19 +138,23 @@ def _range(schema: Mapping[str, Any], shown: Callable[[float], str], separator: 
 
 def is_duration(model: type[BaseModel], name: str) -> bool:
     """Tell whether an option is a duration, whose value is a number of seconds."""
-    return _mark(model, name, Duration) is not None
+    return mark_of(model, name, Duration) is not None
 
 
-def _mark(model: type[BaseModel], name: str, kind: type[T]) -> T | None:
-    """Return the mark of a type that an option's annotation has; None if it has none."""
-    marks = model.model_fields[name].metadata
+def mark_of(model: type[BaseModel], name: str, kind: type[T]) -> T | None:
+    """Return the mark of a type that an option, or each of a list, has; None if it has none."""
+    field = model.model_fields[name]
+    marks = list(field.metadata)
+    if get_origin(field.annotation) is tuple:
+        for item in get_args(field.annotation):
+            marks += getattr(item, "__metadata__", ())
     return next((mark for mark in marks if isinstance(mark, kind)), None)
 
 
 def allowed_and_default(model: type[BaseModel], name: str) -> str:
     """Return the allowed values of an option, and its default unless that is "not set"."""
     field = model.model_fields[name]
-    unset = field.is_required() or field.default in (None, ())
+    unset = field.is_required() or field.default in (None, (), {})
     return allowed(model, name) + ("" if unset else f"; default {_default(model, name)}")
 
 
@@ -161,13 +166,13 @@ def help_words(model: type[BaseModel], name: str) -> str:
     field = model.model_fields[name]
     schema = schema_of(model, name)
     if schema.get("type") == "boolean":
-        return f"default: {'on' if field.default else 'off'}"
+        return "" if field.default is None else f"default: {'on' if field.default else 'off'}"
     words = allowed(model, name)
     if is_duration(model, name):
         words = f"such as 500ms, 5s, 2m{_range(schema, duration_text, ';')}"
     elif words in ("a list", WORDS["str"]):
         words = ""
-    unset = field.is_required() or field.default in (None, (), "")
+    unset = field.is_required() or field.default in (None, (), "", {})
     return "; ".join(filter(None, (words, "" if unset else f"default {_default(model, name)}")))
 
 
@@ -184,6 +189,8 @@ def limits(parameter: Parameter) -> str:
     low, high = parameter.minimum, parameter.maximum
     if parameter.choices is not None:
         words = ", ".join(parameter.choices)
+    elif "read_only" in (parameter.flags or ()):
+        return "only read"
     elif low is not None and high is not None:
         words = f"{low:.12g} to {high:.12g}"
     elif parameter.type == "bool":
@@ -192,7 +199,11 @@ def limits(parameter: Parameter) -> str:
         words = WORDS.get(parameter.type, parameter.type).removeprefix("a ")
         words += "" if low is None else f" from {low:.12g}"
         words += "" if high is None else f" up to {high:.12g}"
-    return f"{words}, or not set" if parameter.default is None else words
+    if parameter.step is not None:
+        words += f" in steps of {parameter.step:.12g}"
+    if parameter.default is None and table_of(parameter.name) is None:
+        words += ", or not set"
+    return words
 
 
 def reason(error: ErrorDetails) -> str:
@@ -282,12 +293,29 @@ def toml_file(found: ParameterList) -> str:
         f"# Parameters of {node}, revision {found.revision}; for --config, and for",
         f"# zv param load {shlex.quote(node)} FILE.toml",
     ]
-    for one in found.parameters:
+    # Tables come last: what follows the head of a table belongs to it.
+    table = ""
+    for one in sorted(found.parameters, key=lambda each: _table_of(each.name)):
+        if _table_of(one.name) != table:
+            table = _table_of(one.name)
+            lines += ["", f"[{toml_key(table)}]"]
         unit = f"; {one.unit}" if one.unit else ""
         words = " ".join(one.description.split())
         comment = printable(f"{words}; {limits(one)}{unit}")
-        lines += ["", f"# {comment}", toml_line(one.name, one.value)]
+        key = one.name.partition(".")[2] or one.name
+        line = toml_line(key, one.value)
+        settable = NOT_LOADED.isdisjoint(one.flags or ()) or one.value is None
+        lines += ["", f"# {comment}", line if settable else f"# {line}"]
     return "\n".join(lines) + "\n"
+
+
+NOT_LOADED = frozenset({"read_only", "write_only", "inactive", "grabbed"})
+"""Flags of parameters that a file would set in vain, or that have no value to keep."""
+
+
+def _table_of(name: str) -> str:
+    table = table_of(name)
+    return table[0] if table else ""
 
 
 def _toml_escape(character: str) -> str:

@@ -1,13 +1,17 @@
-"""The options of every program that processes frames: their transport and their greatest age."""
+"""The options of every program that processes frames: their transport, age, and depth in 8 bits.
+
+Of pictures with 16 bits, ``depth_min`` and ``depth_max`` are the values that become 1 and 255.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Protocol
 
 from pydantic import Field
 
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
+from zenoh_vision.config.roles import Role
 from zenoh_vision.config.settings import Shared
 from zenoh_vision.keys import TRANSPORT_VARIABLE, Transport
 
@@ -20,10 +24,54 @@ FrameTransport = Annotated[
     ),
     Shared(TRANSPORT_VARIABLE),
     Live(),
+    Role("transport"),
 ]
 MaxAge = Annotated[
     float,
     Field(ge=0.001, le=60, description="frames older than this are dropped"),
     Live("s"),
+    Role("max_age"),
     SECONDS,
 ]
+DepthMin = Annotated[
+    int | None,
+    Field(
+        ge=0,
+        le=65535,
+        description="for pictures of 16 bits, such as depth in mm: value that becomes 1 of 255; 0 "
+        "is no reading and stays 0; not set: percentile 1 of the readings",
+    ),
+    Live(),
+    Role("depth_min"),
+]
+DepthMax = Annotated[
+    int | None,
+    Field(
+        ge=0,
+        le=65535,
+        description="for pictures of 16 bits: value that becomes 255; not set: percentile 99 of "
+        "the readings",
+    ),
+    Live(),
+    Role("depth_max"),
+]
+
+
+class HasDepthRange(Protocol):
+    """Settings with these options."""
+
+    depth_min: int | None
+    depth_max: int | None
+
+
+def check_depth_range(settings: HasDepthRange) -> None:
+    """Check that the two options, if both are set, are in order.
+
+    Raises:
+        ValueError: They are not.
+    """
+    low, high = settings.depth_min, settings.depth_max
+    if low is not None and high is not None and low >= high:
+        raise ValueError(
+            f"depth_min = {low} is not below depth_max = {high}; allowed: depth_min below depth_max"
+        )

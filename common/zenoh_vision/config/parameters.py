@@ -9,7 +9,7 @@ quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality"), Live("p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar
@@ -22,6 +22,7 @@ from zenoh_vision.config.constraints import (
     bounds,
     choices,
     form_words,
+    mark_of,
     reason,
     schema_of,
     wrong_values,
@@ -50,12 +51,8 @@ class Live:
 @cache
 def live_fields(model: type[Settings]) -> dict[str, Live]:
     """Return the live options of a model with their marks, in the model's order."""
-    return {
-        name: mark
-        for name, field in model.model_fields.items()
-        for mark in field.metadata
-        if isinstance(mark, Live)
-    }
+    marks = {name: mark_of(model, name, Live) for name in model.model_fields}
+    return {name: mark for name, mark in marks.items() if mark is not None}
 
 
 def parameter(node: str, settings: Settings, name: str, revision: int) -> Parameter:
@@ -81,11 +78,16 @@ def parameter(node: str, settings: Settings, name: str, revision: int) -> Parame
     )
 
 
-def changed(settings: S, values: Mapping[Any, object]) -> S:
+def changed(settings: S, values: Mapping[Any, object], others: Iterable[str] = ()) -> S:
     """Return settings with some values changed: all of them or, with an error, none.
 
     Options that are not live are accepted if their value stays the same, so that a whole
     configuration file can be sent. Values are checked as strictly as in a TOML file.
+
+    Args:
+        settings: Are not modified.
+        values: By name.
+        others: Names of parameters that are no options, for errors.
 
     Raises:
         ParameterRefused: Names every option and value that is wrong.
@@ -94,7 +96,7 @@ def changed(settings: S, values: Mapping[Any, object]) -> S:
     live = live_fields(model)
     for name in values:
         if not isinstance(name, str) or name not in model.model_fields:
-            raise no_parameter(model, name)
+            raise no_parameter(model, name, others)
     try:
         found = model.model_validate(
             {**settings.model_dump(), **values}, strict=True, context={"typed": True}
@@ -103,13 +105,15 @@ def changed(settings: S, values: Mapping[Any, object]) -> S:
         raise _refused(model, values, error) from None
     for name in values:
         if name not in live and getattr(found, name) != getattr(settings, name):
-            raise no_parameter(model, name)
+            raise no_parameter(model, name, others)
     return found
 
 
-def no_parameter(model: type[Settings], name: object) -> ParameterRefused:
-    """Return the refusal of a name that is not the name of a live option."""
-    live = live_fields(model)
+def no_parameter(
+    model: type[Settings], name: object, others: Iterable[str] = ()
+) -> ParameterRefused:
+    """Return the refusal of a name that is neither a live option nor one of the others."""
+    live = [*live_fields(model), *others]
     if isinstance(name, str) and name in model.model_fields:
         error = f"{name} cannot change while the node runs"
     else:

@@ -10,22 +10,24 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo
 
 from zenoh_vision.config.constraints import (
     Form,
     allowed_and_default,
+    mark_of,
     reason,
     schema_of,
     unknown_key,
     wrong_values,
 )
+from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.keys import DEFAULT_CAMERA, NAME
 
@@ -83,6 +85,21 @@ class Shared:
     variable: str
 
 
+@dataclass(frozen=True, slots=True)
+class LocalPath:
+    """Marks an option that names a file or folder of this machine.
+
+    In a file, it is relative to that file; elsewhere, to the working directory.
+
+    Attributes:
+        names_path: Tells of a value whether it is a path, for an option that takes others too.
+        is_made: The program makes it, so it need not exist.
+    """
+
+    names_path: Callable[[str], bool] = lambda _value: True
+    is_made: bool = False
+
+
 class Settings(BaseModel):
     """Base of a set of options. Each has a default, a description, and a range if any."""
 
@@ -96,6 +113,9 @@ class Settings(BaseModel):
 
 
 S = TypeVar("S", bound=Settings)
+
+CONNECTION: Final = "connection"
+"""The table of a service's file with the options of its connection."""
 
 
 class ServiceSettings(Settings):
@@ -116,8 +136,8 @@ def flag_of(name: str) -> str:
 
 def option_name(model: type[BaseModel], name: str) -> str:
     """Return the name of an option on the command line: ``--rate``, or ``KEY`` of an argument."""
-    marks = (mark for mark in model.model_fields[name].metadata if isinstance(mark, Argument))
-    return next((mark.metavar for mark in marks), flag_of(name))
+    mark = mark_of(model, name, Argument)
+    return flag_of(name) if mark is None else mark.metavar
 
 
 def load_settings(
@@ -127,6 +147,8 @@ def load_settings(
     config: str | Path | None = None,
     inline: Mapping[str, object] | None = None,
     inline_place: str = "",
+    inline_folder: Path = Path(),
+    inline_wins: bool = False,
 ) -> S:
     """Merge all sources of a set of options, and check each value at the source it comes from.
 
@@ -134,8 +156,10 @@ def load_settings(
         model: The options.
         flags: Values from the command line; None means not given.
         config: TOML file.
-        inline: The ``settings`` table of a node in a launch file; overrides ``config``.
+        inline: A table of a launch file; overrides ``config``.
         inline_place: The name of that table in errors.
+        inline_folder: The folder of the launch file, to which its paths are relative.
+        inline_wins: Whether that table overrides the environment too.
 
     Raises:
         SourceError: The file cannot be opened.
@@ -143,10 +167,12 @@ def load_settings(
     """
     sources: list[tuple[str, dict[str, Any], bool]] = []
     if config is not None:
-        sources.append((str(config), read_toml(config), True))
-    if inline:
-        sources.append((inline_place, dict(inline), True))
+        values = _from_folder(model, read_config(config)[0], Path(config).parent)
+        sources.append((str(config), values, True))
     sources.append(("environment", from_environment(model), False))
+    if inline:
+        values = _from_folder(model, inline, inline_folder)
+        sources.insert(len(sources) - (not inline_wins), (inline_place, values, True))
     given = {name: value for name, value in (flags or {}).items() if value is not None}
     sources.append(("command line", given, False))
     merged: dict[str, Any] = {}
@@ -163,6 +189,33 @@ def load_settings(
         raise ConfigurationError(f"{places}: {reason(first)}") from None
 
 
+def local_path(
+    model: type[BaseModel], name: str, value: object, *, must_exist: bool = False
+) -> str | None:
+    """Return the path that an option's value is; None if it is none.
+
+    With ``must_exist``, also None for one that the program makes.
+    """
+    mark = mark_of(model, name, LocalPath) if name in model.model_fields else None
+    if mark and mark.is_made and must_exist:
+        return None
+    return value if mark and isinstance(value, str) and mark.names_path(value) else None
+
+
+def _from_folder(
+    model: type[BaseModel], values: Mapping[str, object], folder: Path
+) -> dict[str, Any]:
+    """Return the values of a file with its relative paths made relative to the working directory.
+
+    Args:
+        model: The options.
+        values: By option.
+        folder: Of the file.
+    """
+    paths = {name: local_path(model, name, value) for name, value in values.items()}
+    return {**values, **{name: str(folder / path) for name, path in paths.items() if path}}
+
+
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Read a TOML file.
 
@@ -171,12 +224,29 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         ConfigurationError: It is not TOML; says where.
     """
     try:
-        with Path(path).open("rb") as file:
-            return tomllib.load(file)
+        # Editors on Windows begin a file with a byte order mark, which is not TOML.
+        return tomllib.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise SourceError(f"{path}: {error.strerror or error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: not TOML: {error}") from None
+
+
+def read_config(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read a service's TOML file; return its options, and those in the table ``connection``.
+
+    Raises:
+        SourceError: It cannot be opened or read.
+        ConfigurationError: It is not TOML, or ``connection`` is no table.
+    """
+    values = read_toml(path)
+    connection = values.pop(CONNECTION, {})
+    if not isinstance(connection, dict):
+        raise ConfigurationError(
+            f"{path}: {CONNECTION} = {shortened(connection)} is not allowed; allowed: a table "
+            f"[{CONNECTION}]"
+        )
+    return values, connection
 
 
 def from_environment(model: type[Settings]) -> dict[str, Any]:
@@ -190,9 +260,8 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
     prefix = model.env_prefix
     found: dict[str, Any] = {
         name: os.environ[mark.variable]
-        for name, field in model.model_fields.items()
-        for mark in field.metadata
-        if isinstance(mark, Shared) and prefix and os.environ.get(mark.variable)
+        for name in model.model_fields
+        if (mark := mark_of(model, name, Shared)) and prefix and os.environ.get(mark.variable)
     }
     for variable, text in os.environ.items() if prefix else ():
         if not variable.startswith(prefix) or not text:
@@ -211,9 +280,8 @@ def from_environment(model: type[Settings]) -> dict[str, Any]:
 def variable_of(model: type[Settings], name: str) -> str:
     """Return the environment variable that currently sets an option: its own, or a shared one."""
     own = f"{model.env_prefix}{name.upper()}"
-    marks = (mark for mark in model.model_fields[name].metadata if isinstance(mark, Shared))
-    shared = next((mark.variable for mark in marks), own)
-    return own if os.environ.get(own) else shared
+    mark = mark_of(model, name, Shared)
+    return own if mark is None or os.environ.get(own) else mark.variable
 
 
 def _check(model: type[Settings], place: str, values: Mapping[str, Any], *, typed: bool) -> None:

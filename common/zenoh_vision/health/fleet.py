@@ -11,17 +11,15 @@ first. A node that has described itself is never left out for another while it l
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.message_limits import (
     MAX_NAME,
     bounded_parameters,
-    check_description,
-    check_parameter,
+    check,
     check_parameters,
-    check_report,
 )
 from zenoh_vision.health.node_state import NodeState, S
 from zenoh_vision.messages import Diagnostics, NodeDescription, Parameter
@@ -35,8 +33,17 @@ GONE_S = 10.0
 MAX_NODES = 1000
 """More nodes than any real system has: a mistake or an attack."""
 
-Event = bool | Diagnostics | Parameter
-"""Whether a node's token exists, its newest diagnostics, or a parameter that has changed."""
+
+@dataclass(frozen=True, slots=True)
+class ParameterGone:
+    """A parameter that a node has no more."""
+
+    name: str
+
+
+Event = bool | Diagnostics | Parameter | ParameterGone
+"""Whether a node's token exists, its newest diagnostics, or a parameter that has changed or is
+gone."""
 
 
 def bounded(nodes: Iterable[NodeState]) -> tuple[list[NodeState], int]:
@@ -101,7 +108,7 @@ class Fleet:
         Raises:
             PayloadError: ``wrong_node``, ``too_many`` nodes or counters, ``too_large``.
         """
-        check_report(name, report)
+        check(name, report)
         node = self.node(name)
         if node is None or not node.alive:
             if node is not None and node.has_token:
@@ -117,7 +124,7 @@ class Fleet:
         Raises:
             PayloadError: ``wrong_node``, ``too_large``, ``too_many`` nodes.
         """
-        check_description(name, description)
+        check(name, description)
         node = self.node(name)
         if node is None and (self.left_out or len(self._nodes) >= MAX_NODES):
             node = replace(self._began(name, at_ns, DESCRIBED), has_token=True)
@@ -144,7 +151,7 @@ class Fleet:
         Raises:
             PayloadError: ``wrong_node``, ``too_many`` parameters, ``too_large``.
         """
-        check_parameter(name, changed)
+        check(name, changed)
         node = self.node(name)
         if node is None:
             return False
@@ -154,6 +161,15 @@ class Fleet:
         parameters = {**node.parameters, changed.name: changed}
         check_parameters(name, parameters.values())
         self._put(replace(node, parameters=parameters))
+        return True
+
+    def remove_parameter(self, name: str, gone: ParameterGone) -> bool:
+        """Remove a parameter that a node has no more; return whether it was known."""
+        node = self.node(name)
+        if node is None or gone.name not in node.parameters:
+            return False
+        left = {key: one for key, one in node.parameters.items() if key != gone.name}
+        self._put(replace(node, parameters=left))
         return True
 
     def expire(self, at_ns: int) -> bool:

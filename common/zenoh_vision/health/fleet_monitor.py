@@ -14,7 +14,7 @@ import zenoh
 
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet
+from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet, ParameterGone
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Diagnostics, NodeDescription, Parameter
 from zenoh_vision.transport.link import Link
@@ -71,6 +71,8 @@ def _event(kind: Kind, sample: zenoh.Sample) -> Event:
     there = sample.kind == zenoh.SampleKind.PUT
     if kind == "token":
         return there
+    if not there and kind == "parameter":
+        return ParameterGone(str(sample.key_expr).split("/")[3])
     if not there:
         raise PayloadError("bad_message", f"a delete on {sample.key_expr}")
     if len(sample.payload) > MAX_EVENT_BYTES:  # refused before it is copied

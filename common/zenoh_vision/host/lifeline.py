@@ -1,4 +1,4 @@
-"""Ends a process when its parent is gone, even by SIGKILL.
+"""What started this process: ends it when that is gone, even by SIGKILL.
 
 ``zv up`` keeps the writing end of a pipe and passes the reading end to each child. The kernel
 closes the writing end when the process ends, for any reason.
@@ -12,6 +12,14 @@ import threading
 
 VARIABLE = "ZV_LIFELINE"
 GRACE_S = 1.5
+
+SUPERVISED_VARIABLE = "ZV_SUPERVISED"
+"""Set by ``zv up`` for its nodes, by the container image, and by the units for systemd."""
+
+
+def is_supervised() -> bool:
+    """Tell whether something starts this process again when it ends."""
+    return bool(os.environ.get(SUPERVISED_VARIABLE))
 
 
 def end_with_parent() -> None:

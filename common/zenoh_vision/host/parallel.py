@@ -9,9 +9,9 @@ import ctypes
 import os
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from queue import SimpleQueue
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, TypeVar
 
 T = TypeVar("T")
 
@@ -20,103 +20,17 @@ MAX_BY_DEFAULT: Final = 4
 """Most threads unless more are asked for: each part has a fixed cost too."""
 
 
-class Part(Generic[T]):
-    """A function that is run once, by the first thread that comes to it."""
-
-    def __init__(self, function: Callable[[], T]) -> None:
-        self._function: Callable[[], T] | None = function
-        self._claim = threading.Lock()
-        self._ended = threading.Lock()
-        self._ended.acquire()
-        self._found: list[T] = []
-        self._error: BaseException | None = None
-
-    def run(self) -> None:
-        """Run the function, unless a thread has begun to."""
-        if not self._claim.acquire(blocking=False):
-            return
-        try:
-            # A queue may hold this for longer than what the function refers to should last.
-            function, self._function = self._function, None
-            if function is not None:
-                self._found.append(function())
-        except BaseException as error:
-            self._error = error
-        finally:
-            self._ended.release()
-
-    def abandon(self) -> None:
-        """Prevent that it is run; if it is being run, wait for its end. Its outcome is lost."""
-        if self._claim.acquire(blocking=False):
-            self._function = None
-        else:
-            with self._ended:
-                self._found.clear()
-                self._error = None
-
-    def result(self) -> T:
-        """Wait for the end, and return the result, which is not kept, or raise the error."""
-        with self._ended:
-            error = self._error
-        if error is None:
-            return self._found.pop()
-        try:
-            raise error
-        finally:
-            del error  # else it would refer to itself, by its traceback and this frame
-
-
-class Crew:
-    """Threads that run parts until they are dismissed; they do not keep a process alive."""
-
-    def __init__(self, count: int) -> None:
-        self.waiting = SimpleQueue[Part[Any] | None]()
-        self._threads: list[threading.Thread] = []
-        self._allowed: set[int] = set()
-        for number in range(count):
-            thread = threading.Thread(target=self._run, name=f"part {number}", daemon=True)
-            try:
-                thread.start()
-            except RuntimeError:  # there are too many threads, or the interpreter is ending
-                break
-            self._threads.append(thread)
-
-    def dismiss(self) -> None:
-        """Let the threads end, each after the part that it runs."""
-        for _ in self._threads:
-            self.waiting.put(None)
-
-    def keep_off(self) -> None:
-        """Have the threads wake up on other processors than the caller's.
-
-        Linux wakes a thread on the processor of the one that woke it, to run after it, if it does
-        not know which processors share a cache, as in many virtual machines.
-        """
-        if _current_processor is None:
-            return
-        allowed = os.sched_getaffinity(0)
-        others = allowed - {_current_processor()}
-        if not others:
-            return
-        self._allowed = allowed
-        for thread in self._threads:
-            if thread.native_id is not None and thread.is_alive():  # else it is another's number
-                _bind(thread.native_id, others)
-
-    def _run(self) -> None:
-        while (part := self.waiting.get()) is not None:
-            if self._allowed:
-                _bind(0, self._allowed)  # from here on it may go to any processor that is idle
-            part.run()
-            del part
-
-
 class Workers:
     """Threads that take parts of the work of those that call ``run``; made when needed."""
 
     def __init__(self) -> None:
         self._wanted = 0
-        self._crew: Crew | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Make new threads at the next call, for a forked process, which has none of them."""
+        self._pool: ThreadPoolExecutor | None = None
+        self._native_ids: list[int] = []
         self._lock = threading.Lock()
 
     def limit(self, threads: int) -> None:
@@ -126,9 +40,9 @@ class Workers:
         ``MAX_BY_DEFAULT``.
         """
         with self._lock:
-            crew, self._crew, self._wanted = self._crew, None, threads
-        if crew is not None:
-            crew.dismiss()
+            pool, self._pool, self._native_ids, self._wanted = self._pool, None, [], threads
+        if pool is not None:
+            pool.shutdown(wait=False)
 
     @property
     def threads(self) -> int:
@@ -141,33 +55,65 @@ class Workers:
         The caller runs the first one, and all that no thread has begun by then. It waits for those
         that were begun.
         """
-        crew = self._crew_of(self.threads - 1) if len(functions) > 1 else None
-        if crew is None:
-            return [function() for function in functions]
-        parts = [Part(function) for function in functions]
+        # A queue may hold a part for longer than what its function refers to should last.
+        parts = [[function] for function in functions]
+        futures: list[Future[T] | None] = [None] * len(parts)
+        if len(parts) > 1 and self.threads > 1:
+            begun = self._submit(parts[1:])
+            futures[1 : len(begun) + 1] = begun
+        found: list[T | None] = [None] * len(parts)
         try:
-            crew.keep_off()
-            for part in parts[1:]:
-                crew.waiting.put(part)
-            for part in parts:
-                part.run()
-            return [part.result() for part in parts]
+            for number, (part, future) in enumerate(zip(parts, futures, strict=True)):
+                if future is None or future.cancel():
+                    found[number], futures[number] = part.pop()(), None
+            for number, future in enumerate(futures):
+                if future is not None:
+                    found[number] = future.result()
+            return found  # type: ignore[return-value]
         except BaseException:
-            for part in parts:  # they may use memory that the caller takes back
-                part.abandon()
+            for part, future in zip(parts, futures, strict=True):
+                if future is not None and not future.cancel():
+                    wait([future])  # it may use memory that the caller takes back
+                part.clear()
             raise
 
-    def forget(self) -> None:
-        """Make new threads at the next call, for a forked process, which has none of them."""
-        self._crew, self._lock = None, threading.Lock()
-
-    def _crew_of(self, count: int) -> Crew | None:
-        if count < 1:
-            return None
+    def _submit(self, parts: Sequence[list[Callable[[], T]]]) -> list[Future[T]]:
+        """Hand parts to the threads, and return those that could be."""
         with self._lock:
-            if self._crew is None:
-                self._crew = Crew(count)
-            return self._crew
+            if self._pool is None:
+                ids = self._native_ids
+                self._pool = ThreadPoolExecutor(
+                    self.threads - 1, "part", lambda: ids.append(threading.get_native_id())
+                )
+            pool = self._pool
+        allowed = self._keep_off()
+        found: list[Future[T]] = []
+        with suppress(RuntimeError):  # too many threads, or the interpreter or the pool is ending
+            for part in parts:
+                found.append(pool.submit(_run, part, allowed))
+        return found
+
+    def _keep_off(self) -> set[int]:
+        """Have the threads wake up on other processors than the caller's; return all if there are.
+
+        Linux wakes a thread on the processor of the one that woke it, to run after it, if it does
+        not know which processors share a cache, as in many virtual machines.
+        """
+        if _current_processor is None:
+            return set()
+        allowed = os.sched_getaffinity(0)
+        others = allowed - {_current_processor()}
+        if not others:
+            return set()
+        for thread in self._native_ids:
+            _bind(thread, others)
+        return allowed
+
+
+def _run(part: list[Callable[[], T]], allowed: set[int]) -> T:
+    if allowed:
+        _bind(0, allowed)  # from here on it may go to any processor that is idle
+    return part.pop()()
 
 
 def _processors() -> int:

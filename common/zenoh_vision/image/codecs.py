@@ -6,6 +6,7 @@ import re
 import struct
 import zlib
 from collections import deque
+from collections.abc import Callable
 from typing import Final
 
 import cv2
@@ -34,6 +35,10 @@ usually has 1 scan, a progressive one 10 to 14."""
 
 _MARKER: Final = re.compile(rb"\xff([^\x00\x01\xd0-\xd7\xff])")
 """A marker with a segment after it: neither a stuffed or filling byte, nor TEM or RST."""
+_SKIPPED: Final = re.compile("([0-9]+) extraneous bytes before marker 0x(d[0-9])")
+"""What libjpeg says of bytes between the coded data and the marker after it."""
+_MAX_PADDING: Final = 16
+"""Most bytes before a restart marker that are taken for padding; webcams send 1 to 8."""
 _START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN = 0xD8, 0xD9, 0xDA
 _FRAME_HEADERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
@@ -78,6 +83,7 @@ def decode_jpeg(
     *,
     strict: bool = True,
     target: NDArray[np.uint8] | None = None,
+    skipped: Callable[[], object] = lambda: None,
 ) -> NDArray[np.uint8]:
     """Return the pixels of a JPEG in an 8-bit encoding.
 
@@ -87,8 +93,10 @@ def decode_jpeg(
         least: Width and height that suffice: a larger picture is decoded at the smallest of
             libjpeg's scales, multiples of 1/8, that has them, which is faster. 0 for full size.
         strict: Whether a flaw that libjpeg could repair is an error too, so that a damaged
-            picture is not taken for an intact one.
+            picture is not taken for an intact one. Padding is no damage: some cameras send
+            zeros before the end, or a few bytes before a restart marker.
         target: Memory of the size of the pixels, to which they are written.
+        skipped: Called if there is padding in a picture that is decoded strictly.
 
     Raises:
         PayloadError: ``corrupt``, in libjpeg's words, or ``too_large``: too many scans.
@@ -107,8 +115,23 @@ def decode_jpeg(
                 buffer=target,
             )
     except ValueError as error:
-        raise PayloadError("corrupt", str(error)) from None
+        if not strict or not _is_padding(jpeg, str(error)):
+            raise PayloadError("corrupt", str(error)) from None
+        skipped()
+        return decode_jpeg(jpeg, encoding, least, strict=False, target=target)
     return pixels[:, :, 0] if pixels.shape[2] == 1 else pixels
+
+
+def _is_padding(jpeg: bytes, words: str) -> bool:
+    """Tell whether libjpeg complains only of padding, which belongs to no picture."""
+    found = _SKIPPED.search(words)
+    if found is None:
+        return False
+    count, marker = int(found[1]), int(found[2], 16)
+    if marker != _END_OF_IMAGE:
+        return count <= _MAX_PADDING
+    end = jpeg.rfind(bytes([0xFF, _END_OF_IMAGE]))
+    return count <= end and not any(jpeg[end - count : end])
 
 
 def _decode_bands(
@@ -237,16 +260,6 @@ def is_deep_png(picture: bytes) -> bool:
 def stored_encoding(picture: bytes) -> str:
     """Return the encoding of a picture that comes without one: ``mono16`` or ``bgr8``."""
     return "mono16" if is_deep_png(picture) else "bgr8"
-
-
-def decode_deep_png(png: bytes) -> NDArray[np.uint16] | None:
-    """Return the pixels of a grey PNG of 16 bits; None if they have several channels after all.
-
-    Raises:
-        PayloadError: ``corrupt``.
-    """
-    pixels = decode_png(png)
-    return np.asarray(pixels, np.uint16) if pixels.ndim == 2 and pixels.dtype == np.uint16 else None
 
 
 def picture_size(picture: bytes) -> tuple[int, int]:

@@ -1,35 +1,20 @@
-"""Image files: which files of a folder are images, their order, and their pixels."""
+"""Image files: which files of a folder are images, their order, and their pictures."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 
 from zenoh_vision.errors import SourceError
-from zenoh_vision.image import codecs
-from zenoh_vision.image.pixel_formats import Pixels
+from zenoh_vision.image import codecs, depth
+from zenoh_vision.image.exif import orientation_of, upright
+from zenoh_vision.image.picture import PixelPicture
 
 IMAGE_EXTENSIONS: Final = ("png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "pgm", "ppm")
-
-
-TURNED: Final = re.compile(
-    rb"\xff\xe1..Exif\0\0"
-    rb"(?:II.{,800}?\x12\x01\x03\0....[\x02-\x08]\0|MM.{,800}?\x01\x12\0\x03....\0[\x02-\x08])",
-    re.DOTALL,
-)
-"""An Exif orientation that is not upright: tag 0x0112, a short of 2 to 8, in either byte order."""
-
-EXIF_BYTES: Final = 1 << 16
-"""Length of a JPEG's start in which its Exif segment is looked for."""
-
-
-def is_turned(jpeg: bytes) -> bool:
-    """Tell whether a JPEG must be turned or mirrored to be upright."""
-    return TURNED.search(jpeg, 0, EXIF_BYTES) is not None
 
 
 def names_image(path: Path) -> bool:
@@ -65,16 +50,26 @@ def _natural_key(file: Path) -> tuple[list[str | int], str]:
     return parts, file.name
 
 
-def decode_image(data: bytes) -> Pixels:
-    """Return the pixels of an image file as stored, upright: (height, width[, channels]).
+def decoded(data: bytes) -> PixelPicture:
+    """Return the contents of an image file, upright, as pixels.
 
-    A PNG whose checksums are wrong is refused, as OpenCV would return the readable part of it.
+    Grey images keep 16 bits, and images of floats are depth in metres; 16-bit colour is scaled to
+    8 bits (x 255 / 65535, rounded). A PNG whose checksums are wrong is refused, as OpenCV would
+    return the readable part of it.
 
     Raises:
-        ValueError, PayloadError: It is not an image, or is damaged.
+        ValueError, PayloadError: It is not an image, or is damaged or unsupported.
     """
-    if data.startswith(codecs.PNG_START):
-        return codecs.decode_png(data)
+    pixels = codecs.decode_png(data) if data.startswith(codecs.PNG_START) else _pixels(data)
+    if not data.startswith(codecs.JPEG_START):  # which OpenCV has turned
+        pixels = upright(pixels, orientation_of(data))
+    if pixels.ndim == 3 and pixels.dtype == np.uint16:
+        pixels = depth.eight_bits(pixels)
+    is_metres = pixels.ndim == 2 and pixels.dtype == np.float32
+    return PixelPicture(pixels, "32FC1" if is_metres else None)
+
+
+def _pixels(data: bytes) -> Any:
     # UNCHANGED keeps alpha, but ignores the Exif orientation; a JPEG has no alpha.
     upright = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
     flags = upright if data.startswith(codecs.JPEG_START) else cv2.IMREAD_UNCHANGED
@@ -86,4 +81,4 @@ def decode_image(data: bytes) -> Pixels:
         raise ValueError(f"OpenCV: {error.err}") from None
     if pixels is None:
         raise ValueError("not an image that can be decoded")
-    return pixels  # type: ignore[return-value]  # other depths are refused by the caller
+    return pixels

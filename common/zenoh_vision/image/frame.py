@@ -1,125 +1,102 @@
-"""``Frame``: a header and one picture, in the form in which it was made or received.
+"""``Frame``: a picture with the identity of the frame that it shows.
 
-A frame makes its other forms on demand, each at most once. So a JPEG can be passed through
-unchanged or decoded only to grey, and pixels that nobody wants as JPEG are never encoded.
+A frame's coordinates are those of its header: full-resolution pixels. A picture that was reduced
+for a slow link is enlarged to that size when its pixels are asked for, so whoever counts in pixels
+need not know of it.
 """
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_vision.image import codecs, pixel_formats
-from zenoh_vision.image.depth import RangeFinder, ValueRange, eight_bits
-from zenoh_vision.image.pixel_formats import Pixels
-from zenoh_vision.image.stored import StoredPicture
-from zenoh_vision.keys import JPEG, PNG
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.image.depth import RangeFinder, ValueRange
+from zenoh_vision.image.picture import Picture, PixelPicture, lasting, picture_of, read_only
+from zenoh_vision.image.pixel_formats import Pixels, to_raw
 from zenoh_vision.messages import Header
 
-Form = Literal["pixels", "bgr", "gray"]
+View = Literal["pixels", "bgr", "gray"]
+"""Names of the arrays that a frame makes of its picture."""
 
-A = TypeVar("A", bound=NDArray[Any])
+MAX_REDUCTION = 8
+"""Most divisor of a picture's sides: a few bytes must not become the memory of a huge frame."""
 
 
 class Frame:
     """One captured frame; safe to read from several threads.
 
     Args:
-        header: Its identity; ``header.encoding`` is the format of ``pixels``.
-        pixels: (height, width[, channels]) in that encoding, if it is made from pixels.
-        compressed: JPEG, or PNG for 16 bits, if it is made from a compressed picture; bytes.
-        stored: A source's picture that is not converted yet, if it is made from one; in colour, 8
-            bits.
-        finder: Finds the range of 16-bit values that becomes 8 bits; None for the whole range.
+        header: Its identity and its size; ``header.encoding`` is the format of ``pixels``.
+        picture: What it shows, in that encoding: a ``Picture``, the bytes of a JPEG or PNG, or
+            pixels (height, width[, channels]), which are copied if they can be written to.
         quality: JPEG quality, 1 to 100, if it must be encoded.
         key: The key on which it arrived; empty if it was made in this process.
-        borrowed: ``pixels`` is a view of memory that the transport owns.
-        bilevel: All ``pixels`` are 0 or 255, and ``compressed`` is a PNG of one bit each.
-
-    A borrowed frame is valid only until the next one is requested; ``keep`` returns one that
-    lasts. Frames own their memory unless borrowed ones were requested.
 
     Attributes:
         revision: The revision of the node's parameters that is active for this frame, a
             ``zenoh_vision.Revision``; None without parameters.
+        captured: Whether a node has counted it as captured, and not yet as published or dropped.
+        value_range: The 16-bit values that become 1 and 255 in 8 bits; None for all of them.
+        is_reduced: Whether its picture is smaller than the frame.
+
+    Raises:
+        PayloadError: The picture is none, or not in the header's encoding; or its size is neither
+            that of the frame nor that of a smaller picture of the same shape.
     """
 
     def __init__(
         self,
         header: Header,
+        picture: Picture | Pixels | bytes,
         *,
-        pixels: Pixels | None = None,
-        compressed: bytes | None = None,
-        stored: StoredPicture | None = None,
         quality: int = 80,
         key: str = "",
-        borrowed: bool = False,
-        bilevel: bool = False,
-        finder: RangeFinder | None = None,
+        revision: Any = None,
+        captured: bool = False,
     ) -> None:
-        if [pixels is None, compressed is None, stored is None].count(False) != 1:
-            raise ValueError("a frame is made from either pixels, a stored or a compressed picture")
-        pixel_formats.encoding_named(header.encoding)
+        if isinstance(picture, bytes):
+            picture = picture_of(picture, header.encoding or None)
+        elif not isinstance(picture, Picture):
+            picture = PixelPicture(lasting(picture), header.encoding or None)
+        if header.encoding not in (None, picture.encoding):
+            raise PayloadError(
+                "unsupported_encoding", f"{picture.encoding} is no {header.encoding}"
+            )
         self.header = header
+        self.picture = picture
+        self.quality = quality
         self.key = key
-        self.borrowed = borrowed
-        self.bilevel = bilevel
-        self.revision: Any = None
-        self._encoding = header.encoding or ""
-        self._pixels = None if pixels is None else _read_only(pixels)
-        self._compressed = compressed
-        self._stored = stored
-        self._quality = quality
-        self._is_deep = (
-            self._encoding in pixel_formats.DEEP
-            if compressed is None
-            else codecs.is_deep_png(compressed)
-        )
-        self._finder = finder
-        self._depth: NDArray[np.uint16] | None = None
-        self._value_range: ValueRange | None = None
-        self._forms: dict[str, NDArray[np.uint8]] = {}
-        self._lock = threading.RLock()
-
-    def keep(self) -> Frame:
-        """Return a frame that owns its memory: itself, or a copy of a borrowed one."""
-        if not self.borrowed:
-            return self
-        kept = Frame(self.header, pixels=self.pixels.copy(), quality=self._quality, key=self.key)
-        kept.revision = self.revision
-        kept._finder, kept._value_range = self._finder, self.value_range
-        return kept
+        self.revision = revision
+        self.captured = captured
+        self.value_range: ValueRange | None = None
+        self.is_reduced = picture.size != (header.width, header.height)
+        if self.is_reduced:
+            check_shows(picture.size, header)
+        self._full: dict[tuple[str, ValueRange | None], Pixels] = {}
 
     @property
-    def mime(self) -> str:
-        """Zenoh encoding of ``compressed``."""
-        if self._compressed is not None:
-            return codecs.picture_type(self._compressed) or JPEG
-        return PNG if self._is_deep or self.bilevel else JPEG
-
-    @property
-    def is_compressed(self) -> bool:
-        """Whether ``compressed`` exists already, so that nothing has to be encoded."""
-        return self._compressed is not None
+    def is_deep(self) -> bool:
+        """Whether it has more than 8 bits, depth or grey."""
+        return self.picture.is_deep
 
     @property
     def compressed(self) -> bytes:
         """The picture as JPEG; as PNG if it has more than 8 bits or is bilevel."""
-        with self._lock:
-            if self._compressed is None:
-                self._compressed = self._encode()
-            return self._compressed
+        return self.picture.compressed(self.quality)
 
     @property
-    def compressed_header(self) -> Header:
-        """The header that belongs to ``compressed``: with ``16UC1`` instead of ``32FC1``."""
-        if self._encoding != "32FC1":
-            return self.header
-        return self.header.model_copy(update={"encoding": "16UC1"})
+    def pixels(self) -> Pixels:
+        """(height, width[, channels]) in ``header.encoding``; read-only.
+
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        return self._at_full_size("pixels", None, self.picture.pixels)
 
     @property
     def depth(self) -> NDArray[np.uint16] | None:
@@ -130,60 +107,28 @@ class Frame:
         Raises:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
-        with self._lock:
-            if self._depth is None and self._is_deep:
-                if self._pixels is not None and self._encoding in pixel_formats.DEEP:
-                    self._depth = pixel_formats.sixteen_bits(self._pixels, self._encoding)
-                elif self._compressed is not None:
-                    decoded = codecs.decode_deep_png(self._compressed)
-                    self._depth = None if decoded is None else _read_only(decoded)
-                    self._is_deep = decoded is not None
-            return self._depth
-
-    @property
-    def is_deep(self) -> bool:
-        """Whether it has more than 8 bits, depth or grey: by its encoding or the PNG's header."""
-        return self._is_deep
-
-    @property
-    def value_range(self) -> ValueRange | None:
-        """The 16-bit values that become 1 and 255; None if it has 8 bits, or for the whole range.
-
-        Raises:
-            PayloadError: ``corrupt``, if the picture cannot be decoded.
-        """
-        with self._lock:
-            if self._value_range is None and self._finder is not None:
-                depth = self.depth
-                self._value_range = None if depth is None else self._finder.range_of(depth)
-            return self._value_range
-
-    @property
-    def pixels(self) -> Pixels:
-        """(height, width[, channels]) in ``header.encoding``; read-only.
-
-        Raises:
-            PayloadError: ``corrupt``, if the picture cannot be decoded.
-        """
-        with self._lock:
-            if self._pixels is None and self._stored is not None:
-                bgr = self._stored.bgr()
-                self._pixels = _read_only(pixel_formats.convert(bgr, "bgr8", self._encoding))
-            elif self._pixels is None:
-                self._pixels = _read_only(self._decode(self._encoding))
-            return self._pixels
+        depth = self.picture.depth
+        if depth is None:
+            return None
+        return self._at_full_size("depth", None, depth)  # type: ignore[return-value]
 
     @property
     def bgr(self) -> NDArray[np.uint8]:
         """(height, width, 3) uint8 in BGR order, whatever the encoding; read-only."""
-        return self._kept_form("bgr8")
+        return self._eight_bits("bgr8")
 
     @property
     def gray(self) -> NDArray[np.uint8]:
         """(height, width) uint8; from a JPEG the luma plane, without decoding colour."""
-        return self._kept_form("mono8")
+        return self._eight_bits("mono8")
 
-    def reduced(self, encoding: str, width: int, height: int) -> Pixels:
+    def view(self, name: View) -> Pixels:
+        """Return ``pixels``, ``bgr`` or ``gray`` by its name."""
+        if name == "bgr":
+            return self.bgr
+        return self.gray if name == "gray" else self.pixels
+
+    def reduced(self, encoding: str, width: int, height: int) -> NDArray[np.uint8]:
         """Return the pixels in an 8-bit encoding, at least as large as the given size.
 
         A JPEG that was not decoded yet is decoded at a reduced scale, and not kept.
@@ -191,99 +136,82 @@ class Frame:
         Raises:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
-        with self._lock:
-            jpeg = None if self._stored is not None else self._compressed
-            if self._pixels is None and jpeg is not None and jpeg.startswith(codecs.JPEG_START):
-                return codecs.decode_jpeg(jpeg, encoding, (width, height))
-            return self._eight_bits(encoding)
+        found: Any = self.picture.reduced(encoding, width, height, self.value_range)
+        if found.shape[0] < height or found.shape[1] < width:
+            found = cv2.resize(found, (width, height), interpolation=cv2.INTER_LINEAR)
+        return found  # type: ignore[no-any-return]
 
     @property
     def raw(self) -> bytes:
         """Pixel rows in ``header.encoding`` without padding."""
-        return pixel_formats.to_raw(self.pixels, self._encoding)
+        return to_raw(self.pixels, self.picture.encoding)
 
-    def copy_raw(self, target: NDArray[np.uint8]) -> None:
-        """Write the pixel rows in ``header.encoding`` to memory of their size.
+    def write(self, target: NDArray[np.uint8]) -> None:
+        """Write the pixel rows in ``header.encoding`` to memory.
 
-        A JPEG or a stored picture of which no pixels were made yet is decoded into it; the pixels
-        are kept only if that is not possible.
+        Args:
+            target: (n,) uint8, writable, of as many bytes as the frame has.
 
         Raises:
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
-        with self._lock:
-            if self._pixels is None and self._stored is not None and self._encoding == "bgr8":
-                width, height = self._stored.size
-                self._stored.copy_bgr(target.reshape(height, width, 3))
-                return
-            jpeg = None if self._stored is not None else self._compressed
-            shallow = self._encoding not in pixel_formats.DEEP
-            if self._pixels is None and jpeg is not None and shallow:
-                size = (self.header.width, self.header.height)
-                if jpeg.startswith(codecs.JPEG_START) and codecs.picture_size(jpeg) == size:
-                    codecs.decode_jpeg(jpeg, self._encoding, target=target)
-                    return
-            pixels = self.pixels
-        known = pixel_formats.ENCODINGS[self._encoding]
-        np.copyto(target.view(known.dtype).reshape(pixels.shape), pixels)
+        if self.is_reduced:
+            target[:] = np.ascontiguousarray(self.pixels).view(np.uint8).reshape(-1)
+        else:
+            self.picture.write(target)
 
-    def form(self, name: Form) -> Pixels:
-        """Return ``pixels``, ``bgr`` or ``gray`` by its name."""
-        if name == "bgr":
-            return self.bgr
-        return self.gray if name == "gray" else self.pixels
+    def find_range(self, finder: RangeFinder) -> None:
+        """Find the range of 16-bit values that becomes 8 bits, as the next of a stream.
 
-    def _encode(self) -> bytes:
-        if self._stored is not None:
-            return self._stored.jpeg(self._quality)
-        assert self._pixels is not None
-        depth = self.depth
-        if depth is not None:
-            return codecs.encode_png(depth)
-        if self.bilevel:
-            return codecs.encode_png(self._pixels, bilevel=True)
-        return codecs.encode_jpeg(self._pixels, self._encoding, self._quality)
-
-    def _kept_form(self, encoding: str) -> NDArray[np.uint8]:
-        if self._encoding == encoding:
-            return np.asarray(self.pixels, np.uint8)
-        with self._lock:
-            if encoding not in self._forms:
-                self._forms[encoding] = _read_only(self._eight_bits(encoding))
-            return self._forms[encoding]
+        Raises:
+            PayloadError: ``corrupt``, if the picture cannot be decoded.
+        """
+        depth = self.picture.depth
+        if depth is not None and self.value_range is None:
+            self.value_range = finder.range_of(depth)
 
     def _eight_bits(self, encoding: str) -> NDArray[np.uint8]:
-        depth = self.depth
-        if depth is not None:
-            gray = eight_bits(depth, self.value_range)
-            return np.asarray(pixel_formats.convert(gray, "mono8", encoding), np.uint8)
-        if self._pixels is None and self._stored is None and self._compressed is not None:
-            return np.asarray(self._decode(encoding), np.uint8)
-        return np.asarray(pixel_formats.convert(self.pixels, self._encoding, encoding), np.uint8)
+        values = self.value_range
+        found = self.picture.in_8_bits(encoding, values)
+        if not self.is_reduced:
+            return found
+        return self._at_full_size(encoding, values, found)  # type: ignore[return-value]
 
-    def _decode(self, encoding: str) -> Pixels:
-        assert self._compressed is not None
-        if not self._compressed.startswith(codecs.PNG_START):
-            shallow = "mono8" if encoding in pixel_formats.DEEP else encoding
-            pixels: Pixels = codecs.decode_jpeg(self._compressed, shallow)
-            return pixel_formats.convert(pixels, shallow, encoding)
-        depth = self.depth
-        if depth is not None:
-            if encoding not in pixel_formats.DEEP:
-                return self._eight_bits(encoding)
-            return pixel_formats.convert(depth, "16UC1", encoding)
-        pixels = codecs.decode_png(self._compressed)
-        if pixels.dtype == np.uint16:  # colour
-            pixels = eight_bits(pixels)
-        return pixel_formats.convert(pixels, pixel_formats.encoding_of(pixels), encoding)
+    def _at_full_size(self, name: str, values: ValueRange | None, pixels: Pixels) -> Pixels:
+        if not self.is_reduced:
+            return pixels
+        if (name, values) not in self._full:
+            # Values of depth are picked: between two of them there may be no surface.
+            how = cv2.INTER_NEAREST if self.is_deep else cv2.INTER_LINEAR
+            size = self.header.width, self.header.height
+            large: Any = cv2.resize(pixels, size, interpolation=how)
+            self._full[name, values] = read_only(large)
+        return self._full[name, values]
 
 
-def _read_only(pixels: A) -> A:
-    """Return a view that cannot be written to: others may read the same pixels."""
-    view = pixels.view()
-    view.flags.writeable = False
-    return view
+def check_shows(size: tuple[int, int], header: Header) -> None:
+    """Check that a picture can show a frame: in its size, or reduced in both directions alike.
+
+    Args:
+        size: Width and height of the picture, pixels.
+        header: That of the frame.
+
+    Raises:
+        PayloadError: ``wrong_size``.
+    """
+    width, height = size
+    if size == (header.width, header.height):
+        return
+    # Rounding may shift either side by half a pixel.
+    alike = 2 * abs(width * header.height - height * header.width) <= header.width + header.height
+    smaller = width < header.width <= MAX_REDUCTION * width and (
+        height < header.height or header.height == 1
+    )
+    if not (alike and smaller):
+        raise PayloadError(
+            "wrong_size", f"picture {width}x{height}, header {header.width}x{header.height}"
+        )
 
 
-Want = Form | Callable[[Frame], object]
-"""The form of a frame that a consumer needs, or a function that decodes it."""
+Want = View | Callable[[Frame], object]
+"""The view of a frame that a consumer needs, or a function that decodes it."""

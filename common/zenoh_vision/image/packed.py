@@ -10,11 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_vision.image import codecs
-from zenoh_vision.image.stored import StoredPicture, are_equal
+from zenoh_vision.image.picture import Box, Picture, are_equal
 
 
-class PackedPicture(StoredPicture):
+class PackedPicture(Picture):
     """A picture as YUYV: BT.601 in 4:2:2, of the limited range.
 
     Args:
@@ -26,43 +25,32 @@ class PackedPicture(StoredPicture):
     """
 
     def __init__(self, packed: NDArray[np.uint8]) -> None:
-        super().__init__()
         if not is_packed(packed):
             raise ValueError(f"{packed.shape} {packed.dtype} is no YUYV")
+        super().__init__("bgr8", packed.shape[1], packed.shape[0])
         self._packed = packed
 
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height, pixels."""
-        height, width = self._packed.shape[:2]
-        return width, height
-
-    def jpeg(self, quality: int) -> bytes:
-        """Return the picture as a JPEG of this quality, 1 to 100."""
-        return codecs.encode_jpeg(self.bgr(), "bgr8", quality)
-
-    def cropped(self, box: tuple[int, int, int, int]) -> PackedPicture | None:
-        """Return the part in a rectangle; None if it begins or ends between two paired pixels."""
+    def cropped(self, box: Box) -> Picture:
+        """Return the part in a rectangle; as pixels if it divides two that are paired."""
         x, y, width, height = box
         if x % 2 or width % 2:
-            return None
+            return super().cropped(box)
         return PackedPicture(np.ascontiguousarray(self._packed[y : y + height, x : x + width]))
 
-    def equals(self, other: StoredPicture) -> bool:
-        """Tell whether another picture has the same values."""
-        return isinstance(other, PackedPicture) and are_equal(self._packed, other._packed)
+    def write(self, target: NDArray[np.uint8]) -> None:
+        """Write the pixel rows to memory, converted into it if they were not made before."""
+        if self._pixels is not None:
+            super().write(target)
+            return
+        # OpenCV would make new memory instead of writing to an array that it cannot use.
+        rows = target.reshape(self.height, self.width, 3)
+        cv2.cvtColor(self._packed, cv2.COLOR_YUV2BGR_YUYV, dst=rows)
 
-    def _made_bgr(self) -> NDArray[np.uint8]:
+    def _make_pixels(self) -> NDArray[np.uint8]:
         return np.asarray(cv2.cvtColor(self._packed, cv2.COLOR_YUV2BGR_YUYV), np.uint8)
 
-    def _write_bgr(self, target: NDArray[np.uint8], /) -> bool:
-        # OpenCV would make new memory instead of writing to an array that it cannot use.
-        if target.shape != (*self._packed.shape[:2], 3) or target.dtype != np.uint8:
-            raise ValueError(f"{target.shape} {target.dtype} is no memory for {self.size}")
-        if not (target.flags.c_contiguous and target.flags.writeable):
-            return False
-        cv2.cvtColor(self._packed, cv2.COLOR_YUV2BGR_YUYV, dst=target)
-        return True
+    def _equals(self, other: PackedPicture) -> bool:
+        return are_equal(self._packed, other._packed)
 
 
 def is_packed(image: NDArray[np.uint8]) -> bool:

@@ -68,6 +68,30 @@ def encoding_of(pixels: NDArray[Any]) -> str:
     return encoding
 
 
+def checked_encoding(pixels: NDArray[Any], encoding: str | None = None) -> str:
+    """Return the encoding of pixels: the one of this name, or that of their channels and dtype.
+
+    Raises:
+        PayloadError: ``unsupported_encoding``: there is no such encoding, or the array has another
+            shape or dtype.
+    """
+    if not isinstance(pixels, np.ndarray) or pixels.ndim not in (2, 3):
+        found = getattr(pixels, "shape", type(pixels).__name__)
+        raise PayloadError(
+            "unsupported_encoding", f"{found} instead of an array (height, width[, channels])"
+        )
+    named = encoding or encoding_of(pixels)
+    known = encoding_named(named)
+    channels = 1 if pixels.ndim == 2 else pixels.shape[2]
+    if (channels, pixels.dtype) != (known.channels, known.dtype):
+        raise PayloadError(
+            "unsupported_encoding",
+            f"{channels} channels of {pixels.dtype} are not {named}, which has {known.channels} "
+            f"of {known.dtype}",
+        )
+    return named
+
+
 def encoding_named(name: str | None) -> PixelEncoding:
     """Return the encoding of a name.
 

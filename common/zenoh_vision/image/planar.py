@@ -14,7 +14,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from zenoh_vision.image import bands
-from zenoh_vision.image.stored import StoredPicture, are_equal
+from zenoh_vision.image.picture import Box, Picture, are_equal
 
 Plane = NDArray[np.uint8]
 Planes = tuple[Plane, Plane, Plane]
@@ -27,7 +27,7 @@ LUMA_OFFSET = -0.5  # rounds down, as libav's conversion to BGR does
 CHROMA_OFFSET = 128 - 112 * CHROMA_SCALE
 
 
-class PlanarPicture(StoredPicture):
+class PlanarPicture(Picture):
     """A decoded picture of BT.601 in 4:2:0.
 
     Args:
@@ -47,19 +47,13 @@ class PlanarPicture(StoredPicture):
         full_range: bool,
         to_bgr: Callable[[], NDArray[np.uint8]],
     ) -> None:
-        super().__init__()
         if not are_even(*planes[0].shape):
             raise ValueError(f"planes of {planes[0].shape}: both sides must be even")
+        super().__init__("bgr8", planes[0].shape[1], planes[0].shape[0])
         self.planes = planes
         self._is_full_range = full_range
         self._full: Planes | None = planes if full_range else None
         self._to_bgr = to_bgr
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height, pixels."""
-        height, width = self.planes[0].shape
-        return width, height
 
     def prepare(self) -> None:
         """Scale the planes as a JPEG stores them, which ``jpeg`` does if it was not done before."""
@@ -77,31 +71,29 @@ class PlanarPicture(StoredPicture):
 
         return bands.encode(*self.size, encode_rows, mcu=16)
 
-    def cropped(self, box: tuple[int, int, int, int]) -> PlanarPicture | None:
-        """Return the part in a rectangle (x, y, width, height); None if a number in it is odd."""
+    def cropped(self, box: Box) -> Picture:
+        """Return the part in a rectangle; as pixels if a number of it is odd."""
         x, y, width, height = box
         if any(number % 2 for number in box):
-            return None
+            return super().cropped(box)
         rows, columns = slice(y, y + height), slice(x, x + width)
         half = (slice(y // 2, (y + height) // 2), slice(x // 2, (x + width) // 2))
         luma, blue, red = self.planes
-        parts = luma[rows, columns], blue[half], red[half]
         return PlanarPicture(
             (
-                np.ascontiguousarray(parts[0]),
-                np.ascontiguousarray(parts[1]),
-                np.ascontiguousarray(parts[2]),
+                np.ascontiguousarray(luma[rows, columns]),
+                np.ascontiguousarray(blue[half]),
+                np.ascontiguousarray(red[half]),
             ),
             full_range=self._is_full_range,
-            to_bgr=lambda: np.ascontiguousarray(self.bgr()[rows, columns]),
+            to_bgr=lambda: np.ascontiguousarray(self.pixels[rows, columns], np.uint8),
         )
 
-    def equals(self, other: StoredPicture) -> bool:
-        """Tell whether another picture has the same planes."""
-        return isinstance(other, PlanarPicture) and all(map(are_equal, self.planes, other.planes))
-
-    def _made_bgr(self) -> NDArray[np.uint8]:
+    def _make_pixels(self) -> NDArray[np.uint8]:
         return self._to_bgr()
+
+    def _equals(self, other: PlanarPicture) -> bool:
+        return all(map(are_equal, self.planes, other.planes))
 
     def _full_range(self) -> Planes:
         with self._lock:

@@ -8,22 +8,23 @@ import socket
 import threading
 import time
 from contextlib import suppress
+from functools import cache
 from importlib import metadata
-from typing import Any, Protocol
 
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.config.revisions import ParameterStore
-from zenoh_vision.health.health import Health
+from zenoh_vision.config.roles import value_of
 from zenoh_vision.host.health_file import HealthFile
-from zenoh_vision.messages import Diagnostics, NodeDescription
+from zenoh_vision.messages import Diagnostics, Level, NodeDescription
+from zenoh_vision.node.certificate_check import CertificateCheck
+from zenoh_vision.node.core import Core
 from zenoh_vision.node.namesake import NamesakeMonitor
 from zenoh_vision.node.outputs import Outputs
 from zenoh_vision.node.query_server import QueryServer
 from zenoh_vision.topics import message_topic
-from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.publisher import Outgoing, StreamPublisher
+from zenoh_vision.transport.zenoh_config import credentials_of
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +32,7 @@ PERIOD_S = 1.0
 CLOSE_S = 1.0
 
 
+@cache
 def installed_version() -> str:
     """Return the version of this distribution, ``unknown`` when run without installing it."""
     try:
@@ -39,59 +41,57 @@ def installed_version() -> str:
         return "unknown"
 
 
-class Owner(Protocol):
-    """The part of a node that its announcement uses."""
-
-    name: str
-    service: str
-    cameras: tuple[str, ...]
-    outputs: Outputs
-    health: Health
-    parameters: ParameterStore[Any] | None
-
-
 class Announcement:
     """Declares a node's token, answers queries for its description, and sends its diagnostics.
 
     The diagnostics have a thread of their own, so that no query delays them.
     """
 
-    def __init__(self, node: Owner) -> None:
-        self._owner = node
-        self._node = node.name
-        self._health = node.health
-        self._started_ns = time.time_ns()
+    def __init__(self, core: Core, outputs: Outputs) -> None:
+        self._core = core
+        self._outputs = outputs
+        self._node = core.name
+        self._health = core.health
+        self._started_ns = core.clock.time_ns()
         self._health_file = HealthFile()
-        self._namesake = NamesakeMonitor(node.name, node.health, self.description)
+        self._namesake = NamesakeMonitor(core.name, core.health, self.description, core.clock)
+        self._certificate: CertificateCheck | None = None
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 
     def description(self) -> NodeDescription:
         """Return the node's description at this moment."""
-        node = self._owner
-        settings = None if node.parameters is None else node.parameters.active.settings
+        core = self._core
+        settings = None if core.revision is None else core.revision.settings
         return NodeDescription(
-            node=node.name,
-            service=node.service,
-            cameras=tuple(node.cameras),
+            node=core.name,
+            service=core.service,
+            cameras=tuple(core.cameras),
             version=installed_version(),
             host=socket.gethostname(),
             pid=os.getpid(),
             started_ns=self._started_ns,
-            publishes=tuple(node.outputs.keys),
-            subscribes=tuple(key for each in node.health.inputs for key in each.keys),
-            stamp_ns=time.time_ns(),
-            rate_hz=node.health.rates.expected_hz,
-            pipeline=getattr(settings, "pipeline", None),
+            publishes=tuple(self._outputs.keys),
+            subscribes=tuple(key for each in core.health.inputs for key in each.keys),
+            stamp_ns=core.clock.time_ns(),
+            rate_hz=core.health.rates.expected_hz,
+            pipeline=value_of(settings, "pipeline", None),
         )
 
     def beat(self) -> None:
-        """Update the health file while the node waits for a router, which counts as healthy."""
-        self._health_file.beat()
+        """Update the health file while the node waits for a router.
 
-    def declare(self, link: Link, namespace: str, server: QueryServer) -> None:
+        Waiting counts as healthy, but not being refused by one.
+        """
+        self._health_file.beat(self._health.failure())
+
+    def note_refusal(self, why: str) -> None:
+        """Report why the router refuses the connection; an empty text when it does no more."""
+        self._health.report("connection", Level.ERROR if why else Level.OK, why)
+
+    def declare(self, server: QueryServer) -> None:
         """Declare the diagnostics and the description; call ``start`` after everything else."""
-        self._link = link
+        link, namespace = self._core.link, self._core.namespace
         self._key = keys.node_key(namespace, self._node)
         self._diagnostics = StreamPublisher(
             link,
@@ -101,10 +101,13 @@ class Announcement:
         )
         server.declare(link, self._key, self._answer)
         self._namesake.declare(link, namespace)
+        credentials = credentials_of(self._core.connection)
+        if credentials is not None:
+            self._certificate = CertificateCheck(link, credentials, self._health)
 
     def start(self) -> None:
         """Declare the token, so that observers see a complete node, and send diagnostics."""
-        self._link.declare(lambda session: session.liveliness().declare_token(self._key))
+        self._core.link.declare(lambda session: session.liveliness().declare_token(self._key))
         self._thread.start()
 
     def close(self) -> None:
@@ -125,7 +128,10 @@ class Announcement:
 
     def _send(self) -> None:
         self._health_file.beat(self._health.failure())
-        self._health.shared_memory = self._owner.outputs.shared_memory_failure
+        failure = self._outputs.shared_memory_failure
+        self._health.report("shared_memory", Level.WARN if failure else Level.OK, failure)
+        if self._certificate is not None:
+            self._certificate.check(self._key)
         diagnostics = self._health.diagnostics()
         self._namesake.note_own(diagnostics)
         self._diagnostics.offer(lambda: Outgoing.message(diagnostics))

@@ -1,108 +1,197 @@
-"""An input of frames: its intake, its subscriptions, and the settings that it follows."""
+"""Inputs of frames: their intake, their route, and the settings that they follow."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from typing import Any, Protocol, TypeVar, cast, get_args
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, cast, get_args
 
-from zenoh_vision.config.revisions import ParameterStore, Revision
+from zenoh_vision.config.revisions import Change, Revision
+from zenoh_vision.config.roles import option_of, value_of
 from zenoh_vision.config.settings import Settings
 from zenoh_vision.errors import ConfigurationError, ParameterRefused
-from zenoh_vision.image.frame import Form, Frame, Want
-from zenoh_vision.keys import TRANSPORT_VARIABLE, Transport
+from zenoh_vision.image.frame import Frame, View, Want
+from zenoh_vision.keys import TRANSPORT_VARIABLE, RouteName, Transport
+from zenoh_vision.node.core import Core
 from zenoh_vision.node.inputs import Input
-from zenoh_vision.node.inputs import Owner as InputOwner
-from zenoh_vision.node.shm_input import SharedMemoryInput
-from zenoh_vision.node.transport_switch import TransportSwitch
+from zenoh_vision.node.memory_route import MemoryRoute
+from zenoh_vision.node.routes import AutoRoute, Route, TopicRoute
 from zenoh_vision.shm.machine import why_impossible
 from zenoh_vision.stream.buffer import Buffering, check_buffering
 from zenoh_vision.stream.frame_intake import FrameIntake
+from zenoh_vision.stream.intake import InputState
 from zenoh_vision.topics import COMPRESSED, RAW, Topic
-from zenoh_vision.transport.connection import Connection
 
 MAX_AGE_S = 0.4
 
-T = TypeVar("T")
+
+class RoutedFrames:
+    """The route of one camera's frames to an intake, as chosen by the setting ``transport``.
+
+    Args:
+        core: Of the node.
+        intake: Takes the frames.
+        camera: Whose frames.
+        transport: The first choice.
+        memory_by_itself: Whether ``auto`` includes shared memory.
+    """
+
+    def __init__(
+        self,
+        core: Core,
+        intake: FrameIntake,
+        camera: str,
+        transport: Transport,
+        *,
+        memory_by_itself: bool,
+    ) -> None:
+        self._core = core
+        self._intake = intake
+        self._camera = camera
+        self._memory_by_itself = memory_by_itself
+        self._lock = threading.Lock()
+        self._stopped = False
+        self._transport = transport
+        self.route = self._make(transport)
+        if core.parameters is not None:
+            core.parameters.watch(self._on_change)
+            self._choose(core.parameters.newest.settings)  # it may have changed meanwhile
+        with self._lock:
+            self.route.start()
+
+    def undeclare(self) -> None:
+        """Stop the route for good."""
+        if self._core.parameters is not None:
+            self._core.parameters.unwatch(self._on_change)
+        with self._lock:
+            self._stopped = True
+            self.route.stop()
+
+    def _on_change(self, change: Change[Any]) -> None:
+        self._choose(change.after.settings)
+
+    def _choose(self, settings: Settings) -> None:
+        wanted = value_of(settings, "transport", self._transport)
+        with self._lock:
+            if self._stopped or wanted == self._transport:
+                return
+            self.route.stop()  # first, or both would deliver the same frames
+            self._transport, self.route = wanted, self._make(wanted)
+            self.route.start()
+
+    def _make(self, transport: Transport) -> Route:
+        """Return the route of a transport; shared memory is there if the transport is that."""
+        core, intake = self._core, self._intake
+        raw_key = RAW.key(core.namespace, self._camera)
+        makers: dict[RouteName, Callable[[], Route]] = {
+            "shm": lambda: MemoryRoute(core.link, core.namespace, self._camera, intake, core.clock),
+            "jpeg": lambda: TopicRoute(core.link, intake, intake.key, "jpeg"),
+            "raw": lambda: TopicRoute(core.link, intake, raw_key, "raw"),
+        }
+        if transport != "auto":
+            return makers[transport]()
+        if why_impossible() or not self._memory_by_itself:
+            del makers["shm"]
+        return AutoRoute([make() for make in makers.values()], core.clock)
 
 
-class Owner(InputOwner, Protocol):
-    """The part of a node that an input of frames uses."""
-
-    connection: Connection
-
-
-def frame_input(
-    node: Owner,
-    topic: Topic,
-    camera: str,
-    *,
-    want: Want,
-    max_age_s: float | None,
-    buffering: Buffering,
-    borrow: bool,
-    max_pixels: int,
-    transport: Transport | None,
-) -> Input[Frame]:
-    """Return an iterable of a camera's frames, or of all cameras' with ``*``; see ``Node.frames``.
+class FrameInput(Input[Frame]):
+    """Frames of a camera, or of all cameras; see ``Node.frames``.
 
     Raises:
         TypeError: ``buffering`` is neither ``latest`` nor a ``queue(n)``.
-        ValueError: The topic carries no pictures, there is no such form or transport, or the
+        ValueError: The topic carries no pictures, there is no such view or transport, or the
             transport does not fit the topic.
         ConfigurationError: The transport is shared memory, which this process cannot use; the
             environment names a transport that does not exist; or the setting names one that an
             input of all cameras does not have.
     """
-    _check_arguments(topic, want, buffering, transport)
-    namespace = node.connection.namespace
-    if topic is COMPRESSED and camera == "*":
-        _check_now_and_later(node.parameters, _check_of_all)
-    fits = topic is COMPRESSED and camera != "*"
-    if transport is None and fits and buffering.per_key:
-        transport = transport_from_environment() or "auto"
-    if transport is not None and not fits:
-        raise ValueError(f"transport {transport!r} needs {COMPRESSED.name} of one camera")
-    raw_key = None if transport is None else RAW.key(namespace, camera)
-    intake = FrameIntake(
-        topic.key(namespace, camera),
-        node.consumer,
-        buffering,
-        raw=topic.raw,
-        raw_key=raw_key,
-        borrow=borrow,
-        max_pixels=max_pixels,
-    )
-    switch = None
-    if transport is not None and raw_key is not None:
-        memory = None
-        # A loop activates the newest revision before its first frame.
-        newest = None if node.parameters is None else node.parameters.newest
-        first = _transport(newest, transport)
-        _check_possible(first)
-        _check_now_and_later(node.parameters, _check_setting)
-        if not why_impossible():
-            memory = SharedMemoryInput(node.link, namespace, camera, intake, raw_key)
-        # A queue needs every frame, and in shared memory only the newest waits.
-        switch = TransportSwitch(
-            node.link, intake, raw_key, memory, memory_by_itself=buffering.per_key
+
+    intake: FrameIntake
+
+    def __init__(
+        self,
+        core: Core,
+        topic: Topic,
+        camera: str,
+        *,
+        want: Want,
+        max_age_s: float | None,
+        buffering: Buffering,
+        max_pixels: int,
+        transport: Transport | None,
+    ) -> None:
+        _check_arguments(topic, want, buffering, transport)
+        settings = None if core.parameters is None else core.parameters.newest.settings
+        key = topic.key(core.namespace, camera)
+        fits = topic is COMPRESSED and camera != "*"
+        if transport is None and fits and buffering.per_key:
+            transport = transport_from_environment() or "auto"
+        if transport is not None and not fits:
+            raise ValueError(f"transport {transport!r} needs {COMPRESSED.name} of one camera")
+        intake = FrameIntake(
+            key, core.consumer, buffering, encoding=topic.encoding, max_pixels=max_pixels
         )
-        switch.follow(first)
+        self._routed: RoutedFrames | None = None
+        if topic is COMPRESSED and camera == "*":
+            _check_now_and_later(core, _check_of_all)
+        if transport is not None:
+            first = value_of(settings, "transport", transport)
+            _check_possible(first)
+            _check_now_and_later(core, _check_setting)
+            # A queue needs every frame, and in shared memory only the newest waits.
+            self._routed = RoutedFrames(
+                core, intake, camera, first, memory_by_itself=buffering.per_key
+            )
+        self._want = want
+        self._max_age_s = max_age_s
+        self._followed: Revision[Any] | None = None
+        self._allowed_s = max_age_s
+        super().__init__(core, intake, self._routed)
 
-    def take(timeout_s: float) -> Frame | None:
-        revision = None if node.parameters is None else node.parameters.active
-        if switch is not None and transport is not None:
-            switch.follow(_transport(revision, transport))
-        allowed_s = None if max_age_s is None else _setting(revision, "max_age", max_age_s)
-        if revision is not None and hasattr(revision.settings, "depth_min"):
-            settings = revision.settings
-            intake.depth_limits = settings.depth_min, settings.depth_max
-        frame = intake.take(timeout_s, want, allowed_s)
-        if frame is not None:
-            frame.revision = revision
-        return frame
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that it subscribes to now; frames in shared memory are the compressed ones."""
+        return self.intake.keys if self._routed is None else self._routed.route.keys
 
-    return Input(node, intake, take, switch)
+    @property
+    def route(self) -> RouteName | None:
+        """The route of its newest frame; None before the first."""
+        newest = max(self.intake.states(), key=lambda state: state.since_ns)
+        return newest.route
+
+    @property
+    def fault(self) -> str:
+        """Why its frames do not come by the route that was chosen; empty if they do."""
+        return "" if self._routed is None else self._routed.route.fault
+
+    def states(self) -> Sequence[InputState]:
+        """Return the state of each key that sent frames; of the input as a whole if none did."""
+        found = self.intake.states()
+        if self._routed is None or found[0].route is not None:
+            return found
+        return [replace(found[0], key=self._routed.route.awaited)]
+
+    def take(self, timeout_s: float) -> Frame | None:
+        """Return the next frame; see ``Input.take``."""
+        if self.closed:
+            return None
+        revision = self._core.revision
+        if revision is not self._followed and revision is not None:
+            self._follow(revision)
+        return self.intake.take(timeout_s, self._want, self._allowed_s, revision)
+
+    def _follow(self, revision: Revision[Any]) -> None:
+        """Take over the settings of a revision that concern this input."""
+        self._followed = revision
+        settings: Settings = revision.settings
+        if self._max_age_s is not None:
+            self._allowed_s = value_of(settings, "max_age", self._max_age_s)
+        if option_of(type(settings), "depth_min") is not None:
+            low: int | None = value_of(settings, "depth_min", None)
+            self.intake.depth_limits = low, value_of(settings, "depth_max", None)
 
 
 def _check_arguments(
@@ -112,19 +201,19 @@ def _check_arguments(
 
     Raises:
         TypeError: ``buffering`` is neither ``latest`` nor a ``queue(n)``.
-        ValueError: The topic carries no pictures, or there is no such form or transport.
+        ValueError: The topic carries no pictures, or there is no such view or transport.
     """
     check_buffering(buffering)
     if topic.message is not None:
         raise ValueError(f"{topic.name} carries messages, not pictures; take node.messages")
-    if not callable(want) and want not in get_args(Form):
-        raise ValueError(f"want={want!r}; allowed: {', '.join(get_args(Form))}, a function")
+    if not callable(want) and want not in get_args(View):
+        raise ValueError(f"want={want!r}; allowed: {', '.join(get_args(View))}, a function")
     if transport is not None and transport not in get_args(Transport):
         raise ValueError(f"transport={transport!r}; allowed: {', '.join(get_args(Transport))}")
 
 
 def transport_from_environment() -> Transport | None:
-    """Return the transport that the environment sets for all inputs; None if it sets none.
+    """Return the transport that the environment sets for this process; None if it sets none.
 
     Raises:
         ConfigurationError: The variable names a transport that does not exist.
@@ -139,16 +228,14 @@ def transport_from_environment() -> Transport | None:
     return cast("Transport | None", transport)
 
 
-def _check_now_and_later(
-    parameters: ParameterStore[Any] | None, check: Callable[[Settings], None]
-) -> None:
-    if parameters is not None:
-        check(parameters.newest.settings)
-        parameters.check(check)
+def _check_now_and_later(core: Core, check: Callable[[Settings], None]) -> None:
+    if core.parameters is not None:
+        check(core.parameters.newest.settings)
+        core.parameters.check(check)
 
 
 def _check_setting(settings: Settings) -> None:
-    _check_possible(getattr(settings, "transport", None))
+    _check_possible(value_of(settings, "transport", None))
 
 
 def _check_possible(transport: Transport | None) -> None:
@@ -167,23 +254,10 @@ def _check_of_all(settings: Settings) -> None:
     Raises:
         ParameterRefused: The setting names one.
     """
-    transport = getattr(settings, "transport", None)
+    transport: Transport | None = value_of(settings, "transport", None)
     if transport in ("shm", "raw"):
         raise ParameterRefused(
             f"transport = {transport}: the frames of all cameras come compressed over the network; "
             "name the cameras to take theirs another way",
             "auto, jpeg",
         )
-
-
-def _transport(revision: Revision[Any] | None, default: Transport) -> Transport:
-    """Return the setting ``transport`` of a revision; the default if it names no transport."""
-    found = _setting(revision, "transport", default)
-    return found if found in get_args(Transport) else default
-
-
-def _setting(revision: Revision[Any] | None, name: str, default: T) -> T:
-    """Return the value of a setting in a revision; the default if it has no such setting."""
-    if revision is None:
-        return default
-    return cast("T", getattr(revision.settings, name, default))

@@ -6,7 +6,6 @@ Two tokens on one key look like one, so only their reports distinguish two nodes
 from __future__ import annotations
 
 import logging
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -15,8 +14,9 @@ import zenoh
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.health import Health
-from zenoh_vision.health.message_limits import check_description
-from zenoh_vision.messages import Diagnostics, NodeDescription
+from zenoh_vision.health.message_limits import check
+from zenoh_vision.host.clock import SYSTEM_CLOCK, Clock
+from zenoh_vision.messages import Diagnostics, Level, NodeDescription
 from zenoh_vision.topics import COMPRESSED
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.query import Query, Reply, messages_in, send
@@ -43,9 +43,17 @@ class NamesakeMonitor:
         node: The name.
         health: Told of the other node.
         describe: Returns this node's description.
+        clock: Measures how long another node has been silent.
     """
 
-    def __init__(self, node: str, health: Health, describe: Callable[[], NodeDescription]) -> None:
+    def __init__(
+        self,
+        node: str,
+        health: Health,
+        describe: Callable[[], NodeDescription],
+        clock: Clock = SYSTEM_CLOCK,
+    ) -> None:
+        self._clock = clock
         self._node = node
         self._health = health
         self._describe = describe
@@ -75,7 +83,7 @@ class NamesakeMonitor:
     def check(self) -> None:
         """Look for another node in what arrived since the last call; about once a second."""
         newest, self._newest = self._newest, None
-        now_s = time.monotonic()
+        now_s = self._clock.monotonic_ns() / 1e9
         if newest is not None and self._is_of_another(newest):
             self._seen_s = now_s
         if self._seen_s is None:
@@ -86,8 +94,8 @@ class NamesakeMonitor:
         if now_s - self._seen_s > SILENT_S:
             self._seen_s = self._asked_s = None
             self._others = ()
-            if self._health.namesake:
-                self._health.namesake = ""
+            if self._health.message("namesake"):
+                self._health.report("namesake", Level.OK)
                 self._log.warning("no other node is called %s any more", self._node)
         elif self._asked_s is None or now_s - self._asked_s > ASK_AGAIN_S:
             self._asked_s = now_s
@@ -111,7 +119,7 @@ class NamesakeMonitor:
         found = []
         for reply, about in messages_in(replies, NodeDescription):
             try:
-                check_description(reply.name, about)
+                check(reply.name, about)
             except PayloadError:
                 continue
             if (about.host, about.pid, about.started_ns) != (own.host, own.pid, own.started_ns):
@@ -134,7 +142,7 @@ class NamesakeMonitor:
         is_camera = any(keys.suffix_of(key) == COMPRESSED.name for key in own.publishes)
         effect = FRAMES if is_camera else RESULTS
         text = f"{named} called {self._node}: {who}; {effect}"
-        if text != self._health.namesake:
-            self._health.namesake = text
+        if text != self._health.message("namesake"):
+            self._health.report("namesake", Level.WARN, text)
             rename = ", or give it another name (--camera)" if own.cameras else ""
             self._log.warning("%s; stop one%s", text, rename)

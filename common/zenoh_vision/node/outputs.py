@@ -1,78 +1,115 @@
-"""The outputs of a node: messages and pictures made from frames, and a camera's own frames."""
+"""The outputs of a node: messages, pictures made from frames, and a camera's own frames."""
 
 from __future__ import annotations
 
-import itertools
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
+from zenoh_vision.config.roles import value_of
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.image import forms
+from zenoh_vision.image.forms import PictureForm
 from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.picture import Picture, PixelPicture, check_size, lasting, picture_of
 from zenoh_vision.image.pixel_formats import Pixels
-from zenoh_vision.keys import JPEG, RAW_IMAGE
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Header, Stamped
+from zenoh_vision.node.core import Core
+from zenoh_vision.node.frame_input import transport_from_environment
+from zenoh_vision.node.memory_offer import MemoryOffer
 from zenoh_vision.node.query_server import QueryServer
-from zenoh_vision.node.shm_offer import SharedMemoryOffer, may_offer
+from zenoh_vision.shm.machine import why_impossible
 from zenoh_vision.topics import COMPRESSED, RAW, Topic, topic_named
-from zenoh_vision.transport.link import Link
-from zenoh_vision.transport.publisher import MayReply, Outgoing, StreamPublisher, encoded_picture
+from zenoh_vision.transport.publisher import Outcome, Outgoing, ReplyLimit, StreamPublisher
 
 Publishes = Sequence[Topic | str] | Mapping[str, Sequence[Topic | str]]
 """The topics of each camera of a node, or those of all its cameras; a topic, or its name."""
 
+QUALITY = 80
+
+RANKED: tuple[Outcome, ...] = ("sent", "withheld", "unwanted")
+"""Outcomes of the ways of a frame; the first that one of them had is that of the frame."""
+
+AnyPicture = Picture | Pixels | bytes
+Compress = Callable[[Frame], bytes | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """What became of a picture; true if it was sent to someone.
+
+    Attributes:
+        outcome: ``sent``; ``unwanted``: nobody subscribes, and it is kept for queries;
+            ``withheld``: its publisher's limit of bandwidth; ``dropped``: it is no picture that can
+            be sent, which is counted and logged.
+        frame: The frame, from which other results can be made; None if it was dropped.
+    """
+
+    outcome: Outcome | Literal["dropped"]
+    frame: Frame | None
+
+    def __bool__(self) -> bool:
+        return self.outcome == "sent"
+
 
 @dataclass(frozen=True, slots=True)
 class FrameOutputs:
-    """The outputs of one camera's own frames; None for what the node does not publish."""
+    """The ways of one camera's own frames; None for those that the node does not have."""
 
     compressed: StreamPublisher | None
     raw: StreamPublisher | None
-    offer: SharedMemoryOffer | None
+    memory: MemoryOffer | None
 
 
 class Outputs:
     """The publishers of a node, one for each topic and camera that it publishes.
 
+    Args:
+        core: Of the node.
+        publishes: What is published.
+
     Raises:
+        ConfigurationError: The environment names a transport that does not exist.
         ValueError: The table has no topic of a name, or the node does not serve a camera.
     """
 
-    def __init__(self, node: str, cameras: Sequence[str], publishes: Publishes) -> None:
+    def __init__(self, core: Core, publishes: Publishes) -> None:
         by_camera = (
-            publishes if isinstance(publishes, Mapping) else dict.fromkeys(cameras, publishes)
+            publishes if isinstance(publishes, Mapping) else dict.fromkeys(core.cameras, publishes)
         )
         for camera in by_camera:
-            if camera not in cameras:
-                raise ValueError(f"{node} publishes of {camera!r}, but serves {tuple(cameras)}")
+            if camera not in core.cameras:
+                raise ValueError(f"{core.name} publishes of {camera!r}, but serves {core.cameras}")
+        self._core = core
         self._topics = {
             camera: tuple(map(topic_named, topics)) for camera, topics in by_camera.items()
         }
         # A sequence of topics is known even while there is no camera yet.
-        named = () if isinstance(publishes, Mapping) else map(topic_named, publishes)
-        self.topics = tuple(dict.fromkeys(itertools.chain(named, *self._topics.values())))
-        self._node = node
-        self._cameras = tuple(cameras)
+        self._named = () if isinstance(publishes, Mapping) else tuple(map(topic_named, publishes))
         self._publishers: dict[tuple[str, str], StreamPublisher] = {}
-        self._new_publisher: Callable[[Topic, str], StreamPublisher] | None = None
-        self._new_offer: Callable[[str], SharedMemoryOffer] | None = None
         self._frames: dict[str, FrameOutputs] = {}
+        self._last: dict[str, tuple[int, int]] = {}  # epoch and seq of each camera's own frames
+        self._server: QueryServer | None = None
+        told = transport_from_environment()
+        self._may_offer = told in (None, "auto", "shm") and not why_impossible()
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics of all cameras, those of cameras that were added included."""
+        found = [*self._named, *(topic for topics in self._topics.values() for topic in topics)]
+        return tuple(dict.fromkeys(found))
 
     @property
     def keys(self) -> list[str]:
         """The keys that it publishes; empty before ``declare``."""
         return [publisher.key for publisher in self._publishers.values()]
 
-    def declare(self, link: Link, namespace: str, server: QueryServer) -> None:
-        """Declare a publisher for each topic and camera."""
+    # Declarations
 
-        def publisher(topic: Topic, camera: str) -> StreamPublisher:
-            return StreamPublisher(link, topic, topic.key(namespace, camera), server.queue)
-
-        self._new_publisher = publisher
-        if may_offer():
-            self._new_offer = lambda camera: SharedMemoryOffer(link, namespace, camera)
+    def declare(self, server: QueryServer) -> None:
+        """Declare a publisher for each topic and camera; the node's link is open."""
+        self._server = server
         for camera, topics in self._topics.items():
             self._declare(camera, topics)
 
@@ -80,25 +117,50 @@ class Outputs:
         """Declare the topics of one more camera; after ``declare``.
 
         Raises:
+            RuntimeError: Before ``declare``.
             ValueError: The table has no topic of a name.
         """
         added = tuple(map(topic_named, topics))
+        if self._server is None:
+            raise RuntimeError(f"{self._core.name} is not open: add cameras inside `with`")
         self._topics = {**self._topics, camera: added}
-        self._cameras = (*self._cameras, camera)
         self._declare(camera, added)
 
     def _declare(self, camera: str, topics: Sequence[Topic]) -> None:
-        assert self._new_publisher is not None
+        core, server = self._core, self._server
+        assert server is not None
         new = {
-            (topic.name, camera): self._new_publisher(topic, camera)
+            (topic.name, camera): StreamPublisher(
+                core.link,
+                topic,
+                topic.key(core.namespace, camera),
+                server.queue,
+                core.health.log_drop,
+                core.clock,
+            )
             for topic in topics
             if not topic.by_query
         }
         self._publishers = {**self._publishers, **new}  # other threads may iterate over the old one
         compressed, raw = new.get((COMPRESSED.name, camera)), new.get((RAW.name, camera))
         if compressed is not None or raw is not None:
-            offer = None if self._new_offer is None else self._new_offer(camera)
-            self._frames = {**self._frames, camera: FrameOutputs(compressed, raw, offer)}
+            memory = None
+            # Where each frame must arrive it is a message; in shared memory only the newest waits.
+            newest_wins = all(each.delivery == "frame" for each in topics if each.message is None)
+            if self._may_offer and newest_wins:
+                memory = MemoryOffer(core.link, core.namespace, camera, core.clock)
+            self._frames = {**self._frames, camera: FrameOutputs(compressed, raw, memory)}
+
+    def add_stream(self, key: str, topic: Topic) -> StreamPublisher:
+        """Declare a key of any name; see ``Node.add_stream``."""
+        core, server = self._core, self._server
+        if server is None:
+            raise RuntimeError(f"{core.name} is not open: add streams inside `with`")
+        added = StreamPublisher(
+            core.link, topic, key, server.queue, core.health.log_drop, core.clock
+        )
+        self._publishers = {**self._publishers, (key, ""): added}
+        return added
 
     @property
     def shared_memory_failure(self) -> str:
@@ -110,141 +172,212 @@ class Outputs:
         for offer in self._offers():
             offer.close()
 
-    def header(self, frame: Frame, encoding: str | None = None) -> Header:
-        """Return the header of a result: the frame's identity, this node's name and revision."""
-        return frame.header.model_copy(
-            update={
-                "encoding": encoding,
-                "node": self._node,
-                "revision": 0 if frame.revision is None else frame.revision.number,
-                "done_ns": time.time_ns(),
-            }
-        )
-
-    def publish(
-        self,
-        topic: Topic | str,
-        message: Message | Callable[[], Message],
-        *,
-        camera: str | None = None,
-    ) -> None:
-        """Publish a message.
-
-        Args:
-            topic: A topic that the node publishes.
-            message: The message, published for the camera in its header, if it has one; or a
-                function that makes it. The function is called at most once, perhaps later and on
-                another thread, and for a lazy topic only if someone subscribes or queries.
-            camera: For a message without a header, or a function, if the node serves several
-                cameras.
-        """
-        if isinstance(message, Stamped):
-            camera = message.header.camera
-        self._publisher(topic, self._camera(camera)).offer(
-            lambda: Outgoing.message(message if isinstance(message, Message) else message())
-        )
-
-    def publish_picture(
-        self,
-        topic: Topic | str,
-        frame: Frame,
-        picture: Pixels | Callable[[], Pixels],
-        *,
-        encoding: str = "bgr8",
-        quality: int = 80,
-        jpeg: bool | None = None,
-        bilevel: bool = False,
-        bits: bool = False,
-    ) -> None:
-        """Publish a picture made from a frame, if someone subscribes; keep it for queries.
-
-        Args:
-            topic: Says whether the picture is encoded as JPEG or PNG.
-            frame: The frame from which it was made.
-            picture: Pixels, or a function that makes them. It is called at most once, perhaps
-                later and on another thread, so it must not use a borrowed frame (``Frame.keep``).
-            encoding: Of the pixels: ``bgr8`` or ``mono8``.
-            quality: JPEG quality, 1 to 100.
-            jpeg: True or False overrides the topic.
-            bilevel: All pixels are 0 or 255: a PNG then has one bit each.
-            bits: All pixels are 0 or 255: send packed bits instead of a PNG or JPEG.
-        """
-        publisher = self._publisher(topic, frame.header.camera)
-        as_jpeg = publisher.topic.encoding == JPEG if jpeg is None else jpeg
-
-        def make() -> Outgoing:
-            pixels = picture() if callable(picture) else picture
-            return encoded_picture(
-                pixels,
-                self.header(frame, encoding),  # made after the work, whose end is ``done_ns``
-                jpeg_quality=quality if as_jpeg else None,
-                bilevel=bilevel,
-                bits=bits,
-            )
-
-        publisher.offer(make)
-
-    def publish_frame(
-        self,
-        frame: Frame,
-        may_send: Callable[[Frame], bool] = lambda _: True,
-        *,
-        not_decoded: Callable[[PayloadError], None],
-    ) -> bool:
-        """Publish a camera's own frame: in shared memory, compressed and raw, each if asked for.
-
-        Args:
-            frame: The frame.
-            may_send: Tells whether to send it compressed; called only if someone subscribes to
-                that.
-            not_decoded: Called if it was sent compressed, but its pixels, which others asked for,
-                cannot be decoded.
-
-        Returns:
-            Whether it was sent in any of these forms.
-
-        Raises:
-            ValueError: The node publishes neither ``image/compressed`` nor ``image`` of the camera.
-            PayloadError: The picture can neither be encoded nor decoded.
-        """
-        outputs = self._frame_outputs(frame.header.camera)
-        offer, decode_for_it = outputs.offer, frame.is_compressed
-        shared = sent = False
-        if offer is not None and not decode_for_it:  # first, as it takes the least time
-            shared = offer.write(frame)
-        if outputs.compressed is not None:
-            sent = outputs.compressed.offer(
-                lambda: Outgoing(frame.compressed, frame.mime, frame.compressed_header.to_bytes()),
-                lambda: may_send(frame),
-            )
-        try:
-            if outputs.raw is not None:
-                sent |= outputs.raw.offer(
-                    lambda: Outgoing(frame.raw, RAW_IMAGE, frame.header.to_bytes())
-                )
-            if offer is not None and decode_for_it:
-                shared = offer.write(frame)
-        except PayloadError as error:
-            if not sent:
-                raise
-            not_decoded(error)
-        return sent or shared
-
-    def limit_replies(self, topic: Topic | str, camera: str, may_reply: MayReply) -> None:
+    def limit_replies(self, topic: Topic | str, camera: str, limit: ReplyLimit) -> None:
         """Set the function that is asked before each reply on a topic; see ``StreamPublisher``.
 
         Raises:
             ValueError: The node does not publish the topic of the camera.
         """
-        self._publisher(topic, camera).may_reply = may_reply
+        self._publisher(topic, camera).limit = limit
 
-    def check_camera(self, camera: str) -> None:
-        """Check that frames of a camera can be published.
+    # Publishing
+
+    def wanted(self, topic: Topic | str, camera: str | None) -> bool:
+        """Tell whether someone subscribes to a topic; see ``Node.wanted``."""
+        return self._publisher(topic, self._core.camera(camera)).wanted
+
+    def header(self, frame: Frame, encoding: str | None = None) -> Header:
+        """Return the header of a result: the frame's identity, this node's name and revision."""
+        return frame.header.model_copy(
+            update={
+                "encoding": encoding,
+                "node": self._core.name,
+                "revision": 0 if frame.revision is None else frame.revision.number,
+                "done_ns": self._core.clock.time_ns(),
+            }
+        )
+
+    def publish(
+        self, topic: Topic | str, message: Message | Callable[[], Message], camera: str | None
+    ) -> bool:
+        """Publish a message; see ``Node.publish``."""
+        camera = (
+            message.header.camera if isinstance(message, Stamped) else self._core.camera(camera)
+        )
+        outcome = self._publisher(topic, camera).offer(
+            lambda: Outgoing.message(message if isinstance(message, Message) else message())
+        )
+        return outcome == "sent"
+
+    def publish_bytes(
+        self,
+        topic: Topic | str,
+        payload: bytes,
+        encoding: str,
+        attachment: bytes | None,
+        camera: str | None,
+    ) -> bool:
+        """Publish a payload as it is; see ``Node.publish_bytes``."""
+        form = forms.FORMS.get(encoding)
+        answers = form is None or form.stands_alone
+        outgoing = Outgoing(payload, encoding, attachment, answers)
+        publisher = self._publisher(topic, self._core.camera(camera))
+        return publisher.offer(lambda: outgoing) == "sent"
+
+    def publish_result(
+        self,
+        topic: Topic | str,
+        frame: Frame,
+        picture: AnyPicture | Callable[[], AnyPicture],
+        *,
+        encoding: str | None,
+        quality: int,
+        form: str | None,
+        bilevel: bool,
+    ) -> Published:
+        """Publish a picture made from a frame; see ``Node.publish_picture``."""
+        publisher = self._publisher(topic, frame.header.camera)
+        chosen = forms.FORMS[publisher.topic.encoding] if form is None else forms.form_named(form)
+        if not callable(picture):
+            picture = _picture(picture, encoding, bilevel=bilevel)
+
+        def make() -> Outgoing:
+            made = picture
+            if callable(made):
+                made = _picture(made(), encoding, bilevel=bilevel, own=True)
+            payload = chosen.make(made, quality)
+            # The header is made after the work, whose end is ``done_ns``.
+            return _outgoing(chosen, payload, self.header(frame, made.encoding), made)
+
+        return Published(publisher.offer(make), frame)
+
+    def publish_own(
+        self,
+        picture: AnyPicture,
+        *,
+        camera: str | None,
+        encoding: str | None,
+        quality: int,
+        stamp_ns: int | None,
+        new_epoch: bool,
+        compress: Compress | None,
+    ) -> Published:
+        """Publish a picture as the next frame of a camera; see ``Node.publish_picture``."""
+        core = self._core
+        camera = core.camera(camera)
+        self._frame_outputs(camera)
+        core.health.loop_alive()
+        core.counters.arrive()
+        revision = core.revision
+        epoch, seq = self._identify(camera, new_epoch=new_epoch)
+        try:
+            shown = _picture(picture, encoding)
+            check_size(*shown.size)
+            header = Header(
+                camera=camera,
+                epoch=epoch,
+                seq=seq,
+                stamp_ns=core.clock.time_ns() if stamp_ns is None else stamp_ns,
+                width=shown.width,
+                height=shown.height,
+                encoding=shown.encoding,
+                node=core.name,
+                revision=0 if revision is None else revision.number,
+            )
+            if revision is not None:
+                quality = value_of(revision.settings, "quality", quality)
+            frame = Frame(header, shown, quality=quality, revision=revision, captured=True)
+        except PayloadError as error:
+            core.drop(error)
+            core.activate()
+            return Published("dropped", None)
+        published = self.publish_frame(COMPRESSED, frame, compress)
+        core.activate()
+        return published
+
+    def publish_frame(
+        self, topic: Topic | str, frame: Frame, compress: Compress | None = None
+    ) -> Published:
+        """Publish a frame under its own header; see ``Node.publish_picture``.
+
+        A camera's own frames go in shared memory, compressed and raw, each if someone asks for it.
+        """
+        name = topic if isinstance(topic, str) else topic.name
+        if name not in (COMPRESSED.name, RAW.name):
+            publisher = self._publisher(topic, frame.header.camera)
+            form = forms.FORMS[publisher.topic.encoding]
+            return Published(publisher.offer(lambda: _of_frame(frame, form)), frame)
+        outputs = self._frame_outputs(frame.header.camera)
+        try:
+            outcome = self._publish_all_ways(outputs, frame, compress)
+        except PayloadError as error:
+            if not frame.captured:
+                raise
+            frame.captured = False
+            self._core.drop(error)
+            return Published("dropped", None)
+        except BaseException:
+            if frame.captured:  # the node ends, with counters that balance
+                self._core.counters.drop("failed")
+            raise
+        if frame.captured:
+            frame.captured = False
+            if outcome == "sent":
+                self._core.counters.finish()
+            elif outcome == "withheld":
+                self._core.counters.drop("over_budget")
+            else:
+                self._core.counters.drop("no_subscriber")
+            self._core.health.done(frame.header.age_start_ns)
+        return Published(outcome, frame)
+
+    def _publish_all_ways(
+        self, outputs: FrameOutputs, frame: Frame, compress: Compress | None
+    ) -> Outcome:
+        """Publish a frame in each way that someone asks for, the cheapest first.
 
         Raises:
-            ValueError: The node publishes neither ``image/compressed`` nor ``image`` of it.
+            PayloadError: It was sent in no way, and can neither be encoded nor decoded.
         """
-        self._frame_outputs(camera)
+        found: set[Outcome] = set()
+        failure: PayloadError | None = None
+
+        def to_send() -> Outgoing | None:
+            data = frame.compressed if compress is None else compress(frame)
+            return None if data is None else _compressed(frame, data)
+
+        try:
+            if outputs.memory is not None and outputs.memory.write(frame):
+                found.add("sent")
+        except PayloadError as error:
+            failure = error
+        try:
+            if outputs.compressed is not None:
+                kept = lambda: _compressed(frame, frame.compressed)  # noqa: E731
+                found.add(outputs.compressed.offer(kept, to_send))
+        except PayloadError as error:
+            failure = error
+        try:
+            if outputs.raw is not None:
+                found.add(outputs.raw.offer(lambda: _of_frame(frame, forms.RAW_FORM)))
+        except PayloadError as error:
+            failure = error
+        if failure is not None and "sent" not in found:
+            raise failure
+        if failure is not None:  # sent as it is, but not as pixels
+            self._core.counters.note("not_decoded")
+            self._core.health.log_drop(failure)
+        return min(found, key=RANKED.index, default="unwanted")
+
+    def _identify(self, camera: str, *, new_epoch: bool) -> tuple[int, int]:
+        """Return epoch and seq of the next frame; epochs never run backwards."""
+        epoch, seq = self._last.get(camera, (0, 0))
+        if new_epoch or not epoch:
+            epoch, seq = max(epoch + 1, self._core.clock.time_ns()), 0
+        else:
+            seq += 1
+        self._last[camera] = (epoch, seq)
+        return epoch, seq
 
     def _frame_outputs(self, camera: str) -> FrameOutputs:
         found = self._frames.get(camera)
@@ -252,16 +385,8 @@ class Outputs:
             raise self._not_published(COMPRESSED.name, camera)
         return found
 
-    def _offers(self) -> list[SharedMemoryOffer]:
-        return [each.offer for each in self._frames.values() if each.offer is not None]
-
-    def _camera(self, named: str | None) -> str:
-        """Return the camera of this name, or the node's only one."""
-        if named is not None:
-            return named
-        if len(self._cameras) != 1:
-            raise ValueError(f"{self._node} serves {self._cameras}: name the camera")
-        return self._cameras[0]
+    def _offers(self) -> list[MemoryOffer]:
+        return [each.memory for each in self._frames.values() if each.memory is not None]
 
     def _publisher(self, topic: Topic | str, camera: str) -> StreamPublisher:
         name = topic if isinstance(topic, str) else topic.name
@@ -271,12 +396,56 @@ class Outputs:
         return found
 
     def _not_published(self, topic: str, camera: str) -> ValueError:
-        published = "; ".join(map(_listed, self._topics.items())) or "nothing"
+        listed = (
+            f"{', '.join(topic.name for topic in topics) or 'nothing'} of {camera}"
+            for camera, topics in self._topics.items()
+        )
+        published = "; ".join(listed) or "nothing"
         return ValueError(
-            f"{self._node} does not publish {topic} of {camera}; it publishes {published}"
+            f"{self._core.name} does not publish {topic} of {camera}; it publishes {published}"
         )
 
 
-def _listed(item: tuple[str, Sequence[Topic]]) -> str:
-    camera, topics = item
-    return f"{', '.join(topic.name for topic in topics) or 'nothing'} of {camera}"
+def _picture(
+    picture: AnyPicture, encoding: str | None, *, bilevel: bool = False, own: bool = False
+) -> Picture:
+    """Return pixels or the bytes of a file as a picture that does not change any more.
+
+    Pixels are copied if they can be written to, unless they are our ``own``: made for this.
+    """
+    if isinstance(picture, Picture):
+        return picture
+    if isinstance(picture, bytes):
+        return picture_of(picture, encoding)
+    return PixelPicture(picture if own else lasting(picture), encoding, bilevel=bilevel)
+
+
+def _compressed(frame: Frame, data: bytes) -> Outgoing:
+    """Return the compressed bytes of a frame to send; they may show a smaller picture of it."""
+    form = forms.form_of(forms.own_form(frame.picture).encoding, data)
+    header = form.header(frame.header)
+    return Outgoing(data, form.encoding, header.to_bytes(), form.stands_alone)
+
+
+def _of_frame(frame: Frame, form: PictureForm) -> Outgoing:
+    """Return a frame in a form, at full size if only its header says the size."""
+    picture = frame.picture
+    if form.needs_header and frame.is_reduced:
+        picture = PixelPicture(frame.pixels, picture.encoding)
+    header = form.header(frame.header)
+    payload = form.make(picture, frame.quality)
+    return Outgoing(payload, form.encoding, header.to_bytes(), form.stands_alone)
+
+
+def _outgoing(form: PictureForm, payload: bytes, header: Header, picture: Picture) -> Outgoing:
+    """Return a payload with the header that fits it.
+
+    A picture that was made by ``Picture.scaled`` keeps its frame's coordinates. Any other of
+    another size, such as a crop, has coordinates of its own, and its header says its size.
+    """
+    if picture.size != (header.width, header.height) and (
+        form.needs_header or not picture.is_reduced
+    ):
+        width, height = picture.size
+        header = header.model_copy(update={"width": width, "height": height})
+    return Outgoing(payload, form.encoding, form.header(header).to_bytes(), form.stands_alone)

@@ -14,7 +14,7 @@ from typing import Any
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.errors import ParameterRefused
+from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Refusal, Stamped
 from zenoh_vision.transport.link import Link
@@ -23,18 +23,28 @@ from zenoh_vision.transport.session import direct
 log = logging.getLogger(__name__)
 
 MAX_WAITING_QUERIES = 256
+MAX_WAITING_BYTES = 16 << 20
+"""Payloads of the queries that wait: each may have the size of the largest frame."""
+
 CLOSE_S = 1.0
 
 Answer = Callable[[zenoh.Query], None]
 
 
 class QueryServer:
-    """A bounded queue of queries and the thread that answers them."""
+    """A bounded queue of queries and the thread that answers them.
 
-    def __init__(self) -> None:
-        self._waiting: queue.Queue[tuple[zenoh.Query, Answer] | None] = queue.Queue(
+    Args:
+        report: Called with what is wrong with an answer that cannot be made.
+    """
+
+    def __init__(self, report: Callable[[PayloadError], None] = lambda _: None) -> None:
+        self._report = report
+        self._waiting: queue.Queue[tuple[zenoh.Query, Answer, int] | None] = queue.Queue(
             MAX_WAITING_QUERIES
         )
+        self._bytes = 0  # of the queries that wait and of the one in work
+        self._lock = threading.Lock()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="queries", daemon=True)
 
@@ -43,12 +53,23 @@ class QueryServer:
         self._thread.start()
 
     def queue(self, query: zenoh.Query, answer: Answer) -> None:
-        """Queue a query; refuse it if too many wait. Never blocks."""
+        """Queue a query; refuse it if too many, or too many bytes, wait. Never blocks."""
+        size = 0 if query.payload is None else len(query.payload)
+        with self._lock:
+            fits = self._bytes + size <= MAX_WAITING_BYTES
+            self._bytes += size if fits else 0
         try:
-            self._waiting.put_nowait((query, answer))
+            if not fits:
+                raise queue.Full
+            self._waiting.put_nowait((query, answer, size))
         except queue.Full:
+            self._forget(size if fits else 0)
             with query:
                 query.reply_err(b"busy: too many queries are waiting", encoding="text/plain")
+
+    def _forget(self, size: int) -> None:
+        with self._lock:
+            self._bytes -= size
 
     def declare(self, link: Link, key: str, answer: Answer) -> None:
         """Answer queries on a key."""
@@ -65,12 +86,17 @@ class QueryServer:
 
     def _serve(self) -> None:
         while (item := self._waiting.get()) is not None and not self._closing.is_set():
-            query, answer = item
+            query, answer, size = item
             with query:  # the sender waits until the query is dropped
                 try:
                     answer(query)
-                except Exception:
-                    log.exception("a query could not be answered")
+                except Exception as error:  # of a function of the service, perhaps
+                    log.debug("a query could not be answered", exc_info=True)
+                    words = f"{type(error).__name__}: {error}"
+                    self._report(PayloadError("not_answered", words))
+                    with suppress(zenoh.ZError):  # it was answered before the error
+                        query.reply_err(words.encode(), encoding="text/plain")
+            self._forget(size)
 
 
 def _parameters(query: zenoh.Query) -> dict[str, str]:
@@ -101,23 +127,25 @@ def message_answer(key: str, reply_to: Callable[[Mapping[str, str]], Message]) -
     return answer
 
 
-def schema_answer(namespace: str, messages: Iterable[type[Message]]) -> Answer:
+def schema_answer(namespace: str, messages: Callable[[], Iterable[type[Message]]]) -> Answer:
     """Return a function that answers ``@{ns}/schema/{name}`` with JSON Schemas of messages.
 
     The name is that of the class (``Centroid``) or the versioned one (``vision.Centroid.v1``).
+
+    Args:
+        namespace: First chunk of the keys.
+        messages: Returns the classes of the messages at this moment.
     """
-    by_key: dict[zenoh.KeyExpr, type[Message]] = {}
-    for message in messages:
-        for name in (message.schema_name, message.short_name()):
-            by_key[zenoh.KeyExpr(keys.schema_key(namespace, name))] = message
 
     @cache  # made when first asked for, and once: a flood of queries must not slow the node
     def text(message: type[Message]) -> str:
         return json.dumps(message.model_json_schema())
 
     def answer(query: zenoh.Query) -> None:
-        for key, message in by_key.items():
-            if query.key_expr.intersects(key):
-                query.reply(key, text(message), encoding=keys.JSON)
+        for message in messages():
+            for name in (message.schema_name, message.short_name()):
+                key = zenoh.KeyExpr(keys.schema_key(namespace, name))
+                if query.key_expr.intersects(key):
+                    query.reply(key, text(message), encoding=keys.JSON)
 
     return answer

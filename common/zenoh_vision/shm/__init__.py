@@ -1,11 +1,12 @@
 """Frames between processes of one machine through shared memory. Only this package uses iceoryx2.
 
-**How one frame travels.** The camera's ``FrameWriter`` loans memory from iceoryx2, and a JPEG is
-decoded into it, a video's planes or a webcam's YUYV are converted into it, or pixels are copied;
-the header's bytes follow them. It sends the sample and rings a ``Doorbell``, a number that all
-receivers wait for, as iceoryx2's own waiting would stop every thread of a Python process. The
-``FrameReader`` of each consumer, a thread, passes the sample to an intake like any other: the same
-checks of identity, order, size and age, the same counters.
+**How one frame travels.** The camera's ``FrameWriter`` loans memory from iceoryx2. A video's planes
+or a webcam's YUYV are converted into it, and pixels are copied; a JPEG or PNG stays as it is, since
+a receiver may need only its grey values or a part of its pixels. The header's bytes follow. It
+sends the sample and rings a ``Doorbell``, a number that all receivers wait for, as iceoryx2's own
+waiting would stop every thread of a Python process. The ``FrameReader`` of each consumer passes the
+sample to an intake like any other: the same checks of identity, order, size and age, the same
+counters.
 
 **Ownership of memory.** The camera owns the memory until it has sent it; after that, nobody writes
 to it. A receiver's sample is a read-only view. Everything that refers to it, such as
@@ -25,8 +26,8 @@ someone subscribes to those. Token and subscription end with their process, howe
 
 **Switching.** A consumer of JPEGs keeps its subscription until the first frame came through shared
 memory. When the token disappears, or nothing comes through shared memory for 3 s, it subscribes to
-JPEG again. Frames of both transports are one stream with one ``EpochGate``; a frame that arrives
-twice is dropped as ``duplicate``.
+JPEG again. Frames of both routes are one stream with one ``EpochGate``; a frame that arrives twice
+is dropped as ``duplicate``.
 
 **When memory runs out.** A write to a page that /dev/shm has no room for would end the process, so
 each piece of memory is reserved before it is first used. If there is none, the camera withdraws its

@@ -17,14 +17,19 @@ VIEWS = 4
 """Most samples that a consumer holds: in work, waiting, arriving, and one that it keeps."""
 
 PREFIX = "zenoh_vision_"
+MAX_ENCODING = 63
 LEAST_FREE = 1 << 20
 """Less is not enough for iceoryx2's own files, of some kilobytes each."""
 
 
-class Lengths(ctypes.Structure):
-    """The header of a sample of iceoryx2: how its bytes are divided."""
+class Layout(ctypes.Structure):
+    """The header of a sample of iceoryx2: how its bytes are divided, and the payload's encoding."""
 
-    _fields_ = (("pixels", ctypes.c_uint64), ("attachment", ctypes.c_uint64))
+    _fields_ = (
+        ("payload", ctypes.c_uint64),
+        ("attachment", ctypes.c_uint64),
+        ("encoding", ctypes.c_char * (MAX_ENCODING + 1)),
+    )
 
 
 def open_channel(offer: str) -> tuple[Any, Any]:
@@ -56,9 +61,9 @@ def open_channel(offer: str) -> tuple[Any, Any]:
         for shared in MEMORY.glob(f"{prefix}*.global_mgmt"):
             shared.chmod(0o600)  # iceoryx2 lets every user write to it
         service = (
-            node.service_builder(iceoryx2.ServiceName.new(f"zenoh-vision/{offer}"))
+            node.service_builder(iceoryx2.ServiceName.new(f"zenoh-vision/2/{offer}"))
             .publish_subscribe(iceoryx2.Slice[ctypes.c_uint8])
-            .user_header(Lengths)
+            .user_header(Layout)
             .enable_safe_overflow(True)
             .subscriber_max_buffer_size(1)
             .subscriber_max_borrowed_samples(VIEWS)

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_vision.image.forms import RAW_FORM, own_form
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import raw_size
-from zenoh_vision.shm.channel import LEAST_FREE, Lengths, iceoryx_errors, open_channel
+from zenoh_vision.shm.channel import LEAST_FREE, MAX_ENCODING, Layout, iceoryx_errors, open_channel
 from zenoh_vision.shm.doorbell import Doorbell
 from zenoh_vision.shm.machine import FULL, SharedMemoryError, free_bytes
 
@@ -52,22 +53,31 @@ class FrameWriter:
             SharedMemoryError: There is no memory for it.
             PayloadError: The picture cannot be decoded.
         """
+        # A JPEG or PNG goes as it is: it is smaller, and its receiver may need only a part of it.
+        file = None if frame.picture.form is None else frame.compressed
+        form = RAW_FORM if file is None else own_form(frame.picture)
         header = frame.header
-        attachment = header.to_bytes()
-        size = raw_size(header.encoding, header.width, header.height)
+        attachment = form.header(header).to_bytes()
+        size = raw_size(header.encoding, header.width, header.height) if file is None else len(file)
         whole = size + len(attachment)
+        if len(form.encoding) > MAX_ENCODING:
+            raise SharedMemoryError(f"a Zenoh encoding of over {MAX_ENCODING} characters")
         with iceoryx_errors():
-            self._make_room(whole)
+            self._make_room(whole if file is None else 2 * whole, whole)
             # Asked only if the last frame had no reader, since it takes as long as the sending.
             if not self._readers and not self._service.dynamic_config.number_of_subscribers:
                 return False
             loan = self._publisher.loan_slice_uninit(whole)
             try:
                 memory = self._piece_at(loan.payload_ptr)
-                frame.copy_raw(memory[:size])
+                if file is None:
+                    frame.write(memory[:size])
+                else:
+                    memory[:size] = np.frombuffer(file, np.uint8)
                 memory[size:whole] = np.frombuffer(attachment, np.uint8)
-                lengths = Lengths.from_address(loan.user_header_ptr)
-                lengths.pixels, lengths.attachment = size, len(attachment)
+                layout = Layout.from_address(loan.user_header_ptr)
+                layout.payload, layout.attachment = size, len(attachment)
+                layout.encoding = form.encoding.encode("ascii")
             except BaseException:
                 del loan  # the only one there may be: it would last as long as the exception
                 raise
@@ -81,8 +91,9 @@ class FrameWriter:
         self._publisher = self._service = self._node = None
         self._bell.close()
 
-    def _make_room(self, size: int) -> None:
-        if self._publisher is not None and size <= self._room:
+    def _make_room(self, size: int, least: int) -> None:
+        """Have memory for pieces of a size, if it is not at least ``least`` already."""
+        if self._publisher is not None and least <= self._room:
             return
         if free_bytes() < size + LEAST_FREE:
             raise SharedMemoryError(FULL)

@@ -36,6 +36,10 @@ latest = Buffering(1, per_key=True, reason="overwritten")
 
 
 QUEUE_BYTES = 256 << 20
+"""Most bytes that wait, of a queue or of all keys; a key's newest item may exceed it alone."""
+
+MAX_KEYS = 1000
+"""Most keys that have items waiting; anyone can publish on any number of them."""
 
 
 def queue(depth: int, max_bytes: int = QUEUE_BYTES) -> Buffering:
@@ -68,15 +72,6 @@ class _Queue(Generic[T]):
         self.items: deque[tuple[int, int, T]] = deque()
         self.size = 0
 
-    def append(self, position: int, size: int, item: T) -> None:
-        self.items.append((position, size, item))
-        self.size += size
-
-    def popleft(self) -> tuple[int, T]:
-        position, size, item = self.items.popleft()
-        self.size -= size
-        return position, item
-
 
 class Buffer(Generic[T]):
     """Items of one input, oldest first; safe between threads.
@@ -102,6 +97,7 @@ class Buffer(Generic[T]):
         self._lock = threading.Lock()
         self._queues: dict[tuple[str, bool], _Queue[T]] = {}  # by key and whether unverified
         self._number = 0
+        self._bytes = 0  # of all items
 
     def put(self, item: T, key: str = "", *, unverified: bool = False, size: int = 0) -> None:
         """Add an item of ``size`` bytes; drop the oldest of its queue while that is full."""
@@ -110,18 +106,26 @@ class Buffer(Generic[T]):
         queue_key = (key, unverified) if per_key else ("", False)
         with self._lock:
             self._number += 1
-            items = self._queues.setdefault(queue_key, _Queue())
+            position = self._number
             replaced = []
+            if queue_key not in self._queues and len(self._queues) >= MAX_KEYS:
+                replaced.append(self._pop_oldest())
+            items = self._queues.setdefault(queue_key, _Queue())
             while items.items and (
                 len(items.items) == self._buffering.depth
                 or items.size + size > self._buffering.max_bytes
             ):
-                replaced.append(items.popleft())
+                place, oldest = self._popleft(items)
+                position = min(position, place)
+                replaced.append(oldest)
             # A newer item takes the position of the one that it replaces.
-            position = replaced[0][0] if replaced and per_key else self._number
-            items.append(position, size, item)
+            items.items.append((position if per_key else self._number, size, item))
+            items.size += size
+            self._bytes += size
+            while self._bytes > QUEUE_BYTES and len(self._queues) > 1:
+                replaced.append(self._pop_oldest())
         self._filled.set()
-        for _, oldest in replaced:
+        for oldest in replaced:
             self._dropped(oldest)
 
     @property
@@ -140,16 +144,28 @@ class Buffer(Generic[T]):
         with self._lock:
             if not self._queues:
                 return None  # another thread took it
-            oldest = min(self._queues, key=lambda each: self._queues[each].items[0][0])
-            key = oldest[0]
-            queue_key = (key, False) if (key, False) in self._queues else (key, True)
-            items = self._queues[queue_key]
-            _, item = items.popleft()
-            if not items.items:
-                del self._queues[queue_key]
-            return item
+            return self._pop_oldest()
+
+    def _pop_oldest(self) -> T:
+        key, _ = min(self._queues, key=lambda each: self._queues[each].items[0][0])
+        queue_key = (key, False) if (key, False) in self._queues else (key, True)
+        items = self._queues[queue_key]
+        _, item = self._popleft(items)
+        if not items.items:
+            del self._queues[queue_key]
+        return item
+
+    def _popleft(self, items: _Queue[T]) -> tuple[int, T]:
+        position, size, item = items.items.popleft()
+        items.size -= size
+        self._bytes -= size
+        return position, item
 
 
 def wait_for_any(filled: Wakeup, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
     """Wait until one of the buffers that share a wake-up has an item, or until the time-out."""
-    filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)
+    if len(buffers) == 1:  # nearly always
+        queues = buffers[0]._queues
+        filled.wait_for(lambda: queues, timeout_s)
+    else:
+        filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)

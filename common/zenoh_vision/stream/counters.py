@@ -25,20 +25,20 @@ class FrameCounters:
         self._notes: Counter[str] = Counter()
         self._lock = threading.Lock()
 
-    def arrive(self) -> None:
-        """Count an arrival; it is pending until ``finish`` or ``drop``."""
+    def arrive(self, count: int = 1) -> None:
+        """Count arrivals; each is pending until ``finish`` or ``drop``."""
         with self._lock:
-            self._arrived += 1
+            self._arrived += count
 
     def finish(self) -> None:
         """Count one pending item as done."""
         with self._lock:
             self._done += 1
 
-    def drop(self, reason: str) -> None:
-        """Count one pending item as dropped."""
+    def drop(self, reason: str, count: int = 1) -> None:
+        """Count pending items as dropped."""
         with self._lock:
-            self._dropped[reason] += 1
+            self._dropped[reason] += count
 
     def note(self, name: str, amount: int = 1) -> None:
         """Count something outside the balance, such as ``missed`` frames.

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.image import codecs, pixel_formats
-from zenoh_vision.image.bits import bits_size, unpack_bits
+from zenoh_vision.image import forms
 from zenoh_vision.image.depth import RangeFinder
+from zenoh_vision.image.forms import PictureForm
 from zenoh_vision.image.frame import Frame, Want
-from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES, MAX_PIXELS, MAX_SIDE
-from zenoh_vision.keys import Way
+from zenoh_vision.image.pixel_formats import MAX_PIXELS
+from zenoh_vision.keys import JPEG, RAW_IMAGE, RouteName
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffering, latest
 from zenoh_vision.stream.epoch_gate import SILENCE_NS, EpochGate
 from zenoh_vision.stream.intake import Consumer, InputState, Intake
-from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES, PICTURE_LIMIT, Sample, SizeLimit
+from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES, Sample, SizeLimit
 
 MAX_KEYS = 1000
 """Keys that an intake with wildcards follows; anyone can publish on any number of them. When it is
@@ -44,9 +44,9 @@ class KeyStream:
     missed: int = 0
     late_since_ns: int | None = None
     finder: RangeFinder = field(default_factory=RangeFinder)
-    way: Way = "jpeg"
-    seq: int = -1  # of the newest arrival, and its epoch
-    epoch: int = 0
+    route: RouteName = "jpeg"
+    seq: int = -1  # of the newest arrival, and its run
+    run: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +54,7 @@ class Arrival:
     """A frame with valid header, size and order; not decoded yet.
 
     Attributes:
+        form: How its picture is written.
         stream: State of its key, which the intake may have forgotten meanwhile.
         header: Of the frame, with its time of arrival.
         unverified: No picture of its epoch was decoded yet.
@@ -62,6 +63,7 @@ class Arrival:
     """
 
     sample: Sample
+    form: PictureForm
     stream: KeyStream
     header: Header
     unverified: bool
@@ -72,18 +74,15 @@ class Arrival:
 class FrameIntake(Intake[Arrival, Frame]):
     """Frames of one camera, or of several by wildcard: each key with a state of its own.
 
+    Without wildcards all samples are of one stream, whatever their keys, forms and routes, so that
+    a frame that comes twice counts once.
+
     Args:
         key, consumer, buffering: As for ``Intake``.
-        raw: The payloads are raw pixels instead of JPEG or PNG.
-        raw_key: Another key that carries the same frames as raw pixels: both are one stream, so
-            that each frame counts once.
-        borrow: Frames of raw pixels may be views of the transport's memory; else they own their
-            memory.
+        encoding: Zenoh encoding of the pictures on the key, for samples that name none.
         max_pixels: Larger frames are dropped as ``too_large``, by their headers.
 
     Attributes:
-        awaited: The keys on one of which the first frame may arrive.
-        way: How the newest frame arrived; None before the first.
         depth_limits: Lowest and highest of the 16-bit values that become 8 bits, each None for
             automatic; None for the whole range, as cv_bridge does.
     """
@@ -94,38 +93,39 @@ class FrameIntake(Intake[Arrival, Frame]):
         consumer: Consumer,
         buffering: Buffering = latest,
         *,
-        raw: bool = False,
-        raw_key: str | None = None,
-        borrow: bool = False,
+        encoding: str = JPEG,
         max_pixels: int = MAX_PIXELS,
     ) -> None:
-        super().__init__(key, consumer, buffering, picture_limit(max_pixels, raw=raw))
+        super().__init__(key, consumer, buffering, _limit_of(encoding, max_pixels))
         self._max_pixels = max_pixels
-        self._raw = raw
-        self._raw_key = raw_key
-        self.awaited: tuple[str, ...] = (key,)
-        self.way: Way | None = None
-        self._newest_key: str | None = None
+        self._encoding = encoding
         self.depth_limits: tuple[int | None, int | None] | None = None
-        self._borrow = borrow
-        self._since_ns = time.monotonic_ns()
+        self._single = "*" not in key
+        self._since_ns = self.clock.monotonic_ns()
         self._streams: dict[str, KeyStream] = {}  # the one that has been silent longest comes first
         self._lock = threading.Lock()
 
-    def take(self, timeout_s: float, want: Want, max_age_s: float | None) -> Frame | None:
+    def take(
+        self,
+        timeout_s: float,
+        want: Want = "bgr",
+        max_age_s: float | None = None,
+        revision: Any = None,
+    ) -> Frame | None:
         """Return the next frame, decoded; None after the time-out, or if it was dropped.
 
         The frame is pending until the consumer counts it as processed or dropped.
 
         Args:
             timeout_s: How long to wait.
-            want: The form that is decoded here, so that its errors are counted here; or a
+            want: The view that is decoded here, so that its errors are counted here; or a
                 function that decodes what its caller needs.
             max_age_s: Frames that are more than this later than the fastest of the last minute are
                 dropped as ``stale``; None drops none.
+            revision: Becomes ``Frame.revision``, before ``want`` is called.
         """
-        arrival = self.arrival(timeout_s)
-        return None if arrival is None else self.accept(arrival, max_age_s, want)
+        item = self._next(timeout_s)
+        return None if item is None else self.accept(item[1], max_age_s, want, revision)
 
     def arrival(self, timeout_s: float) -> Arrival | None:
         """Return the next arrival, not decoded; None after the time-out.
@@ -136,7 +136,11 @@ class FrameIntake(Intake[Arrival, Frame]):
         return None if item is None else item[1]
 
     def accept(
-        self, arrival: Arrival, max_age_s: float | None, want: Want | None = None
+        self,
+        arrival: Arrival,
+        max_age_s: float | None,
+        want: Want | None = None,
+        revision: Any = None,
     ) -> Frame | None:
         """Return the frame of an arrival; None if it was dropped as stale or no picture.
 
@@ -145,25 +149,18 @@ class FrameIntake(Intake[Arrival, Frame]):
         """
         header, sample, stream = arrival.header, arrival.sample, arrival.stream
         max_age_ns = None if max_age_s is None else int(max_age_s * 1e9)
-        now_ns = time.monotonic_ns()
+        now_ns = self.clock.monotonic_ns()
         if max_age_ns is not None and stream.gate.is_stale(header, max_age_ns, now_ns):
             self._counters.drop("stale")
             if stream.late_since_ns is None:
                 stream.late_since_ns = now_ns
             return None
         try:
-            frame = frame_of(
-                sample,
-                header,
-                raw=self._is_raw(sample.key),
-                borrow=self._borrow,
-                finder=self._finder(stream),
-            )
-            if callable(want):
-                want(frame)
-            elif want is not None or arrival.unverified:
-                frame.form(want or "gray")
-            stream.gate.accept(header, sample.arrived_ns, time.monotonic_ns(), max_age_ns)
+            frame = forms.opened(arrival.form, sample.payload, header, sample.key)
+            frame.revision = revision
+            if want is not None or arrival.unverified:
+                self._decode(frame, stream, want or "gray")
+            stream.gate.accept(header, sample.arrived_ns, self.clock.monotonic_ns(), max_age_ns)
         except PayloadError as error:
             self._drop(error)
             return None
@@ -173,8 +170,8 @@ class FrameIntake(Intake[Arrival, Frame]):
     def states(self) -> Sequence[InputState]:
         """Return the state of each key that sent frames; of the input as a whole if none did."""
         with self._lock:
-            if "*" in self.key:
-                self._forget_silent(time.monotonic_ns())
+            if not self._single:
+                self._forget_silent(self.clock.monotonic_ns())
             found = [
                 InputState(
                     stream.key,
@@ -182,53 +179,50 @@ class FrameIntake(Intake[Arrival, Frame]):
                     stream.late_since_ns,
                     stream.gate.offset_ns,
                     stream=name,
-                    way=stream.way,
+                    route=stream.route,
                 )
                 for name, stream in sorted(self._streams.items())
             ]
-            awaited = " or ".join(self.awaited)
-            return found or [InputState(awaited, self._since_ns, stream=self.key)]
+        return found or [InputState(self.key, self._since_ns, stream=self.key)]
 
-    @property
-    def newest(self) -> tuple[str | None, int]:
-        """Key and monotonic time of the last good arrival; at first None and the intake's start."""
-        with self._lock:
-            return self._newest_key, self._since_ns
+    def limit_of(self, encoding: str) -> SizeLimit:
+        """Return the limit of the size of a payload of a Zenoh encoding."""
+        if encoding in forms.FORMS and encoding != self._encoding:
+            return _limit_of(encoding, self._max_pixels)
+        return self._limit
 
-    def limit_of(self, key: str) -> SizeLimit:
-        """Return the limit of the size of a payload on a key."""
-        return picture_limit(self._max_pixels, raw=self._is_raw(key))
-
-    def _finder(self, stream: KeyStream) -> RangeFinder | None:
-        if self.depth_limits is None:
-            return None
-        stream.finder.limits = self.depth_limits
-        return stream.finder
-
-    def _is_raw(self, key: str) -> bool:
-        return self._raw or key == self._raw_key
+    def _decode(self, frame: Frame, stream: KeyStream, want: Want) -> None:
+        """Decode what the consumer needs; the range of 16 bits first, as it follows the stream."""
+        if frame.is_deep and self.depth_limits is not None:
+            stream.finder.limits = self.depth_limits
+            frame.find_range(stream.finder)
+        if callable(want):
+            want(frame)
+        else:
+            frame.view(want)
 
     def _stream_key(self, key: str) -> str:
-        return self.key if key == self._raw_key else key
+        return self.key if self._single else key
 
     def _check(self, sample: Sample) -> tuple[Arrival, bool]:
         key, now_ns = self._stream_key(sample.key), sample.arrived_ns
-        raw = self._is_raw(sample.key)
+        default = RAW_IMAGE if sample.route == "raw" else self._encoding
+        form = forms.form_of(sample.encoding, sample.payload, default)
         with self._lock:
             stream = self._streams.get(key) or KeyStream(EpochGate(keys.camera_of(key)))
-            header = checked_header(sample, stream.gate, self._max_pixels, raw=raw)
-            way: Way = "shm" if sample.shared else "raw" if raw else "jpeg"
-            if _came_already(stream, way, header, now_ns):
-                raise PayloadError("duplicate", f"frame {header.seq} came another way")
+            header = checked_header(sample, form, stream.gate, self._max_pixels)
+            if _came_already(stream, sample.route, header, now_ns):
+                raise PayloadError("duplicate", f"frame {header.seq} came by another route")
             unverified, missed = stream.gate.admit(header, now_ns)
             self._enter(key, stream, now_ns)
             stream.number += 1
             stream.missed += missed
             stream.since_ns = self._since_ns = now_ns
-            stream.key = self._newest_key = sample.key
-            stream.way = self.way = way
-            stream.epoch, stream.seq = header.epoch, header.seq
-            arrival = Arrival(sample, stream, header, unverified, stream.number, stream.missed)
+            stream.key, stream.route = sample.key, sample.route
+            stream.run, stream.seq = header.run, header.seq
+            arrival = Arrival(
+                sample, form, stream, header, unverified, stream.number, stream.missed
+            )
         if missed:
             self._counters.note("missed", missed)
         if header.assumed:
@@ -252,97 +246,59 @@ class FrameIntake(Intake[Arrival, Frame]):
             del self._streams[key]
 
 
-def _came_already(stream: KeyStream, way: Way, header: Header, now_ns: int) -> bool:
-    """Tell whether a frame, or a later one, already arrived by another transport.
+def _came_already(stream: KeyStream, route: RouteName, header: Header, now_ns: int) -> bool:
+    """Tell whether a frame, or a later one, already arrived by another route.
 
     Frames from shared memory also rule out earlier ones, since only processes of this user can
-    write there. Frames from the network rule out only the very same frame.
+    write there. Frames from the network rule out only the very same frame; and none of the same
+    route, since anyone can send a broken picture under the header of the next good one.
     """
-    if way == stream.way or header.epoch != stream.epoch or now_ns - stream.since_ns >= SILENCE_NS:
+    silent = now_ns - stream.since_ns >= SILENCE_NS
+    if route == stream.route or header.run != stream.run or silent:
         return False
-    return header.seq == stream.seq or (header.seq < stream.seq and stream.way == "shm")
+    return header.seq == stream.seq or (header.seq < stream.seq and stream.route == "shm")
 
 
-def picture_limit(max_pixels: int, *, raw: bool) -> SizeLimit:
-    """Return the most bytes of a picture with up to ``max_pixels`` pixels."""
-    return SizeLimit(max_pixels * MAX_PIXEL_BYTES) if raw else PICTURE_LIMIT
+def _limit_of(encoding: str, max_pixels: int) -> SizeLimit:
+    return SizeLimit((forms.FORMS.get(encoding) or forms.JPEG_FORM).most_bytes(max_pixels))
 
 
 def checked_header(
-    sample: Sample, gate: EpochGate, max_pixels: int = MAX_PIXELS, *, raw: bool
+    sample: Sample, form: PictureForm, gate: EpochGate, max_pixels: int = MAX_PIXELS
 ) -> Header:
     """Check the sizes of a sample and return its header with the time of arrival.
 
     Raises:
         PayloadError: It is no picture, or its header does not fit.
     """
-    if sample.attachment is not None and len(sample.attachment) > MAX_ATTACHMENT_BYTES:
-        raise PayloadError("bad_header", f"an attachment of {len(sample.attachment)} bytes")
-    payload = sample.payload
-    bits = sample.encoding == keys.BITS
-    size = None if raw or bits else codecs.picture_size(bytes(payload))
-    bare = sample.attachment is None
-    encoding = codecs.stored_encoding(bytes(payload[: codecs.PNG_HEAD])) if bare else ""
-    header = gate.identify(sample.attachment, size, sample.received_ns, sample.arrived_ns, encoding)
-    if header.width * header.height > max_pixels:
-        raise PayloadError(
-            "too_large", f"{header.width}x{header.height} pixels, at most {max_pixels} in all"
-        )
-    if max(header.width, header.height) > MAX_SIDE:
-        raise PayloadError(
-            "too_large", f"{header.width}x{header.height} pixels, a side at most {MAX_SIDE}"
-        )
-    if raw or bits:
-        expected = (
-            bits_size(header.width, header.height)
-            if bits
-            else pixel_formats.raw_size(header.encoding, header.width, header.height)
-        )
-        if len(payload) != expected:
-            raise PayloadError("wrong_size", f"{len(payload)} bytes instead of {expected}")
-    else:
-        pixel_formats.encoding_named(header.encoding)
+    attachment, payload = sample.attachment, sample.payload
+    if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
+        raise PayloadError("bad_header", f"an attachment of {len(attachment)} bytes")
+    size = form.size(payload)  # first: what is no picture is named so, whatever its header
+    encoding = form.pixel_encoding(payload) if attachment is None else ""
+    header = gate.identify(attachment, size, sample.received_ns, sample.arrived_ns, encoding)
+    forms.check_header(form, payload, header, max_pixels)
     return header
 
 
-def frame_of(
-    sample: Sample,
-    header: Header,
-    *,
-    raw: bool,
-    borrow: bool = False,
-    finder: RangeFinder | None = None,
-) -> Frame:
-    """Return the frame of a sample whose header was checked; nothing is decoded yet."""
-    if sample.encoding == keys.BITS:
-        mono = header.model_copy(update={"encoding": "mono8"})
-        pixels = unpack_bits(sample.payload, header.width, header.height)
-        return Frame(mono, pixels=pixels, key=sample.key, bilevel=True)
-    if not raw:
-        return Frame(header, compressed=bytes(sample.payload), key=sample.key, finder=finder)
-    payload = sample.payload if borrow or sample.shared else bytes(sample.payload)
-    rows = pixel_formats.from_raw(payload, header.encoding or "", header.width, header.height)
-    borrowed = isinstance(payload, memoryview) and not sample.shared
-    return Frame(header, pixels=rows, key=sample.key, borrowed=borrowed, finder=finder)
-
-
-def snapshot_of(
-    sample: Sample,
-    max_pixels: int = MAX_PIXELS,
-    *,
-    raw: bool,
-    finder: RangeFinder | None = None,
-) -> Frame:
-    """Return the frame of a single sample, such as the reply to a query.
+def snapshot_of(sample: Sample, encoding: str = JPEG, max_pixels: int = MAX_PIXELS) -> Frame:
+    """Return the frame of a single sample, such as the reply to a query; nothing is decoded yet.
 
     The camera of a bare picture on a key that names none is ``unknown``.
+
+    Args:
+        sample: Of any form.
+        encoding: Zenoh encoding of the pictures on its key, if the sample names none.
+        max_pixels: A larger frame is refused.
 
     Raises:
         PayloadError: It is no picture, or its header does not fit.
     """
+    form = forms.form_of(sample.encoding, sample.payload, encoding)
+    SizeLimit(form.most_bytes(max_pixels)).check(len(sample.payload))
     if sample.deleted:
         raise PayloadError("empty", "a deletion")
     camera = keys.camera_of(sample.key)
     gate = EpochGate(camera if keys.is_name(camera) else "unknown")
-    header = checked_header(sample, gate, max_pixels, raw=raw)
-    return frame_of(sample, header, raw=raw, finder=finder)
+    header = checked_header(sample, form, gate, max_pixels)
+    return forms.opened(form, sample.payload, header, sample.key)

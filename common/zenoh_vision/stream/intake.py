@@ -6,7 +6,6 @@ consumer calls ``take`` on its own thread, where pictures and messages are decod
 
 from __future__ import annotations
 
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -14,8 +13,9 @@ from typing import Generic, TypeVar
 
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.host.clock import SYSTEM_CLOCK, Clock
 from zenoh_vision.host.wakeup import Wakeup
-from zenoh_vision.keys import Way
+from zenoh_vision.keys import RouteName
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES
 from zenoh_vision.stream.buffer import Buffer, Buffering, check_buffering, latest
@@ -36,7 +36,7 @@ class InputState:
         late_since_ns: Since when every frame has been stale; None if the last one was not.
         offset_ns: The least ``now - stamp`` of the last minute; None if unknown.
         stream: Name that stays the same when a stream changes its key; empty if it is the key.
-        way: How the last frame arrived; None before the first.
+        route: How the last frame came; None before the first.
     """
 
     key: str
@@ -44,7 +44,7 @@ class InputState:
     late_since_ns: int | None = None
     offset_ns: int | None = None
     stream: str = ""
-    way: Way | None = None
+    route: RouteName | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +56,14 @@ class Consumer:
         dropped: Called with the reason of each drop, for the log.
         arrived: Called on the transport's thread when there is something to take.
         filled: Set when there is something to take.
+        clock: What the age of frames is measured by.
     """
 
     counters: FrameCounters
     dropped: Callable[[PayloadError], None]
     arrived: Callable[[], None] = lambda: None
     filled: Wakeup = field(default_factory=Wakeup)
+    clock: Clock = SYSTEM_CLOCK
 
 
 class Intake(ABC, Generic[Waiting, Item]):
@@ -73,11 +75,6 @@ class Intake(ABC, Generic[Waiting, Item]):
         buffering: How many items wait for the consumer.
         limit: Of the size of a payload.
         deletions: Whether deletions are taken too; else they are dropped as ``empty``.
-
-    Attributes:
-        keys: The key expressions that are subscribed to: its own, or those of its transports.
-        fault: Why items do not come by the intended transport, for the node's health; empty if they
-            do.
     """
 
     def __init__(
@@ -91,48 +88,53 @@ class Intake(ABC, Generic[Waiting, Item]):
     ) -> None:
         check_buffering(buffering)
         self.key = key
-        self.keys: tuple[str, ...] = (key,)
-        self.fault = ""
-        self.limit = limit
+        self.closed = False
+        self._limit = limit
         self._deletions = deletions
         self._counters = consumer.counters
         self._dropped = consumer.dropped
         self._arrived = consumer.arrived
-        self._release_taken: Callable[[], None] | None = None
-        self._release_lock = threading.Lock()  # ``close`` may come from any thread
-        self._closed = False
+        self.clock = consumer.clock
+        self._filled = consumer.filled
         self._unread: str | None = None
         reason = buffering.reason
         self.buffer = Buffer[tuple[Sample, Waiting]](
-            buffering, lambda item: self._discard(item[0], reason), consumer.filled
+            buffering, lambda _: self._counters.drop(reason), consumer.filled
         )
 
     # On the transport's thread
 
-    def limit_of(self, key: str) -> SizeLimit:  # noqa: ARG002 - for those that distinguish
-        """Return the limit of the size of a payload on a key."""
-        return self.limit
+    def limit_of(self, encoding: str) -> SizeLimit:  # noqa: ARG002 - for those that distinguish
+        """Return the limit of the size of a payload of a Zenoh encoding."""
+        return self._limit
 
-    def receive(self, sample: Sample) -> None:
-        """Check a sample and queue it for the consumer, or drop it."""
+    def receive(self, sample: Sample) -> bool:
+        """Check a sample and queue it for the consumer, or drop it.
+
+        Returns:
+            Whether it is good, so that its route delivers: it was queued, or came before by another
+            route.
+        """
         self._counters.arrive()
         size = len(sample.payload)
         try:
-            self.limit_of(sample.key).check(size)
+            self.limit_of(sample.encoding).check(size)
             if sample.deleted and not self._deletions:
                 raise PayloadError("empty", "a deletion")
             item, unverified = self._check(sample)
         except PayloadError as error:
-            self._discard(sample, error.reason)
-            if error.reason != "duplicate":  # a frame arrived by two transports, which is no fault
-                self._dropped(error)
-            return
+            self._counters.drop(error.reason)
+            if error.reason == "duplicate":  # which is no fault
+                return True
+            self._dropped(error)
+            return False
         stream = self._stream_key(sample.key)
         self.buffer.put((sample, item), stream, unverified=unverified, size=size)
-        if self._closed:  # it was on its way when the subscription ended
+        if self.closed:  # it was on its way when the subscription ended
             self._discard_waiting()
         else:
             self._arrived()
+        return True
 
     def reject(self, error: PayloadError) -> None:
         """Count an arrival that the transport could not turn into a sample."""
@@ -141,58 +143,56 @@ class Intake(ABC, Generic[Waiting, Item]):
 
     # On the consumer's thread
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The key expressions that are subscribed to, for the node's description."""
+        return (self.key,)
+
+    @property
+    def fault(self) -> str:
+        """Why items do not come as they should, for the node's health; empty if they do."""
+        return ""
+
     def states(self) -> Sequence[InputState]:
         """Return the state of each key whose silence is a fault; none, except for frames."""
         return ()
 
     def close(self, unread: str | None = None) -> None:
-        """Release the memory of all samples, waiting or taken.
+        """Discard the items that wait, and wake the consumer, for which there are no more.
 
         Args:
             unread: The reason under which the waiting items are counted as dropped; None leaves
                 them pending, for a node that ends with its input.
         """
         self._unread = unread  # before it is closed, since another thread may then read it
-        with self._release_lock:
-            self._closed = True
-        self._release()
+        self.closed = True
         self._discard_waiting()
+        self._filled.set()
 
     def _stream_key(self, key: str) -> str:
         """Return the key of the stream to which the samples on a key belong."""
         return key
 
     def _discard_waiting(self) -> None:
-        while (item := self.buffer.take(0)) is not None:
-            self._discard(item[0], self._unread)
+        while self.buffer.take(0) is not None:
+            if self._unread is not None:
+                self._counters.drop(self._unread)
 
     def _next(self, timeout_s: float) -> tuple[Sample, Waiting] | None:
-        self._release()
         item = self.buffer.take(timeout_s)
-        if item is None:
-            return None
-        with self._release_lock:
-            if not self._closed:
-                self._release_taken = item[0].release
-                return item
-        self._discard(item[0], self._unread)  # it was closed meanwhile
+        if item is None or not self.closed:
+            return item
+        if self._unread is not None:  # it was closed meanwhile
+            self._counters.drop(self._unread)
         return None
-
-    def _release(self) -> None:
-        with self._release_lock:
-            release, self._release_taken = self._release_taken, None
-        if release is not None:
-            release()
-
-    def _discard(self, sample: Sample, reason: str | None) -> None:
-        if reason is not None:
-            self._counters.drop(reason)
-        if sample.release is not None:
-            sample.release()
 
     def _drop(self, error: PayloadError) -> None:
         self._counters.drop(error.reason)
         self._dropped(error)
+
+    @abstractmethod
+    def take(self, timeout_s: float) -> Item | None:
+        """Return the next item, which is then pending; None after the time-out, or if it is bad."""
 
     @abstractmethod
     def _check(self, sample: Sample) -> tuple[Waiting, bool]:
@@ -214,7 +214,7 @@ class SampleIntake(Intake[Sample, Sample]):
         super().__init__(key, consumer, buffering, limit, deletions=deletions)
 
     def take(self, timeout_s: float) -> Sample | None:
-        """Return the next sample, which is then pending; None after the time-out."""
+        """Return the next sample; None after the time-out."""
         item = self._next(timeout_s)
         return None if item is None else item[0]
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
 from zenoh_vision.image.pixel_formats import MAX_RAW_BYTES
+from zenoh_vision.keys import RouteName
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 
 MAX_ATTACHMENT_BYTES = 4096
@@ -32,7 +31,6 @@ class SizeLimit:
             raise PayloadError(self.reason, f"{size} bytes, at most {self.max_bytes} are allowed")
 
 
-PICTURE_LIMIT = SizeLimit(MAX_COMPRESSED_BYTES)
 MESSAGE_LIMIT = SizeLimit(MAX_MESSAGE_BYTES, "bad_message")
 RAW_LIMIT = SizeLimit(MAX_RAW_BYTES)
 
@@ -43,16 +41,14 @@ class Sample:
 
     Attributes:
         key: Full key, without wildcards.
-        payload: Bytes, or a ``memoryview`` of memory that the transport owns.
+        payload: Bytes, or a read-only ``memoryview`` of memory that does not change while something
+            refers to it.
         encoding: Zenoh encoding; empty if unknown.
         attachment: Bytes of the header, if any.
         arrived_ns: Monotonic time of arrival.
         received_ns: Wall-clock time of arrival, since 1970.
         deleted: The key was deleted, not put; the payload is empty.
-        release: Gives lent memory back; called once, when the sample was dropped or the consumer
-            asks for the next. Copy the payload to keep it for longer.
-        shared: It came through shared memory. A ``memoryview`` then does not change while something
-            refers to it.
+        route: How it came.
     """
 
     key: str
@@ -62,5 +58,4 @@ class Sample:
     arrived_ns: int = field(default_factory=time.monotonic_ns)
     received_ns: int = field(default_factory=time.time_ns)
     deleted: bool = False
-    release: Callable[[], None] | None = None
-    shared: bool = False
+    route: RouteName = "jpeg"

@@ -14,9 +14,9 @@ gets 1.5 s, for links with long round trips.
 
 Zenoh reconnects a session with the time-outs that it was opened with. So nodes and tools declare
 everything on a ``Link``, which tries another session after 10 s without a router and, if that one
-connects, declares everything on it and closes the first. The time-out of that attempt depends on
-the round trip, since an interpreter that ends must wait for the attempt: otherwise Zenoh would
-abort the process.
+connects, declares everything on it and closes the first. That attempt takes up to 1.5 s, for which
+an interpreter that ends must wait: otherwise Zenoh would abort the process. ``zv`` and
+``run_service`` end at once, without the interpreter's own end.
 
 The router disconnects a client that reads nothing for 1 s. With Zenoh's 5 s, a frozen client would
 block all others between the end of its lease and that time. Closing its link then blocks one of

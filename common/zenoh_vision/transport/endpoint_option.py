@@ -1,4 +1,4 @@
-"""The type of an option that is an endpoint."""
+"""The type of an option that is an endpoint; apart from endpoints.py, which loads no models."""
 
 from __future__ import annotations
 

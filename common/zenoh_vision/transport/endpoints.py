@@ -1,17 +1,12 @@
-"""Zenoh endpoints such as ``tcp/10.0.0.5:7447``: their parts, and the round trip to them."""
+"""Zenoh endpoints such as ``tcp/10.0.0.5:7447``, and their parts."""
 
 from __future__ import annotations
 
 import re
-import select
-import socket
-import time
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from zenoh_vision.error_text import did_you_mean
 
-POLL_S = 0.1
 MAX_PORT = 65535
 
 PROTOCOLS = ("tcp", "tls", "udp", "quic", "ws", "unixsock-stream")
@@ -89,45 +84,3 @@ def local_endpoint(listen: str) -> str:
         return re.split("[?#]", listen)[0]
     host = ANY_ADDRESS.get(found.host, found.host)
     return str(TcpEndpoint(found.scheme, host, found.port))
-
-
-def round_trip_s(
-    endpoints: Iterable[str], timeout_s: float, stopping: Callable[[], bool] = lambda: False
-) -> float | None:
-    """Return the round trip to the first endpoint that answers, seconds; None if none answers.
-
-    Args:
-        endpoints: Zenoh endpoints. One that is not over TCP cannot be measured and counts as near.
-        timeout_s: For each endpoint.
-        stopping: Ends the wait.
-    """
-    for endpoint in endpoints:
-        found = tcp_endpoint(endpoint)
-        if found is None:
-            return 0.0
-        took_s = _connecting_s(found.address, found.port, timeout_s, stopping)
-        if took_s is not None:
-            return took_s
-    return None
-
-
-def _connecting_s(
-    host: str, port: int, timeout_s: float, stopping: Callable[[], bool]
-) -> float | None:
-    try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    except OSError:
-        return None
-    for family, kind, protocol, _, address in found:
-        began_s = time.monotonic()
-        with socket.socket(family, kind, protocol) as probe:
-            probe.setblocking(False)
-            probe.connect_ex(address)
-            poll = select.poll()  # unlike select, it works with thousands of open files
-            poll.register(probe, select.POLLOUT)
-            while not stopping() and time.monotonic() - began_s < timeout_s:
-                if poll.poll(POLL_S * 1000):
-                    if probe.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) == 0:
-                        return time.monotonic() - began_s
-                    break
-    return None

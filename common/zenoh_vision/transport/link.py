@@ -13,21 +13,26 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 import zenoh
 
+from zenoh_vision import keys
+from zenoh_vision.errors import RouterUnreachable, VisionError
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.declarations import Kind
+from zenoh_vision.transport.handshake import RefusalProbe
 from zenoh_vision.transport.query import POLL_S, Query, Replies, send
-from zenoh_vision.transport.session import close_session, open_replacement, open_session
-from zenoh_vision.transport.zenoh_config import (
-    client_config,
-    connect_endpoints,
-    zenoh_error_text,
+from zenoh_vision.transport.session import (
+    close_session,
+    open_session,
+    try_session,
+    why_refused,
 )
+from zenoh_vision.transport.zenoh_config import where, zenoh_error_text
 
 log = logging.getLogger(__name__)
 
@@ -38,18 +43,17 @@ ASK_INTERVAL_S = 5.0
 ANSWER_S = 2.0
 """A router that twice answers nothing for this long does not know what the session declared."""
 
-UNUSED_KEY = "@link"
-"""Asked for as a liveliness token, which only routers answer; nobody declares it."""
-
 CHECK_INTERVAL_S = 0.5
 GRACE_S = 0.5
 """Other threads may still use the old session for this long after it was replaced."""
 
 CLOSE_TIMEOUT_S = 1.0
-MAX_ATTEMPT_S = 1.7
 
 TELL_AFTER_S = 1.0
 """A shorter wait for the router is not logged: it is usual when a whole system starts."""
+
+PROBE_AFTER_S = 0.4
+"""When to find out why there is no connection: most are there by then."""
 
 T = TypeVar(
     "T",
@@ -82,6 +86,8 @@ class Link:
         give_up: Polled while this waits for the router; True ends the wait.
         stopping: Whether the program is about to end, so that no other session is tried.
         log_state: Log when this waits for the router, is connected, loses it, and has it back.
+        refused: Called with why the router refuses the connection, and with an empty text when it
+            does no more; on any thread.
 
     Raises:
         VisionError: As for ``open_session``.
@@ -94,15 +100,21 @@ class Link:
         stopping: Callable[[], bool] = lambda: False,
         *,
         log_state: bool = True,
+        refused: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._connection = connection
+        self._probe = RefusalProbe(self._why_refused)
+        self._refused = ""
+        self._tell_refused = refused
         self._stopping = stopping
         self._log_state = log_state
-        self._where = " or ".join(connect_endpoints(client_config(connection)))
+        self._where = where(connection)
         self._session = self._open(give_up)
         self._declared: list[Declaration[Any]] = []
         self._lock = threading.Lock()
         self._closed = threading.Event()
+        self._asked_s = self._connected_s = time.monotonic()
+        self._lost_s: float | None = None
         self._thread = threading.Thread(target=self._monitor, name="link", daemon=True)
         self._thread.start()
 
@@ -113,8 +125,12 @@ class Link:
 
     @property
     def connected(self) -> bool:
-        """Whether the session is connected to a router."""
-        return _any(self._session.info.routers_zid)
+        """Whether the session is connected to a router, or to a peer if a file configures one."""
+        info = self._session.info
+        try:
+            return any(True for ids in (info.routers_zid, info.peers_zid) for _ in ids())
+        except zenoh.ZError:
+            return False  # the session is being closed
 
     def declare(self, declare: Callable[[zenoh.Session], T]) -> Declaration[T]:
         """Declare something on this session, and on each that replaces it.
@@ -127,6 +143,18 @@ class Link:
             self._declared.append(declaration)
         return declaration
 
+    def declared(self) -> set[tuple[Kind, str]]:
+        """Return what is subscribed to and answered now, by the kinds of the routers' lists."""
+        with self._lock:
+            current = [each.current for each in self._declared]
+        found: set[tuple[Kind, str]] = set()
+        for each in current:
+            if isinstance(each, zenoh.Queryable):
+                found.add(("queryable", str(each.key_expr)))
+            elif isinstance(each, zenoh.Subscriber):
+                found.add(("subscriber", str(each.key_expr)))
+        return found
+
     def undeclare(self, declaration: Declaration[Any]) -> None:
         """Undeclare something, if that was not done yet."""
         with self._lock:
@@ -138,13 +166,9 @@ class Link:
     def close(self) -> None:
         """Close the session in bounded time, whatever the router does."""
         self._closed.set()
-        if self._lock.acquire(timeout=CLOSE_TIMEOUT_S):  # a replacement may be in progress
-            self._lock.release()
-        closing = threading.Thread(target=close_session, args=(self._session,), daemon=True)
-        closing.start()
         # No attempt may begin while the interpreter ends: Zenoh would abort the process.
-        self._thread.join(MAX_ATTEMPT_S)
-        closing.join(CLOSE_TIMEOUT_S)
+        self._thread.join(CLOSE_TIMEOUT_S)
+        close_session(self._session)
 
     def _open(self, give_up: Callable[[], bool]) -> zenoh.Session:
         """Open the first session; log a long wait for the router, and its end."""
@@ -158,15 +182,46 @@ class Link:
             if not told and time.monotonic() - began_s > TELL_AFTER_S:
                 told = True
                 self._tell(level, "waiting for the router at %s", self._where)
+            if time.monotonic() - began_s > PROBE_AFTER_S:
+                self._follow_refusal()
             return give_up()
 
-        session = open_session(self._connection, waiting)
+        try:
+            session = open_session(self._connection, waiting)
+        except RouterUnreachable:
+            if not self._refused:
+                raise
+            within = f"no connection to a router within {self._connection.timeout_s:g} s"
+            raise RouterUnreachable(f"{within}: {self._refused}") from None
+        self._note_refusal("")
         if told:
             took_s = time.monotonic() - began_s
             self._tell(level, "connected to the router at %s after %.1f s", self._where, took_s)
         else:
             self._tell(logging.INFO, "connected to the router at %s", self._where)
         return session
+
+    def _why_refused(self) -> str:
+        try:
+            return why_refused(self._connection)
+        except VisionError as error:
+            return str(error)  # of credentials that were changed meanwhile
+
+    def _follow_refusal(self) -> None:
+        """Find out, without waiting, whether the router refuses the connection, and why."""
+        self._probe.begin()
+        self._note_refusal(self._probe.text)
+
+    def _note_refusal(self, text: str) -> None:
+        if not text:
+            self._probe.text = ""
+        if text == self._refused:
+            return
+        self._refused = text
+        # A tool ends with this text.
+        if text and self._log_state and self._connection.timeout_s is None:
+            log.error("%s", text)
+        self._tell_refused(text)
 
     def _tell(self, level: int, text: str, *values: object) -> None:
         if self._log_state:
@@ -176,50 +231,45 @@ class Link:
         return self._closed.is_set() or self._stopping()
 
     def _monitor(self) -> None:
-        asked_s = connected_s = time.monotonic()
-        lost_s: float | None = None
         while not self._closed.wait(CHECK_INTERVAL_S):
             try:
-                was_lost = lost_s is not None
-                lost_s = self._tell_change(lost_s)
-                now_s = time.monotonic()
-                if _connected(self._session) or self._stopping():
-                    connected_s = now_s
-                elif now_s - connected_s > REPLACE_AFTER_S:
-                    self._try_replacement(f"no router for {REPLACE_AFTER_S:g} s")
-                    connected_s = time.monotonic()
-                if lost_s is None and (was_lost or now_s - asked_s > ASK_INTERVAL_S):
-                    if not self._is_answered() and not self._is_answered():
-                        self._try_replacement("the router does not answer", is_connected=True)
-                    asked_s = time.monotonic()
+                self._check()
             except Exception:
                 if self._ending():
                     return  # the session was closed meanwhile
                 log.exception("checking the session, or opening another one, failed")
-                asked_s = connected_s = time.monotonic()
+                self._asked_s = self._connected_s = time.monotonic()
 
-    def _tell_change(self, lost_s: float | None) -> float | None:
-        """Log that the router was lost, or is back; return since when it is lost, None if not."""
+    def _check(self) -> None:
+        """Log that the router was lost or is back; replace the session where that is due."""
+        connected, now_s = self.connected, time.monotonic()
         if self._ending():
-            return lost_s
-        now_s = time.monotonic()
-        if _connected(self._session):
-            if lost_s is not None:
-                away_s = now_s - lost_s
-                text = "the router at %s is back after %.1f s"
-                self._tell(logging.WARNING, text, self._where, away_s)
-            return None
-        if lost_s is None:
-            text = "lost the router at %s; trying to reach it again until it is back"
-            self._tell(logging.WARNING, text, self._where)
-            return now_s
-        return lost_s
+            return
+        if not connected:
+            if self._lost_s is None:
+                self._lost_s = now_s
+                text = "lost the router at %s; trying to reach it again until it is back"
+                self._tell(logging.WARNING, text, self._where)
+            self._follow_refusal()
+            if now_s - self._connected_s > REPLACE_AFTER_S:
+                self._try_replacement(f"no router for {REPLACE_AFTER_S:g} s")
+                self._connected_s = time.monotonic()
+            return
+        self._connected_s, lost_s, self._lost_s = now_s, self._lost_s, None
+        self._note_refusal("")
+        if lost_s is not None:
+            text = "the router at %s is back after %.1f s"
+            self._tell(logging.WARNING, text, self._where, now_s - lost_s)
+        if lost_s is not None or now_s - self._asked_s > ASK_INTERVAL_S:
+            if not self._is_answered() and not self._is_answered():
+                self._try_replacement("the router does not answer", is_connected=True)
+            self._asked_s = time.monotonic()
 
     def _is_answered(self) -> bool:
         """Ask the router for a token that nobody has; return whether it answered in time."""
         until_s = time.monotonic() + 2 * ANSWER_S  # in case not even a time-out is reported
         answer: Future[Replies] = Future()
-        query = Query(UNUSED_KEY, timeout_s=ANSWER_S, tokens=True)
+        query = Query(keys.LINK, timeout_s=ANSWER_S, tokens=True)
         send(self._session, query, answer.set_result)
         while wait([answer], POLL_S).not_done and time.monotonic() < until_s:
             if self._ending():
@@ -228,10 +278,10 @@ class Link:
 
     def _try_replacement(self, why: str, *, is_connected: bool = False) -> None:
         """Replace the session if another can be opened, and its own state has not changed."""
-        session = open_replacement(self._connection, self._ending)
+        session = try_session(self._connection, self._ending)
         if session is None:
             return
-        if _connected(self._session) != is_connected or not self._replace(session, why):
+        if self.connected != is_connected or not self._replace(session, why):
             close_session(session)
 
     def _replace(self, session: zenoh.Session, why: str) -> bool:
@@ -256,15 +306,3 @@ class Link:
         self._closed.wait(GRACE_S)
         close_session(former_session)
         return True
-
-
-def _connected(session: zenoh.Session) -> bool:
-    """Tell whether a session is connected to a router, or to a peer if a file configures one."""
-    return _any(session.info.routers_zid) or _any(session.info.peers_zid)
-
-
-def _any(ids: Callable[[], Iterable[object]]) -> bool:
-    try:
-        return any(True for _ in ids())
-    except zenoh.ZError:
-        return False  # the session is being closed

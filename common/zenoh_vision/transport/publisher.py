@@ -3,32 +3,38 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Literal
 
-import numpy as np
 import zenoh
 
-from zenoh_vision.image import codecs
-from zenoh_vision.image.bits import pack_bits
-from zenoh_vision.image.pixel_formats import Pixels
-from zenoh_vision.keys import BITS, JPEG, PNG, msgpack_of
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.host.clock import SYSTEM_CLOCK, Clock
+from zenoh_vision.keys import msgpack_of
 from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import Header, Stamped
+from zenoh_vision.messages import Stamped
 from zenoh_vision.topics import Topic
 from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.session import direct
 
+Outcome = Literal["sent", "unwanted", "withheld"]
+"""What became of a payload: it was sent, nobody subscribes, or its maker withheld it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A payload to publish, with its Zenoh encoding and the header's bytes as attachment."""
+    """A payload to publish, with its Zenoh encoding and the header's bytes as attachment.
+
+    ``answers``: Whether it may answer queries, since it can be read without those before it.
+    """
 
     payload: bytes
     encoding: str
     attachment: bytes | None = None
+    answers: bool = True
 
     @classmethod
     def message(cls, message: Message) -> Outgoing:
@@ -37,31 +43,13 @@ class Outgoing:
         return cls(message.to_bytes(), msgpack_of(message.schema_name), attachment)
 
 
-def encoded_picture(
-    pixels: Pixels,
-    header: Header,
-    *,
-    jpeg_quality: int | None,
-    bilevel: bool,
-    bits: bool = False,
-) -> Outgoing:
-    """Encode 8-bit pixels as JPEG, or as PNG if ``jpeg_quality`` is None; see ``Outputs``."""
-    attachment = header.to_bytes()
-    if bits:
-        return Outgoing(pack_bits(np.asarray(pixels, np.uint8)), BITS, attachment)
-    if jpeg_quality is None:
-        return Outgoing(codecs.encode_png(pixels, bilevel=bilevel), PNG, attachment)
-    jpeg = codecs.encode_jpeg(pixels, header.encoding or "bgr8", jpeg_quality)
-    return Outgoing(jpeg, JPEG, attachment)
-
-
 class LazyPayload:
     """A payload that is made on first use, and only once; safe between threads.
 
     ``timestamp`` is that of its reply to a query, if several payloads are kept.
     """
 
-    __slots__ = ("_lock", "_made", "_make", "timestamp")
+    __slots__ = ("_failure", "_lock", "_made", "_make", "timestamp")
 
     def __init__(
         self, make: Callable[[], Outgoing], timestamp: zenoh.Timestamp | None = None
@@ -69,14 +57,21 @@ class LazyPayload:
         self.timestamp = timestamp
         self._make: Callable[[], Outgoing] | None = make
         self._made: Outgoing | None = None
+        self._failure: Exception | None = None
         self._lock = threading.Lock()
 
     def __call__(self) -> Outgoing:
-        """Return the payload; make it first if needed."""
+        """Return the payload; make it first if needed. One that cannot be made is tried once."""
         with self._lock:
             if self._make is not None:
-                self._made = self._make()
-                self._make = None  # releases what it was made from
+                try:
+                    self._made = self._make()
+                except Exception as error:
+                    self._failure = error
+                finally:
+                    self._make = None  # releases what it was made from
+            if self._failure is not None:
+                raise self._failure.with_traceback(None)
             assert self._made is not None
             return self._made
 
@@ -96,7 +91,10 @@ class Demand:
     that is done for a frame that nobody wants.
     """
 
-    def __init__(self, publisher: Declaration[zenoh.Publisher]) -> None:
+    def __init__(
+        self, publisher: Declaration[zenoh.Publisher], clock: Clock = SYSTEM_CLOCK
+    ) -> None:
+        self._clock = clock
         self._publisher = publisher
         self._exists = False
         self._look_ns = 0
@@ -104,15 +102,16 @@ class Demand:
     @property
     def exists(self) -> bool:
         """Whether someone subscribed, at the last look."""
-        now_ns = time.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_NS
-            self._exists = bool(self._publisher.current.matching_status.matching)  # type: ignore[attr-defined]
+            with suppress(zenoh.ZError):  # the session is being replaced: as it was before
+                self._exists = bool(self._publisher.current.matching_status.matching)  # type: ignore[attr-defined]
         return self._exists
 
 
-MayReply = Callable[[int], str]
-"""Returns why a reply of this many bytes must not be sent now; empty if it may be sent."""
+ReplyLimit = Callable[[int], str | None]
+"""Returns why a reply of this many bytes must not be sent now; None if it may be."""
 
 
 class StreamPublisher:
@@ -123,10 +122,12 @@ class StreamPublisher:
         key: Full key expression.
         queue_query: Called on Zenoh's thread with each query and the function that answers it;
             must return at once.
+        report: Called with what is wrong with a payload that cannot be made for a query.
+        clock: Measures when to look again whether someone subscribes.
 
     Attributes:
-        may_reply: Called before each reply, on the thread of queries. A text that it returns is
-            sent as an error instead.
+        limit: Called before each reply, on the thread of queries. A text that it returns is sent as
+            an error instead.
     """
 
     def __init__(
@@ -135,14 +136,17 @@ class StreamPublisher:
         topic: Topic,
         key: str,
         queue_query: Callable[[zenoh.Query, Callable[[zenoh.Query], None]], None],
+        report: Callable[[PayloadError], None] = lambda _: None,
+        clock: Clock = SYSTEM_CLOCK,
     ) -> None:
         self.topic = topic
         self.key = key
         congestion_control, priority = (
             FRAME_DELIVERY if topic.delivery == "frame" else MESSAGE_DELIVERY
         )
-        self.may_reply: MayReply = lambda _: ""
+        self.limit: ReplyLimit = lambda _: None
         self._link = link
+        self._report = report
         self._kept: deque[LazyPayload] = deque(maxlen=topic.keeps)
         self._publisher = link.declare(
             lambda session: session.declare_publisher(
@@ -152,7 +156,7 @@ class StreamPublisher:
                 priority=priority,
             )
         )
-        self._demand = Demand(self._publisher)
+        self._demand = Demand(self._publisher, clock)
         link.declare(
             lambda session: session.declare_queryable(
                 key, direct(lambda query: queue_query(query, self.answer)), complete=True
@@ -165,41 +169,46 @@ class StreamPublisher:
         return self._demand.exists
 
     def offer(
-        self, make: Callable[[], Outgoing], may_send: Callable[[], bool] = lambda: True
-    ) -> bool:
-        """Publish ``make()`` if someone subscribes, and keep it as the newest for queries.
+        self, make: Callable[[], Outgoing], send: Callable[[], Outgoing | None] | None = None
+    ) -> Outcome:
+        """Publish a payload if someone subscribes, and keep it as the newest for queries.
 
         Args:
-            make: Makes the payload; called at most once.
-            may_send: Called before a payload is published; if False, it is not kept either.
+            make: Makes the payload; called at most once, perhaps later and on another thread.
+            send: Makes the one to send now, if it differs from what a query gets; None withholds
+                it, and it is not kept either. By default ``make``.
 
         Returns:
-            Whether it was published. A topic that is not lazy always is.
+            What became of it. A topic that is not lazy is always sent.
         """
-        to_send = not self.topic.lazy or self.wanted
-        if to_send and not may_send():
-            return False
-        several = self.topic.keeps > 1
-        newest = LazyPayload(make, self._link.session.new_timestamp() if several else None)
-        self._kept.append(newest)
-        if not to_send:
-            return False
-        outgoing = newest()
-        self._publisher.current.put(
-            outgoing.payload, encoding=outgoing.encoding, attachment=outgoing.attachment
-        )
-        return True
+        if self.topic.lazy and not self._demand.exists:
+            self._keep(make)
+            return "unwanted"
+        outgoing = (send or make)()
+        if outgoing is None:
+            return "withheld"
+        if outgoing.answers:
+            self._keep(lambda: outgoing)
+        self._put(outgoing)
+        return "sent"
 
     def answer(self, query: zenoh.Query) -> None:
         """Reply with the newest payloads, oldest first; no reply if there is none yet.
 
         All replies have the same key, of which a client keeps only the newest by default: that of
-        the latest timestamp, or without timestamps the last.
+        the latest timestamp, or without timestamps the last. A payload that cannot be made is an
+        error reply.
         """
         for kept in tuple(self._kept):
-            sent = kept()
-            refusal = self.may_reply(len(sent.payload))
-            if refusal:
+            try:
+                sent = kept()
+            except Exception as error:
+                self._report(_fault_of(error))
+                query.reply_err(f"{self.key}: {error}".encode(), encoding="text/plain")
+                return
+            if not sent.answers:
+                continue
+            if (refusal := self.limit(len(sent.payload))) is not None:
                 query.reply_err(refusal.encode(), encoding="text/plain")
                 return
             query.reply(
@@ -209,3 +218,29 @@ class StreamPublisher:
                 attachment=sent.attachment,
                 timestamp=kept.timestamp,
             )
+
+    def _keep(self, make: Callable[[], Outgoing]) -> None:
+        several = self.topic.keeps > 1
+        self._kept.append(
+            LazyPayload(make, self._link.session.new_timestamp() if several else None)
+        )
+
+    def _put(self, outgoing: Outgoing) -> None:
+        publisher = self._publisher.current
+        try:
+            publisher.put(
+                outgoing.payload, encoding=outgoing.encoding, attachment=outgoing.attachment
+            )
+        except zenoh.ZError:
+            if self._publisher.current is publisher:
+                raise
+            # The session was replaced meanwhile, and the former one is closed.
+            self._publisher.current.put(
+                outgoing.payload, encoding=outgoing.encoding, attachment=outgoing.attachment
+            )
+
+
+def _fault_of(error: Exception) -> PayloadError:
+    if isinstance(error, PayloadError):
+        return error
+    return PayloadError("not_made", f"{type(error).__name__}: {error}")

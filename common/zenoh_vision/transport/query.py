@@ -24,6 +24,9 @@ POLL_S = 0.05
 REPLY_S = 1.0
 """How long a queryable may take to reply."""
 
+LATE_S = 1.0
+"""How long after its time-out a query may be reported as complete."""
+
 MAX_REPLIES = 65_536
 """Limit of the replies to one query that are kept: twice those of 1000 nodes with 30 parameters."""
 
@@ -172,7 +175,7 @@ def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) 
 def ask(
     session: zenoh.Session, queries: Iterable[Query], stopping: Callable[[], bool] = lambda: False
 ) -> list[Replies]:
-    """Send queries together and wait for all replies, at most for the time-out of each query.
+    """Send queries together and wait for all replies, at most for the longest time-out of them.
 
     ``stopping`` ends the wait early; queries that are not complete then have no replies. Replies
     over a limit are left out, with a warning. An incomplete list of tokens is warned of too.
@@ -182,7 +185,9 @@ def ask(
     for query in asked:
         pending.append(Future())
         send(session, query, pending[-1].set_result)
-    while not stopping() and wait(pending, POLL_S).not_done:
+    # A session that is closed meanwhile never completes its queries.
+    until_s = time.monotonic() + max((query.timeout_s for query in asked), default=0.0) + LATE_S
+    while not stopping() and wait(pending, POLL_S).not_done and time.monotonic() < until_s:
         pass
     found = [future.result() if future.done() else Replies() for future in pending]
     for query, replies in zip(asked, found, strict=True):
@@ -193,3 +198,26 @@ def ask(
                 "%s: the router has not listed all tokens within %g s", query.key, query.timeout_s
             )
     return found
+
+
+def newest(
+    session: zenoh.Session,
+    keys: Iterable[str],
+    most_bytes: int,
+    stopping: Callable[[], bool] = lambda: False,
+) -> list[zenoh.Sample]:
+    """Return what the streams on keys answer when they are asked for their newest, by key.
+
+    Args:
+        session: The current session.
+        keys: Without wildcards; asked together, for at most ``REPLY_S``.
+        most_bytes: Larger answers are left out.
+        stopping: Ends the wait early.
+    """
+    found = ask(session, [Query(key) for key in keys], stopping)
+    return [
+        reply.ok
+        for replies in found
+        for reply in replies
+        if reply.ok is not None and len(reply.ok.payload) <= most_bytes
+    ]

@@ -14,12 +14,15 @@ import zenoh
 from zenoh_vision.errors import RouterUnreachable, ToldToStop
 from zenoh_vision.host.abandoned_threads import abandon
 from zenoh_vision.transport.connection import Connection
-from zenoh_vision.transport.endpoints import round_trip_s
+from zenoh_vision.transport.handshake import refusal
+from zenoh_vision.transport.unreachable import START, Diagnosis
 from zenoh_vision.transport.zenoh_config import (
     client_config,
     connect_endpoints,
+    credentials_of,
     set_defaults,
     set_values,
+    where,
     zenoh_error_text,
 )
 
@@ -46,9 +49,6 @@ LONG_EVERY = 4
 UNREACHABLE = "Unable to connect"
 """Begins Zenoh's error for a router that does not answer, which adds nothing to our own."""
 
-REPLACEMENT_BASE_MS = 700
-REPLACEMENT_ROUND_TRIPS = 5  # with TLS; three without
-
 
 def direct(callback: Callable[[Any], None]) -> Any:
     """Return a handler that runs on Zenoh's own thread, without the queue of 256 in between.
@@ -71,67 +71,53 @@ def open_session(
         ConfigurationError: As for ``client_config``.
     """
     errors: list[str] = []
+    diagnosis: Diagnosis | None = None
     deadline_s = time.monotonic() + (connection.timeout_s or float("inf"))
     for attempt in itertools.count(1):
         timeouts = SHORT if attempt % LONG_EVERY else LONG
-        session = _attempt(connection, timeouts, deadline_s, stopping, errors)
-        if session is not None and timeouts is LONG:
-            # A session with short time-outs also reconnects sooner, if the link allows it.
-            faster = _attempt(connection, SHORT, deadline_s, stopping, [])
-            if faster is not None:
-                close_session(session)
-                return faster
+        session = try_session(connection, stopping, timeouts, deadline_s, errors)
         if session is not None:
             return session
+        if diagnosis is None and connection.timeout_s is not None:
+            endpoints = connect_endpoints(client_config(connection))
+            diagnosis = Diagnosis(endpoints, max(0.1, deadline_s - time.monotonic()))
         if stopping():
             raise ToldToStop("told to stop before a router was there")
         if time.monotonic() >= deadline_s - MIN_TIMEOUT_MS / 1000:
             break
-    where = " or ".join(connect_endpoints(client_config(connection)))
     because = f" ({errors[-1]})" if errors and UNREACHABLE not in errors[-1] else ""
+    why = diagnosis.text if diagnosis is not None else f"; {START}"
     raise RouterUnreachable(
-        f"no Zenoh router at {where} within {connection.timeout_s:g} s{because}; "
-        "start one with `zv router`, or name another with --connect tcp/HOST:PORT"
+        f"no Zenoh router at {where(connection)} within {connection.timeout_s:g} s{because}{why}"
     )
 
 
-def open_replacement(
-    connection: Connection, stopping: Callable[[], bool] = lambda: False
-) -> zenoh.Session | None:
-    """Try once to open a session, also over a link that has become too slow for short time-outs.
+def why_refused(connection: Connection) -> str:
+    """Return why the router refuses this connection; empty if it does not, or is not there.
 
-    An interpreter that ends waits for this attempt. So it is made only if an endpoint answers, with
-    a time-out that depends on the round trip. Return None if there is no router.
+    Raises:
+        VisionError: As for ``client_config``.
     """
     endpoints = connect_endpoints(client_config(connection))
-    trip_s = round_trip_s(endpoints, LONG.open_ms / 1000, stopping)
-    if trip_s is None or stopping():
-        return None
-    enough_ms = REPLACEMENT_BASE_MS + int(REPLACEMENT_ROUND_TRIPS * trip_s * 1000)
-    timeout_ms = min(LONG.open_ms, enough_ms)
-    return _attempt(connection, Timeouts(timeout_ms, timeout_ms), float("inf"), stopping, [])
+    return refusal(endpoints, credentials_of(connection))
 
 
-def open_at_once(connection: Connection, timeout_s: float) -> zenoh.Session | None:
-    """Open a session if a router answers within a time; return None if none does.
-
-    The interpreter must not end during the attempt, which would abort the process.
-    """
-    if round_trip_s(connect_endpoints(client_config(connection)), timeout_s) is None:
-        return None
-    timeout_ms = max(MIN_TIMEOUT_MS, int(timeout_s * 1000))
-    timeouts = Timeouts(timeout_ms, timeout_ms)
-    return _attempt(connection, timeouts, time.monotonic() + timeout_s, lambda: False, [])
-
-
-def _attempt(
+def try_session(
     connection: Connection,
-    timeouts: Timeouts,
-    deadline_s: float,
     stopping: Callable[[], bool],
-    errors: list[str],
+    timeouts: Timeouts = LONG,
+    deadline_s: float = float("inf"),
+    errors: list[str] | None = None,
 ) -> zenoh.Session | None:
-    """Try once to open a session; the text of an error is added to ``errors``."""
+    """Try once to open a session; None if there is no router, or if told to stop.
+
+    Args:
+        connection: Where the router is.
+        stopping: Ends the wait.
+        timeouts: By default those for a link that may have become slow.
+        deadline_s: A monotonic time that ends the wait too.
+        errors: Gets the text of an error.
+    """
     opened: list[zenoh.Session] = []
     config = client_config(connection)
     left_ms = min(timeouts.open_ms, (deadline_s - time.monotonic()) * 1000)
@@ -142,7 +128,8 @@ def _attempt(
         try:
             opened.append(zenoh.open(config))
         except zenoh.ZError as error:
-            errors.append(zenoh_error_text(error))
+            if errors is not None:
+                errors.append(zenoh_error_text(error))
 
     # Not a daemon: an interpreter that ends while Zenoh opens a session aborts, so it waits.
     thread = threading.Thread(target=connect, name="connect")
@@ -152,7 +139,14 @@ def _attempt(
         if stopping() or time.monotonic() > deadline_s + POLL_S:
             abandon(thread)  # ``zv`` and ``run_service`` end without waiting for it
             break
-    return opened[0] if opened else None
+    if not opened or timeouts is SHORT:
+        return opened[0] if opened else None
+    # A session with short time-outs also reconnects sooner, if the link allows it.
+    faster = try_session(connection, stopping, SHORT, deadline_s)
+    if faster is None:
+        return opened[0]
+    close_session(opened[0])
+    return faster
 
 
 def close_session(session: zenoh.Session) -> None:

@@ -12,7 +12,8 @@ import zenoh
 
 from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import ConfigurationError, SourceError
-from zenoh_vision.transport.connection import Connection
+from zenoh_vision.security.credentials import Credentials, read_credentials
+from zenoh_vision.transport.connection import DEFAULT_ENDPOINT, Connection
 from zenoh_vision.transport.endpoints import FORM, PROTOCOLS, checked_endpoint
 
 LEASE_MS = 2000
@@ -27,6 +28,9 @@ MESSAGE_BATCHES = 16
 """Batches of 64 kB of messages that may wait for a client, the most that Zenoh allows. Its default
 of 2 holds the messages of 2 s; a frozen client then blocked the streams of all others again and
 again."""
+
+SECURE = ("tls", "quic")
+"""Protocols that carry certificates."""
 
 RUNTIME = "ZENOH_RUNTIME"
 """Environment variable with the threads of Zenoh; there is no setting for them in its files."""
@@ -44,22 +48,60 @@ much."""
 
 
 def client_config(connection: Connection) -> zenoh.Config:
-    """Return the configuration of a node's session.
+    """Return the configuration of a node's session, with its credentials as they are now.
 
     Raises:
         SourceError: There is no such file.
-        ConfigurationError: It cannot be read or has settings unknown to Zenoh, or the endpoint is
-            malformed.
+        ConfigurationError: It cannot be read or has settings unknown to Zenoh, the endpoint is
+            malformed, or the credentials cannot be used.
     """
-    _check_endpoints("connect", [connection.connect])
+    credentials = credentials_of(connection)
+    endpoint = _endpoint(connection, credentials)
+    _check_endpoints("connect", [endpoint])
     config = _base(connection.zenoh_config, "client")
+    if credentials is not None:
+        set_values(config, {"transport/link/tls": credentials.tls})
     defaults = {
-        "connect/endpoints": [connection.connect],
+        "connect/endpoints": [endpoint],
         "connect/retry": RETRY,
         "transport/link/tx/lease": LEASE_MS,
         MAX_MESSAGE_SIZE: MAX_MESSAGE_BYTES,
     }
     return _checked(config, defaults, "client", connection.zenoh_config)
+
+
+def where(connection: Connection) -> str:
+    """Return the endpoints to which a node with this connection connects, for people."""
+    return " or ".join(connect_endpoints(client_config(connection)))
+
+
+def credentials_of(connection: Connection) -> Credentials | None:
+    """Return the credentials of a connection, if it has some.
+
+    Raises:
+        VisionError: As for ``read_credentials``.
+    """
+    return None if connection.credentials is None else read_credentials(connection.credentials)
+
+
+def _endpoint(connection: Connection, credentials: Credentials | None) -> str:
+    """Return where to connect; the default endpoint gives way to that of the credentials.
+
+    Raises:
+        ConfigurationError: The endpoint's protocol carries no certificate.
+    """
+    if credentials is None:
+        return connection.connect
+    if connection.connect == DEFAULT_ENDPOINT:
+        return credentials.endpoint
+    protocol, _, rest = connection.connect.partition("/")
+    if protocol in PROTOCOLS and protocol not in SECURE:
+        raise ConfigurationError(
+            f"connect = {shortened(connection.connect)} is not allowed with credentials, since "
+            f"{protocol} carries no certificate; allowed: tls/{rest}, or leave it out for "
+            f"{credentials.endpoint}"
+        )
+    return connection.connect
 
 
 def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:

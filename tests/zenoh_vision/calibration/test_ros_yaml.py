@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.support.headers import header
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CalibrationFault, CameraModel
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.calibration.ros_yaml import read_calibration, write_calibration
 from zenoh_vision.errors import ConfigurationError, PayloadError, SourceError
-from zenoh_vision.messages import CameraInfo, Header
+from zenoh_vision.messages import CameraInfo
 
 # In the form of camera_calibration_parsers: yaml-cpp writes floats as C++ does, also 5e-05.
 ROS = """\
@@ -44,8 +45,8 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "front.yaml"
 
 
-def test_a_file_that_ros_wrote_is_read(path: Path):
-    path.write_text(ROS)
+def test_a_file_that_ros_wrote_is_read_and_other_keys_are_ignored(path: Path):
+    path.write_text(ROS + "calibrated_by: somebody\n")
     found = read_calibration(path)
     assert (found.camera.width, found.camera.height, found.name) == (640, 480, "narrow_stereo")
     assert found.camera.k[:6] == (438.783367, 0, 305.593336, 0, 437.302876, 243.738352)
@@ -69,11 +70,6 @@ def test_the_plane_is_one_more_key(path: Path):
     write_calibration(with_plane, path)
     assert set(yaml.safe_load(path.read_text())) - set(yaml.safe_load(ROS)) == {"plane_homography"}
     assert read_calibration(path) == with_plane
-
-
-def test_other_keys_are_ignored_as_ros_does(path: Path):
-    path.write_text(ROS + "calibrated_by: somebody\n")
-    assert read_calibration(path).name == "narrow_stereo"
 
 
 @pytest.mark.parametrize(
@@ -130,7 +126,7 @@ def test_a_file_that_cannot_be_opened_or_written_is_named(path: Path):
 
 # The message.
 
-HEADER = Header(camera="front", epoch=1, seq=0, stamp_ns=1, width=640, height=480)
+HEADER = header(width=640, height=480)
 
 
 def test_a_calibration_becomes_a_message_and_is_read_from_it(path: Path):
@@ -155,13 +151,46 @@ def test_an_impossible_message_is_dropped_naming_its_field():
         assert caught.value.reason == "bad_calibration"
 
 
-def test_scaled_scales_lens_projection_and_plane_together():
-    camera = CameraModel(640, 480, (500.0, 0, 319.5, 0, 500, 239.5, 0, 0, 1))
-    whole = Calibration(camera, plane=Plane((1, 0, 0, 0, 1, 0, 0, 0, 1)))
-    half = whole.scaled(320, 240)
-    assert half.camera.k[:6] == half.p[:3] + half.p[4:7] == (250, 0, 159.5, 0, 250, 119.5)
-    assert half.view is not None
-    assert half.view.position(100, 50) == (200.5, 100.5)  # a pixel has become two
-    assert whole.scaled(640, 480) is whole
-    with pytest.raises(CalibrationFault, match="same aspect ratio"):
-        whole.scaled(640, 400)
+# The calibration of a picture that was scaled, cut out or mirrored.
+
+BENT = CameraModel(
+    640, 480, (500.0, 0, 310.5, 0, 480, 239.5, 0, 0, 1), "plumb_bob", (-0.28, 0.09, 0.0012, -0.0007)
+)
+WHOLE = Calibration(BENT, plane=Plane((1, 0, 2, 0, 1.5, 0, 0, 1e-3, 1)))
+
+
+@pytest.mark.parametrize(
+    ("moved", "place"),
+    [
+        # The centre of a pixel of the half size lies between those of four: x = 2 x' + 0.5.
+        (WHOLE.scaled(320, 240), lambda x, y: (2 * x + 0.5, 2 * y + 0.5)),
+        (WHOLE.cropped(40, 30, 200, 100), lambda x, y: (x + 40, y + 30)),
+        (WHOLE.mirrored(sideways=True, upside_down=False), lambda x, y: (639 - x, y)),
+        (WHOLE.mirrored(sideways=False, upside_down=True), lambda x, y: (x, 479 - y)),
+        (WHOLE.mirrored(sideways=True, upside_down=True), lambda x, y: (639 - x, 479 - y)),
+    ],
+    ids=["scaled", "cropped", "sideways", "upside down", "both"],
+)
+def test_a_pixel_shows_the_same_point_of_the_plane_as_the_one_that_it_was(moved, place):
+    for x, y in ((10.0, 20.0), (180.0, 90.0), (70.0, 60.0)):
+        assert moved.view.position(x, y) == pytest.approx(WHOLE.view.position(*place(x, y)))
+
+
+def test_scaled_scales_lens_and_projection_together():
+    half = WHOLE.scaled(320, 240)
+    assert half.camera.k[:6] == half.p[:3] + half.p[4:7] == (250, 0, 155, 0, 240, 119.5)
+    assert (half.camera.width, half.camera.height) == (320, 240)
+    assert half.r == (1, 0, 0, 0, 1, 0, 0, 0, 1)
+    assert WHOLE.p == (500, 0, 310.5, 0, 0, 480, 239.5, 0, 0, 0, 1, 0)
+    assert WHOLE.scaled(640, 480) is WHOLE
+    with pytest.raises(CalibrationFault, match=r"640x360.*640x480 of the .*same aspect ratio"):
+        WHOLE.scaled(640, 360)
+
+
+def test_mirrored_axes_mirror_rectification_and_projection():
+    """R keeps what is right and down; P has the picture's centre and the baseline mirrored."""
+    r, p = tuple(map(float, range(1, 10))), (5.0, 0, 300, -7, 0, 5, 200, 3, 0, 0, 1, 0)
+    turned = Calibration(BENT, r=r, p=p).mirrored(sideways=True, upside_down=False)
+    assert turned.r == (1, -2, -3, -4, 5, 6, -7, 8, 9)
+    assert turned.p == (5, 0, 639 - 300, 7, 0, 5, 200, 3, 0, 0, 1, 0)
+    assert turned.camera.k == (500, 0, 639 - 310.5, 0, 480, 239.5, 0, 0, 1)

@@ -1,12 +1,43 @@
-"""How a program ends."""
+"""How a process ends: with its status, whatever its threads do, and at once."""
 
 from __future__ import annotations
 
+import logging
+import re
 import sys
 
+import pytest
+
 from tests.support.processes import run_program
+from zenoh_vision.cli.errors import LogLine
 
 PROGRAM = """
+import threading, time
+import cv2, numpy as np
+from zenoh_vision.cli.errors import exit_with_status
+from zenoh_vision.host import abandoned_threads
+
+def work():
+    pixels = np.zeros((1080, 1920, 3), np.uint8)
+    while True:
+        cv2.GaussianBlur(pixels, (5, 5), 1)
+
+for _ in range(4):
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    abandoned_threads.abandon(thread)
+time.sleep(0.1)
+exit_with_status(lambda: print("done") or STATUS)
+"""
+
+
+@pytest.mark.parametrize("status", [0, 3])
+def test_a_thread_in_opencv_does_not_abort_the_end_of_its_process(status: int):
+    done = run_program([sys.executable, "-c", PROGRAM.replace("STATUS", str(status))])
+    assert (done.returncode, done.stdout, done.stderr) == (status, "done\n", "")
+
+
+COLLECTS = """
 import atexit, gc
 from zenoh_vision.cli.errors import exit_with_status
 
@@ -17,4 +48,38 @@ exit_with_status(lambda: 0)
 
 def test_at_its_end_a_program_does_not_look_through_all_objects_for_garbage():
     """With numpy, OpenCV and pydantic loaded that takes a tenth of a second."""
-    assert run_program([sys.executable, "-c", PROGRAM]).stdout == "True\n"
+    assert run_program([sys.executable, "-c", COLLECTS]).stdout == "True\n"
+
+
+def record(message: str, *values: str) -> logging.LogRecord:
+    """Return an entry about an exception."""
+    found = (ValueError, ValueError(message), None)
+    return logging.LogRecord("tracker", logging.ERROR, "f", 1, "no %s", values, found)
+
+
+def test_an_exception_in_the_log_is_one_line():
+    form = (
+        r"\d\d:\d\d:\d\d ERROR   tracker: no answer: ValueError: two lines "
+        r"\(--debug shows the traceback\)"
+    )
+    entry = record("two\nlines", "answer")
+    assert re.fullmatch(form, LogLine(debug=False).format(entry))
+    assert entry.exc_info is not None, "kept for other handlers"
+
+
+def test_with_debug_it_has_its_traceback():
+    try:
+        raise ValueError("two\nlines")
+    except ValueError as error:
+        entry = record("", "answer")
+        entry.exc_info = (ValueError, error, error.__traceback__)
+    lines = LogLine(debug=True).format(entry).splitlines()
+    assert lines[0].endswith("ERROR   tracker: no answer")
+    assert lines[1] == "Traceback (most recent call last):"
+
+
+@pytest.mark.parametrize("debug", [False, True])
+def test_foreign_text_in_an_entry_is_printable(debug: bool):
+    text = LogLine(debug=debug).format(record("\x1b[2J\u202e", "\x1b]0;t\x07\nb"))
+    assert all(line.isprintable() for line in text.split("\n"))
+    assert "no \\x1b]0;t\\x07\\nb" in text

@@ -95,15 +95,58 @@ def test_the_connection_is_that_of_every_service(
     ]
 
 
+def test_a_file_sets_the_connection_too_relative_to_itself(
+    start: Start, got: Got, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    file = tmp_path / "dimmer.toml"
+    file.write_text(
+        "gain = 0.5\n[connection]\n"
+        'credentials = "security/dimmer"\nnamespace = "lab"\ntimeout = "2s"\n'
+    )
+    own = str(tmp_path / "security" / "dimmer")
+    assert start("--config", file) == 0
+    monkeypatch.setenv("ZV_CREDENTIALS", "of_environment")
+    assert start("--config", file) == 0
+    assert start("--config", file, "--credentials", "of_flag") == 0
+    assert [each for _, each in got] == [
+        Connection(namespace="lab", credentials=credentials, timeout_s=2.0)
+        for credentials in (own, "of_environment", "of_flag")
+    ]
+    assert {settings.gain for settings, _ in got} == {0.5}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("connection = 5", "connection = 5 is not allowed; allowed: a table [connection]"),
+        (
+            "[connection]\ncredentials = 5",
+            "[connection]: credentials = 5 is not allowed (",
+        ),
+        (
+            '[connection]\ncredential = "a"',
+            "[connection]: unknown key 'credential'; did you",
+        ),
+        ('[connection]\nconnect = "nowhere"', "[connection]: connect = 'nowhere' is not allowed"),
+    ],
+)
+def test_a_wrong_connection_in_a_file_is_named(
+    start: Start, capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, said: str
+):
+    file = tmp_path / "dimmer.toml"
+    file.write_text(text)
+    assert start("--config", file) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"dimmer: {file}: {said}")
+
+
 def test_the_help_has_the_docstring_the_settings_and_the_examples(
     start: Start, capsys: pytest.CaptureFixture[str]
 ):
     assert start("--help") == 0
     text = capsys.readouterr().out
     assert text.startswith("Usage: dimmer [OPTIONS]\n\n  Dim the light.\n\n  Slowly.\n\nOptions:\n")
-    assert "--gain GAIN" in text
-    assert "ZV_DIMMER_GAIN" in text
-    assert "--connect" in text
+    assert all(words in text for words in ("--gain GAIN", "ZV_DIMMER_GAIN", "--connect"))
     assert "Args" not in text
     assert text.endswith("Example:\n  python dimmer.py --gain 2\n")
 
@@ -126,11 +169,8 @@ def test_an_error_is_one_line_and_a_status(
 
 
 def test_a_bug_names_the_line_and_the_program(start: Start, capsys: pytest.CaptureFixture[str]):
-    (number,) = (
-        number
-        for number, line in enumerate(Path(__file__).read_text().splitlines(), 1)
-        if line.endswith('raise KeyError("fuse")')
-    )
+    lines = Path(__file__).read_text().splitlines()
+    number = lines.index('            raise KeyError("fuse")') + 1
     assert start("--gain", "4") == 70
     assert capsys.readouterr().err == (
         "dimmer: unexpected KeyError: 'fuse'; this is a bug in dimmer "

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import pytest
 from pydantic import Field
 
-from zenoh_vision.config.settings import Settings, load_settings
+from zenoh_vision.config.settings import Settings, Shared, load_settings
 from zenoh_vision.errors import ConfigurationError
 from zv.camera.settings import CameraSettings
 from zv.edge.settings import EdgeSettings
@@ -25,16 +25,6 @@ from zv.tracker.settings import TrackerSettings
         (1, None, None, "4", 4),
         (None, None, "3", None, 3),
         (1, None, "", None, 1),
-    ],
-    ids=[
-        "default",
-        "file",
-        "launch file",
-        "environment",
-        "flag",
-        "flag, file",
-        "environment alone",
-        "empty environment",
     ],
 )
 def test_the_nearer_source_wins(toml, monkeypatch, file, inline, environment, flag, expected: int):
@@ -103,18 +93,18 @@ def test_text_of_flags_and_environment_becomes_the_options_type(
 
 
 @pytest.mark.parametrize(
-    ("text", "name", "value"),
+    ("text", "value"),
     [
-        ("rate = 10", "rate", 10.0),
-        ("rate = 12.5", "rate", 12.5),
-        ("source = 0", "source", "0"),
-        ('source = "walk.avi"', "source", "walk.avi"),
-        ("loop = true", "loop", True),
-        ('camera = "rear_2"', "camera", "rear_2"),
+        ("rate = 10", 10.0),
+        ("rate = 12.5", 12.5),
+        ("source = 0", "0"),
+        ('source = "rtsp://walk"', "rtsp://walk"),
+        ("loop = true", True),
+        ('camera = "rear_2"', "rear_2"),
     ],
 )
-def test_toml_values_of_the_right_type(toml, text: str, name: str, value: object):
-    found = getattr(load_settings(CameraSettings, config=toml(text)), name)
+def test_toml_values_of_the_right_type(toml, text: str, value: object):
+    found = getattr(load_settings(CameraSettings, config=toml(text)), text.split()[0])
     assert (found, type(found)) == (value, type(value))
 
 
@@ -130,3 +120,34 @@ def test_the_trackers_defaults_are_the_tutorials_numbers():
     found = TrackerSettings()
     assert (found.history, found.var_threshold, found.detect_shadows) == (700, 25, True)
     assert (found.closing, found.median, found.threshold) == (20, 5, 127)
+
+
+class Radio(Settings):
+    env_prefix: ClassVar[str] = "ZV_RADIO_"
+
+    volume: Annotated[int, Field(ge=0, le=9, description="how loud"), Shared("ZV_VOLUME")] = 3
+
+
+@pytest.mark.parametrize(
+    ("variables", "volume"),
+    [
+        ({}, 3),
+        ({"ZV_VOLUME": "5"}, 5),
+        ({"ZV_VOLUME": ""}, 3),
+        ({"ZV_VOLUME": "5", "ZV_RADIO_VOLUME": "7"}, 7),
+    ],
+)
+def test_a_programs_own_variable_overrides_the_shared_one(monkeypatch, variables, volume):
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert load_settings(Radio).volume == volume
+    assert load_settings(Radio, flags={"volume": 8}).volume == 8
+
+
+def test_an_error_names_the_variable_that_is_wrong(monkeypatch):
+    monkeypatch.setenv("ZV_VOLUME", "10")
+    with pytest.raises(ConfigurationError, match="ZV_VOLUME"):
+        load_settings(Radio)
+    monkeypatch.setenv("ZV_RADIO_VOLUME", "11")
+    with pytest.raises(ConfigurationError, match="ZV_RADIO_VOLUME"):
+        load_settings(Radio)

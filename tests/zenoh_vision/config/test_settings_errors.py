@@ -41,11 +41,7 @@ def refusal(model: type[Settings], **sources: Any) -> str:
         (CameraSettings, "width = 8", ["width = 8", "from 16 to 7680"]),
         (CameraSettings, 'encoding = "yuv"', ["encoding = 'yuv'", "mono8, mono16, bgr8, rgb8"]),
         (CameraSettings, 'camera = "Front"', ["camera = 'Front'", "letters a-z, digits and _"]),
-        (
-            CameraSettings,
-            'stall_after = "5 parsecs"',
-            ["'5 parsecs'", "5, 5s, 500ms, 2m, from 100ms"],
-        ),
+        (CameraSettings, 'stall_after = "5 parsecs"', ["'5 parsecs'", "5s, 500ms, 2m, from 100ms"]),
         (CameraSettings, "stall_after = 7200", ["stall_after = 7200", "from 100ms to 1h"]),
         (EdgeSettings, "aperture = 4", ["aperture = 4", "one of 3, 5, 7"]),
         (EdgeSettings, 'aperture = "5"', ["aperture = '5'", "one of 3, 5, 7"]),
@@ -61,22 +57,7 @@ def test_a_wrong_value_in_a_file_names_file_key_value_and_what_is_allowed(
     message = refusal(model, config=path)
     assert message.startswith(f"{path}: ")
     assert "; allowed: " in message
-    for word in words:
-        assert word in message
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [("quality", "high"), ("quality", "0"), ("rate", "nan"), ("rate", "-1"), ("loop", "perhaps")],
-)
-def test_a_wrong_flag_or_variable_is_named_as_the_user_spelled_it(
-    monkeypatch, name: str, text: str
-):
-    by_flag = refusal(CameraSettings, flags={name: text})
-    assert by_flag.startswith(f"command line: --{name} = {text!r} is not allowed")
-    monkeypatch.setenv(f"ZV_CAMERA_{name.upper()}", text)
-    by_environment = refusal(CameraSettings)
-    assert by_environment.startswith(f"environment: ZV_CAMERA_{name.upper()} = {text!r} is not")
+    assert all(word in message for word in words)
 
 
 @pytest.mark.parametrize(
@@ -87,16 +68,23 @@ def test_a_wrong_flag_or_variable_is_named_as_the_user_spelled_it(
         ("quality", "high", " (not a whole number)"),
         ("rate", "fast", " (not a number)"),
         ("rate", "0", " (below 0.0001)"),
+        ("rate", "nan", " (Input should be a finite number)"),
+        ("rate", "-1", " (below 0.0001)"),
+        ("loop", "perhaps", " (Input should be a valid boolean, unable to interpret input)"),
         ("camera", "Front", ""),
         ("source", "", " (empty)"),
         ("calibration", "", " (empty)"),
     ],
 )
-def test_why_a_value_is_wrong_is_said_in_short_or_left_to_what_is_allowed(
-    name: str, text: str, why: str
+def test_a_wrong_flag_or_variable_is_named_as_the_user_spelled_it_and_why_it_is_wrong(
+    monkeypatch, name: str, text: str, why: str
 ):
-    message = refusal(CameraSettings, flags={name: text})
-    assert message.startswith(f"command line: --{name} = {text!r} is not allowed{why}; allowed: ")
+    said = f" = {text!r} is not allowed{why}; allowed: "
+    assert refusal(CameraSettings, flags={name: text}).startswith(f"command line: --{name}{said}")
+    if text:  # an empty variable is ignored
+        monkeypatch.setenv(f"ZV_CAMERA_{name.upper()}", text)
+        place = f"environment: ZV_CAMERA_{name.upper()}"
+        assert refusal(CameraSettings).startswith(f"{place}{said}")
 
 
 @pytest.mark.parametrize(
@@ -123,23 +111,20 @@ def test_a_wrong_value_is_refused_even_where_a_nearer_source_overrides_it(toml):
     assert "quality = 0" in message
 
 
-@pytest.mark.parametrize("place", ["file", "launch file", "flags", "environment"])
-def test_an_unknown_key_is_an_error_that_knows_the_nearest(toml, monkeypatch, place: str):
-    if place == "file":
-        path = toml("qualiti = 80")
-        message = refusal(CameraSettings, config=path)
-        assert message.startswith(f"{path}: unknown key 'qualiti'")
-    elif place == "launch file":
-        message = refusal(CameraSettings, inline={"qualiti": 80}, inline_place="up.toml, node 2")
-        assert message.startswith("up.toml, node 2: unknown key 'qualiti'")
-    elif place == "flags":
-        message = refusal(CameraSettings, flags={"qualiti": "80"})
-        assert message.startswith("command line: unknown key 'qualiti'")
-    else:
-        monkeypatch.setenv("ZV_CAMERA_QUALITI", "80")
-        message = refusal(CameraSettings)
-        assert message.startswith("environment: unknown key 'ZV_CAMERA_QUALITI'")
-    assert "did you mean 'quality'? allowed: camera, source, width" in message
+def test_an_unknown_key_is_an_error_that_knows_the_nearest(toml, monkeypatch):
+    path, inline = toml("qualiti = 80"), {"qualiti": 80}
+    messages = {
+        f"{path}: unknown key 'qualiti'": refusal(CameraSettings, config=path),
+        "up.toml, node 2: unknown key 'qualiti'": refusal(
+            CameraSettings, inline=inline, inline_place="up.toml, node 2"
+        ),
+        "command line: unknown key 'qualiti'": refusal(CameraSettings, flags={"qualiti": "80"}),
+    }
+    monkeypatch.setenv("ZV_CAMERA_QUALITI", "80")
+    messages["environment: unknown key 'ZV_CAMERA_QUALITI'"] = refusal(CameraSettings)
+    for begun, message in messages.items():
+        assert message.startswith(begun)
+        assert "did you mean 'quality'? allowed: camera, source, username" in message
 
 
 def test_an_unknown_key_that_is_near_to_nothing_is_told_what_is_allowed(toml):
@@ -174,15 +159,11 @@ def test_thresholds_may_be_equal():
     assert load_settings(EdgeSettings, flags={"low": "100"}).low == 100
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [(b"quality = ", "not TOML"), (b"a = 1\na = 2", "not TOML"), (b"a = '\xff'", "not TOML")],
-    ids=["cut off", "a key twice", "not UTF-8"],
-)
-def test_a_file_that_is_no_toml_is_named(tmp_path: Path, content: bytes, words: str):
+@pytest.mark.parametrize("content", [b"quality = ", b"a = 1\na = 2", b"a = '\xff'"])
+def test_a_file_that_is_no_toml_is_named(tmp_path: Path, content: bytes):
     path = tmp_path / "node.toml"
     path.write_bytes(content)
-    assert refusal(CameraSettings, config=path).startswith(f"{path}: {words}")
+    assert refusal(CameraSettings, config=path).startswith(f"{path}: not TOML")
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from tests.support.node_states import health, node_state, only, report
+from tests.support.node_states import node_state, only, report
 from zenoh_vision.health.fleet import Fleet
 from zenoh_vision.health.node_state import ClockOffset, NodeState, S
 
@@ -14,8 +16,12 @@ def counting(uptime_s: float, received: int, session: str = "a1") -> NodeState:
     return node_state(session=session, health=report(uptime_s=uptime_s, counters=counters))
 
 
-def test_a_change_is_over_the_window():
-    fleet = Fleet(window_s=5.0)
+@pytest.fixture
+def fleet() -> Fleet:
+    return Fleet(window_s=5.0)
+
+
+def test_a_change_is_over_the_window(fleet: Fleet):
     for second in range(20):
         fleet.update([counting(second, 30 * second)])
     change = only(fleet).change
@@ -23,45 +29,35 @@ def test_a_change_is_over_the_window():
     assert (change.span_s, change.arrived) == (5.0, 150)
 
 
-def test_diagnostics_that_come_as_events_make_a_change_too():
-    fleet = Fleet(window_s=5.0)
+def test_diagnostics_that_come_as_events_make_a_change_too(fleet: Fleet):
     for second in range(3):
         counters = {"received": 30 * second}
-        fleet.report("a", health("a", uptime_s=float(second), counters=counters), second * S)
+        fleet.report("a", report(node="a", uptime_s=float(second), counters=counters), second * S)
     change = only(fleet).change
     assert change is not None
     assert (change.span_s, change.arrived) == (2.0, 60)
-    fleet.report("a", health("a", uptime_s=0.5, counters={"received": 1}), 3 * S)
+    fleet.report("a", report(node="a", uptime_s=0.5, counters={"received": 1}), 3 * S)
     assert only(fleet).change is None  # it was started again
 
 
-def test_one_report_is_no_change_and_the_same_again_is_none_either():
-    fleet = Fleet(window_s=5.0)
-    for _ in range(3):
-        fleet.update([counting(1, 30)])
-    assert only(fleet).change is None
-
-
-def test_two_nodes_of_one_name_have_a_history_each():
-    fleet = Fleet(window_s=5.0)
+def test_two_nodes_of_one_name_have_a_history_each(fleet: Fleet):
     for second in range(3):
         fleet.update([counting(second, 30 * second, "a1"), counting(second, 7 * second, "b2")])
     assert [node.change and node.change.arrived for node in fleet.nodes()] == [60, 14]
 
 
-def test_what_is_there_no_more_is_forgotten():
-    fleet = Fleet(window_s=5.0)
-    fleet.update([counting(1, 30)])
-    fleet.update([])
-    fleet.update([counting(2, 60)])
-    assert only(fleet).change is None
-
-
-@pytest.mark.parametrize("later", [29, 0])
-def test_counters_that_went_back_say_nothing(later):
-    fleet = Fleet(window_s=5.0)
-    fleet.update([counting(1, 30)])
-    fleet.update([counting(2, later)])
+@pytest.mark.parametrize(
+    "then",
+    [
+        pytest.param([[counting(1, 30)]] * 2, id="the same again"),
+        pytest.param([[], [counting(2, 60)]], id="it was there no more"),
+        pytest.param([[counting(2, 29)]], id="counters went back"),
+        pytest.param([[counting(2, 0)]], id="counters began anew"),
+    ],
+)
+def test_one_report_alone_is_no_change(fleet: Fleet, then: list[list[NodeState]]):
+    for nodes in ([counting(1, 30)], *then):
+        fleet.update(nodes)
     assert only(fleet).change is None
 
 
@@ -99,8 +95,6 @@ def test_a_second_node_of_a_name_comes_and_goes_by_itself(fleet: Fleet):
 
 
 def test_of_several_measurements_of_a_clock_the_most_exact_is_kept(fleet: Fleet):
-    from dataclasses import replace
-
     for ahead_ns, error_ns in ((5, 300), (7, 100), (9, 200)):
         fleet.update([replace(node_state(), clock=ClockOffset(ahead_ns, error_ns))])
     assert only(fleet).clock == ClockOffset(7, 100)

@@ -6,32 +6,21 @@ from dataclasses import dataclass
 
 import pytest
 
+from tests.support.clocks import SteppedClock
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.health import health as health_module
 from zenoh_vision.health.health import Health
-from zenoh_vision.keys import Way
+from zenoh_vision.keys import RouteName
 from zenoh_vision.messages import Level
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.intake import InputState
 
 
-@dataclass
-class Clock:
-    now_s: float = 100.0
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-    def time_ns(self) -> int:
-        return int(self.now_s * 1e9)
-
-
 class Camera:
     """A camera's health, second by second."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: SteppedClock) -> None:
         self.counters = FrameCounters("captured", "published")
-        self.health = Health("camera_front", self.counters)
+        self.health = Health("camera_front", self.counters, clock)
         self._clock = clock
 
     def run(self, seconds: int, rate_hz: int, overwritten_hz: int = 0) -> tuple[int, str]:
@@ -43,7 +32,7 @@ class Camera:
                     self.counters.drop("overwritten")
                 else:
                     self.counters.finish()
-            self._clock.now_s += 1.0
+            self._clock.step(1)
             said = self.health.diagnostics()
         return said.level, said.message
 
@@ -54,27 +43,21 @@ class Input:
 
     since_s: float
     key: str = "vision/front/image/compressed"
-    way: Way | None = None
+    route: RouteName | None = None
     fault: str = ""
 
     def states(self) -> list[InputState]:
-        return [InputState(self.key, int(self.since_s * 1e9), way=self.way)]
+        return [InputState(self.key, int(self.since_s * 1e9), route=self.route)]
 
 
 @pytest.fixture
-def camera(monkeypatch: pytest.MonkeyPatch) -> Camera:
-    clock = Clock()
-    monkeypatch.setattr(health_module, "time", clock)
-    return Camera(clock)
-
-
-def test_a_camera_at_its_rate_is_ok(camera: Camera):
-    camera.health.rates.expect(30.0)
-    assert camera.run(20, 30) == (Level.OK, "ok")
+def camera() -> Camera:
+    return Camera(SteppedClock(100 * 10**9, 100 * 10**9))
 
 
 def test_a_camera_under_its_configured_rate_warns(camera: Camera):
     camera.health.rates.expect(30.0)
+    assert camera.run(20, 30) == (Level.OK, "ok")
     assert camera.run(20, 20) == (Level.WARN, "20.0 Hz captured, under the 30 Hz configured")
     assert camera.run(20, 30) == (Level.OK, "ok")
 
@@ -89,9 +72,9 @@ def test_a_node_slower_than_its_stream_warns(camera: Camera):
 def test_while_a_source_is_lost_its_rate_is_not_judged_nor_right_after(camera: Camera):
     camera.health.rates.expect(30.0)
     camera.run(10, 30)
-    camera.health.report(Level.ERROR, "the source ended")
+    camera.health.report("source", Level.ERROR, "the source ended")
     assert camera.run(30, 0) == (Level.ERROR, "the source ended")
-    camera.health.report(Level.OK, "")
+    camera.health.report("source", Level.OK)
     assert camera.run(2, 30) == (Level.OK, "ok")
     assert camera.run(20, 30) == (Level.OK, "ok")
 
@@ -125,16 +108,37 @@ def test_a_key_is_silent_since_one_listens_to_it_and_not_since_the_node_began(ca
     assert camera.run(5, 0) == (Level.STALE, f"no frame on {watched.key} for 6 s")
 
 
-def test_the_ways_of_all_inputs_are_said_once_each(camera: Camera):
-    assert camera.health.diagnostics().transport is None
-    for way in (None, "shm", "jpeg", "shm"):
-        camera.health.watch(Input(since_s=100.0, way=way))
-    assert camera.health.diagnostics().transport == "jpeg,shm"
+def test_the_route_of_each_input_is_said(camera: Camera):
+    assert camera.health.diagnostics().routes is None
+    for key, route in (("a", None), ("b", "shm"), ("c", "jpeg")):
+        camera.health.watch(Input(since_s=100.0, key=key, route=route))
+    assert camera.health.diagnostics().routes == {"b": "shm", "c": "jpeg"}
 
 
-def test_that_shared_memory_fails_is_a_warning(camera: Camera):
-    camera.health.shared_memory = "no room"
-    assert camera.run(1, 0) == (Level.WARN, "no room")
+def test_conditions_end_one_by_one_and_leave_the_others_as_they_are(camera: Camera):
+    health = camera.health
+    health.report("source", Level.ERROR, "the source ended")
+    health.report("calibration", Level.WARN, "no camera_info")
+    assert camera.run(1, 0) == (Level.ERROR, "no camera_info; the source ended")
+    health.report("source", Level.OK)
+    assert camera.run(1, 0) == (Level.WARN, "no camera_info"), "pictures are back, no calibration"
+    health.report("source", Level.ERROR, "the source ended")
+    health.report("calibration", Level.OK)
+    assert camera.run(1, 0) == (Level.ERROR, "the source ended")
+    assert (health.message("source"), health.message("calibration")) == ("the source ended", "")
+
+
+def test_all_errors_are_failures_and_warnings_are_not(camera: Camera):
+    for name, level in (("b", Level.ERROR), ("c", Level.WARN), ("a", Level.ERROR)):
+        camera.health.report(name, level, f"{name} is wrong")
+    assert camera.health.failure() == "a is wrong; b is wrong"
+
+
+def test_a_warning_hides_no_low_rate(camera: Camera):
+    camera.health.rates.expect(30.0)
+    camera.health.report("calibration", Level.WARN, "no camera_info")
+    said = "no camera_info; 20.0 Hz captured, under the 30 Hz configured"
+    assert camera.run(20, 20) == (Level.WARN, said)
 
 
 def test_what_keeps_frames_from_coming_the_way_they_should_is_a_warning(camera: Camera):
@@ -145,10 +149,18 @@ def test_what_keeps_frames_from_coming_the_way_they_should_is_a_warning(camera: 
     assert camera.run(1, 0) == (Level.OK, "ok")
 
 
-def test_a_remark_is_said_without_a_level_of_its_own():
-    health = Health("camera_front", FrameCounters("captured", "published"))
-    health.remark = "max_kbps = 800: fewer frames"
-    said = health.diagnostics()
-    assert (said.level, said.message) == (Level.OK, "max_kbps = 800: fewer frames")
-    health.remark = ""
-    assert health.diagnostics().message == "ok"
+def test_a_remark_has_a_message_and_no_level_of_its_own(camera: Camera):
+    camera.health.report("bandwidth", Level.OK, "max_kbps = 800: fewer frames")
+    assert camera.run(1, 0) == (Level.OK, "max_kbps = 800: fewer frames")
+    camera.health.report("bandwidth", Level.OK)
+    assert camera.run(1, 0) == (Level.OK, "ok")
+
+
+def test_one_silent_input_of_several_is_no_reason_to_call_the_node_stale(camera: Camera):
+    silent, alive = Input(since_s=100.0, key="a"), Input(since_s=100.0, key="b")
+    for each in (silent, alive):
+        camera.health.watch(each)
+    camera.run(4, 0)
+    alive.since_s = 104.0
+    assert camera.run(1, 0) == (Level.WARN, "no frame on a for 5 s")
+    assert camera.run(3, 0) == (Level.STALE, "no frame on a for 8 s; no frame on b for 4 s")

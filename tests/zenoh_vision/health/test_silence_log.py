@@ -7,7 +7,7 @@ import logging
 import pytest
 
 from tests.support.intakes import PIXELS, RAW_KEY, Taker, sample
-from zenoh_vision.health.silence_log import SilenceLog
+from zenoh_vision.health.log_throttle import SilenceLog
 from zenoh_vision.stream.intake import InputState
 
 FRONT = "vision/front/image/compressed"
@@ -67,7 +67,7 @@ def test_many_that_fall_silent_are_one_line(watch: Watch):
 def test_raw_frames_after_a_wait_for_compressed_ones_are_said_to_arrive(caplog):
     caplog.set_level(logging.INFO)
     log = SilenceLog(logging.getLogger("node"))
-    intake = Taker().frames(FRONT, raw_key=RAW_KEY)
+    intake = Taker().frames(FRONT)
     opened_s = intake.states()[0].since_ns / 1e9
     log.note(intake.states(), opened_s + 3)
     intake.receive(sample(0, PIXELS.tobytes(), RAW_KEY, arrived_ns=int((opened_s + 4) * 1e9)))

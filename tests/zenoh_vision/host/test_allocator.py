@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import platform
-import subprocess
 import sys
 
 import pytest
+
+from tests.support.processes import run_program
 
 ROUNDS, PAGES = 50, 1000
 PROGRAM = f"""
@@ -26,16 +27,18 @@ print(faults() - before)
 """
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has these options")
-def test_pages_that_were_freed_are_not_cleared_again():
-    def faults(how: str) -> int:
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM, how], capture_output=True, text=True, check=True
-        )
-        return int(done.stdout)
+pytestmark = pytest.mark.skipif(
+    platform.libc_ver()[0] != "glibc", reason="only glibc has these options"
+)
 
-    assert faults("kept") < ROUNDS
-    assert faults("by default") > ROUNDS * PAGES
+
+def printed(program: str, *arguments: str) -> int:
+    return int(run_program([sys.executable, "-c", program, *arguments]).stdout)
+
+
+def test_pages_that_were_freed_are_not_cleared_again():
+    assert printed(PROGRAM, "kept") < ROUNDS
+    assert printed(PROGRAM, "by default") > ROUNDS * PAGES
 
 
 THREADS = 8
@@ -61,9 +64,5 @@ print(resident() - before)
 """
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has these options")
 def test_threads_share_the_memory_that_is_kept():
-    done = subprocess.run(
-        [sys.executable, "-c", SHARED], capture_output=True, text=True, check=True
-    )
-    assert int(done.stdout) < 2 * 3 * PAGES  # that of two threads; each would keep as much
+    assert printed(SHARED) < 2 * 3 * PAGES  # that of two threads; each would keep as much

@@ -3,34 +3,40 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import pytest
+
 from zenoh_vision.host.health_file import HealthFile
 
 
-def test_it_says_ok_and_what_is_wrong_and_ok_again(tmp_path: Path):
-    file = tmp_path / "health"
-    heartbeat = HealthFile(str(file))
-    heartbeat.beat()
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "health"
+
+
+@pytest.fixture
+def heartbeat(file: Path) -> HealthFile:
+    """Of a node that has said that it is well."""
+    found = HealthFile(str(file))
+    found.beat()
+    return found
+
+
+def test_it_says_ok_and_what_is_wrong_and_ok_again(file: Path, heartbeat: HealthFile):
     assert file.read_text() == "ok\n"
     heartbeat.beat("the camera\nis gone")  # at once, however short the time since the last
     assert file.read_text() == "trouble: the camera is gone\n"
     heartbeat.beat()
     assert file.read_text() == "ok\n"
-    assert list(tmp_path.iterdir()) == [file]
+    assert list(file.parent.iterdir()) == [file]
 
 
-def test_an_unchanged_state_is_not_written_again_at_once(tmp_path: Path):
-    file = tmp_path / "health"
-    heartbeat = HealthFile(str(file))
-    heartbeat.beat()
+def test_an_unchanged_state_is_not_written_again_at_once(file: Path, heartbeat: HealthFile):
     os.utime(file, (1, 1))
     heartbeat.beat()
     assert file.stat().st_mtime == 1
 
 
-def test_a_full_disk_does_not_age_the_file(tmp_path: Path, monkeypatch):
-    file = tmp_path / "health"
-    heartbeat = HealthFile(str(file))
-    heartbeat.beat()
+def test_a_full_disk_does_not_age_the_file(file: Path, heartbeat: HealthFile, monkeypatch):
     os.utime(file, (1, 1))
 
     def full(*_: object) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import os
-import subprocess
 import sys
 import threading
 import weakref
@@ -15,7 +14,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from tests.support.processes import ROOT, environment
+from tests.support.processes import run_program
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.host import parallel
 from zenoh_vision.host.parallel import MAX_BY_DEFAULT, Workers
@@ -56,24 +55,24 @@ def test_no_more_parts_run_at_the_same_time_than_are_allowed(workers):
     assert most == 3
 
 
-def test_the_caller_does_what_no_thread_has_begun():
+@pytest.fixture
+def occupied() -> Iterator[Workers]:
+    """Workers whose only thread, and another caller, are busy with that caller's parts."""
     workers = Workers()
     workers.limit(2)
-    release, busy = threading.Event(), threading.Event()
-
-    def occupy() -> int:
-        busy.set()
-        assert release.wait(DEADLINE_S)
-        return threading.get_ident()
-
-    other = threading.Thread(target=lambda: workers.run([threading.get_ident, occupy]))
+    release, busy = threading.Event(), threading.Barrier(3, timeout=DEADLINE_S)
+    part = [lambda: busy.wait() and release.wait(DEADLINE_S)] * 2
+    other = threading.Thread(target=lambda: workers.run(part))
     other.start()
-    assert busy.wait(DEADLINE_S)
-    mine = threading.get_ident()  # the only other thread is busy with another caller's part
-    assert workers.run([threading.get_ident] * 4) == [mine] * 4
+    busy.wait()
+    yield workers
     release.set()
     other.join(DEADLINE_S)
     workers.limit(1)
+
+
+def test_the_caller_does_what_no_thread_has_begun(occupied):
+    assert occupied.run([threading.get_ident] * 4) == [threading.get_ident()] * 4
 
 
 @pytest.mark.parametrize("failing", [0, 1])
@@ -114,24 +113,12 @@ def test_an_error_leaves_nothing_in_memory(workers):
         gc.enable()
 
 
-def test_what_the_caller_did_is_not_kept_for_the_threads_that_came_too_late():
-    workers = Workers()
-    workers.limit(2)
-    release, busy = threading.Event(), threading.Event()
-    occupied = [int, lambda: busy.set() or release.wait(DEADLINE_S)]
-    other = threading.Thread(
-        target=lambda: workers.run([partial(busy.wait, DEADLINE_S), *occupied])
-    )
-    other.start()
-    assert busy.wait(DEADLINE_S)
+def test_what_the_caller_did_is_not_kept_for_the_threads_that_came_too_late(occupied):
     memory = np.zeros(8)
     freed = weakref.ref(memory)
-    workers.run([partial(len, memory)] * 3)
+    occupied.run([partial(len, memory)] * 3)
     del memory
     assert freed() is None
-    release.set()
-    other.join(DEADLINE_S)
-    workers.limit(1)
 
 
 def test_the_limit_may_change_while_parts_run(workers):
@@ -210,15 +197,7 @@ def test_the_threads_wake_up_on_other_processors_than_the_callers_and_are_then_f
 
 
 def output_of(program: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        cwd=ROOT,
-        env=environment(),
-        check=False,
-    )
+    done = run_program([sys.executable, "-c", program])
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 

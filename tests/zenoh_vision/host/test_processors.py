@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.support.processes import run_program
 from zenoh_vision.host.processors import processors_of
 
 PROGRAM = """
@@ -35,14 +35,7 @@ NICENESS = os.getpriority(os.PRIO_PROCESS, 0)
 def run(folder: Path, *flags: object, imported: str = "", **variables: str):
     program = folder / "program.py"
     program.write_text(PROGRAM.format(imported=imported))
-    return subprocess.run(
-        [sys.executable, program, *map(str, flags)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        env={**os.environ, **variables},
-    )
+    return run_program([sys.executable, program, *flags], **variables)
 
 
 @pytest.mark.parametrize(
@@ -53,15 +46,10 @@ def test_a_list_names_processors_and_ranges_of_them(text, processors):
     assert processors_of(text) == processors
 
 
-@pytest.mark.parametrize("text", ["", "a", "1,", "-1", "2-", "0 1", "12345"])
+@pytest.mark.parametrize("text", ["", "a", "1,", "-1", "2-", "0 1", "12345", "0,3-1"])
 def test_any_other_text_is_no_list(text):
-    with pytest.raises(ValueError, match="not a list of processors"):
+    with pytest.raises(ValueError, match=r"not a list of processors|3-1 ends before it begins"):
         processors_of(text)
-
-
-def test_a_range_does_not_run_backwards():
-    with pytest.raises(ValueError, match="3-1 ends before it begins"):
-        processors_of("0,3-1")
 
 
 HIGHEST = pytest.mark.skipif(NICENESS == 19, reason="these tests have the highest niceness already")

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.pictures.encoded import SCENE, png_of, progressive
+from tests.support.pictures.encoded import SCENE, forged_size, png_of, progressive
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 
@@ -26,9 +26,7 @@ def decoded(picture: bytes) -> np.ndarray:
 
 
 def jpeg_claiming(width: int, height: int) -> bytes:
-    """Return a JPEG whose frame header (SOF0: marker, length, depth, height, width) lies."""
-    at = JPEG.index(b"\xff\xc0") + 5
-    return JPEG[:at] + struct.pack(">HH", height, width) + JPEG[at + 4 :]
+    return forged_size(JPEG, width, height)
 
 
 def png_claiming(width: int, height: int) -> bytes:

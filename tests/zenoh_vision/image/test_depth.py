@@ -115,11 +115,16 @@ def test_a_range_of_which_less_than_half_is_used_is_found_anew():
 # A frame
 
 
+def ranged(frame: Frame) -> Frame:
+    frame.find_range(RangeFinder())
+    return frame
+
+
 @pytest.mark.parametrize("encoding", ["mono16", "16UC1"])
 def test_a_frame_of_16_bits_has_its_values_and_grey_by_the_range_of_its_stream(encoding):
-    made = Frame(header(encoding=encoding, width=4, height=1), pixels=ROOM, finder=RangeFinder())
-    taken = Frame(made.compressed_header, compressed=made.compressed, finder=RangeFinder())
-    assert taken.mime == "image/png"
+    made = ranged(Frame(header(encoding=encoding, width=4, height=1), ROOM))
+    taken = ranged(Frame(made.header, made.compressed))
+    assert taken.picture.mime == "image/png"
     for frame in (made, taken):
         assert frame.is_deep
         assert frame.depth is not None
@@ -132,25 +137,25 @@ def test_a_frame_of_16_bits_has_its_values_and_grey_by_the_range_of_its_stream(e
 
 
 def test_without_a_finder_16_bits_are_scaled_as_a_whole():
-    frame = Frame(header(encoding="16UC1", width=4, height=1), pixels=ROOM)
+    frame = Frame(header(encoding="16UC1", width=4, height=1), ROOM)
     assert frame.value_range is None
     assert frame.gray.tolist() == [[0, 8, 10, 12]]
 
 
 def test_depth_in_metres_is_raw_as_it_is_and_a_png_of_millimetres_compressed():
     deep = np.array([[math.nan, 2.0, 2.5, 3.0]], np.float32)
-    frame = Frame(header(encoding="32FC1", width=4, height=1), pixels=deep, finder=RangeFinder())
+    frame = ranged(Frame(header(encoding="32FC1", width=4, height=1), deep))
     assert frame.raw == np.array([[math.nan, 2.0, 2.5, 3.0]], "<f4").tobytes()
     assert codecs.decode_png(frame.compressed).tolist() == ROOM.tolist()
-    assert (frame.header.encoding, frame.compressed_header.encoding) == ("32FC1", "16UC1")
+    assert frame.header.encoding == "32FC1"
     assert frame.gray.tolist() == [[0, 1, 128, 255]]
     raw = pixel_formats.from_raw(frame.raw, "32FC1", 4, 1)
-    assert Frame(frame.header, pixels=raw, finder=RangeFinder()).gray.tolist() == [[0, 1, 128, 255]]
+    assert ranged(Frame(frame.header, raw)).gray.tolist() == [[0, 1, 128, 255]]
 
 
 def test_a_bare_png_of_16_bits_is_known_by_its_own_header():
     assumed = header(encoding="bgr8", width=4, height=1)
-    frame = Frame(assumed, compressed=codecs.encode_png(ROOM), finder=RangeFinder())
+    frame = ranged(Frame(assumed, codecs.encode_png(ROOM)))
     assert frame.bgr[0].tolist() == [[0] * 3, [1] * 3, [128] * 3, [255] * 3]
     assert frame.depth is not None
     assert frame.depth.tolist() == ROOM.tolist()
@@ -158,9 +163,7 @@ def test_a_bare_png_of_16_bits_is_known_by_its_own_header():
 
 def test_colour_of_16_bits_is_no_depth():
     colour = np.full((1, 4, 3), 257 * 7, np.uint16)
-    frame = Frame(
-        header(width=4, height=1), compressed=codecs.encode_png(colour), finder=RangeFinder()
-    )
+    frame = ranged(Frame(header(width=4, height=1), codecs.encode_png(colour)))
     assert frame.depth is None
     assert frame.value_range is None
     assert (frame.bgr == 7).all()
@@ -170,17 +173,22 @@ def test_a_jpeg_whose_header_claims_depth_is_shown_as_the_picture_that_it_is():
     jpeg = codecs.encode_jpeg(np.full((8, 8), 90, np.uint8), "mono8", 95)
     for encoding in ("mono16", "16UC1", "32FC1"):
         claimed = header(encoding=encoding, width=8, height=8)
-        frame = Frame(claimed, compressed=jpeg, finder=RangeFinder())
+        frame = ranged(Frame(claimed, jpeg))
         assert frame.depth is None
         assert (frame.gray == 90).all()
         assert frame.pixels.shape == (8, 8)
 
 
-def test_a_kept_frame_keeps_its_range():
+def test_a_frame_keeps_the_range_that_was_found_first_and_reading_it_changes_no_other():
     finder = RangeFinder()
-    borrowed = Frame(
-        header(encoding="16UC1", width=4, height=1), pixels=ROOM, borrowed=True, finder=finder
-    )
-    kept = borrowed.keep()
+    frame = Frame(header(encoding="16UC1", width=4, height=1), ROOM)
+    frame.find_range(finder)
     finder.limits = (0, 1)
-    assert kept.gray.tolist() == [[0, 1, 128, 255]]
+    frame.find_range(finder)
+    assert frame.gray.tolist() == [[0, 1, 128, 255]]
+    other = Frame(header(encoding="16UC1", width=4, height=1), ROOM * np.uint16(10))
+    assert other.gray.any()  # by all values
+    finder.limits = (None, None)
+    frame = Frame(header(encoding="16UC1", width=4, height=1), ROOM)
+    frame.find_range(finder)
+    assert frame.value_range == ValueRange(2000, 3000)

@@ -35,55 +35,47 @@ def test_the_colours_are_those_of_bt_601(name: str):
     stored, shown = COLOURS[name]
     picture = PackedPicture(plain(64, 48, stored))
     assert picture.size == (64, 48)
-    assert np.abs(picture.bgr().astype(int) - shown).max() <= 2
+    assert np.abs(picture.pixels.astype(int) - shown).max() <= 2
     assert np.abs(decoded(picture.jpeg(95)).astype(int) - shown).max() <= 4
 
 
 def test_pixels_are_converted_straight_into_the_memory_of_a_frames_reader():
     picture = PackedPicture(scene())
     memory = np.full(48 * 64 * 3 + 8, 7, np.uint8)
-    Frame(header(), stored=picture).copy_raw(memory[:-8])
-    assert picture._bgr is None, "converted to memory of its own, and copied"
+    Frame(header(), picture).write(memory[:-8])
+    assert picture._pixels is None, "converted to memory of its own, and copied"
     expected = cv2.cvtColor(scene(), cv2.COLOR_YUV2BGR_YUY2)
     assert np.array_equal(memory[:-8].reshape(48, 64, 3), expected)
     assert set(memory[-8:]) == {7}
+    assert np.array_equal(picture.pixels, expected)
 
 
-def test_pixels_that_exist_are_copied():
-    picture = PackedPicture(scene())
-    pixels = picture.bgr()
-    memory = np.zeros((48, 64, 3), np.uint8)
-    picture.copy_bgr(memory)
-    assert np.array_equal(memory, pixels)
-    assert picture.bgr() is pixels
+def test_pixels_that_exist_are_copied(monkeypatch: pytest.MonkeyPatch):
+    picture, memory = PackedPicture(scene()), np.zeros(48 * 64 * 3, np.uint8)
+    pixels = picture.pixels
+    assert not pixels.flags.writeable
+    monkeypatch.setattr(picture, "_make_pixels", lambda: pytest.fail("converted again"))
+    picture.write(memory)
+    assert np.array_equal(memory, pixels.ravel())
+    assert picture.pixels is pixels
 
 
-def test_pixels_that_several_may_use_cannot_be_written_to():
-    assert not PackedPicture(scene()).bgr().flags.writeable
-
-
-def test_memory_with_gaps_gets_the_pixels_too():
-    memory = np.zeros((48, 64, 4), np.uint8)
-    PackedPicture(scene()).copy_bgr(memory[:, :, :3])
-    assert np.array_equal(memory[:, :, :3], PackedPicture(scene()).bgr())
-    assert not memory[:, :, 3].any()
+def test_memory_of_another_size_is_refused():
+    with pytest.raises(ValueError, match="reshape"):
+        PackedPicture(scene()).write(np.zeros(48 * 63 * 3, np.uint8))
 
 
 @pytest.mark.parametrize(
-    "memory", [np.zeros((48, 63, 3), np.uint8), np.zeros((48, 64, 3), np.uint16)]
+    ("box", "is_packed"),
+    [((2, 5, 20, 11), True), ((3, 5, 20, 11), False), ((2, 5, 21, 11), False)],
 )
-def test_memory_of_another_size_is_refused(memory: np.ndarray):
-    with pytest.raises(ValueError, match="no memory for"):
-        PackedPicture(scene()).copy_bgr(memory)
-
-
-def test_a_part_of_whole_pairs_stays_as_it_is_and_no_other_part_can():
-    whole = PackedPicture(scene())
-    part = whole.cropped((2, 5, 20, 11))
-    assert part is not None
-    assert np.array_equal(part.bgr(), whole.bgr()[5:16, 2:22])
-    assert whole.cropped((3, 5, 20, 11)) is None
-    assert whole.cropped((2, 5, 21, 11)) is None
+def test_a_part_of_whole_pairs_stays_as_it_is_and_no_other_part_can(
+    box: tuple[int, int, int, int], is_packed: bool
+):
+    whole, (x, y, width, height) = PackedPicture(scene()), box
+    part = whole.cropped(box)
+    assert isinstance(part, PackedPicture) is is_packed
+    assert np.array_equal(part.pixels, whole.pixels[y : y + height, x : x + width])
 
 
 def test_pictures_are_equal_by_all_of_their_values():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -74,59 +73,37 @@ def test_the_planes_are_not_changed():
     assert [int(plane[0, 0]) for plane in planes] == list(GREEN)
 
 
-def frame(counts: Counter[str], encoding: str = "bgr8") -> Frame:
+def counted(counts: Counter[str]) -> PlanarPicture:
+    """Return plain green planes whose pixels are of another green, so that both can be told."""
+
     def to_bgr() -> NDArray[np.uint8]:
         counts["bgr"] += 1
         return np.full((48, 64, 3), (10, 200, 30), np.uint8)
 
-    planar = PlanarPicture(plain(64, 48, GREEN), full_range=False, to_bgr=to_bgr)
-    return Frame(header(encoding=encoding), stored=planar, quality=80)
+    return PlanarPicture(plain(64, 48, GREEN), full_range=False, to_bgr=to_bgr)
 
 
 def test_a_frame_of_planes_makes_pixels_only_if_they_are_asked_for_and_once():
     counts: Counter[str] = Counter()
-    made = frame(counts)
+    made = Frame(header(), counted(counts))
     assert made.compressed.startswith(codecs.JPEG_START)
     assert not counts
     assert made.bgr[0, 0].tolist() == [10, 200, 30]
     assert (made.pixels is made.bgr, made.raw[:3]) == (True, bytes([10, 200, 30]))
-    assert counts == {"bgr": 1}
-
-
-def test_a_frame_of_planes_has_the_pixels_of_its_encoding():
-    made = frame(Counter(), "rgb8")
-    assert made.pixels[0, 0].tolist() == [30, 200, 10]
-    grey = cv2.cvtColor(np.uint8([[[10, 200, 30]]]), cv2.COLOR_BGR2GRAY)
-    assert made.gray[0, 0] == grey[0, 0]
-
-
-def test_a_frame_that_was_encoded_from_planes_still_gives_the_pixels_themselves():
-    counts: Counter[str] = Counter()
-    made = frame(counts)
-    assert made.is_compressed is False
-    assert made.compressed
-    assert made.reduced("bgr8", 8, 8).shape == (48, 64, 3)
-    assert made.gray.shape == (48, 64)
-    assert counts == {"bgr": 1}
-
-
-def test_pixels_that_are_copied_are_not_those_of_the_jpeg():
-    made = frame(Counter())
-    assert made.compressed  # its planes are plain green, unlike the pixels
     memory = np.zeros(48 * 64 * 3, np.uint8)
-    made.copy_raw(memory)
+    made.write(memory)
     assert memory[:3].tolist() == [10, 200, 30]
+    assert made.gray.shape == (48, 64)
+    assert made.reduced("bgr8", 8, 8).shape == (48, 64, 3)
+    assert counts == {"bgr": 1}
 
 
-def test_memory_gets_the_pixels_in_the_encoding_of_the_frame():
-    memory = np.zeros(48 * 64, np.uint8)
-    planar = PlanarPicture(
-        plain(64, 48, GREEN),
-        full_range=False,
-        to_bgr=lambda: np.full((48, 64, 3), 77, np.uint8),
-    )
-    Frame(header(encoding="mono8"), stored=planar).copy_raw(memory)
-    assert set(memory.tolist()) == {77}
+@pytest.mark.parametrize("box", [(2, 4, 20, 10), (3, 4, 20, 10), (2, 4, 20, 11)])
+def test_a_part_stays_planes_if_all_its_numbers_are_even(box: tuple[int, int, int, int]):
+    part = counted(Counter()).cropped(box)
+    assert isinstance(part, PlanarPicture) is not any(number % 2 for number in box)
+    assert part.size == box[2:]
+    assert part.pixels[0, 0].tolist() == [10, 200, 30]
 
 
 def test_equal_planes_are_equal_pictures():

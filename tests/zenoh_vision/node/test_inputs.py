@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 import pytest
 from pydantic import Field
 
+from tests.support.clocks import SteppedClock
 from tests.support.headers import header
+from tests.support.intakes import sample
 from tests.support.library import LampSettings
-from zenoh_vision.config.parameters import Live
-from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
 from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.keys import Transport
@@ -43,9 +46,13 @@ class Link:
 
 @pytest.fixture
 def node() -> Node:
-    """A node that was not started: the tests deliver to its intakes."""
-    node = Node("taker", camera="front", parameters=LampSettings())
-    node._link = Link()  # type: ignore[assignment]
+    return taker(LampSettings())
+
+
+def taker(settings: LampSettings | None) -> Node:
+    """Return a node that was not started: the tests deliver to its intakes."""
+    node = Node("taker", camera="front", parameters=settings)
+    node._core.opened_link = Link()  # type: ignore[assignment]
     return node
 
 
@@ -61,6 +68,21 @@ def test_what_waits_when_a_loop_is_left_is_counted_as_unread(node: Node):
         "dropped.unread": 2,
         "pending": 0,
     }
+
+
+def test_a_loop_with_an_interval_wakes_in_it_whether_items_arrive_or_not(node: Node):
+    samples = node.samples(KEY)
+    begun_s, woken_s = time.monotonic(), []
+    for item in node.receive(samples, every_s=0.2):
+        if item is None:
+            woken_s.append(time.monotonic() - begun_s)
+            if len(woken_s) == 2:
+                samples.intake.receive(Sample(KEY, b"x"))  # the next interval begins with an item
+            if len(woken_s) == 4:
+                break
+    waits = np.diff([0.0, *woken_s])
+    assert min(waits) >= 0.2
+    assert node.counters.snapshot()["processed"] == 1
 
 
 def test_what_waits_when_the_node_stops_stays_pending(node: Node):
@@ -101,7 +123,7 @@ def test_closed_inputs_leave_nothing_behind_in_their_node(node: Node):
         samples.close()
     kept = node.samples(KEY)
     assert node.inputs == {kept}
-    assert node.health.inputs == [kept.intake]
+    assert node.health.inputs == [kept]
     assert node.link.subscriptions == 1  # type: ignore[attr-defined]
 
 
@@ -140,24 +162,24 @@ def test_samples_count_for_the_rate_and_have_no_latency(node: Node):
 class AgeSettings(LampSettings):
     env_prefix: ClassVar[str] = "ZV_AGE_"
 
-    max_age: Annotated[float, Field(gt=0, description="how old")] = 0.2
+    how_old: MaxAge = 0.2
+    max_age: Annotated[float, Field(gt=0, description="of a cheese")] = 3.0
 
 
 @pytest.mark.parametrize(
     ("settings", "max_age_s", "used_s"),
     [
         pytest.param(LampSettings(), 0.5, 0.5, id="the argument"),
-        pytest.param(AgeSettings(), 0.5, 0.2, id="the setting takes precedence"),
+        pytest.param(AgeSettings(), 0.5, 0.2, id="the setting of the type MaxAge, not by name"),
         pytest.param(AgeSettings(), None, None, id="none is too old, whatever the settings"),
     ],
 )
 def test_the_age_from_which_a_frame_is_stale(
-    node: Node, monkeypatch, settings: LampSettings, max_age_s: float | None, used_s: float | None
+    monkeypatch, settings: LampSettings, max_age_s: float | None, used_s: float | None
 ):
-    node.parameters = ParameterStore(settings)
-    frames = node.frames(max_age_s=max_age_s)
+    frames = taker(settings).frames(max_age_s=max_age_s)
     used = []
-    monkeypatch.setattr(frames.intake, "take", lambda *arguments: used.append(arguments[-1]))
+    monkeypatch.setattr(frames.intake, "take", lambda *arguments: used.append(arguments[2]))
     assert frames.take(0.0) is None
     assert used == [used_s]
 
@@ -165,14 +187,14 @@ def test_the_age_from_which_a_frame_is_stale(
 class TransportSettings(LampSettings):
     env_prefix: ClassVar[str] = "ZV_TRANSPORT_"
 
-    transport: Annotated[Transport, Field(description="which key"), Live()] = "jpeg"
+    transport: FrameTransport = "jpeg"
 
 
 def test_shared_memory_that_this_process_cannot_use_is_refused_at_start_and_live(
-    node: Node, monkeypatch
+    monkeypatch,
 ):
-    node.parameters = ParameterStore(TransportSettings())
     monkeypatch.setattr(frame_input, "why_impossible", lambda: "no iceoryx2")
+    node = taker(TransportSettings())
     node.frames()
     refused = pytest.raises(
         ParameterRefused, match="transport = shm: no iceoryx2; allowed: auto, raw, jpeg"
@@ -181,15 +203,12 @@ def test_shared_memory_that_this_process_cannot_use_is_refused_at_start_and_live
         node.parameters.change({"transport": "shm"})
     assert node.parameters.newest.settings.transport == "jpeg"
     node.parameters.change({"transport": "raw"})
-    node.parameters = None
     with refused:
-        node.frames(transport="shm")
+        taker(None).frames(transport="shm")
 
 
-def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_at_start_and_live(
-    node: Node,
-):
-    node.parameters = ParameterStore(TransportSettings())
+def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_at_start_and_live():
+    node = taker(TransportSettings())
     node.frames(camera="*")
     for told in ("shm", "raw"):
         with pytest.raises(
@@ -197,9 +216,8 @@ def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_at_start_
         ):
             node.parameters.change({"transport": told})
     node.parameters.change({"transport": "auto"})
-    node.parameters = ParameterStore(TransportSettings(transport="shm"))
     with pytest.raises(ParameterRefused, match=r"transport = shm: .* name the cameras"):
-        node.frames(camera="*")
+        taker(TransportSettings(transport="shm")).frames(camera="*")
 
 
 @pytest.mark.parametrize(
@@ -233,23 +251,118 @@ class OtherSettings(LampSettings):
     transport: Annotated[str, Field(description="of goods")] = "lorry"
 
 
-def test_a_setting_of_another_meaning_is_no_transport(node: Node):
-    node.parameters = ParameterStore(OtherSettings())
-    assert node.frames(transport="raw").intake.keys == ("vision/front/image",)
+def test_a_setting_of_another_meaning_is_no_transport():
+    assert taker(OtherSettings()).frames(transport="raw").keys == ("vision/front/image",)
 
 
-def test_a_silent_input_of_pairs_follows_the_parameters(node: Node, monkeypatch):
-    node.parameters = ParameterStore(TransportSettings())
-    left = node.frames(transport="auto")
-    right = node.messages("centroid")
-    assert left.intake.keys == ("vision/front/image/compressed",)
+def test_an_input_that_nobody_reads_follows_the_parameters():
+    node = taker(TransportSettings())
+    frames = node.frames(transport="auto")
+    assert frames.keys == ("vision/front/image/compressed",)
+    assert [state.key for state in frames.states()] == ["vision/front/image/compressed"]
+    assert node.parameters is not None
     node.parameters.change({"transport": "raw"})
-    rounds = iter(range(3))
+    assert frames.keys == ("vision/front/image",)
+    assert node.link.subscriptions == 1  # type: ignore[attr-defined]
 
-    def end_after_three() -> None:
-        if next(rounds, None) is None:
-            node.stop()
 
-    monkeypatch.setattr(node.health, "loop_alive", end_after_three)
-    assert list(node.pairs(left, right, wait_s=0)) == []
-    assert left.intake.keys == ("vision/front/image",)
+@pytest.mark.parametrize("transport", ["auto", "jpeg", "raw"])
+def test_a_closed_input_follows_nothing_more(transport: Transport):
+    node = taker(TransportSettings(transport=transport))
+    frames = node.frames()
+    frames.close()
+    assert node.link.subscriptions == 0  # type: ignore[attr-defined]
+    assert node.parameters is not None
+    node.parameters.change({"transport": "raw" if transport == "jpeg" else "jpeg"})
+    assert frames.take(0.0) is None
+    assert node.link.subscriptions == 0  # type: ignore[attr-defined]
+
+
+def test_an_input_that_is_closed_in_its_own_loop_ends_it(node: Node):
+    samples = node.samples(KEY)
+    for _ in range(3):
+        samples.intake.receive(Sample(KEY, b"x"))
+    seen = 0
+    for _ in samples:
+        seen += 1
+        samples.close()
+    assert (seen, node.link.subscriptions) == (1, 0)  # type: ignore[attr-defined]
+    assert node.counters.snapshot()["dropped.unread"] == 2
+
+
+def test_a_loop_over_two_inputs_goes_on_with_the_one_that_is_open(node: Node):
+    first, second = node.samples(KEY), node.samples("vision/front/other")
+    first.intake.receive(Sample(KEY, b"x"))
+    seen = []
+    for item in node.receive(first, second):
+        seen.append(item.key)
+        if item.key == KEY:
+            first.close()
+            second.intake.receive(Sample("vision/front/other", b"x"))
+        else:
+            second.close()
+    assert seen == [KEY, "vision/front/other"]
+
+
+def test_a_function_that_decodes_finds_the_revision_of_its_frame():
+    node = taker(LampSettings())
+    found = []
+    frames = node.frames(want=lambda frame: found.append(frame.revision.number), transport="jpeg")
+    frames.intake.receive(sample(0))
+    assert node.parameters is not None
+    node.parameters.change({"power": 1})
+    for frame in frames:
+        found.append(frame.revision.number)
+        break
+    assert found == [1, 1]
+
+
+@pytest.fixture
+def clock() -> SteppedClock:
+    return SteppedClock()
+
+
+def test_it_yields_so_many_times_a_second_however_long_the_work_takes(clock: SteppedClock):
+    node = Node("worker", clock=clock)
+    times = []
+    for number in node.rate(4):
+        times.append((number, clock.now_ns / 1e9 - 100))
+        clock.step(0.125)
+        if number == 4:
+            break
+    assert times == [(n, n / 4) for n in range(5)]
+
+
+def test_what_took_too_long_is_not_made_up_for(clock: SteppedClock):
+    node = Node("worker", clock=clock)
+    times = []
+    for number in node.rate(2):
+        times.append(clock.now_ns / 1e9 - 100)
+        clock.step(2.0 if number == 0 else 0.0)
+        if number == 3:
+            break
+    assert times == [0.0, 2.0, 2.5, 3.0]
+
+
+def test_it_ends_when_the_node_is_told_to_stop_while_it_waits(clock: SteppedClock, monkeypatch):
+    node = Node("worker", clock=clock)
+    monkeypatch.setattr(clock, "sleep", lambda _: node.stop())
+    assert list(node.rate(0.001)) == [0]
+
+
+def test_the_newest_parameters_are_active_in_each_turn(clock: SteppedClock):
+    node = Node("worker", clock=clock, parameters=LampSettings())
+    assert node.parameters is not None
+    found = []
+    for number in node.rate(10):
+        found.append(node.parameters.active.settings.power)
+        node.parameters.change({"power": number})
+        if number == 2:
+            break
+    assert found == [50, 0, 1]
+
+
+@pytest.mark.parametrize("rate_hz", [0, -1, math.nan, math.inf])
+def test_a_rate_is_above_0_and_finite(rate_hz: float):
+    with pytest.raises(ValueError, match="must be above 0 and finite"):
+        next(Node("worker").rate(rate_hz))

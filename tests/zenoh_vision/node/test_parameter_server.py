@@ -12,12 +12,14 @@ import zenoh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.clocks import SteppedClock
 from tests.support.library import LIVE, LampSettings
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.messages import Parameter, ParameterList, Refusal
 from zenoh_vision.node.parameter_server import MAX_BYTES, MAX_LOGGED, ParameterServer
 
 ALL = "@vision/param/lamp_front"
+SET = "@vision/set/lamp_front"
 MSGPACK = "application/msgpack"
 
 
@@ -82,6 +84,9 @@ def test_its_key_expression_takes_in_one_parameter_and_all(lamp: Lamp):
     own = zenoh.KeyExpr(lamp.server.key)
     assert own.includes(zenoh.KeyExpr(ALL))
     assert own.includes(zenoh.KeyExpr(f"{ALL}/power"))
+    sets = zenoh.KeyExpr(lamp.server.set_key)
+    assert sets.includes(zenoh.KeyExpr(SET))
+    assert sets.includes(zenoh.KeyExpr(f"{SET}/power"))
 
 
 def test_a_query_without_payload_reads_one_parameter(lamp: Lamp):
@@ -92,7 +97,7 @@ def test_a_query_without_payload_reads_one_parameter(lamp: Lamp):
 
 
 def test_a_query_on_the_node_reads_all_at_one_revision(lamp: Lamp):
-    lamp.set(f"{ALL}/power", 7)
+    lamp.set(f"{SET}/power", 7)
     ((key, found),) = lamp.ask(ALL).good
     assert (key, found["node"], found["revision"]) == (ALL, "lamp_front", 1)
     assert tuple(one["name"] for one in found["parameters"]) == LIVE
@@ -117,39 +122,39 @@ def test_a_wildcard_reads_what_it_matches(lamp: Lamp, expression: str, keys: lis
 
 
 def test_a_payload_sets_one_parameter_and_answers_with_it(lamp: Lamp):
-    ((_, found),) = lamp.set(f"{ALL}/power", 7).good
+    ((_, found),) = lamp.set(f"{SET}/power", 7).good
     assert (found["value"], found["default"], found["revision"]) == (7, 50, 1)
     assert lamp.live.newest.settings.power == 7
 
 
 def test_nil_is_a_payload_like_any_other(lamp: Lamp):
-    lamp.set(f"{ALL}/blink", 5.0)
-    ((_, found),) = lamp.set(f"{ALL}/blink", None).good
+    lamp.set(f"{SET}/blink", 5.0)
+    ((_, found),) = lamp.set(f"{SET}/blink", None).good
     assert (found["value"], found["revision"]) == (None, 2)
 
 
 def test_a_map_sets_several_and_answers_with_all(lamp: Lamp):
-    ((_, found),) = lamp.set(ALL, {"low": 5, "high": 7.5}).good
+    ((_, found),) = lamp.set(SET, {"low": 5, "high": 7.5}).good
     values = {one["name"]: one["value"] for one in found["parameters"]}
     assert (found["revision"], values["low"], values["high"]) == (1, 5.0, 7.5)
 
 
 REFUSED: dict[str, tuple[str, bytes, str, str]] = {
-    "out of range": (f"{ALL}/power", msgpack.packb(101), "power = 101", "from 0 to 100"),
-    "a wrong one in a map": (ALL, msgpack.packb({"power": 1, "low": "x"}), "low = 'x'", "a number"),
-    "no map": (ALL, msgpack.packb(5), "one value (int) cannot set", "a msgpack map"),
-    "no msgpack": (f"{ALL}/power", b"\xc1", "not msgpack", "a msgpack value"),
-    "cut short": (ALL, msgpack.packb({"power": 1})[:-1], "not msgpack", "a msgpack map"),
-    "more behind it": (f"{ALL}/power", b"\x05\x05", "not msgpack", "a msgpack value"),
-    "empty": (f"{ALL}/power", b"", "not msgpack", "a msgpack value"),
-    "nested deep": (ALL, b"\x91" * 5000, "not msgpack", "a msgpack map"),
-    "huge": (f"{ALL}/label", msgpack.packb("x" * MAX_BYTES), "a payload of 65541", "65536"),
-    "no text": (f"{ALL}/label", b"\xa2\xff\xfe", "not msgpack", "a msgpack value"),
-    "unknown": (f"{ALL}/bulb", msgpack.packb(5), "did you mean 'bulbs'?", "power, blink"),
-    "not live": (f"{ALL}/socket", msgpack.packb("x"), "cannot change while", "power, blink"),
-    "below a parameter": (f"{ALL}/power/x", msgpack.packb(5), "'power/x'", "power, blink"),
-    "a wildcard": ("@vision/param/*/power", msgpack.packb(5), "without *", "power, blink"),
-    "all nodes": ("@vision/param/*", msgpack.packb({"power": 5}), "without *", "power, blink"),
+    "out of range": (f"{SET}/power", msgpack.packb(101), "power = 101", "from 0 to 100"),
+    "a wrong one in a map": (SET, msgpack.packb({"power": 1, "low": "x"}), "low = 'x'", "a number"),
+    "no map": (SET, msgpack.packb(5), "one value (int) cannot set", "a msgpack map"),
+    "no msgpack": (f"{SET}/power", b"\xc1", "not msgpack", "a msgpack value"),
+    "cut short": (SET, msgpack.packb({"power": 1})[:-1], "not msgpack", "a msgpack map"),
+    "more behind it": (f"{SET}/power", b"\x05\x05", "not msgpack", "a msgpack value"),
+    "empty": (f"{SET}/power", b"", "not msgpack", "a msgpack value"),
+    "nested deep": (SET, b"\x91" * 5000, "not msgpack", "a msgpack map"),
+    "huge": (f"{SET}/label", msgpack.packb("x" * MAX_BYTES), "a payload of 65541", "65536"),
+    "no text": (f"{SET}/label", b"\xa2\xff\xfe", "not msgpack", "a msgpack value"),
+    "unknown": (f"{SET}/bulb", msgpack.packb(5), "did you mean 'bulbs'?", "power, blink"),
+    "not live": (f"{SET}/socket", msgpack.packb("x"), "cannot change while", "power, blink"),
+    "below a parameter": (f"{SET}/power/x", msgpack.packb(5), "'power/x'", "power, blink"),
+    "a wildcard": ("@vision/set/*/power", msgpack.packb(5), "without *", "power, blink"),
+    "all nodes": ("@vision/set/*", msgpack.packb({"power": 5}), "without *", "power, blink"),
 }
 
 
@@ -166,10 +171,32 @@ def test_a_wrong_change_is_refused_and_changes_nothing(
 
 def test_text_is_not_taken_for_msgpack(lamp: Lamp):
     """The text ``5`` is the msgpack number 53."""
-    (refusal,) = lamp.ask(f"{ALL}/power", b"5", encoding="text/plain").bad
+    (refusal,) = lamp.ask(f"{SET}/power", b"5", encoding="text/plain").bad
     assert (refusal.error, refusal.allowed.split()[0]) == ("a payload of text/plain", MSGPACK)
     for said in (f"{MSGPACK};vision.Parameter.v1", "zenoh/bytes"):
-        assert lamp.ask(f"{ALL}/power", b"\x05", encoding=said).bad == []
+        assert lamp.ask(f"{SET}/power", b"\x05", encoding=said).bad == []
+
+
+@pytest.mark.parametrize("name", ["", "/power"])
+def test_a_payload_on_a_key_that_reads_is_refused_with_the_key_that_sets(lamp: Lamp, name: str):
+    (refusal,) = lamp.set(f"{ALL}{name}", 5).bad
+    assert refusal.error == (
+        f"@vision/param/lamp_front{name} only reads parameters; "
+        f"a change is sent to @vision/set/lamp_front{name}"
+    )
+    assert lamp.live.newest.number == 0
+
+
+@pytest.mark.parametrize("name", ["", "/power"])
+def test_a_change_without_payload_is_refused_with_the_key_that_reads(lamp: Lamp, name: str):
+    (refusal,) = lamp.ask(f"{SET}{name}").bad
+    assert refusal.error == "a change without a value"
+    assert refusal.allowed.endswith(f"; @vision/param/lamp_front{name} reads")
+
+
+def test_a_read_of_every_key_of_a_node_sets_nothing_and_is_no_fault(lamp: Lamp):
+    assert len(lamp.ask("@vision/param/**").good) == 1 + len(LIVE)
+    assert not zenoh.KeyExpr(lamp.server.key).intersects(zenoh.KeyExpr(lamp.server.set_key))
 
 
 def test_a_parameter_that_is_not_there_cannot_be_read(lamp: Lamp):
@@ -190,16 +217,16 @@ class Session:
 def test_each_value_that_changed_is_published_with_its_revision(lamp: Lamp):
     session = Session()
     lamp.server.publish_changes(SimpleNamespace(session=session))  # type: ignore[arg-type]
-    lamp.set(ALL, {"low": 0.5, "power": 50, "high": 7})
-    lamp.set(f"{ALL}/power", 500)
-    lamp.set(f"{ALL}/power", 51)
-    lamp.set(f"{ALL}/power", 51)
+    lamp.set(SET, {"low": 0.5, "power": 50, "high": 7})
+    lamp.set(f"{SET}/power", 500)
+    lamp.set(f"{SET}/power", 51)
+    lamp.set(f"{SET}/power", 51)
     found = [(key, one.value, one.revision) for key, one, _ in session.put_]
     assert found == [(f"{ALL}/low", 0.5, 1), (f"{ALL}/high", 7.0, 1), (f"{ALL}/power", 51, 2)]
     assert {said for _, _, said in session.put_} == {f"{MSGPACK};vision.Parameter.v1"}
 
 
-KEYS = st.sampled_from([ALL, *(f"{ALL}/{name}" for name in (*LIVE, "socket", "camera", "nothing"))])
+KEYS = st.sampled_from([SET, *(f"{SET}/{name}" for name in (*LIVE, "socket", "camera", "nothing"))])
 SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.text()
 VALUES = st.recursive(
     SCALARS | st.binary() | st.sampled_from(["red", "front", 0, 1, 2, 3.0, True]),
@@ -228,18 +255,18 @@ def test_whatever_is_sent_is_answered_once_and_leaves_settings_that_are_allowed(
         assert LampSettings.model_validate(after.settings.model_dump(), strict=True) is not None
 
 
-def test_a_flood_of_changes_does_not_flood_the_log(caplog, monkeypatch):
-    now_s = [100.0]
-    monkeypatch.setattr("zenoh_vision.node.parameter_server.time.monotonic", lambda: now_s[0])
+def test_a_flood_of_changes_does_not_flood_the_log(caplog):
+    clock = SteppedClock()
     lamp = Lamp()
+    lamp.server._clock = clock
     link = SimpleNamespace(session=SimpleNamespace(put=lambda *_, **__: None))
     lamp.server.publish_changes(link)  # type: ignore[arg-type]
     numbers = range(1, 501)
     with caplog.at_level("INFO", "lamp_front"):
         for number in numbers:
-            lamp.set(f"{ALL}/power", number % 50)
+            lamp.set(f"{SET}/power", number % 50)
         assert len(caplog.messages) == MAX_LOGGED
-        now_s[0] += 1.5
-        lamp.set(f"{ALL}/power", 77)
+        clock.step(1.5)
+        lamp.set(f"{SET}/power", 77)
     assert len(caplog.messages) == MAX_LOGGED + 1
     assert "490 changes before it were not logged" in caplog.messages[-1]

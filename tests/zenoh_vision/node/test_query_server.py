@@ -8,14 +8,21 @@ from types import SimpleNamespace
 
 import zenoh
 
+from tests.support.waiting import wait_until
 from zenoh_vision.messages import Centroid
-from zenoh_vision.node.query_server import MAX_WAITING_QUERIES, QueryServer, schema_answer
+from zenoh_vision.node.query_server import (
+    MAX_WAITING_BYTES,
+    MAX_WAITING_QUERIES,
+    QueryServer,
+    schema_answer,
+)
 
 
 class Query:
     """What the server needs of a query."""
 
-    def __init__(self) -> None:
+    def __init__(self, payload: bytes | None = None) -> None:
+        self.payload = payload
         self.errors: list[bytes] = []
 
     def __enter__(self) -> Query:
@@ -55,6 +62,24 @@ def test_close_does_not_wait_for_a_full_queue():
     assert time.monotonic() - began_s < 10
 
 
+def test_queries_that_wait_are_limited_in_bytes_and_the_limit_is_for_those_that_wait():
+    server = QueryServer()
+    half = bytes(MAX_WAITING_BYTES // 2)
+    answered: list[object] = []
+    waiting = [Query(half), Query(half)]
+    for query in waiting:
+        server.queue(query, answered.append)  # type: ignore[arg-type]
+    refused, small = Query(b"x"), Query()
+    for query in (refused, small):
+        server.queue(query, answered.append)  # type: ignore[arg-type]
+    assert refused.errors == [b"busy: too many queries are waiting"]
+    server.start()
+    wait_until(lambda: answered == [*waiting, small])
+    server.queue(refused, answered.append)  # type: ignore[arg-type]
+    wait_until(lambda: answered[-1] is refused)
+    server.close()
+
+
 def test_the_schema_of_a_message_is_made_once_however_often_it_is_asked_for(monkeypatch):
     made: list[type] = []
 
@@ -68,7 +93,7 @@ def test_the_schema_of_a_message_is_made_once_however_often_it_is_asked_for(monk
         key_expr=zenoh.KeyExpr("@vision/schema/*"),
         reply=lambda key, text, encoding: replies.append((str(key), text)),
     )
-    answer = schema_answer("vision", [Centroid])
+    answer = schema_answer("vision", lambda: [Centroid])
     for _ in range(100):
         answer(query)  # type: ignore[arg-type]
     assert len(made) == 1

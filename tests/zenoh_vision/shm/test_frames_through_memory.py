@@ -1,7 +1,10 @@
-"""Frames through shared memory: intact, the newest, in memory that lasts as long as its views."""
+"""Frames through shared memory: intact, the newest, in memory as long as its views."""
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 import threading
 import time
 import uuid
@@ -12,13 +15,17 @@ import numpy as np
 import pytest
 
 from tests.support.headers import header
-from tests.support.pictures.videos import noise
+from tests.support.processes import ROOT, environment
+from tests.support.shm_reading import Reading
 from tests.support.waiting import wait_until
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.image import codecs
 from zenoh_vision.image.codecs import encode_jpeg
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import ENCODINGS
+from zenoh_vision.keys import RAW_IMAGE
 from zenoh_vision.messages import Header
+from zenoh_vision.shm.machine import why_impossible
 from zenoh_vision.stream.buffer import latest
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.frame_intake import FrameIntake
@@ -43,7 +50,7 @@ def a_header(seq: int, encoding: str = "bgr8", width: int = WIDTH, height: int =
 
 def filled(seq: int, value: int, width: int = WIDTH, height: int = HEIGHT) -> Frame:
     pixels = np.full((height, width, 3), value, np.uint8)
-    return Frame(a_header(seq, width=width, height=height), pixels=pixels)
+    return Frame(a_header(seq, width=width, height=height), pixels)
 
 
 class Way:
@@ -53,9 +60,7 @@ class Way:
         self.offer = f"test{uuid.uuid4().hex[:12]}"
         self.arrived: list[Sample] = []
         self.writer = FrameWriter(self.offer)
-        self.reader = FrameReader(self.offer, KEY, self.arrived.append)
-        wait_until(lambda: self.reader.ready or self.reader.failure)
-        assert not self.reader.failure
+        self.reader = Reading(self.offer, self.arrived.append)
 
     def send(self, frame: Frame) -> Sample:
         """Write a frame and return the sample that arrives."""
@@ -81,23 +86,35 @@ def test_pixels_of_every_encoding_arrive_unchanged_with_their_header(way, encodi
     known = ENCODINGS[encoding]
     shape = (HEIGHT, WIDTH) if known.channels == 1 else (HEIGHT, WIDTH, known.channels)
     pixels = np.random.default_rng(1).integers(0, 250, shape).astype(known.dtype)
-    sample = way.send(Frame(a_header(7, encoding), pixels=pixels))
+    sample = way.send(Frame(a_header(7, encoding), pixels))
     assert Header.from_bytes(sample.attachment).seq == 7
     assert np.array_equal(np.frombuffer(sample.payload, known.dtype).reshape(shape), pixels)
-    assert sample.shared
+    assert (sample.route, sample.encoding) == ("shm", RAW_IMAGE)
 
 
-def test_a_jpeg_arrives_as_the_pixels_that_it_decodes_to(way):
+def test_a_jpeg_arrives_as_it_is_and_is_not_decoded(way, monkeypatch):
     picture = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
     jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
-    sample = way.send(Frame(a_header(0), compressed=jpeg))
-    expected = Frame(a_header(0), compressed=jpeg).pixels
-    assert bytes(sample.payload) == expected.tobytes()
+    monkeypatch.setattr(codecs, "decode_jpeg", None)
+    sample = way.send(Frame(a_header(0), jpeg))
+    assert (sample.payload, sample.encoding) == (jpeg, "image/jpeg")
+    assert Header.from_bytes(sample.attachment).seq == 0
+
+
+def test_forms_and_sizes_may_change_from_frame_to_frame(way):
+    for seq in range(6):
+        sample = way.send(filled(2 * seq, seq, 64 << (seq % 3), 48 << (seq % 3)))
+        assert set(bytes(sample.payload)) == {seq}
+        jpeg = encode_jpeg(np.full((48 << seq % 4, 64 << seq % 4, 3), 9, np.uint8), "bgr8", 90)
+        sample = way.send(
+            Frame(a_header(2 * seq + 1, width=64 << seq % 4, height=48 << seq % 4), jpeg)
+        )
+        assert sample.payload == jpeg
 
 
 def test_pixels_with_gaps_between_rows_arrive_without(way):
     whole = np.arange(HEIGHT * WIDTH * 6, dtype=np.uint8).reshape(HEIGHT, WIDTH * 2, 3)
-    sample = way.send(Frame(a_header(0), pixels=whole[:, ::2]))
+    sample = way.send(Frame(a_header(0), whole[:, ::2]))
     assert bytes(sample.payload) == whole[:, ::2].tobytes()
 
 
@@ -134,25 +151,28 @@ def test_a_view_outlives_the_reader_and_the_writer(way):
 
 def test_a_frame_that_nobody_reads_is_not_converted(way, monkeypatch):
     converted = []
-    copy_raw = Frame.copy_raw
+    write = Frame.write
     monkeypatch.setattr(
-        Frame, "copy_raw", lambda frame, target: converted.append(1) or copy_raw(frame, target)
+        Frame, "write", lambda frame, target: converted.append(1) or write(frame, target)
     )
     way.send(filled(0, 0))
     way.reader.close()
     for seq in range(1, 5):
         assert not way.writer.write(filled(seq, 0))
     assert len(converted) <= 2  # the first after the reader left may still be written
-    way.reader = FrameReader(way.offer, KEY, way.arrived.append)
-    wait_until(lambda: way.reader.ready)
+    way.reader = Reading(way.offer, way.arrived.append)
     assert way.send(filled(5, 5))
 
 
 def test_a_picture_that_cannot_be_decoded_costs_no_memory_while_its_error_is_kept(way):
-    width, height = 1280, 720  # which is decoded by several threads
-    corrupt = encode_jpeg(noise(height, width, 3), "bgr8", 80)[:-900]
+    frame = filled(0, 1)
+
+    def write(_target: object) -> None:
+        raise PayloadError("corrupt", "by the test")
+
+    frame.picture.write = write  # type: ignore[method-assign]
     with pytest.raises(PayloadError) as kept:
-        way.writer.write(Frame(a_header(0, width=width, height=height), compressed=corrupt))
+        way.writer.write(frame)
     assert set(bytes(way.send(filled(1, 7)).payload)) == {7}
     assert kept.value.reason == "corrupt"
 
@@ -166,9 +186,8 @@ def test_a_larger_frame_follows_a_smaller_one(way):
 def test_a_slow_consumer_sees_the_newest_frame_and_its_losses_are_counted(way):
     way.reader.close()
     counters = FrameCounters()
-    intake = FrameIntake(KEY, Consumer(counters, lambda _: None), latest, raw=True)
-    reader = FrameReader(way.offer, KEY, intake.receive)
-    wait_until(lambda: reader.ready)
+    intake = FrameIntake(KEY, Consumer(counters, lambda _: None), latest)
+    reader = Reading(way.offer, intake.receive)
     way.writer.write(filled(0, 0))
     assert intake.take(5, "pixels", None) is not None  # a frame before it verifies an epoch
     counters.finish()
@@ -188,10 +207,8 @@ def test_a_slow_consumer_sees_the_newest_frame_and_its_losses_are_counted(way):
 
 
 def test_a_reader_of_an_offer_that_is_not_in_this_memory_says_so():
-    reader = FrameReader("nobody", KEY, lambda _: None)
-    wait_until(lambda: reader.failure)
-    assert "nobody" in reader.failure
-    reader.close()
+    with pytest.raises(SharedMemoryError, match="nobody"):
+        FrameReader("nobody", KEY)
 
 
 def test_a_waiting_reader_holds_up_no_other_thread(way):
@@ -205,3 +222,37 @@ def test_a_waiting_reader_holds_up_no_other_thread(way):
 def test_two_writers_of_one_offer_are_refused(way):
     with pytest.raises(SharedMemoryError, match="exists"):
         FrameWriter(way.offer)
+
+
+UNSHARE = ["unshare", "--map-root-user", "--mount"]
+FULL = "/dev/shm is full"
+
+
+def allowed() -> bool:
+    try:
+        return subprocess.run([*UNSHARE, "true"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(bool(why_impossible()), reason=why_impossible() or "-")
+@pytest.mark.skipif(not allowed(), reason="needs a mount of its own: unshare is not allowed here")
+@pytest.mark.parametrize(
+    ("width", "height"),
+    [(320, 240), (285, 8)],
+    ids=["large", "so small that several pieces of memory lie in a page"],
+)
+def test_a_full_memory_is_an_error_before_anything_is_written_to_it(width, height):
+    program = [*UNSHARE, sys.executable, "-m", "tests.support.programs.full_memory"]
+    program += [str(width), str(height)]
+    done = subprocess.run(
+        program, capture_output=True, text=True, timeout=60, cwd=ROOT, env=environment()
+    )
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    assert json.loads(done.stdout) == {
+        "a frame larger than the memory": FULL,
+        "while there is room": "",
+        "when it has become full": FULL,
+        "views stay": "",
+        "when there is room again": "",
+    }

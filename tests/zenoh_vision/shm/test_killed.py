@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.processes import ROOT, environment
+from tests.support.shm_reading import Reading
 from tests.support.waiting import wait_until
 
 pytest.importorskip("iceoryx2")
@@ -75,8 +76,8 @@ def test_a_killed_writer_leaves_views_intact_and_its_files_are_removed_by_the_ne
         side = Side("write", offer)
         side.goes_on()
         arrived = []
-        reader = FrameReader(offer, "vision/front/image", arrived.append)
-        wait_until(lambda arrived=arrived, reader=reader: arrived or reader.failure)
+        reader = Reading(offer, arrived.append)
+        wait_until(lambda arrived=arrived: arrived)
         locks += side.kill()
         assert set(bytes(arrived[-1].payload)) == {7}
         reader.close()
@@ -87,9 +88,7 @@ def assert_all_is_removed(offer: str, locks: list[Path]) -> None:
     """Let another offer begin and end, then look for what is left of dead ones."""
     next_offer = f"next{uuid.uuid4().hex[:8]}"
     writer = FrameWriter(next_offer)
-    reader = FrameReader(next_offer, "vision/front/image", lambda _: None)
-    wait_until(lambda: reader.ready or reader.failure)
-    reader.close()
+    FrameReader(next_offer, "vision/front/image").__exit__()
     writer.close()
     assert not [path for path in MEMORY.rglob("*.bell") if offer in path.name]
     # Another process may have begun to remove them, and be at it.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from zenoh_vision.stream.buffer import Buffer, latest, queue
+from zenoh_vision.stream.buffer import MAX_KEYS, Buffer, latest, queue
 
 
 def test_the_newest_item_replaces_the_waiting_one():
@@ -148,3 +148,12 @@ def test_a_queue_is_full_by_bytes_too_and_always_has_room_for_the_newest():
     buffer.put("f", size=1000)
     assert replaced == ["a", "b", "d", "e"]
     assert buffer.take(0) == "f"
+
+
+def test_keys_without_end_cost_bounded_memory_and_the_one_that_waits_longest_goes():
+    replaced: list[int] = []
+    buffer = Buffer[int](latest, replaced.append)
+    for number in range(MAX_KEYS + 2):
+        buffer.put(number, f"key/{number}")
+    assert replaced == [0, 1]
+    assert buffer.take(0) == 2

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from tests.support.headers import NOW_NS, header
-from tests.support.intakes import JPEG, KEY, RAW_KEY, Taker, sample, take
+from tests.support.intakes import JPEG, KEY, PIXELS, RAW_KEY, Taker, sample, take
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs
+from zenoh_vision.keys import JPEG as JPEG_ENCODING
+from zenoh_vision.keys import RAW_IMAGE
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 from zenoh_vision.messages import Centroid, Diagnostics
 from zenoh_vision.stream.buffer import queue
@@ -45,6 +47,14 @@ def test_bytes_of_a_sample_become_a_decoded_frame():
             id="another camera",
         ),
         pytest.param(sample(0, received_ns=0), "bad_stamp", id="from tomorrow"),
+        pytest.param(
+            sample(0, attachment=header(0, width=65).to_bytes()), "wrong_size", id="wider"
+        ),
+        pytest.param(
+            sample(0, attachment=header(0, width=48, height=64).to_bytes()),
+            "wrong_size",
+            id="turned",
+        ),
     ],
 )
 def test_what_is_malformed_is_dropped_on_arrival_and_counted(wrong: Sample, reason: str):
@@ -61,8 +71,10 @@ def test_frames_over_the_consumers_pixels_are_dropped_on_arrival(raw: bool):
     payload, key = (bytes(64 * 48 * 3), RAW_KEY) if raw else (JPEG, KEY)
     for most, reasons in ((64 * 48, []), (64 * 48 - 1, ["too_large"])):
         taker = Taker()
-        intake = taker.frames(key, raw=raw, max_pixels=most)
-        assert intake.limit.max_bytes == (4 * most if raw else codecs.MAX_COMPRESSED_BYTES)
+        encoding = RAW_IMAGE if raw else JPEG_ENCODING
+        intake = taker.frames(key, encoding=encoding, max_pixels=most)
+        limit = intake.limit_of("").max_bytes
+        assert limit == (4 * most if raw else codecs.MAX_COMPRESSED_BYTES)
         intake.receive(sample(0, payload, key))
         assert taker.drops == reasons
         assert intake.buffer.filled is not bool(reasons)
@@ -176,14 +188,14 @@ def test_a_deletion_is_a_sample_but_neither_a_frame_nor_a_message():
     assert samples.take(0) is deletion
     for intake in (
         taker.frames(),
-        taker.frames(raw=True),
+        taker.frames(encoding=RAW_IMAGE),
         MessageIntake(KEY, taker.consumer, message=Centroid),
         SampleIntake(KEY, taker.consumer, deletions=False),
     ):
         intake.receive(deletion)
     assert taker.drops == ["empty"] * 4
     with pytest.raises(PayloadError, match="empty"):
-        snapshot_of(deletion, raw=True)
+        snapshot_of(deletion, RAW_IMAGE)
 
 
 def test_inputs_that_share_a_condition_wake_one_consumer():
@@ -202,3 +214,63 @@ def test_a_bare_png_of_16_bits_is_assumed_to_be_one():
     frame = take(intake)
     assert (frame.header.encoding, frame.header.assumed) == ("mono16", True)
     assert np.array_equal(frame.pixels, depth)
+
+
+def over_network(seq: int, **fields: object) -> Sample:
+    return sample(seq, **{"payload": JPEG, **fields})
+
+
+def from_memory(seq: int, **fields: object) -> Sample:
+    return sample(seq, memoryview(PIXELS.tobytes()), KEY, encoding=RAW_IMAGE, route="shm", **fields)
+
+
+@pytest.mark.parametrize(
+    ("first", "then"),
+    [
+        (from_memory(5), over_network(5)),
+        (over_network(5), from_memory(5)),
+        (from_memory(5), over_network(4)),
+    ],
+)
+@pytest.mark.parametrize("taken", [False, True])
+def test_a_frame_that_came_the_other_way_is_dropped_without_a_word(first, then, taken):
+    taker = Taker()
+    intake = taker.frames()
+    intake.receive(over_network(3))
+    assert take(intake).header.seq == 3
+    intake.receive(first)
+    seen = [take(intake)] if taken else []
+    intake.receive(then)
+    seen += [take(intake)]
+    assert [frame.header.seq for frame in seen if frame] == [5]
+    assert taker.counted()["dropped.duplicate"] == 1
+    assert taker.drops == []
+
+
+def test_later_frames_of_either_way_follow():
+    intake = Taker().frames()
+    ways = []
+    for seq, come in enumerate([over_network, from_memory, over_network, from_memory]):
+        intake.receive(come(seq))
+        assert take(intake).header.seq == seq
+        ways.append(intake.states()[0].route)
+    assert ways == ["jpeg", "shm", "jpeg", "shm"]
+    assert [state.route for state in intake.states()] == ["shm"]
+
+
+def test_a_frame_of_the_network_with_a_high_number_keeps_none_of_memory_away():
+    intake = Taker().frames()
+    intake.receive(from_memory(0))
+    assert take(intake).header.seq == 0
+    intake.receive(over_network(900, payload=JPEG[:200]))  # anyone can send it; it is broken
+    intake.receive(from_memory(1))
+    assert take(intake).header.seq == 1
+
+
+def test_pixels_in_shared_memory_are_a_view_that_cannot_be_written_to():
+    intake = Taker().frames()
+    memory = bytearray(PIXELS.tobytes())
+    intake.receive(sample(0, memoryview(memory).toreadonly(), KEY, encoding=RAW_IMAGE, route="shm"))
+    frame = take(intake)
+    assert np.shares_memory(frame.bgr, np.frombuffer(memory, np.uint8))
+    assert not frame.bgr.flags.writeable

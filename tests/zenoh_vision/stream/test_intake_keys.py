@@ -10,6 +10,7 @@ import pytest
 from tests.support.headers import header
 from tests.support.intakes import FAR_NS, KEY, PIXELS, RAW_KEY, Taker, sample, take
 from zenoh_vision.image.depth import ValueRange
+from zenoh_vision.keys import RAW_IMAGE
 from zenoh_vision.stream.buffer import queue
 from zenoh_vision.stream.epoch_gate import SILENCE_NS
 from zenoh_vision.stream.frame_intake import FORGET_NS, MAX_KEYS
@@ -110,10 +111,10 @@ def test_a_camera_that_stays_is_not_stale_for_one_that_departed():
 
 def test_compressed_and_raw_frames_of_a_camera_are_one_stream_in_which_each_counts_once():
     taker = Taker()
-    intake = taker.frames(raw_key=RAW_KEY)
+    intake = taker.frames()
     raw = PIXELS.tobytes()
     intake.receive(sample(5))
-    assert take(intake).mime == "image/jpeg"
+    assert take(intake).picture.form == "image/jpeg"
     intake.receive(sample(5, raw, RAW_KEY))
     assert taker.counters.snapshot()["dropped.duplicate"] == 1
     intake.receive(sample(6, raw, RAW_KEY))
@@ -127,7 +128,7 @@ def test_compressed_and_raw_frames_of_a_camera_are_one_stream_in_which_each_coun
 
 
 def test_each_camera_has_a_range_of_depth_of_its_own():
-    intake = Taker().frames("vision/*/image", raw=True)
+    intake = Taker().frames("vision/*/image", encoding=RAW_IMAGE)
     intake.depth_limits = (None, None)
     found = []
     for camera, value in (("near", 500), ("far", 9000), ("near", 600)):
@@ -140,6 +141,6 @@ def test_each_camera_has_a_range_of_depth_of_its_own():
 
 
 def test_raw_pixels_beside_compressed_frames_have_a_limit_of_their_own():
-    intake = Taker().frames(raw_key=RAW_KEY, max_pixels=100)
-    assert intake.limit_of(RAW_KEY).max_bytes == 400, "4 bytes a pixel"
-    assert intake.limit_of(KEY).max_bytes == 32 << 20
+    intake = Taker().frames(max_pixels=100)
+    assert intake.limit_of(RAW_IMAGE).max_bytes == 400, "4 bytes a pixel"
+    assert intake.limit_of("image/jpeg").max_bytes == 32 << 20

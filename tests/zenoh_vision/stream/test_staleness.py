@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.support.headers import header
-from zenoh_vision.stream.epoch_gate import SETTLE_NS, EpochGate
-from zenoh_vision.stream.staleness import WINDOW_NS
+from zenoh_vision.stream.epoch_gate import SETTLE_NS, WINDOW_NS, EpochGate
 
 MS = 10**6
 S = 10**9

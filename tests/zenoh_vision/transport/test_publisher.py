@@ -1,49 +1,16 @@
-"""How a picture goes on the wire."""
+"""When a payload is made, sent, withheld and kept, and what a query gets."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 from typing import Any, cast
 
-import cv2
-import numpy as np
-import pytest
+import zenoh
 
-from tests.support.headers import header
-from zenoh_vision.messages import Header
-from zenoh_vision.transport import publisher as publisher_module
-from zenoh_vision.transport.publisher import Demand, LazyPayload, Outgoing, encoded_picture
-
-GREY = np.arange(64 * 48, dtype=np.uint32).reshape(48, 64).astype(np.uint8)
-
-
-def grey_header() -> Header:
-    return header(0).model_copy(update={"encoding": "mono8"})
-
-
-def decoded(sample: Outgoing) -> np.ndarray:
-    return cv2.imdecode(np.frombuffer(sample.payload, np.uint8), cv2.IMREAD_UNCHANGED)
-
-
-def test_a_grey_picture_keeps_its_greys_as_png():
-    sample = encoded_picture(GREY, grey_header(), jpeg_quality=None, bilevel=False)
-    assert sample.encoding == "image/png"
-    assert np.array_equal(decoded(sample), GREY)
-
-
-def test_a_picture_of_0_and_255_takes_one_bit_a_pixel():
-    mask = np.where(GREY > 100, 255, 0).astype(np.uint8)
-    sample = encoded_picture(mask, grey_header(), jpeg_quality=None, bilevel=True)
-    assert sample.payload[24] == 1  # bit depth, byte 24 of a PNG
-    assert np.array_equal(decoded(sample), mask)
-
-
-@pytest.mark.parametrize("quality", [20, 95])
-def test_a_jpeg_carries_its_header_beside_it(quality: int):
-    sample = encoded_picture(GREY, grey_header(), jpeg_quality=quality, bilevel=False)
-    assert sample.encoding == "image/jpeg"
-    assert Header.from_bytes(sample.attachment or b"") == grey_header()
-    assert decoded(sample).shape == GREY.shape
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.host.clock import Clock
+from zenoh_vision.topics import Topic
+from zenoh_vision.transport.publisher import Demand, LazyPayload, Outgoing, StreamPublisher
 
 
 def test_a_sample_is_made_when_first_asked_for_and_only_once():
@@ -59,9 +26,7 @@ def test_a_sample_is_made_when_first_asked_for_and_only_once():
     assert made == [1]
 
 
-def test_zenoh_is_asked_ten_times_a_second_whether_someone_subscribes(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_zenoh_is_asked_ten_times_a_second_whether_someone_subscribes():
     now_ns, asked = 5 * 10**9, 0
     matching = False
 
@@ -73,8 +38,7 @@ def test_zenoh_is_asked_ten_times_a_second_whether_someone_subscribes(
             return SimpleNamespace(matching=matching)
 
     clock = SimpleNamespace(monotonic_ns=lambda: now_ns)
-    monkeypatch.setattr(publisher_module, "time", clock)
-    demand = Demand(cast("Any", SimpleNamespace(current=Asked())))
+    demand = Demand(cast("Any", SimpleNamespace(current=Asked())), cast("Clock", clock))
     assert not demand.exists
     matching = True
     now_ns += 99_999_999
@@ -86,3 +50,117 @@ def test_zenoh_is_asked_ten_times_a_second_whether_someone_subscribes(
     now_ns += 100_000_000
     assert not demand.exists
     assert asked == 3
+
+
+class Declared:
+    """A link whose publisher records what is put."""
+
+    def __init__(self, *, wanted: bool = True) -> None:
+        self.put_payloads: list[bytes] = []
+        self.current = SimpleNamespace(
+            matching_status=SimpleNamespace(matching=wanted), put=self._put
+        )
+        self.session = SimpleNamespace(new_timestamp=lambda: None)
+
+    def declare(self, _declare: Any) -> Any:
+        return self
+
+    def _put(self, payload: bytes, **_options: object) -> None:
+        self.put_payloads.append(payload)
+
+
+class Asked:
+    """A query that records its replies."""
+
+    def __init__(self) -> None:
+        self.replies: list[bytes] = []
+        self.errors: list[bytes] = []
+
+    def reply(self, _key: str, payload: bytes, **_options: object) -> None:
+        self.replies.append(payload)
+
+    def reply_err(self, payload: bytes, **_options: object) -> None:
+        self.errors.append(payload)
+
+
+def publisher_of(link: Declared, **options: Any) -> StreamPublisher:
+    topic = Topic("image/compressed", "image/jpeg")
+    return StreamPublisher(cast("Any", link), topic, "a/b/c", lambda *_: None, **options)
+
+
+def asked_of(publisher: StreamPublisher) -> Asked:
+    query = Asked()
+    publisher.answer(cast("Any", query))
+    return query
+
+
+def outgoing(payload: bytes, *, answers: bool = True) -> Outgoing:
+    return Outgoing(payload, "image/jpeg", answers=answers)
+
+
+def test_what_nobody_wants_is_not_made_before_a_query_asks_for_it():
+    made: list[int] = []
+    link = Declared(wanted=False)
+    publisher = publisher_of(link)
+    assert publisher.offer(lambda: made.append(1) or outgoing(b"x")) == "unwanted"
+    assert (made, link.put_payloads) == ([], [])
+    assert asked_of(publisher).replies == asked_of(publisher).replies == [b"x"]
+    assert made == [1]
+
+
+def test_what_is_withheld_is_neither_sent_nor_kept():
+    link = Declared()
+    publisher = publisher_of(link)
+    assert publisher.offer(lambda: outgoing(b"old")) == "sent"
+    assert publisher.offer(lambda: outgoing(b"full"), lambda: None) == "withheld"
+    assert publisher.offer(lambda: outgoing(b"full"), lambda: outgoing(b"small")) == "sent"
+    assert link.put_payloads == [b"old", b"small"]
+    assert asked_of(publisher).replies == [b"small"]
+
+
+def test_a_payload_that_needs_those_before_it_answers_no_query():
+    publisher = publisher_of(Declared())
+    publisher.offer(lambda: outgoing(b"key frame"))
+    publisher.offer(lambda: outgoing(b"difference", answers=False))
+    assert asked_of(publisher).replies == [b"key frame"]
+
+
+def test_a_payload_that_cannot_be_made_is_an_error_reply_and_tried_once():
+    tried: list[int] = []
+    reported: list[str] = []
+
+    def make() -> Outgoing:
+        tried.append(1)
+        raise PayloadError("corrupt", "no end")
+
+    publisher = publisher_of(
+        Declared(wanted=False), report=lambda error: reported.append(error.reason)
+    )
+    publisher.offer(make)
+    assert [asked_of(publisher).errors for _ in range(2)] == [[b"a/b/c: corrupt: no end"]] * 2
+    assert (tried, reported) == ([1], ["corrupt"] * 2)
+
+
+def test_a_reply_over_its_limit_is_an_error_that_says_why():
+    publisher = publisher_of(Declared(wanted=False))
+    publisher.limit = lambda size: "later" if size > 2 else None
+    publisher.offer(lambda: outgoing(b"long"))
+    assert asked_of(publisher).errors == [b"later"]
+    publisher.offer(lambda: outgoing(b"s"))
+    assert asked_of(publisher).replies == [b"s"]
+
+
+def test_a_put_on_a_session_that_was_replaced_meanwhile_goes_to_the_new_one():
+    link = Declared()
+    publisher = publisher_of(link)
+    good = link.current
+
+    def put_while_it_is_replaced(_payload: bytes, **_options: object) -> None:
+        link.current = good
+        raise zenoh.ZError("the session is closed")
+
+    link.current = SimpleNamespace(
+        matching_status=good.matching_status, put=put_while_it_is_replaced
+    )
+    assert publisher.offer(lambda: outgoing(b"x")) == "sent"
+    assert link.put_payloads == [b"x"]

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from zenoh_vision.transport import query as query_module
 from zenoh_vision.transport.query import MAX_REPLIES, Query, Replies, ask, send
 
 
@@ -70,3 +71,11 @@ def test_an_incomplete_list_of_tokens_is_logged(caplog: pytest.LogCaptureFixture
     assert caplog.messages == []  # a queryable that does not reply is found in other ways
     assert ask(session, [Query("@v/node/*", timeout_s=2.5, tokens=True)]) == [[]]
     assert caplog.messages == ["@v/node/*: the router has not listed all tokens within 2.5 s"]
+
+
+def test_a_query_that_its_session_never_completes_ends_by_time(monkeypatch: pytest.MonkeyPatch):
+    """So does one of a session that is closed before the replies have come."""
+    monkeypatch.setattr(query_module, "LATE_S", 0.0)
+    silent: Any = SimpleNamespace(get=lambda *_arguments, **_options: None)
+    (found,) = ask(silent, [Query("v/front/image", timeout_s=0.01)])
+    assert found == []

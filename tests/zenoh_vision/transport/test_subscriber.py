@@ -9,6 +9,7 @@ import pytest
 import zenoh
 
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
+from zenoh_vision.keys import RAW_IMAGE
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 from zenoh_vision.stream.buffer import queue
 from zenoh_vision.stream.counters import FrameCounters
@@ -59,7 +60,10 @@ class Router:
             id="compressed",
         ),
         pytest.param(
-            lambda consumer: FrameIntake(KEY, consumer, raw=True), RAW_BYTES, "too_large", id="raw"
+            lambda consumer: FrameIntake(KEY, consumer, encoding=RAW_IMAGE),
+            RAW_BYTES,
+            "too_large",
+            id="raw",
         ),
         pytest.param(
             lambda consumer: MessageIntake(KEY, consumer),

@@ -5,15 +5,18 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from tests.support.clocks import SteppedClock
 from tests.support.headers import header
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.node import shm_offer
-from zenoh_vision.node.shm_offer import AGAIN_S, SharedMemoryOffer
+from zenoh_vision.node import memory_offer
+from zenoh_vision.node.memory_offer import AGAIN_NS, MemoryOffer
 from zenoh_vision.shm.machine import FULL, SharedMemoryError
 
-FRAME = Frame(header(0), compressed=b"")
+FRAME = Frame(header(0), np.zeros((48, 64, 3), np.uint8))
+AGAIN_S = AGAIN_NS / 1e9
 LACKING = f"no frames of front through shared memory: {FULL}"
 
 
@@ -21,7 +24,7 @@ class Memory:
     """An offer with a clock, memory that may be full, and consumers that may ask for frames."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now_s = 1000.0
+        self.clock = SteppedClock()
         self.full = False
         self.asked = True
         self.tokens = 0
@@ -38,19 +41,17 @@ class Memory:
             def close(self) -> None: ...
 
         class WhoAsks:
-            def __init__(self, _publisher: object) -> None: ...
+            def __init__(self, *_arguments: object) -> None: ...
 
             @property
             def exists(self) -> bool:
                 return memory.asked
 
-        monkeypatch.setattr(shm_offer, "FrameWriter", Writer)
-        monkeypatch.setattr(shm_offer, "Demand", WhoAsks)
-        monkeypatch.setattr(shm_offer, "machine_identity", lambda: "machine")
-        clock = SimpleNamespace(monotonic=lambda: self.now_s, time_ns=lambda: 1)
-        monkeypatch.setattr(shm_offer, "time", clock)
+        monkeypatch.setattr(memory_offer, "FrameWriter", Writer)
+        monkeypatch.setattr(memory_offer, "Demand", WhoAsks)
+        monkeypatch.setattr(memory_offer, "machine_identity", lambda: "machine")
         link: Any = SimpleNamespace(declare=self._declare)
-        self.offer = SharedMemoryOffer(link, "vision", "front")
+        self.offer = MemoryOffer(link, "vision", "front", self.clock)
 
     def _declare(self, _make: object) -> Any:
         self.tokens += 1
@@ -60,7 +61,7 @@ class Memory:
         self.tokens -= 1
 
     def write_after(self, seconds: float) -> bool:
-        self.now_s += seconds
+        self.clock.step(seconds)
         return self.offer.write(FRAME)
 
 

@@ -1,0 +1,214 @@
+"""Waits until named nodes have answered a frame, so that none is dropped however slow they are.
+
+A node answers a frame with the messages, or else the pictures, that carry the frame's identity.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.errors import ExpectationNotMet, PayloadError
+from zenoh_vision.host.wakeup import Wakeup
+from zenoh_vision.messages import Header, NodeDescription
+from zenoh_vision.topics import COMPRESSED, RAW, topic_of
+from zenoh_vision.transport.link import Declaration, Link
+from zenoh_vision.transport.query import Query, ask, messages_in
+from zenoh_vision.transport.session import direct
+
+ASK_S = 0.05
+"""How often a node is asked for its description until it has its inputs."""
+
+LOOK_S = 0.5
+"""How often it is looked whether a node that does not answer still runs."""
+
+POLL_S = 0.1
+ANSWER_S = 30.0
+
+FrameId = tuple[str, int, int]
+"""Camera, epoch and seq."""
+
+
+@dataclass(slots=True)
+class Follower:
+    """A node that answers frames.
+
+    Attributes:
+        cameras: Those whose frames it takes.
+        answered: The newest frame that it answered.
+    """
+
+    name: str
+    cameras: frozenset[str]
+    answered: FrameId | None = None
+
+
+class Lockstep:
+    """Follows nodes by what they publish.
+
+    Args:
+        link: To the router.
+        namespace: First chunk of the keys.
+        nodes: Their names.
+        stopping: Whether to give up.
+        answer_s: How long a node may take for one frame.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        namespace: str,
+        nodes: Sequence[str],
+        stopping: Callable[[], bool] = lambda: False,
+        *,
+        answer_s: float = ANSWER_S,
+    ) -> None:
+        self._link = link
+        self._namespace = namespace
+        self._names = tuple(dict.fromkeys(nodes))
+        self._stopping = stopping
+        self._answer_s = answer_s
+        self._arrived = Wakeup()
+        self._followers: dict[str, Follower] = {}
+        self._declared: list[Declaration[zenoh.Subscriber[None]]] = []
+
+    @property
+    def followers(self) -> Collection[Follower]:
+        """The nodes that are followed."""
+        return self._followers.values()
+
+    def close(self) -> None:
+        """End the subscriptions."""
+        for each in self._declared:
+            each.undeclare()
+        self._declared.clear()
+
+    def find(self, cameras: Collection[str], timeout_s: float | None) -> None:
+        """Wait until all nodes run and take frames, then follow them.
+
+        Args:
+            cameras: Whose frames will be sent.
+            timeout_s: How long to wait; None waits until told to stop.
+
+        Raises:
+            ExpectationNotMet: A node does not run, or takes no frames of the cameras.
+        """
+        until_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while not self._stopping():
+            (replies,) = ask(self._link.session, [Query(self._key("*"))], self._stopping)
+            found = {about.node: about for _, about in messages_in(replies, NodeDescription)}
+            missing = [name for name in self._names if not self._follow(found.get(name), cameras)]
+            if not missing:
+                return
+            if until_s is not None and time.monotonic() > until_s:
+                raise ExpectationNotMet(_why_not(missing[0], found, cameras))
+            time.sleep(ASK_S)
+
+    def wait(self, header: Header, done: Callable[[], bool] | None = None) -> bool:
+        """Wait until each node that takes a camera's frames has answered one.
+
+        Args:
+            header: Of the frame.
+            done: Asked every ``POLL_S``, and waited for instead of the answers.
+
+        Returns:
+            False if told to stop meanwhile.
+
+        Raises:
+            ExpectationNotMet: A node has gone, or has not answered in time.
+        """
+        frame = header.camera, header.epoch, header.seq
+        asked = [each for each in self._followers.values() if header.camera in each.cameras]
+        begun_s = looked_s = time.monotonic()
+
+        def answered() -> bool:
+            return all(each.answered == frame for each in asked)
+
+        while not self._arrived.wait_for(done or answered, POLL_S):
+            if self._stopping():
+                return False
+            now_s = time.monotonic()
+            late = next((each.name for each in asked if each.answered != frame), None)
+            if late is not None and now_s - looked_s > LOOK_S:
+                looked_s = now_s
+                which = f"frame {header.seq} of {header.camera}"
+                if not self._runs(late):
+                    raise ExpectationNotMet(f"{late} ended before it answered {which}")
+                if now_s - begun_s > self._answer_s:
+                    raise ExpectationNotMet(
+                        f"{late} has not answered {which} within {self._answer_s:g} s"
+                    )
+        return True
+
+    def _key(self, node: str) -> str:
+        return keys.node_key(self._namespace, node)
+
+    def _runs(self, name: str) -> bool:
+        query = Query(self._key(name), tokens=True)
+        return bool(ask(self._link.session, [query], self._stopping)[0])
+
+    def _follow(self, about: NodeDescription | None, cameras: Collection[str]) -> bool:
+        """Follow a node once it takes frames of some of the cameras; return whether it does."""
+        if about is None:
+            return False
+        taken = _taken(about, self._namespace) & set(cameras)
+        if not taken:
+            return False
+        if about.node not in self._followers:
+            follower = self._followers[about.node] = Follower(about.node, frozenset(taken))
+            for key in answer_keys(about.publishes):
+                self._subscribe(key, follower)
+        return True
+
+    def _subscribe(self, key: str, follower: Follower) -> None:
+        def receive(sample: zenoh.Sample) -> None:
+            if sample.attachment is None:
+                return
+            try:
+                header = Header.from_bytes(sample.attachment.to_bytes())
+            except PayloadError:
+                return
+            if header.node == follower.name:
+                follower.answered = header.camera, header.epoch, header.seq
+                self._arrived.set()
+
+        self._declared.append(
+            self._link.declare(lambda session: session.declare_subscriber(key, direct(receive)))
+        )
+
+
+def answer_keys(published: Sequence[str]) -> list[str]:
+    """Return the keys on which a node answers frames: those of its messages, else all of them."""
+    found = [key for key in published if not key.startswith("@")]
+    topics = {key: topic_of(key) for key in found}
+    messages = [
+        key
+        for key, topic in topics.items()
+        if topic is None or (topic.message is not None and not topic.by_query)
+    ]
+    return messages or found
+
+
+def _taken(about: NodeDescription, namespace: str) -> set[str]:
+    """Return the cameras whose frames a node takes."""
+    taken = set()
+    for key in about.subscribes:
+        chunks = key.split("/")
+        if chunks[0] == namespace and keys.suffix_of(key) in (COMPRESSED.name, RAW.name):
+            taken |= set(about.cameras) if chunks[1] == "*" else {chunks[1]}
+    return taken
+
+
+def _why_not(name: str, found: Mapping[str, NodeDescription], cameras: Collection[str]) -> str:
+    about = found.get(name)
+    if about is None:
+        running = ", ".join(sorted(found)) or "none"
+        return f"{name} does not run; nodes that run: {running}"
+    return (
+        f"{name} takes no frames of {', '.join(sorted(cameras)) or 'any camera'}; it subscribes "
+        f"to {', '.join(about.subscribes) or 'nothing'}"
+    )

@@ -1,0 +1,160 @@
+"""Finds out what a router denies: Zenoh drops it silently, so that it looks as if nobody cared.
+
+A router lists what it has accepted of each session's declarations. What a node has declared and a
+router does not list was denied. Everybody with a certificate may read that list, and declare a
+queryable on a key of its own; if not even that is listed, the router knows no such holder. Keys
+with ``@`` are not in that list, so the node's token is judged by the rights in the holder's file.
+
+The same queryable answers with what is denied. So others can find it out of a node that may say
+nothing else, and also what it subscribes to in vain, which no router lists.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.error_text import joined
+from zenoh_vision.security.credentials import Credentials
+from zenoh_vision.security.rights import Action
+from zenoh_vision.transport.declarations import Kind, declared_key, sessions_in
+from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.query import Query, Replies, send
+from zenoh_vision.transport.session import direct
+
+CHECK_S: Final = 3.0
+CONFIRM_S: Final = 0.5
+ANSWER_S: Final = 1.0
+MOST_SHOWN: Final = 4
+LISTED_BYTES: Final = 1 << 20
+
+MEND: Final = "give --credentials of another name, or add to its rights with zv security add"
+
+Declared = tuple[Kind, str]
+
+
+def declare_holder(
+    link: Link, credentials: Credentials, denied: Callable[[], str] = lambda: ""
+) -> None:
+    """Show at the router whose certificate a session has, which routers do not tell otherwise.
+
+    Args:
+        link: Of the session.
+        credentials: Its holder's.
+        denied: Returns what to answer to who asks what is denied; nothing if that is empty.
+    """
+    key = keys.holder_key(credentials.name)
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            if said := denied():
+                query.reply(key, said)
+
+    link.declare(lambda session: session.declare_queryable(key, direct(answer)))
+
+
+class AccessCheck:
+    """Compares what a node declares with what its router lists.
+
+    Args:
+        link: The node's.
+        credentials: Whose rights these are.
+
+    Attributes:
+        credentials: The same; those of a renewed file take their place.
+        denied: What the router denies, and what to do; empty if that is nothing, or unknown.
+    """
+
+    def __init__(self, link: Link, credentials: Credentials) -> None:
+        self.denied = ""
+        self._link = link
+        self.credentials = credentials
+        self._own = keys.holder_key(credentials.name)
+        self._lock = threading.Lock()
+        self._missing: set[Declared] = set()
+        self._open = 0
+        self._unknown = False
+        self._due_s = time.monotonic() + ANSWER_S / 2
+        self._round = 0
+        self._suspected: set[Declared] = set()
+        self._own_token = ""
+        declare_holder(link, credentials, lambda: self.denied)
+
+    def check(self, announces: str) -> None:
+        """Ask the router again if that is due; returns at once. Call about once a second.
+
+        Args:
+            announces: Key of the node's token.
+        """
+        self._own_token = announces
+        if time.monotonic() < self._due_s or not self._link.connected:
+            return
+        self._due_s = time.monotonic() + CHECK_S
+        wanted = tuple(sorted(self._declared()))
+        session = self._link.session
+        own = str(session.zid())
+        with self._lock:
+            self._round, self._missing, self._open = self._round + 1, set(), len(wanted)
+            self._unknown = False
+        for each in wanted:
+            query = Query(declared_key(*each), timeout_s=ANSWER_S, most_bytes=LISTED_BYTES)
+            send(session, query, partial(self._note, self._round, each, own))
+
+    def _declared(self) -> set[Declared]:
+        return {(kind, key) for kind, key in self._link.declared() if not key.startswith("@")}
+
+    def _note(self, number: int, asked: Declared, own: str, replies: Replies) -> None:
+        listed = sessions_in(replies, own="", among=[asked[1]]).get(asked[1], frozenset())
+        with self._lock:
+            if number != self._round:
+                return
+            self._unknown |= replies.timed_out
+            if own not in listed:
+                self._missing.add(asked)
+            self._open -= 1
+            complete = self._open == 0 and not self._unknown
+        if not complete or not self._link.connected:
+            return
+        # What was undeclared meanwhile, as when another route takes over, is not denied; nor is
+        # what is missing once only, as while the router starts again.
+        missing = self._missing & self._declared()
+        self._suspected, confirmed = missing, missing & self._suspected
+        if missing - confirmed:
+            self._due_s = min(self._due_s, time.monotonic() + CONFIRM_S)
+        else:
+            self.denied = self._words(confirmed)
+
+    def _words(self, missing: set[Declared]) -> str:
+        rights = self.credentials.rights
+        denied = sorted({(_action(kind), key) for kind, key in missing})
+        if rights.granting("announce", self._own_token) is None:
+            denied.insert(0, ("announce", self._own_token))
+        if not denied:
+            return ""
+        name, folder = self.credentials.name, self.credentials.path.parent
+        if ("queryable", self._own) in missing:
+            return (
+                f"the router gives {name} no rights: its certificate was revoked, or the router "
+                f"runs with the rules of another system; zv security show --dir {folder}"
+            )
+        shown = joined((f"{action} {key}" for action, key in denied), MOST_SHOWN)
+        action, key = denied[0]
+        if rights.granting(action, key) is None:
+            why = f"no rule allows it to the certificate of {name}: {MEND}"
+        else:
+            why = f"its rules are older than the file of {name}: give the router the new ones"
+        return (
+            f"the router denies: {shown}; {why}; "
+            f"zv security check {name} {key} {action} --dir {folder}"
+        )
+
+
+def _action(kind: Kind) -> Action:
+    """Return what is denied if a declaration is; a stream has a queryable too."""
+    return "subscribe" if kind == "subscriber" else "publish"
