@@ -12,11 +12,10 @@ from zenoh_vision.errors import SourceError
 from zenoh_vision.host.backoff import Backoff
 from zenoh_vision.stream.buffer import Buffer, latest
 from zenoh_vision.stream.counters import FrameCounters
-from zv.camera import source_policy
 from zv.camera.reader import CapturedFrame, SourceReader
 from zv.camera.settings import CameraSettings
-from zv.camera.source_policy import OpenSource
-from zv.camera.sources.kinds import kind_of, without_password
+from zv.camera.source_policy import OpenSource, SourceOpener
+from zv.camera.sources.kinds import kind_of, source_words
 
 log = logging.getLogger(__name__)
 
@@ -25,10 +24,19 @@ OPEN_POLL_S = 0.005
 JOIN_S = 0.3
 CLOSE_S = 2.0
 """Time for a source to close before it is reopened with other settings: devices are exclusive."""
+STILL = (
+    "the picture has not changed for over {:g} s: a screen or a scene without sensor noise, "
+    "a covered lens, or a camera that repeats itself"
+)
 MAX_ABANDONED = 2
 """Largest number of abandoned readers that are still in a call. Each holds the memory of its
 source, so the source is opened again only when there are fewer."""
 STUCK = "earlier openings of the source have not ended; waiting for one of them"
+STUCK_S = 10.0
+"""Time for one of them to end; then the process ends, and what supervises it starts it again."""
+STUCK_FOR_GOOD = (
+    "two readers are stuck in its driver or library, which only the end of the process frees"
+)
 OPEN_MARGIN_S = 1.0
 """Time beyond ``stall_after`` in which a source with its own time-out can report why it failed."""
 
@@ -36,8 +44,8 @@ OPEN_MARGIN_S = 1.0
 class Capture:
     """Yields the newest picture of a source, and opens the source again when it fails.
 
-    Each opening is a new epoch. A source that stalls, freezes or is lost, and a live source that
-    ends, is opened again after ``reopen_min`` seconds; the delay doubles up to ``reopen_max``
+    Each opening is a new epoch. A source that stalls or is lost, and a live source that ends, is
+    opened again after ``reopen_min`` seconds; the delay doubles up to ``reopen_max``
     until a picture arrives. A source that cannot follow a change of the settings is opened again
     at once. At most ``MAX_ABANDONED`` readers are left behind in a call that does not end.
 
@@ -52,15 +60,15 @@ class Capture:
         self,
         parameters: ParameterStore[CameraSettings],
         counters: FrameCounters,
-        open_source: OpenSource = source_policy.open_source,
+        open_source: OpenSource | None = None,
     ) -> None:
         self._parameters = parameters
         settings = self._settings
-        self._shown = without_password(settings.source)
+        self._shown = source_words(settings.source)
         self.kind = kind_of(settings.source)
         self._counters = counters
         self._buffer = Buffer[CapturedFrame](latest, lambda _: counters.drop("overwritten"))
-        self._open_source = open_source
+        self._open_source = open_source or SourceOpener()
         self._reader: SourceReader | None = None
         self._epoch = 0
         self._backoff = Backoff(settings.reopen_min, settings.reopen_max)
@@ -68,8 +76,12 @@ class Capture:
         self._closing: SourceReader | None = None
         self._abandoned: list[SourceReader] = []
         self._failure = ""
+        self._stuck_since_s = 0.0
+        self._described = ""
+        self._remarks: dict[str, bool] = {}
         self.ended = ""
         parameters.watch(self._on_change)
+        parameters.check(self._check)
 
     @property
     def _settings(self) -> CameraSettings:
@@ -101,22 +113,33 @@ class Capture:
         return reader.description
 
     def frames(
-        self, stopping: Callable[[], bool], report: Callable[[str], None]
+        self,
+        stopping: Callable[[], bool],
+        report: Callable[[str], None],
+        remark: Callable[[str, str], None],
     ) -> Iterator[CapturedFrame]:
         """Yield the newest frame each time, until told to stop or the source ends normally.
 
         Args:
             stopping: Returns whether to end.
             report: Called with each failure, and with an empty text when frames arrive again.
+            remark: Called with the name of a condition of a source that goes on delivering, and
+                what is the matter; with an empty text when it is over.
 
         Raises:
-            SourceError: The source ended without a single picture.
+            SourceError: The source ended without a single picture, or earlier openings of it do
+                not end.
         """
         reader = self._reader or self._start_reader()
         reader.start_reading()
         while not stopping():
             captured = self._buffer.take(POLL_S)
             self._follow_settings(reader)
+            settings = self._settings
+            limit_s = settings.frozen_after
+            still = STILL.format(limit_s) if limit_s and reader.still_s >= limit_s else ""
+            self._note("still", still, remark)
+            self._note("lag", reader.lag.words(time.monotonic(), settings.max_lag), remark)
             if captured is None:
                 if not self._supervise(reader, report):
                     return
@@ -124,11 +147,19 @@ class Capture:
             elif captured.epoch != reader.epoch:
                 self._counters.drop("given_up")
             else:
+                if reader.description != self._described:
+                    self._described = reader.description
+                    log.info("%s", reader.description)
                 if self._failure:
                     self._failure = ""
                     report("")
                 self._backoff.reset()
                 yield captured
+
+    def _note(self, condition: str, words: str, remark: Callable[[str, str], None]) -> None:
+        if self._remarks.get(condition, False) != bool(words):
+            self._remarks[condition] = bool(words)
+            remark(condition, words)
 
     def _supervise(self, reader: SourceReader, report: Callable[[str], None]) -> bool:
         """Act on the reader's state; return False at the normal end of the source."""
@@ -163,7 +194,19 @@ class Capture:
             self._start_reader()
         elif self._failure != STUCK:
             self._failure = STUCK
+            self._stuck_since_s = time.monotonic()
             report(STUCK)
+        elif self.kind != "synthetic" and self._stuck_for_s > STUCK_S:
+            raise SourceError(f"{self._shown}: {STUCK_FOR_GOOD}")
+
+    @property
+    def _stuck_for_s(self) -> float:
+        return time.monotonic() - self._stuck_since_s
+
+    def _check(self, settings: CameraSettings) -> None:
+        """Refuse settings that the open source cannot follow; on any thread."""
+        if self._reader is not None:
+            self._reader.check(settings)
 
     def _on_change(self, _change: Change[CameraSettings]) -> None:
         """Pass a change on to a reader that waits until a picture is due; on any thread."""

@@ -7,7 +7,6 @@ import logging
 from zenoh_vision.image.pixel_formats import DEEP
 from zv.camera.convert import check_depth
 from zv.camera.reader import CapturedFrame
-from zv.camera.region import check_region
 from zv.camera.settings import CameraSettings
 
 KEEPS_DEPTH = (
@@ -35,6 +34,7 @@ class Delivery:
         self._size = (0, 0)
         self._opened_with: tuple[int | None, int | None] = (None, None)
         self._region = ""
+        self._rotate = 0
 
     def check(self, wanted: CameraSettings) -> None:
         """Check that pictures can be published with these settings, once the first has arrived.
@@ -49,9 +49,12 @@ class Delivery:
         asked = wanted.width, wanted.height
         if self._resizes and asked != self._opened_with:
             if wanted.width and wanted.height:  # else the device decides
-                check_region(wanted.box, wanted.width, wanted.height)
-        elif wanted.region != self._region:  # else the source changed its size: no reason to refuse
-            check_region(wanted.box, *self._size)
+                wanted.geometry.check((wanted.width, wanted.height))
+        elif (wanted.region, wanted.rotate) != (
+            self._region,
+            self._rotate,
+        ):  # else the source changed its size: no reason to refuse
+            wanted.geometry.check(self._size)
 
     def note(self, captured: CapturedFrame) -> None:
         """Record the properties of a picture, and log those that are new.
@@ -60,7 +63,7 @@ class Delivery:
             ParameterRefused: The first picture does not fit the settings of the start.
         """
         picture, settings = captured.picture, captured.revision.settings
-        self._size = picture.width, picture.height
+        self._size, self._rotate = picture.size, settings.rotate
         self._opened_with = settings.width, settings.height
         if self._encoding is None:
             self._encoding = picture.encoding
@@ -71,7 +74,8 @@ class Delivery:
                 self._log.warning(keeps, picture.encoding)
         if settings.region != self._region:
             self._region = settings.region
-            again = "" if picture.jpeg is None else "; its JPEGs are encoded again"
+            again = "" if picture.form is None else "; its JPEGs are encoded again"
             part = f"region {settings.region} of" if settings.region else "all of"
-            whole = f"{picture.width}x{picture.height}{again if settings.region else ''}"
+            size = "x".join(map(str, settings.geometry.turned_size(picture.size)))
+            whole = f"{size}{again if settings.region else ''}"
             self._log.info("published from now on: %s %s", part, whole)

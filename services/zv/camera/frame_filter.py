@@ -1,27 +1,25 @@
-"""Selects the pictures of a source that are passed on: limits the rate, and drops repeats."""
+"""Selects the pictures of a source that are passed on: limits the rate, and finds repeats."""
 
 from __future__ import annotations
 
-from zenoh_vision.image.stored import are_equal
-from zv.camera.sources.base import Picture
+from zenoh_vision.image.picture import Picture
 
 EARLY = 0.25
 """Share of a period that a picture may be early; without it, jitter could halve the rate."""
 
 
 class FrameFilter:
-    """Limits the rate of a live source, and detects a frozen one.
+    """Limits the rate of a live source, and tells how long its picture has not changed.
 
-    Due to sensor noise, all pictures of a real scene differ: equal pictures mean that the device
-    or server repeats itself. The limits may differ from one call to the next.
+    Sensor noise makes all pictures of a real scene differ, but a screen, a test picture, a covered
+    lens or a video codec at night delivers equal ones: they are no fault of the source.
     """
 
     def __init__(self) -> None:
         self._rate_hz: float | None = None
         self._next_s: float | None = None
         self._last: Picture | None = None
-        self._changed_s = 0.0
-        self._frozen_after_s = 0.0
+        self._changed_s = self._repeated_s = 0.0
 
     def allow(self, rate_hz: float | None, now_s: float) -> bool:
         """Tell whether a picture that arrives now is passed on at this rate; None for no limit."""
@@ -36,32 +34,19 @@ class FrameFilter:
         self._next_s = max(due_s + period_s, now_s)
         return True
 
-    def is_repeat(self, picture: Picture, frozen_after_s: float, now_s: float) -> bool:
-        """Tell whether a picture equals the one before it.
-
-        Args:
-            picture: The picture that arrives now.
-            frozen_after_s: Seconds of repeats after which the source is ``frozen``; 0 for a
-                source that may repeat its pictures, which are then not compared.
-            now_s: Monotonic clock, seconds.
-        """
-        self._frozen_after_s = frozen_after_s
-        last, self._last = self._last, picture if frozen_after_s else None
-        if frozen_after_s and last is not None and _equal(last, picture):
+    def is_repeat(self, picture: Picture, now_s: float) -> bool:
+        """Tell whether a picture, which arrives now, equals the one before it."""
+        last, self._last = self._last, picture
+        self._repeated_s = now_s
+        if last is not None and picture.equals(last):
             return True
         self._changed_s = now_s
         return False
 
-    def frozen(self, now_s: float) -> bool:
-        """Tell whether only repeats have arrived for too long."""
-        return self._last is not None and now_s - self._changed_s >= self._frozen_after_s
+    @property
+    def still_s(self) -> float:
+        """How long equal pictures have come, seconds; 0 without a repeat.
 
-
-def _equal(one: Picture, other: Picture) -> bool:
-    if one.jpeg is not None and other.jpeg is not None:
-        return one.jpeg == other.jpeg
-    if one.stored is not None and other.stored is not None:
-        return one.stored.equals(other.stored)
-    if one.pixels is None or other.pixels is None:
-        return False
-    return are_equal(one.pixels, other.pixels)
+        A slow source is not still while it waits for its next picture.
+        """
+        return self._repeated_s - self._changed_s

@@ -5,21 +5,25 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
 from zenoh_vision.config.revisions import ParameterStore, Revision
 from zenoh_vision.errors import SourceError, SourceLost
 from zenoh_vision.host import abandoned_threads
+from zenoh_vision.image.picture import Picture
+from zenoh_vision.messages import Track
 from zenoh_vision.stream.buffer import Buffer
 from zenoh_vision.stream.counters import FrameCounters
 from zv.camera import source_policy
 from zv.camera.frame_filter import FrameFilter
+from zv.camera.lag import LagMonitor
 from zv.camera.pacing import PictureTimer
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import OpenSource
-from zv.camera.sources.base import KnowsNextDue, Picture, Source
+from zv.camera.sources.base import HasControls, KnowsNextDue, Source, TimedPicture
 from zv.camera.sources.kinds import Kind
 
 log = logging.getLogger(__name__)
@@ -31,14 +35,17 @@ State = Literal["opening", "reading", "ended", "lost", "failed"]
 class CapturedFrame:
     """A picture with the identity under which it will be published.
 
-    Its revision has the settings with which it was read and will be converted.
+    Its revision has the settings with which it was read and will be converted. ``replay`` is set
+    for a frame that is not shown at its time: when reading began, ns since 1970.
     """
 
     picture: Picture
+    truth: tuple[Track, ...] | None
     epoch: int
     seq: int
     stamp_ns: int
     revision: Revision[CameraSettings]
+    replay: int | None = None
 
 
 class SourceReader:
@@ -55,6 +62,7 @@ class SourceReader:
         live: Whether the source paces itself; False until it is open.
         captured: Number of captured frames.
         timer: Paces the reading; it is notified of changes of the parameters.
+        lag: How far its pictures are behind their capture.
     """
 
     def __init__(
@@ -85,6 +93,7 @@ class SourceReader:
         self.timer = PictureTimer(self._rate_hz)
         self.timer.blocked_since_s = time.monotonic()
         self._filter = FrameFilter()
+        self.lag = LagMonitor()
         self._thread = threading.Thread(target=self._run, name=f"source {epoch}", daemon=True)
 
     def open(self) -> None:
@@ -102,6 +111,11 @@ class SourceReader:
         source_hz = None if self._source is None else self._source.rate_hz
         newest = self._parameters.newest.settings
         return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
+
+    @property
+    def still_s(self) -> float:
+        """How long the pictures of a live source have been equal, seconds."""
+        return self._filter.still_s if self.state == "reading" else 0.0
 
     def start_reading(self) -> None:
         """Let the thread put pictures into the buffer; a live source's earlier ones are lost.
@@ -136,13 +150,34 @@ class SourceReader:
         self.timer.blocked_since_s = None
         self.state = "reading"
         try:
-            with closing(source):
+            with closing(source), self._parameters_of(source):
                 self._read(source)
         except Exception as error:
             log.debug("reading failed", exc_info=True)
             self._fail("lost", error)
         else:
             self.state = "ended"
+
+    @contextmanager
+    def _parameters_of(self, source: Source) -> Iterator[None]:
+        """Make the controls of a source parameters of the node."""
+        if not isinstance(source, HasControls):
+            yield
+            return
+        self._parameters.add(source.controls)
+        try:
+            yield
+        finally:
+            self._parameters.remove(source.controls)
+
+    def check(self, settings: CameraSettings) -> None:
+        """Refuse settings that the open source cannot follow.
+
+        Raises:
+            ParameterRefused: It does not offer them.
+        """
+        if self.state == "reading" and settings is not self._opened_with:
+            source_policy.check_change(self._kind, self._source, settings)
 
     def _fail(self, state: State, error: Exception) -> None:
         expected = isinstance(error, SourceError)
@@ -173,29 +208,48 @@ class SourceReader:
             self._current_settings()
             if due_s is not None and not self.timer.wait_until(due_s):
                 return
-            picture = source.read()
+            read = source.read()
             self.timer.blocked_since_s = None
-            if picture is None:
+            if read is None:
                 if self.captured and not source.live:
                     self.timer.wait_after_last(1.0 / (self._rate_hz() or source.rate_hz or 10.0))
                 return
-            if source.live:
-                if not self._may_read.is_set():
-                    # It must not wait in a buffer of the driver or the network, and be published
-                    # later with the time of its reading.
-                    continue
-                rate_hz = self._parameters.newest.settings.rate
-                if not self._filter.allow(rate_hz, time.monotonic()):
-                    continue
-            elif picture.due_s is not None and not self.timer.wait_for_picture(picture.due_s):
+            if source.live and not self._takes(source, read):
+                continue
+            if read.due_s is not None and not self.timer.wait_for_picture(read.due_s):
                 return
-            self._hand_over(picture)
+            self._hand_over(read)
+
+    def _takes(self, source: Source, read: TimedPicture) -> bool:
+        """Tell whether a picture of a live source is wanted; count those lost or skipped before."""
+        if not self._may_read.is_set():
+            # It must not wait in a buffer of the driver or the network, and be published later
+            # with the time of its reading.
+            return False
+        # Also of one that the rate leaves out: how far the source lags does not depend on it.
+        now_s = time.monotonic()
+        if read.stamp_ns is not None:
+            self.lag.note(now_s, (time.time_ns() - read.stamp_ns) / 1e9, read.skipped)
+        self._count_missing(read.skipped, "lagging")
+        rate_hz = self._parameters.newest.settings.rate
+        if not self._filter.allow(rate_hz, now_s):
+            return False
+        if rate_hz is None or rate_hz >= (source.rate_hz or 0.0):
+            self._count_missing(read.lost, "at_source")
+        return True
 
     def _rate_hz(self) -> float | None:
         return source_policy.imposed_rate(self._kind, self._parameters.newest.settings)
 
-    def _hand_over(self, picture: Picture) -> None:
-        stamp_ns = picture.stamp_ns or time.time_ns()
+    def _count_missing(self, amount: int, reason: str) -> None:
+        """Count pictures that the source took and did not deliver; they have numbers too."""
+        if amount:
+            self.captured += amount
+            self._counters.arrive(amount)
+            self._counters.drop(reason, amount)
+
+    def _hand_over(self, read: TimedPicture) -> None:
+        stamp_ns = read.stamp_ns or time.time_ns()
         if self.timer.stopped:
             return
         newest, now_s = self._parameters.newest, time.monotonic()
@@ -206,10 +260,11 @@ class SourceReader:
         revision = newest if unchanged else self._read_with
         seq, self.captured = self.captured, self.captured + 1
         self._counters.arrive()
-        frozen_after_s = source_policy.frozen_after_s(self._kind, newest.settings)
-        if self._filter.is_repeat(picture, frozen_after_s, now_s):
-            self._counters.drop("repeated")
-            if self._filter.frozen(now_s):
-                raise SourceLost("the picture is frozen")
-            return
-        self._buffer.put(CapturedFrame(picture, self.epoch, seq, stamp_ns, revision))
+        watched = source_policy.is_watched_for_repeats(self._kind)
+        if watched and self._filter.is_repeat(read.picture, now_s):
+            if newest.settings.skip_repeats:
+                self._counters.drop("repeated")
+                return
+            self._counters.note("repeated")
+        captured = CapturedFrame(read.picture, read.truth, self.epoch, seq, stamp_ns, revision)
+        self._buffer.put(captured)

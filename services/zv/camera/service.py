@@ -4,33 +4,66 @@ from __future__ import annotations
 
 import logging
 import time
+from contextlib import closing
 from dataclasses import replace
 
-from zenoh_vision import Connection, Header, Level, Node, ParameterStore, PayloadError, Tracks
+from zenoh_vision import (
+    Connection,
+    Frame,
+    Header,
+    Level,
+    Node,
+    ParameterStore,
+    PayloadError,
+    Tracks,
+)
+from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CalibrationFault
 from zenoh_vision.calibration.ros_yaml import read_calibration
-from zenoh_vision.topics import COMPRESSED
-from zv.camera.calibration_latch import CalibrationLatch
+from zenoh_vision.errors import ExpectationNotMet
+from zenoh_vision.host.lifeline import is_supervised
+from zenoh_vision.node.lockstep import Lockstep
+from zenoh_vision.node.outputs import Published
+from zenoh_vision.topics import COMPRESSED, Topic, topic_named
+from zv.camera import lossless
+from zv.camera.audience import wait_for_subscribers
+from zv.camera.calibration_latch import CalibrationLatch, without_encoding
 from zv.camera.capture import Capture
-from zv.camera.convert import Converter, mirrored
+from zv.camera.convert import Converter
 from zv.camera.delivery import Delivery
+from zv.camera.geometry import Geometry, Size
 from zv.camera.reader import CapturedFrame
-from zv.camera.region import cropped
 from zv.camera.settings import CameraSettings
-from zv.camera.source_policy import OpenSource, expected_rate, open_source
+from zv.camera.source_policy import OpenSource, SourceOpener, expected_rate
 from zv.camera.stream_limit import StreamLimit
 from zv.registry import published_by
+
+OVER = {"still": "the picture changes again", "lag": "the source does not lag any more"}
+
+
+def topics(settings: CameraSettings, *, calibrated: bool) -> list[Topic]:
+    """Return what a camera publishes; in lockstep nothing is dropped by a link that is full."""
+    found = [
+        topic_named(name)
+        for name in published_by("camera")
+        if (name != "truth" or settings.source == "synthetic")
+        and (name != "camera_info" or calibrated)
+    ]
+    if settings.lockstep is None:
+        return found
+    return [replace(topic, delivery="message") for topic in found]
 
 
 def run(
     settings: CameraSettings,
     connection: Connection,
-    open_source: OpenSource = open_source,
+    open_source: OpenSource | None = None,
 ) -> None:
     """Publish the newest frame of the source until it ends or the camera is told to stop.
 
     Raises:
-        SourceError: The source or the calibration file cannot be opened at the start.
+        SourceError: The source or the calibration file cannot be opened at the start, and the
+            settings do not say to wait for it.
         ConfigurationError: The calibration file is wrong, or requested depth is not available.
     """
     calibration = None if settings.calibration is None else read_calibration(settings.calibration)
@@ -39,44 +72,122 @@ def run(
         "camera",
         camera=settings.camera,
         connection=connection,
-        publishes=[
-            topic
-            for topic in published_by("camera")
-            if (topic != "truth" or settings.source == "synthetic")
-            and (topic != "camera_info" or calibration is not None)
-        ],
+        publishes=topics(settings, calibrated=calibration is not None),
         parameters=parameters,
     )
     log = logging.getLogger(node.name)
 
-    def expect_rate(newest: CameraSettings) -> None:
-        node.health.rates.expect(expected_rate(capture.kind, newest))
-
     def report(failure: str) -> None:
         log.log(logging.WARNING if failure else logging.INFO, "%s", failure or "pictures are back")
-        node.health.report(Level.ERROR if failure else Level.OK, failure)
+        node.report("source", Level.ERROR if failure else Level.OK, failure)
+
+    def remark(condition: str, words: str) -> None:
+        log.log(logging.WARNING if words else logging.INFO, "%s", words or OVER[condition])
+        node.report(condition, Level.WARN if words else Level.OK, words)
 
     def stopping() -> bool:
         node.health.loop_alive()
         return node.stopping
 
+    if settings.lockstep is not None:
+        with node:
+            publish_all(node, parameters, settings, open_source or SourceOpener(), calibration)
+        return
     with Capture(parameters, node.counters, open_source) as capture:
-        expect_rate(settings)
+        node.expect_rate(expected_rate(capture.kind, settings))
         delivery = Delivery(capture.kind, log)
         parameters.check(delivery.check)
-        parameters.watch(lambda change: expect_rate(change.after.settings))
-        description = capture.open()
+        parameters.watch(
+            lambda change: node.expect_rate(expected_rate(capture.kind, change.after.settings))
+        )
+        if not waits_for_source(settings):
+            capture.open()
         with node:
-            log.info("%s", description)
-            converter, limit = Converter(), StreamLimit()
-            latch = None if calibration is None else CalibrationLatch(calibration, settings.flip)
-            node.outputs.limit_replies(COMPRESSED, settings.camera, limit.may_reply)
-            for captured in capture.frames(stopping, report):
+            converter = Converter()
+            limit = StreamLimit(lambda: parameters.newest.settings.max_kbps)
+            latch = (
+                None if calibration is None else CalibrationLatch(calibration, settings.geometry)
+            )
+            node.limit_replies(COMPRESSED, settings.camera, limit.may_reply)
+            if settings.wait_for:
+                wait_for_subscribers(node, settings.wait_for, stopping)
+            for captured in capture.frames(stopping, report, remark):
                 delivery.note(captured)
                 publish(node, converter, captured, limit, latch)
             if capture.ended:
                 log.info("%s; --loop plays it again and again", capture.ended)
-                node.health.report(Level.OK, capture.ended)  # in the last report
+                node.report("source", Level.OK, capture.ended)  # in the last report
+
+
+def publish_all(
+    node: Node,
+    parameters: ParameterStore[CameraSettings],
+    settings: CameraSettings,
+    open_source: OpenSource,
+    calibration: Calibration | None,
+) -> None:
+    """Publish every frame of a file, each when the named nodes have answered the one before.
+
+    Raises:
+        SourceError: The file cannot be opened.
+        ConfigurationError: The source is no file.
+        ExpectationNotMet: A node has ended, or does not answer.
+    """
+
+    def stopping() -> bool:
+        node.health.loop_alive()
+        return node.stopping
+
+    log = logging.getLogger(node.name)
+    converter = Converter()
+    latch = None if calibration is None else CalibrationLatch(calibration, settings.geometry)
+    lockstep = Lockstep(
+        node.link, node.connection.namespace, (settings.lockstep or "").split(","), stopping
+    )
+    with closing(lockstep):
+        count = 0
+        for captured in lossless.frames(parameters, node.counters, open_source, stopping):
+            if not count:
+                lockstep.find({node.camera}, None)
+            frame = framed(node, converter, captured, latch)
+            if frame is not None and send(node, lockstep, frame):
+                lockstep.wait(frame.header)
+                count += 1
+        log.info("%s ended after %d frames", settings.source, count)
+
+
+def send(node: Node, lockstep: Lockstep, frame: Frame) -> bool:
+    """Publish a frame again and again until somebody takes it; count it once.
+
+    Returns:
+        Whether somebody took it; else it is no picture that can be sent, or told to stop.
+
+    Raises:
+        ExpectationNotMet: A node has ended, or takes no frame in time.
+    """
+    frame.captured = False  # it is counted here, and not at each attempt
+    try:  # the subscription of the nodes may not yet be known here
+        is_taken = lockstep.wait(
+            frame.header, lambda: node.publish_picture(COMPRESSED, frame).outcome == "sent"
+        )
+    except PayloadError as error:
+        node.drop(error)
+        return False
+    except ExpectationNotMet:
+        node.counters.drop("no_subscriber")
+        raise
+    if is_taken:
+        node.counters.finish()
+    else:
+        node.counters.drop("no_subscriber")
+    node.health.done(frame.header.age_start_ns)
+    return is_taken
+
+
+def waits_for_source(settings: CameraSettings) -> bool:
+    """Tell whether the node starts although its source cannot be opened."""
+    wanted = settings.wait_for_source
+    return is_supervised() if wanted is None else wanted
 
 
 def publish(
@@ -85,61 +196,79 @@ def publish(
     captured: CapturedFrame,
     limit: StreamLimit,
     latch: CalibrationLatch | None = None,
-) -> None:
-    """Publish one captured frame, its calibration and ground truth; count the outcome."""
-    settings, whole = captured.revision.settings, captured.picture
-    box = settings.box
+) -> Published | None:
+    """Publish one captured frame, its calibration and ground truth; count the outcome.
+
+    Returns:
+        What became of it; None if it is no picture that can be published.
+    """
+    frame = framed(node, converter, captured, latch)
+    if frame is None:
+        return None
+    published = node.publish_picture(COMPRESSED, frame, compress=limit.compress)
+    node.report("bandwidth", Level.OK, limit.words)
+    return published
+
+
+def framed(
+    node: Node,
+    converter: Converter,
+    captured: CapturedFrame,
+    latch: CalibrationLatch | None,
+) -> Frame | None:
+    """Return the frame of what was captured; publish its calibration and ground truth.
+
+    Returns:
+        None if it is no picture that can be published, which is counted.
+    """
+    settings, source = captured.revision.settings, captured.picture
+    geometry = settings.geometry
     try:
-        if box is not None:
-            captured = replace(captured, picture=cropped(whole, box, settings.flip))
-        picture, quality = limit.fit(captured, time.monotonic())
+        picture = converter.picture(source, geometry, settings.encoding, captured.epoch)
     except PayloadError as error:
         node.drop(error)
-        return
+        return None
     header = Header(
-        camera=node.camera,
+        camera=settings.camera,
         epoch=captured.epoch,
         seq=captured.seq,
         stamp_ns=captured.stamp_ns,
         width=picture.width,
         height=picture.height,
-        encoding=settings.encoding,
+        encoding=picture.encoding,
         node=node.name,
         revision=captured.revision.number,
+        replay=captured.replay,
+        replayed_ns=None if captured.replay is None else time.time_ns(),
+        lockstep=None if captured.replay is None else True,
     )
     if latch is not None:
-        send_calibration(node, latch, header, settings, (whole.width, whole.height))
-    if picture.truth is not None:
-        truth_header = header.model_copy(update={"encoding": None})
-        tracks = mirrored(picture.truth, settings.flip, picture.width, picture.height)
-        node.publish("truth", Tracks(header=truth_header, tracks=tracks))
-    try:
-        frame = converter.frame(header, picture, flip=settings.flip, quality=quality)
-    except PayloadError as error:
-        node.drop(error)
-        return
-    frame.revision = captured.revision
-    node.own_frames.publish_pending(frame, limit.may_send)
-    node.health.remark = limit.words
+        send_calibration(node, latch, header, geometry, source.size)
+    if captured.truth is not None:
+        tracks = geometry.tracks(captured.truth, source.size)
+        node.publish("truth", Tracks(header=without_encoding(header), tracks=tracks))
+    return Frame(
+        header,
+        picture,
+        quality=settings.quality,
+        revision=captured.revision,
+        captured=True,
+    )
 
 
 def send_calibration(
-    node: Node,
-    latch: CalibrationLatch,
-    header: Header,
-    settings: CameraSettings,
-    whole: tuple[int, int],
+    node: Node, latch: CalibrationLatch, header: Header, geometry: Geometry, source: Size
 ) -> None:
-    """Publish the calibration before the first picture for which it differs.
+    """Publish the calibration before the first frame for which it differs.
 
     Programs that subscribe later get it by a query.
     """
     try:
-        plain = header.model_copy(update={"encoding": None})
-        message = latch.follow(plain, settings.flip, whole, settings.box)
+        message = latch.follow(header, geometry, source)
     except CalibrationFault as fault:
-        node.health.report(Level.WARN, f"no camera_info: {fault}")
+        node.report("calibration", Level.WARN, f"no camera_info: {fault}")
         logging.getLogger(node.name).warning("no camera_info: %s", fault)
     else:
         if message is not None:
             node.publish("camera_info", message)
+            node.report("calibration", Level.OK)

@@ -6,9 +6,18 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 
+import msgpack
 import zenoh
 
-from tests.support.listening import Listener, Message, balance, report_after, wait_for_nodes
+from tests.support.listening import (
+    Listener,
+    Message,
+    ask,
+    balance,
+    open_client,
+    report_after,
+    wait_for_nodes,
+)
 from tests.support.pictures.http_camera import HttpCamera, picture
 from tests.support.processes import START_S, STOP_S
 from tests.support.waiting import wait_until
@@ -61,12 +70,7 @@ def test_of_a_file_played_once_every_frame_is_accounted_for(client, lossless_ser
     assert camera.process.wait(START_S) == 0, camera.complaints
     assert f"{video} ended after 20 frames" in camera.complaints
 
-    def all_reported() -> dict[str, int]:
-        """Return the counters of its goodbye, which comes through the router."""
-        last = health.messages[-1].body["counters"] if health.messages else {}
-        return last if last.get("captured") == 20 and not last["pending"] else {}
-
-    last = wait_until(all_reported)
+    last = wait_until(lambda: said_goodbye(health))  # which comes through the router
     assert balance(last) == 0
     assert health.messages[-1].body["message"] == f"{video} ended after 20 frames"
     wait_until(lambda: len(images.messages) >= last["published"])
@@ -75,6 +79,34 @@ def test_of_a_file_played_once_every_frame_is_accounted_for(client, lossless_ser
     assert max(message.header["seq"] for message in images.messages) == 19
     first, last = parted(images.messages, 10)
     assert schedule_s(last) > schedule_s(first) - SLACK_S  # not as fast as it can be read
+
+
+def test_a_file_that_waits_for_its_subscribers_loses_no_frame(router, client, service, video):
+    health = Listener(client, HEALTH)
+    camera = service("camera", "--source", video, "--rate", 10, "--wait-for", 2)
+
+    def said(text: str) -> bool:
+        return any(text in each.body["message"] for each in health.messages)
+
+    wait_until(lambda: said("waiting for 2 subscribers; there are 0"))
+    images = Listener(client, IMAGE)
+    wait_until(lambda: said("; there are 1"))
+    assert images.messages == []
+    with open_client(router.endpoint) as other:
+        others = Listener(other, "vision/**")
+        assert camera.process.wait(START_S) == 0, camera.complaints
+        last = wait_until(lambda: said_goodbye(health))
+        # On a busy machine a frame may be replaced by a newer one; none is without a subscriber.
+        assert last["published"] + last.get("dropped.overwritten", 0) == 20
+        for listener in (images, others):
+            wait_until(lambda listener=listener: len(listener.messages) >= last["published"])
+        assert images.messages[0].header["seq"] == 0
+
+
+def said_goodbye(health: Listener) -> dict[str, int]:
+    """Return the counters of the last report of a camera that played 20 frames; empty before it."""
+    last = health.messages[-1].body["counters"] if health.messages else {}
+    return last if last.get("captured") == 20 and not last["pending"] else {}
 
 
 def test_a_looped_file_is_a_new_epoch_each_time(client, lossless_service, video):
@@ -142,18 +174,21 @@ def test_a_stalled_source_is_opened_again_in_a_new_epoch(client, service):
     )
 
 
-def test_a_frozen_source_is_opened_again_and_no_picture_is_repeated(client, service):
-    images = check_reopened(
-        client,
-        service,
-        *("--faults", "frozen@15+100000", "--frozen-after", 0.7, "--reopen-min", 0.2),
-        reason="frozen",
-    )
-    for epoch in numbers_by_epoch(images):
-        payloads = [message.payload for message in images if message.header["epoch"] == epoch]
-        assert len(payloads) == len(set(payloads))
-    # The frozen picture itself comes once; on a busy machine an epoch may end before it.
-    assert max(message.header["seq"] for message in images) == 15
+def test_a_still_picture_is_published_and_warned_of_and_opens_nothing_again(client, service):
+    images, health = Listener(client, IMAGE), Listener(client, HEALTH)
+    faults = ("--faults", "frozen@15+100000", "--frozen-after", 0.7)
+    camera = service("camera", *SMALL, "--rate", 30, *faults)
+    warned = wait_until(lambda: [each.body for each in health.messages if each.body["level"] == 1])
+    assert "the picture has not changed for over 0.7 s" in warned[0]["message"]
+    before = len(images.messages)
+    images.wait_for(before + 10)
+    check_identities(images.messages)
+    assert len(numbers_by_epoch(images.messages)) == 1
+    assert images.messages[-1].payload == images.messages[-2].payload
+    counters = report_after(client, "camera_front", time.time_ns()).body["counters"]
+    assert balance(counters) == 0
+    assert counters["repeated"] > 10
+    assert "has not changed" in camera.complaints
 
 
 def check_reopened(
@@ -224,3 +259,31 @@ def test_an_http_camera_that_hangs_up_is_called_again_in_a_new_epoch(client, ser
         camera.process.terminate()
         assert camera.process.wait(STOP_S) == 0
     check_identities(images.messages)
+
+
+ABSENT = "/dev/video9876"
+
+
+def test_with_wait_for_source_the_node_is_there_and_says_what_it_waits_for(
+    service, client: zenoh.Session
+):
+    health: list[dict] = []
+    client.declare_subscriber(
+        "@vision/diagnostics/camera_front",
+        lambda sample: health.append(msgpack.unpackb(sample.payload.to_bytes())),
+    )
+    camera = service("camera", "--source", ABSENT, "--wait-for-source")
+    wait_for_nodes(client, "camera_front")
+    wait_until(lambda: any(each["level"] == 2 for each in health))
+    assert health[-1]["message"].startswith(f"{ABSENT}: ")
+    assert "again in" in health[-1]["message"]
+    names = [one["name"] for one in ask(client, "@vision/param/camera_front")[0].body["parameters"]]
+    assert "width" in names
+    assert not [name for name in names if name.startswith("control.")]
+    assert camera.interrupt() == 0
+
+
+def test_without_it_the_process_ends_with_status_3_and_the_reason(service):
+    camera = service("camera", "--source", ABSENT)
+    assert camera.process.wait(START_S) == 3
+    assert f"zv: {ABSENT}: " in camera.complaints

@@ -19,12 +19,13 @@ from tests.support.publishing import Paced
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.picture import PixelPicture
 from zenoh_vision.messages import Header
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
 from zv.camera.service import run
 from zv.camera.settings import CameraSettings
-from zv.camera.sources.base import Picture
+from zv.camera.sources.base import TimedPicture
 
 ENCODINGS = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8")
 RAW = "vision/front/image"
@@ -93,7 +94,9 @@ def test_published_pixels_arrive_exactly_on_the_raw_key(router, client, encoding
     epoch, numbers = time.time_ns(), iter(range(1_000_000))
 
     def sent() -> bool:
-        node.publish_frame(Frame(header_now(next(numbers), epoch, encoding), pixels=pixels))
+        node.publish_picture(
+            "image/compressed", Frame(header_now(next(numbers), epoch, encoding), pixels)
+        )
         return bool(raws.messages and images.messages)
 
     with Node("camera", connection=connection, publishes=["image/compressed", "image"]) as node:
@@ -178,7 +181,7 @@ def test_a_camera_of_colours_takes_no_encoding_of_depth_at_its_start_or_later(
     service("camera", *flags)
     images.wait_for(1)
     wish = msgpack.packb("16UC1")
-    (answer,) = client.get("@vision/param/camera_front/encoding", payload=wish)
+    (answer,) = client.get("@vision/set/camera_front/encoding", payload=wish)
     assert msgpack.unpackb(answer.err.payload.to_bytes())["error"] == refused
 
 
@@ -193,9 +196,9 @@ def test_an_encoding_set_before_the_first_picture_drops_frames_and_ends_no_camer
         description, live, rate_hz = "slow", False, 30.0
 
         def __init__(self) -> None:
-            self.pictures = [Picture("bgr8", WIDTH, HEIGHT, pixels=scene(7))]
+            self.pictures = [TimedPicture(PixelPicture(scene(7)))]
 
-        def read(self) -> Picture | None:
+        def read(self) -> TimedPicture | None:
             assert may_read.wait(30)
             return self.pictures.pop() if self.pictures else None
 
@@ -208,7 +211,7 @@ def test_an_encoding_set_before_the_first_picture_drops_frames_and_ends_no_camer
     with ThreadPoolExecutor(1) as beside:
         running = beside.submit(run, settings, connection, lambda *_: Slow())
         wish = msgpack.packb("16UC1")
-        key = "@vision/param/camera_front/encoding"
+        key = "@vision/set/camera_front/encoding"
         (answer,) = wait_until(lambda: list(client.get(key, payload=wish)))
         assert answer.ok, answer.err.payload.to_bytes()
         may_read.set()

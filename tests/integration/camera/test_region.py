@@ -1,7 +1,8 @@
-"""A region of a running camera: set and taken back while consumers of each kind look on."""
+"""A region of a running camera while consumers of each kind look on; what replies may cost."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from statistics import mean
 
@@ -23,7 +24,7 @@ from zenoh_vision.messages import CameraInfo
 from zenoh_vision.shm.machine import why_impossible
 
 RAW, COMPRESSED = "vision/front/image", "vision/front/image/compressed"
-PARAMETER = "@vision/param/camera_front/region"
+PARAMETER = "@vision/set/camera_front/region"
 REGION = "101,50,100,80"
 PART = (slice(50, 130), slice(101, 201))
 WAYS = ["jpeg", "raw", pytest.param("shm", marks=pytest.mark.skipif(
@@ -127,3 +128,29 @@ def test_a_camera_does_not_start_with_a_region_outside_of_its_pictures(service, 
     camera = service("camera", "--source", folder, "--region", "0,0,320,241")
     assert camera.process.wait(START_S) == 2
     assert "region = 0,0,320,241 is not within the picture of 320x240" in camera.complaints
+
+
+KEY = "vision/front/image/compressed"
+BUDGET = 10_000  # bytes a second
+SECONDS = 4.0
+
+
+def test_a_flood_of_queries_takes_no_more_than_the_budget(client, service):
+    service("camera", "--max-kbps", BUDGET * 8 // 1000, "--rate", 20)
+    wait_until(lambda: list(client.get(KEY, timeout=5.0)))
+    assert newest(client, "vision/front/image").payload, "raw pixels are not charged"
+    sizes, refusals = [], []
+    begun_s = time.monotonic()
+    while time.monotonic() - begun_s < SECONDS:
+        for reply in client.get(KEY, timeout=5.0):  # none, if the machine is too busy
+            if reply.ok is not None:
+                sizes.append(len(reply.ok.payload))
+            else:
+                refusals.append(reply.err.payload.to_bytes().decode())
+        time.sleep(0.02)
+    took_s = time.monotonic() - begun_s
+    # The first is paid for later: it may begin while the one before it is not.
+    assert sum(sizes[:-1]) <= BUDGET * took_s
+    assert len(refusals) > len(sizes)
+    words = "max_kbps = 80 is used up by earlier replies; ask again in"
+    assert any(words in refusal for refusal in refusals)

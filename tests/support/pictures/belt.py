@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.support.pictures.belt_objects import lay_out
+from zenoh_vision.calibration.camera_model import CameraModel
 from zv.camera.synthetic.noise import SensorNoise
 
 Pixels = NDArray[np.uint8]
@@ -26,61 +27,6 @@ SUBPIXEL_BITS = 4
 BELT_GREY = 62.0
 RAIL_MM = 15.0
 LEAD_S = 2.0  # the belt is empty at first, so that a tracker sees the background
-
-
-@dataclass(frozen=True)
-class Lens:
-    """A camera's matrix and its distortion, as in sensor_msgs/CameraInfo ("plumb_bob").
-
-    Attributes:
-        k: 3x3, focal lengths and principal point, pixels.
-        d: k1, k2, p1, p2, k3; D. C. Brown, "Decentering distortion of lenses", 1966.
-    """
-
-    k: Points
-    d: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
-
-    def distorted(self, ideal: Points) -> Points:
-        """Return where the lens puts points, (n, 2), that a pinhole would put at ``ideal``."""
-        x, y = self._normalised(ideal)
-        factor, dx, dy = self._displaced(x, y)
-        return self._pixels(x * factor + dx, y * factor + dy)
-
-    def undistorted(self, seen: Points) -> Points:
-        """Return where a pinhole would put points, (n, 2), that the lens puts at ``seen``.
-
-        Solved by fixed-point iteration to 1e-9 pixel, without OpenCV, whose answer it checks.
-
-        Raises:
-            ValueError: If the distortion is so strong that the iteration does not converge.
-        """
-        x0, y0 = self._normalised(seen)
-        x, y = x0.copy(), y0.copy()
-        for _ in range(200):
-            factor, dx, dy = self._displaced(x, y)
-            new_x, new_y = (x0 - dx) / factor, (y0 - dy) / factor
-            moved = max(float(np.abs(new_x - x).max()), float(np.abs(new_y - y).max()))
-            x, y = new_x, new_y
-            if moved * self.k[0, 0] < 1e-9:
-                return self._pixels(x, y)
-        raise ValueError(f"distortion {self.d} cannot be undone over the whole picture")
-
-    def _displaced(self, x: Points, y: Points) -> tuple[Points, Points, Points]:
-        k1, k2, p1, p2, k3 = self.d
-        r2 = x * x + y * y
-        factor = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-        dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        return factor, dx, dy
-
-    def _normalised(self, points: Points) -> tuple[Points, Points]:
-        y = (points[:, 1] - self.k[1, 2]) / self.k[1, 1]
-        return (points[:, 0] - self.k[0, 2] - self.k[0, 1] * y) / self.k[0, 0], y
-
-    def _pixels(self, x: Points, y: Points) -> Points:
-        return np.stack(
-            [self.k[0, 0] * x + self.k[0, 1] * y + self.k[0, 2], self.k[1, 1] * y + self.k[1, 2]], 1
-        )
 
 
 @dataclass(frozen=True)
@@ -133,7 +79,7 @@ class Belt:
         focal = 0.9 * width
         middle = ((width - 1) / 2, (height - 1) / 2)
         k = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
-        self.lens = Lens(k, distortion)
+        self.lens = CameraModel(width, height, tuple(k.ravel().tolist()), "plumb_bob", distortion)
         self._seed = seed
         self.objects = lay_out(number, self.width_mm, -LEAD_S * speed_mm_s, seed)
         self._noise = SensorNoise(width, height, noise, (seed, 1))

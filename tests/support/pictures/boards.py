@@ -80,10 +80,8 @@ def seen(
 
 def poses_of(board: Board) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return turns and moves for ``seen`` that show a board in all parts, tilted and near."""
-    if board.kind == "charuco":
-        middle = np.array([board.columns - 2, board.rows - 2, 0]) * board.square / 2
-    else:
-        middle = np.array([board.columns - 1, board.rows - 1, 0]) * board.square / 2
+    less = 2 if board.kind == "charuco" else 1
+    middle = np.array([board.columns - less, board.rows - less, 0]) * board.square / 2
     found = []
     for x, y, turned, leaned, away in (
         (0, 0, 0, 0, 260),

@@ -13,7 +13,7 @@ from av.audio.frame import AudioFrame
 from av.video.frame import VideoFrame
 from numpy.typing import NDArray
 
-from zv.camera.sources.base import Picture
+from zv.camera.sources.base import TimedPicture
 from zv.camera.sources.video import VideoSource
 
 WIDTH, HEIGHT = 64, 48
@@ -115,7 +115,7 @@ def with_orientation(jpeg: bytes, orientation: int, order: str = "little") -> by
     return jpeg[:2] + b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body + jpeg[2:]
 
 
-def pictures(path: Path) -> list[Picture]:
+def pictures(path: Path) -> list[TimedPicture]:
     """Return all pictures of a video file."""
     source = VideoSource(path)
     try:
@@ -124,9 +124,6 @@ def pictures(path: Path) -> list[Picture]:
         source.close()
 
 
-def shown(picture: Picture) -> NDArray[np.generic]:
-    """Return the pixels of a source's picture, converted if it came as planes."""
-    if picture.stored is not None:
-        return picture.stored.bgr()
-    assert picture.pixels is not None
-    return picture.pixels
+def shown(timed: TimedPicture) -> NDArray[np.generic]:
+    """Return the pixels of a source's picture."""
+    return timed.picture.pixels

@@ -1,113 +1,94 @@
-"""The camera's calibration follows its pictures, and is published once for each kind of them."""
+"""The camera's calibration follows its frames, and is published once for each kind of them."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CalibrationFault, CameraModel
-from zenoh_vision.calibration.plane import Plane
-from zenoh_vision.messages import Header
+from zenoh_vision.messages import CameraInfo, Header
 from zv.camera.calibration_latch import CalibrationLatch
+from zv.camera.geometry import Geometry
 
-LENS = CameraModel(
-    640, 480, (500.0, 0, 300, 0, 480, 250, 0, 0, 1), "plumb_bob", (-0.2, 0.05, 0.003, -0.002, 0.01)
-)
-BELT = Calibration(LENS, "front", plane=Plane((1, 0, 0, 0, 0, 1000, 0, 1, 100)))
-
-
-def header(width: int = 640, height: int = 480, epoch: int = 1, seq: int = 0) -> Header:
-    return Header(camera="front", epoch=epoch, seq=seq, stamp_ns=1, width=width, height=height)
+LENS = CameraModel(640, 480, (500.0, 0, 300, 0, 480, 250, 0, 0, 1), "plumb_bob", (0.0,) * 5)
+WHOLE = Geometry()
+PART = Geometry("none", (0, 0, 200, 160))
 
 
-def test_it_is_told_once_and_again_after_a_change():
-    latch = CalibrationLatch(BELT, "none")
+def told(
+    latch: CalibrationLatch,
+    geometry: Geometry = WHOLE,
+    source: tuple[int, int] = (640, 480),
+    epoch: int = 1,
+) -> CameraInfo | None:
+    width, height = source if geometry.box is None else geometry.box[2:]
+    header = Header(camera="front", epoch=epoch, seq=0, stamp_ns=1, width=width, height=height)
+    return latch.follow(header, geometry, source)
+
+
+def test_it_is_told_once_and_again_after_each_change():
+    latch = CalibrationLatch(Calibration(LENS), Geometry())
     kinds = [
-        (header(), "none"),
-        (header(seq=1), "none"),
-        (header(320, 240, seq=2), "none"),
-        (header(320, 240, seq=3), "both"),
-        (header(320, 240, seq=4), "both"),
-        (header(320, 240, epoch=2), "both"),
+        (WHOLE, (640, 480), 1),
+        (WHOLE, (320, 240), 1),
+        (Geometry("both"), (320, 240), 1),
+        (Geometry("both"), (320, 240), 2),
+        (PART, (640, 480), 2),
+        (Geometry("none", (1, 0, 200, 160)), (640, 480), 2),
     ]
-    told = [latch.follow(*kind) for kind in kinds]
-    assert [message is not None for message in told] == [True, False, True, True, False, True]
-    assert (told[2].width, told[2].k[0]) == (320, 250)
+    messages = [told(latch, *kind) for kind in kinds for _ in range(3)]
+    assert [message is not None for message in messages] == [True, False, False] * 6
+    assert [each.k[2] for each in messages[::3]] == [300, 149.75, 169.25, 169.25, 300, 299]
+    assert (messages[3].width, messages[12].width) == (320, 200)
 
 
 def test_another_shape_is_refused_once_and_a_right_one_is_told_again():
-    latch = CalibrationLatch(BELT, "none")
+    latch = CalibrationLatch(Calibration(LENS), Geometry())
     with pytest.raises(CalibrationFault, match=r"640x360; allowed: 640x480 of the calibration"):
-        latch.follow(header(640, 360), "none")
-    assert latch.follow(header(640, 360, seq=1), "none") is None
-    assert latch.follow(header(seq=2), "none") is not None
+        told(latch, source=(640, 360))
+    assert told(latch, source=(640, 360)) is None
+    assert told(latch) is not None
 
 
 @pytest.mark.parametrize(
-    ("start", "flip", "sideways", "upside_down"),
+    ("start", "flip", "center"),
     [
-        ("none", "horizontal", True, False),
-        ("none", "vertical", False, True),
-        ("horizontal", "vertical", True, True),
-        ("both", "both", False, False),
+        ("none", "horizontal", (339, 250)),
+        ("none", "vertical", (300, 229)),
+        ("horizontal", "vertical", (339, 229)),
+        ("both", "both", (300, 250)),
     ],
 )
-def test_a_place_on_the_belt_stays_the_same_in_the_mirrored_picture(
-    start: str, flip: str, sideways: bool, upside_down: bool
+def test_it_holds_for_the_flip_of_the_start(start: str, flip: str, center: tuple[int, int]):
+    message = told(CalibrationLatch(Calibration(LENS), Geometry(start)), Geometry(flip))
+    assert (message.k[2], message.k[5]) == center
+
+
+@pytest.mark.parametrize(
+    ("start", "now", "center"),
+    [
+        (Geometry(), Geometry(rotate=90), (229, 300)),  # 480 - 1 - 250; the picture is 480x640
+        (Geometry(), Geometry(rotate=180), (339, 229)),
+        (Geometry(), Geometry(rotate=270), (250, 339)),  # 640 - 1 - 300
+        (Geometry(rotate=180), Geometry(), (339, 229)),
+        (Geometry("horizontal", rotate=180), Geometry("horizontal", rotate=180), (300, 250)),
+    ],
+)
+def test_it_holds_for_the_rotation_of_the_start(
+    start: Geometry, now: Geometry, center: tuple[int, int]
 ):
-    message = CalibrationLatch(BELT, start).follow(header(), flip)
-    points = np.array([(30.0, 40.0), (600.0, 400.0), (320.0, 100.0)])
-    mirrored = points.copy()
-    if sideways:
-        mirrored[:, 0] = 639 - points[:, 0]
-    if upside_down:
-        mirrored[:, 1] = 479 - points[:, 1]
-    view = Calibration.of_message(message).view
-    np.testing.assert_allclose(view.positions(mirrored), BELT.view.positions(points), rtol=1e-6)
-    if sideways and not upside_down:
-        assert message.p[2] == message.k[2] == 339
+    message = told(CalibrationLatch(Calibration(LENS), start), now)
+    assert (message.k[2], message.k[5]) == center
 
 
-@pytest.mark.parametrize("flip", ["none", "both"])
-@pytest.mark.parametrize("divisor", [1, 2])
-def test_a_place_on_the_belt_stays_the_same_in_a_region(flip: str, divisor: int):
-    """Pixel (x, y) of the picture is (x - 100, y - 50) of a region whose corner is there."""
-    box = (100, 50, 200, 160)
-    whole = Calibration.of_message(CalibrationLatch(BELT, "none").follow(header(), flip)).view
-    message = CalibrationLatch(BELT, "none").follow(
-        header(200 // divisor, 160 // divisor), flip, (640, 480), box
-    )
-    part = Calibration.of_message(message).view
-    points = np.array([(120.0, 60.0), (299.0, 209.0), (180.0, 70.0)])
-    # A pixel's centre is at a whole number, so its left edge is at -0.5.
-    seen = (points - (100, 50) + 0.5) / divisor - 0.5
-    np.testing.assert_allclose(part.positions(seen), whole.positions(points), rtol=1e-9)
-    assert (message.width, message.height) == (200 // divisor, 160 // divisor)
-
-
-def test_the_projection_of_a_region_has_its_principal_point_there():
-    """Also that of a stereo camera, whose fourth column is the distance to the other one."""
-    p = (500.0, 0, 300, -50, 0, 480, 250, 20, 0, 0, 1, 0.5)
-    part = Calibration(LENS, "front", p=p).cropped(100, 50, 200, 160)
-    assert part.p == (500, 0, 200, -100, 0, 480, 200, -5, 0, 0, 1, 0.5)
-    assert part.camera.k == (500, 0, 200, 0, 480, 200, 0, 0, 1)
-
-
-def test_a_narrow_region_may_be_made_smaller():
-    """A quarter of 18 pixels is rounded to 4, which is no other shape."""
-    message = CalibrationLatch(BELT, "none").follow(
-        header(4, 100), "none", (640, 480), (0, 0, 18, 400)
-    )
-    assert (message.width, message.height) == (4, 100)
-
-
-def test_another_region_publishes_it_again():
-    latch = CalibrationLatch(BELT, "none")
-    boxes = [None, (0, 0, 200, 160), (0, 0, 200, 160), (1, 0, 200, 160), None]
-    sizes = [(640, 480), (200, 160), (200, 160), (200, 160), (640, 480)]
-    told = [
-        latch.follow(header(*size), "none", (640, 480), box)
-        for box, size in zip(boxes, sizes, strict=True)
-    ]
-    assert [message is not None for message in told] == [True, True, False, True, True]
+def test_a_calibration_of_upright_pictures_fits_a_camera_that_lies_on_its_side():
+    upright = CameraModel(480, 640, (500.0, 0, 200, 0, 510, 330, 0, 0, 1), "plumb_bob", (0.0,) * 5)
+    turned = Geometry("vertical", rotate=90)
+    latch = CalibrationLatch(Calibration(upright), turned)
+    message = told(latch, turned)  # of a source of 640x480
+    assert (message.width, message.height) == (480, 640)
+    assert message.k == pytest.approx(upright.k)
+    # Without the rotation, columns of the source are what rows were.
+    message = told(latch, Geometry())
+    assert (message.width, message.height) == (640, 480)
+    assert (message.k[0], message.k[4]) == (510, 500)

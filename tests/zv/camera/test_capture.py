@@ -16,12 +16,13 @@ import pytest
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.errors import SourceError
+from zenoh_vision.image.picture import PixelPicture
 from zenoh_vision.stream.counters import FrameCounters
 from zv.camera import capture
 from zv.camera.capture import Capture
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
-from zv.camera.sources.base import Picture
+from zv.camera.sources.base import TimedPicture
 
 
 class ScriptedSource:
@@ -39,7 +40,7 @@ class ScriptedSource:
         self._count = 0
         self._period_s = period_s
 
-    def read(self) -> Picture | None:
+    def read(self) -> TimedPicture | None:
         if self._count:
             self.given.task_done()  # the picture before is handed over, or thinned out
         self.reading.set()
@@ -47,10 +48,14 @@ class ScriptedSource:
         self.reading.clear()
         if word == "end":
             return None
-        pixels = np.full((16, self._width, 3), self._count % 256, np.uint8)
+        level = 0 if word == "same" else self._count % 256
+        pixels = np.full((16, self._width, 3), level, np.uint8)
         due_s = None if self.live else self._count * self._period_s
         self._count += 1
-        return Picture("bgr8", self._width, 16, pixels=pixels, due_s=due_s)
+        if word == "late":  # 3 s old, and 5 older ones were skipped for it
+            old_ns = time.time_ns() - 3_000_000_000
+            return TimedPicture(PixelPicture(pixels), stamp_ns=old_ns, skipped=5)
+        return TimedPicture(PixelPicture(pixels), due_s=due_s, lost=3 * (word == "lost"))
 
     def close(self) -> None:
         self.closed = True
@@ -66,6 +71,7 @@ class Rig:
         self.pictures: list[CapturedFrame] = []
         self.at_s: list[float] = []
         self.troubles: list[str] = []
+        self.remarks: list[tuple[str, str]] = []
         self.broken: Callable[[CameraSettings], bool] = lambda _settings: False
         self.gives_at_once = False
 
@@ -80,17 +86,21 @@ class Rig:
                 self.sources[-1].given.put("picture")
             return self.sources[-1]
 
-        self.capture = Capture(self.parameters, FrameCounters("captured", "published"), open_source)
+        self.counters = FrameCounters("captured", "published")
+        self.capture = Capture(self.parameters, self.counters, open_source)
         self._stop = threading.Event()
         self._asked = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def remark(self, condition: str, words: str) -> None:
+        self.remarks.append((condition, words))
 
     def _stopping(self) -> bool:
         self._asked.set()
         return self._stop.is_set()
 
     def _run(self) -> None:
-        for captured in self.capture.frames(self._stopping, self.troubles.append):
+        for captured in self.capture.frames(self._stopping, self.troubles.append, self.remark):
             self.at_s.append(time.monotonic())
             self.pictures.append(captured)
 
@@ -105,11 +115,11 @@ class Rig:
             source.close()
         self.capture.__exit__(None, None, None)
 
-    def give(self, count: int = 1) -> list[CapturedFrame]:
+    def give(self, count: int = 1, word: str = "picture") -> list[CapturedFrame]:
         """Have the newest source give so many pictures, and return them."""
         for _ in range(count):
             before = len(self.pictures)
-            self.sources[-1].given.put("picture")
+            self.sources[-1].given.put(word)
             wait_until(lambda before=before: len(self.pictures) > before)
         return self.pictures[-count:]
 
@@ -264,6 +274,51 @@ def test_a_source_that_is_too_fast_is_thinned_out_at_the_rate_of_now():
         assert len(rig.sources) == 1
 
 
+def test_a_still_picture_goes_on_being_published_and_is_remarked_until_it_changes():
+    with rigged("0", live=True, frozen_after=0.2) as rig:
+        given = rig.give(3, "same")
+        wait_until(lambda: given.extend(rig.give(1, "same")) or rig.remarks)
+        given += rig.give(2, "same")
+        assert [each.seq for each in given] == list(range(len(given)))
+        assert len({each.epoch for each in given}) == 1
+        ((condition, words),) = rig.remarks
+        assert condition == "still"
+        assert words.startswith("the picture has not changed for over 0.2 s: a screen or ")
+        assert rig.counters.snapshot()["repeated"] == len(given) - 1
+        rig.give()
+        wait_until(lambda: len(rig.remarks) == 2)
+        assert rig.remarks[1] == ("still", "")
+        assert (rig.troubles, len(rig.sources)) == ([], 1)
+
+
+def test_a_source_that_lags_has_true_stamps_counts_what_it_skipped_and_says_so():
+    with rigged("rtsp://camera/1", live=True) as rig:
+        (first,) = rig.give()
+        (late,) = rig.give(1, "late")
+        assert (first.seq, late.seq) == (0, 6)
+        assert late.stamp_ns < first.stamp_ns
+        wait_until(lambda: rig.remarks)
+        condition, words = rig.remarks[0]
+        assert condition == "lag"
+        assert words.startswith(("pictures are 3", "5 pictures of the last 10 s were"))
+        counters = rig.counters.snapshot()
+        assert counters["dropped.lagging"] == 5
+        assert counters["captured"] == 7
+        rig.parameters.change({"max_lag": 0.0})
+        wait_until(lambda: rig.remarks[-1] == ("lag", ""))
+
+
+def test_equal_pictures_are_left_out_when_that_is_wanted():
+    with rigged("0", live=True, frozen_after=0.0, skip_repeats=True) as rig:
+        rig.give(1, "same")
+        for _ in range(4):
+            rig.sources[-1].given.put("same")
+        (last,) = rig.give()
+        assert last.seq == 5
+        assert rig.counters.snapshot()["dropped.repeated"] == 4
+        assert rig.remarks == []
+
+
 def test_stalls_leave_no_reader_behind_that_could_have_ended():
     settings = CameraSettings(
         width=32,
@@ -277,7 +332,9 @@ def test_stalls_leave_no_reader_behind_that_could_have_ended():
     epochs: set[int] = set()
     with Capture(ParameterStore(settings), FrameCounters("captured", "published")) as capture:
         capture.open()
-        for captured in capture.frames(lambda: len(epochs) == 5, lambda _trouble: None):
+        for captured in capture.frames(
+            lambda: len(epochs) == 5, lambda _trouble: None, lambda _condition, _words: None
+        ):
             epochs.add(captured.epoch)
         wait_until(lambda: len(readers_of(epochs)) <= 1)
 
@@ -322,6 +379,43 @@ def test_openings_that_do_not_end_are_limited_and_it_goes_on_when_one_ends(
         assert begun == capture.MAX_ABANDONED
 
 
+def test_openings_that_never_end_end_the_process_so_that_it_is_started_again(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(capture, "OPEN_MARGIN_S", 0.0)
+    monkeypatch.setattr(capture, "STUCK_S", 0.2)
+    # Each reader is stuck in its driver, which only the end of the process frees.
+    stuck = threading.Event()
+    settings = CameraSettings(
+        source="/dev/video0", stall_after=0.1, reopen_min=0.01, reopen_max=0.01
+    )
+    opened: list[float] = []
+
+    def open_source(_settings: CameraSettings, _newest: object) -> ScriptedSource:
+        opened.append(time.monotonic())
+        stuck.wait(DEADLINE_S)
+        raise SourceError("released")
+
+    troubles: list[str] = []
+    parameters = ParameterStore(settings)
+    with Capture(parameters, FrameCounters("captured", "published"), open_source) as running:
+        with pytest.raises(SourceError, match=r"^/dev/video0: two readers are stuck") as caught:
+            for _ in running.frames(lambda: False, troubles.append, lambda *_: None):
+                pass
+        stuck.set()
+    assert caught.value.exit_status == 3
+    assert len(opened) == capture.MAX_ABANDONED
+    assert capture.STUCK in troubles
+
+
+def test_pictures_that_were_lost_at_the_source_have_numbers_and_are_counted():
+    with rigged("0", live=True) as rig:
+        found = [*rig.give(), *rig.give(word="lost"), *rig.give()]
+        assert [each.seq for each in found] == [0, 4, 5]
+        counts = rig.counters.snapshot()
+        assert (counts["captured"], counts["dropped.at_source"]) == (6, 3)
+
+
 def test_a_closed_source_gives_its_memory_back_without_the_garbage_collector():
     opened: list[weakref.ref[ScriptedSource]] = []
 
@@ -341,3 +435,32 @@ def test_a_closed_source_gives_its_memory_back_without_the_garbage_collector():
         wait_until(lambda: opened[0]() is None)
     finally:
         gc.enable()
+
+
+def test_a_slow_source_whose_pictures_all_differ_is_not_remarked_as_still():
+    with rigged("0", live=True, frozen_after=0.2) as rig:
+        rig.give()
+        time.sleep(0.5)  # longer than the limit, as between the pictures of a low rate
+        rig.give()
+        assert rig.remarks == []
+
+
+def test_what_was_skipped_before_a_picture_that_the_rate_leaves_out_is_counted_and_remarked():
+    with rigged("0", live=True, rate=0.01, max_lag=0.5) as rig:
+        rig.give()
+        rig.sources[-1].given.put("late")
+        wait_until(lambda: rig.remarks)
+        condition, words = rig.remarks[0]
+        assert condition == "lag"
+        assert words.startswith("pictures are 3.")
+        assert len(rig.pictures) == 1
+        assert rig.counters.snapshot()["dropped.lagging"] == 5
+
+
+def test_what_is_said_of_a_program_that_fails_does_not_have_its_arguments():
+    with rigged("command:vendor --user admin --pass s3cret", live=True, reopen_min=0.1) as rig:
+        rig.give()
+        rig.sources[-1].given.put("end")
+        wait_until(lambda: rig.troubles)
+        assert "opening command vendor again" in rig.troubles[0]
+        assert "s3cret" not in rig.troubles[0]

@@ -1,13 +1,14 @@
-"""The rate of a live source is limited, and a frozen one is detected."""
+"""The rate of a live source is limited; pictures that do not change, or lag, are found."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from zenoh_vision.image.picture import JpegPicture, Picture, PixelPicture
 from zenoh_vision.image.planar import PlanarPicture
 from zv.camera.frame_filter import FrameFilter
-from zv.camera.sources.base import Picture
+from zv.camera.lag import LagMonitor
 
 NOISE = np.random.default_rng(4).integers(0, 256, (10, 12, 3), np.uint8)
 
@@ -16,101 +17,59 @@ def pixels(change: tuple[int, int, int] | None = None, like: np.ndarray = NOISE)
     array = like.copy()
     if change is not None:
         array[change] ^= 1
-    return Picture("bgr8", array.shape[1], array.shape[0], pixels=array)
+    return PixelPicture(array)
 
 
 def packet(jpeg: bytes) -> Picture:
-    return Picture("bgr8", 12, 10, jpeg=jpeg)
+    return JpegPicture(jpeg, size=(12, 10))
 
 
 def planar(red: int = 128) -> Picture:
     planes = (NOISE[:, :, 0], NOISE[:5, :6, 1], np.full((5, 6), red, np.uint8))
-    return Picture("bgr8", 12, 10, stored=PlanarPicture(planes, full_range=True, to_bgr=NOISE.copy))
+    return PlanarPicture(planes, full_range=True, to_bgr=NOISE.copy)
 
 
 def test_the_first_picture_repeats_nothing():
     frames = FrameFilter()
-    assert not frames.frozen(100.0)
-    assert not frames.is_repeat(pixels(), 1.0, 100.0)
-    assert not frames.frozen(100.5)
+    assert frames.still_s == 0.0
+    assert not frames.is_repeat(pixels(), 100.0)
+    assert frames.still_s == 0.0
 
 
-@pytest.mark.parametrize(
-    ("one", "other", "same"),
-    [
-        (pixels(), pixels(), True),
-        (pixels(), pixels((5, 0, 0)), False),  # in the row that is looked at first
-        (pixels(), pixels((0, 0, 0)), False),
-        (pixels(), pixels((9, 11, 2)), False),
-        (pixels(), pixels(like=NOISE[:, :11]), False),
-        (pixels(), pixels(like=NOISE[:8]), False),
-        (packet(b"\xff\xd8one"), packet(b"\xff\xd8one"), True),
-        (packet(b"\xff\xd8one"), packet(b"\xff\xd8two"), False),
-        (packet(b"\xff\xd8one"), pixels(), False),
-        (pixels(), packet(b"\xff\xd8one"), False),
-        (planar(), planar(), True),
-        (planar(), planar(129), False),
-        (planar(), pixels(), False),
-    ],
-    ids=[
-        "equal",
-        "middle row",
-        "first pixel",
-        "last pixel",
-        "narrower",
-        "lower",
-        "equal packets",
-        "other packets",
-        "packet, then pixels",
-        "pixels, then packet",
-        "equal planes",
-        "other planes",
-        "planes, then pixels",
-    ],
-)
+REPEATS = {
+    "equal": (pixels(), pixels(), True),
+    "middle row": (pixels(), pixels((5, 0, 0)), False),  # which is compared first
+    "first pixel": (pixels(), pixels((0, 0, 0)), False),
+    "last pixel": (pixels(), pixels((9, 11, 2)), False),
+    "narrower": (pixels(), pixels(like=NOISE[:, :11]), False),
+    "equal packets": (packet(b"\xff\xd8one"), packet(b"\xff\xd8one"), True),
+    "other packets": (packet(b"\xff\xd8one"), packet(b"\xff\xd8two"), False),
+    "packet, then pixels": (packet(b"\xff\xd8one"), pixels(), False),
+    "equal planes": (planar(), planar(), True),
+    "other planes": (planar(), planar(129), False),
+}
+
+
+@pytest.mark.parametrize(("one", "other", "same"), REPEATS.values(), ids=REPEATS)
 def test_only_an_exactly_equal_picture_is_a_repeat(one: Picture, other: Picture, same: bool):
     frames = FrameFilter()
-    frames.is_repeat(one, 1.0, 0.0)
-    assert frames.is_repeat(other, 1.0, 0.1) is same
+    frames.is_repeat(one, 0.0)
+    assert frames.is_repeat(other, 0.1) is same
 
 
 def test_a_picture_is_compared_with_the_one_before_not_the_first():
+    frames, changes = FrameFilter(), (None, (0, 0, 0), None, None)
+    found = [frames.is_repeat(pixels(change), 0.0) for change in changes]
+    assert found == [False, False, False, True]
+
+
+def test_a_picture_is_still_for_as_long_as_only_equal_ones_arrive():
     frames = FrameFilter()
-    pictures = [pixels(), pixels((0, 0, 0)), pixels(), pixels()]
-    assert [frames.is_repeat(picture, 1.0, 0.0) for picture in pictures] == [
-        False,
-        False,
-        False,
-        True,
-    ]
-
-
-def test_a_source_is_frozen_after_so_long_without_a_new_picture():
-    frames = FrameFilter()
-    frames.is_repeat(pixels(), 2.0, 10.0)
-    for at_s, frozen in ((10.5, False), (11.9, False), (12.0, True), (13.0, True)):
-        assert frames.is_repeat(pixels(), 2.0, at_s)
-        assert frames.frozen(at_s) is frozen
-
-
-def test_a_new_picture_thaws_it():
-    frames = FrameFilter()
-    for at_s in (10.0, 11.0, 12.0):
-        frames.is_repeat(pixels(), 2.0, at_s)
-    assert frames.frozen(12.0)
-    assert not frames.is_repeat(pixels((0, 0, 0)), 2.0, 12.5)
-    assert not frames.frozen(14.4)
-    assert frames.frozen(14.5)
-
-
-def test_a_source_that_may_repeat_its_pictures_is_never_frozen():
-    frames = FrameFilter()
-    for at_s in (10.0, 11.0, 12.0):
-        assert not frames.is_repeat(pixels(), 0.0, at_s)
-        assert not frames.frozen(at_s)
-    assert not frames.is_repeat(pixels(), 2.0, 13.0)
-    assert frames.is_repeat(pixels(), 2.0, 14.0)
-    assert not frames.frozen(14.0)
+    for at_s in (10.0, 11.0, 12.5):
+        frames.is_repeat(pixels(), at_s)
+    assert frames.still_s == 2.5
+    assert not frames.is_repeat(pixels((0, 0, 0)), 13.5)
+    assert frames.still_s == 0.0
 
 
 def passed(rate_hz: float, times_s: np.ndarray) -> np.ndarray:
@@ -165,3 +124,29 @@ def test_without_a_rate_everything_is_passed_and_another_rate_begins_anew():
     assert [frames.allow(1.0, now_s) for now_s in (0.0, 0.1)] == [True, False]
     assert [frames.allow(None, now_s) for now_s in (0.2, 0.21)] == [True, True]
     assert [frames.allow(2.0, now_s) for now_s in (0.3, 0.4)] == [True, False]
+
+
+def monitor(*ages: tuple[float, float, int]) -> LagMonitor:
+    found = LagMonitor()
+    for now_s, age_s, skipped in ages:
+        found.note(now_s, age_s, skipped)
+    return found
+
+
+def test_a_source_whose_youngest_picture_is_too_old_lags():
+    lag = monitor((10.0, 3.2, 0), (10.5, 3.0, 0))
+    assert lag.words(10.6, 0.5).startswith("pictures are 3.0 s old when they come: the network or")
+    assert lag.words(10.6, 3.1) == ""
+    assert lag.words(10.6, 0.0) == ""  # no limit
+
+
+def test_one_late_picture_is_no_lag_and_an_old_one_is_forgotten():
+    assert monitor((10.0, 3.0, 0), (10.1, 0.1, 0)).words(10.2, 0.5) == ""
+    assert monitor((10.0, 3.0, 0)).words(11.1, 0.5) == ""
+
+
+def test_skipped_pictures_are_said_for_ten_seconds():
+    lag = monitor((10.0, 0.1, 5), (15.0, 0.1, 2))
+    assert lag.words(15.1, 0.5).startswith("7 pictures of the last 10 s were skipped")
+    assert lag.words(20.5, 0.5).startswith("2 pictures")
+    assert lag.words(25.5, 0.5) == ""

@@ -1,18 +1,29 @@
-"""What a change of the settings asks of each kind of source."""
+"""The options that are tables, and what a change of settings asks of each kind of source."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from zenoh_vision.config.parameters import live_fields
+from zenoh_vision.config.settings import load_settings
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zv.camera.settings import CameraSettings
-from zv.camera.source_policy import imposed_rate, needs_reopening, same_picture, scene_conditions
+from zv.camera.source_policy import (
+    imposed_rate,
+    needs_reopening,
+    password_of,
+    same_picture,
+    scene_conditions,
+)
 from zv.camera.sources.kinds import Kind
 from zv.camera.synthetic.faults import Fault
+from zv.launcher.command_line import service_flags
 
-KINDS: tuple[Kind, ...] = ("synthetic", "device", "video", "folder", "url")
+KINDS: tuple[Kind, ...] = ("synthetic", "device", "video", "folder", "url", "command")
 OTHER: dict[str, Any] = {
     "width": 320,
     "height": 240,
@@ -22,10 +33,13 @@ OTHER: dict[str, Any] = {
     "encoding": "mono8",
     "quality": 5,
     "max_kbps": 800,
+    "rotate": 90,
     "flip": "both",
     "region": "10,20,30,40",
     "stall_after": 1.0,
     "frozen_after": 1.0,
+    "skip_repeats": True,
+    "max_lag": 3.0,
     "reopen_min": 1.0,
     "reopen_max": 1.0,
     "seed": 9,
@@ -110,3 +124,56 @@ def test_the_conditions_of_a_scene_are_those_of_the_settings():
     assert found.numbered
     assert found.faults == (Fault("drop", 1, 2),)
     assert scene_conditions(CameraSettings()).rate_hz == 30.0
+
+
+def test_a_password_comes_from_the_settings_or_the_first_line_of_a_file(tmp_path: Path):
+    file = tmp_path / "password"
+    file.write_text("p/a?s#s word\r\nsecond line\n")
+    assert password_of(CameraSettings()) is None
+    assert password_of(CameraSettings(password="x")) == "x"
+    assert password_of(CameraSettings(password_file=str(file))) == "p/a?s#s word"
+    with pytest.raises(ValidationError, match="only one of them"):
+        CameraSettings(password="x", password_file=str(file))
+    file.write_text("\n")
+    with pytest.raises(SourceError, match="its first line is empty"):
+        password_of(CameraSettings(password_file=str(file)))
+    with pytest.raises(SourceError, match="No such file"):
+        password_of(CameraSettings(password_file=str(tmp_path / "none")))
+
+
+CONTROLS = {"gain": 40, "auto": True, "mode": "Manual Mode"}
+
+
+def test_controls_are_a_table_in_a_file(tmp_path: Path):
+    file = tmp_path / "camera.toml"
+    file.write_text('[controls]\ngain = 40\nauto = true\nmode = "Manual Mode"\n')
+    assert load_settings(CameraSettings, config=file).controls == CONTROLS
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "gain=40,auto=true,mode=Manual Mode",
+        " gain = 40, auto = true , mode = Manual Mode ,",
+        '{"gain": 40, "auto": true, "mode": "Manual Mode"}',
+    ],
+)
+def test_controls_are_a_text_as_a_flag_and_in_the_environment(
+    text: str, monkeypatch: pytest.MonkeyPatch
+):
+    assert load_settings(CameraSettings, flags={"controls": text}).controls == CONTROLS
+    monkeypatch.setenv("ZV_CAMERA_CONTROLS", text)
+    assert load_settings(CameraSettings).controls == CONTROLS
+
+
+@pytest.mark.parametrize("text", ["gain", "=5", "{", '{"gain": [1]}', '{"gain": null}'])
+def test_another_text_is_refused_with_the_form(text: str):
+    with pytest.raises(ConfigurationError, match=r"--controls = .*NAME=VALUE,NAME=VALUE"):
+        load_settings(CameraSettings, flags={"controls": text})
+
+
+def test_zv_up_passes_them_on_whatever_characters_they_have():
+    given = CameraSettings(controls={"mode": 'a, "b" = c', "gain": 1})
+    flags, _ = service_flags("camera", given)
+    text = flags[flags.index("--controls") + 1]
+    assert load_settings(CameraSettings, flags={"controls": text}) == given

@@ -1,66 +1,63 @@
-"""A local camera: USB, built in, or on a capture card."""
+"""A local camera: USB, built in, or on a capture card, by Video4Linux."""
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
-import time
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Any, Final
-
-import cv2
-from numpy.typing import NDArray
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 from zenoh_vision.errors import PayloadError, SourceError, SourceLost
 from zenoh_vision.host import video_devices
-from zenoh_vision.image.packed import PackedPicture, is_packed
-from zv.camera.sources.base import Picture, picture_of
-from zv.camera.sources.mjpeg import START_OF_IMAGE, DamagedJpeg, whole_jpeg
+from zenoh_vision.image.picture import Picture
+from zv.camera.sources.base import DeviceWish, TimedPicture
+from zv.camera.sources.libav_frames import FrameConverter
+from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
+
+if TYPE_CHECKING or sys.platform == "linux":
+    from zv.camera.sources.v4l2.buffers import Buffers, Filled
+    from zv.camera.sources.v4l2.choice import Mode, choose
+    from zv.camera.sources.v4l2.controls import Controls, Value
+    from zv.camera.sources.v4l2.driver import Driver
+    from zv.camera.sources.v4l2.layouts import JPEG, raw_picture
+    from zv.camera.sources.v4l2.listing import holders
+    from zv.camera.sources.v4l2.offers import CLOSE, offers_of, rates_of
 
 log = logging.getLogger(__name__)
 
 MAX_DAMAGED: Final = 30
-"""Number of damaged packets in a row after which the source is lost: 1 s at 30 Hz."""
+"""Number of damaged pictures in a row after which the source is lost: 1 s at 30 Hz."""
 
-MAX_AGE_S: Final = 1.0
-"""A driver's time stamps are believed from the first one on that is not older than this. Later ones
-may be: those of pictures that waited in the driver's buffers while this process was suspended."""
+LOOK_EVERY_S: Final = 0.1
+"""How often a wait for a picture looks whether it is still wanted."""
 
-CONVERT: Final = cv2.CAP_PROP_CONVERT_RGB
-
-UNDECODED: Final = {"MJPG": "MJPG", "JPEG": "MJPG", "YUYV": "YUYV", "YUY2": "YUYV"}
-"""Formats that are read as the device delivers them, by the FOURCC that it grants."""
-
-
-def open_capture(device: str | int) -> cv2.VideoCapture:
-    """Open a device through OpenCV, on Linux with Video4Linux.
-
-    Raises:
-        SourceError: There is no such device, or no permission. This is checked first, since
-            OpenCV would log it at each attempt.
-    """
-    if sys.platform != "linux":
-        return cv2.VideoCapture(device)
-    path = f"/dev/video{device}" if isinstance(device, int) else device
-    if not os.access(path, os.R_OK | os.W_OK):
-        raise SourceError(f"{path}: {video_devices.why_not(path)}")
-    return cv2.VideoCapture(device, cv2.CAP_V4L2)
+MOST_LOST: Final = 10_000
+"""A larger gap in the numbers of a driver's pictures is none: the driver began to count again."""
 
 
 class DeviceSource:
     """Pictures of a local camera, which is named by its number or path.
 
-    If the device delivers MJPG, its packets are read undecoded, so that they need neither decoding
-    nor encoding. YUYV is read as it is too, so that it can be converted straight into the memory
-    that is to hold the pixels. OpenCV decodes other formats. Width, height, rate and pixel format
-    (FOURCC) are requests, None for the device's choice; ``description`` has the values that the
-    device uses.
+    Format, size and rate are chosen by the rule of ``v4l2.choice``. JPEGs are passed on undecoded,
+    so that they need neither decoding nor encoding; other formats are converted for who wants
+    pixels. The time of capture is the driver's.
+
+    Args:
+        device: ``0``, ``/dev/video0``, or a stable path below ``/dev/v4l``.
+        wish: What is asked of it.
+        controls: Values for its controls, by name.
+        timeout_s: Longest wait for a picture.
+        still_wanted: Called often during a wait; raises ``SourceLost`` to end it.
+
+    Attributes:
+        controls: Its controls.
 
     Raises:
-        SourceError: It cannot be opened or delivers no picture; the text lists the existing
-            devices and has a remedy.
+        SourceError: It cannot be opened, or does not offer what is asked; the text says which
+            devices there are, or what it offers, and has a remedy.
     """
 
     live = True
@@ -68,111 +65,245 @@ class DeviceSource:
     def __init__(
         self,
         device: str | int,
+        wish: DeviceWish | None = None,
         *,
-        width: int | None = None,
-        height: int | None = None,
-        rate_hz: float | None = None,
-        fourcc: str | None = None,
-        capture: Callable[[str | int], cv2.VideoCapture] = open_capture,
+        controls: Mapping[str, Value] | None = None,
+        timeout_s: float = 5.0,
+        still_wanted: Callable[[], object] = lambda: None,
     ) -> None:
         number = int(device) if str(device).isdecimal() else None
         self._name = str(device) if number is None else f"/dev/video{number}"
-        self._capture = capture(str(device) if number is None else number)
-        if not self._capture.isOpened():
-            self._capture.release()
-            raise SourceError(f"{self._name}: {video_devices.why_not(self._name)}")
-        requests = {
-            # The format first, since sizes and rates depend on it.
-            cv2.CAP_PROP_FOURCC: cv2.VideoWriter.fourcc(*fourcc) if fourcc else None,
-            cv2.CAP_PROP_FRAME_WIDTH: width,
-            cv2.CAP_PROP_FRAME_HEIGHT: height,
-            cv2.CAP_PROP_FPS: rate_hz,
-        }
-        for property_id, value in requests.items():
-            if value:
-                self._capture.set(property_id, value)
-        granted = _fourcc_text(self._capture.get(cv2.CAP_PROP_FOURCC))
-        self._undecoded = UNDECODED.get(granted)
-        self._has_stamps = False
-        if self._undecoded and not self._capture.set(CONVERT, 0):
-            self._undecoded = None
+        if sys.platform != "linux":
+            raise SourceError(
+                f"{self._name}: devices are read by Video4Linux, which only Linux has; "
+                "on other systems a program can be the source: command:ffmpeg ..."
+            )
+        self._timeout_s, self._still_wanted = timeout_s, still_wanted
+        self._converter = FrameConverter()
+        self._decoder: Any = None
+        self._last_sequence: int | None = None
+        self._first: TimedPicture | None = None
+        self._stamped = ""
+        self._driver = self._opened()
+        self._buffers: Buffers | None = None
         try:
-            self._first: Picture | None = self._next()
-        except SourceLost as error:
+            self._start(wish or DeviceWish(), controls or {})
+        except BaseException:
             self.close()
-            raise SourceError(f"{error}: it may be busy with another program") from None
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.rate_hz: float | None = rate if rate > 0 else None
-        details = [f"{self._first.width}x{self._first.height}"]
-        details += [f"{rate:.4g} Hz"] if rate > 0 else []
-        details += [granted] if granted else []
-        self.description = f"device {self._name} ({', '.join(details)})"
+            raise
 
-    def read(self) -> Picture:
-        """Return the next picture, as soon as the device has one.
+    def read(self) -> TimedPicture:
+        """Return the newest picture, as soon as the device has one that was not read.
 
         Raises:
-            SourceLost: The device stopped delivering, or delivers nothing usable.
+            SourceLost: The device is gone, stopped delivering, or delivers nothing usable.
         """
         picture, self._first = self._first, None
         return picture or self._next()
 
-    def close(self) -> None:
-        """Release the device."""
-        self._capture.release()
+    def check(self, wish: DeviceWish) -> None:
+        """Refuse what the device does not offer.
 
-    def _next(self) -> Picture:
+        Raises:
+            SourceError: The text has the wish and what is offered.
+        """
+        try:
+            choose(self._offers, wish, lambda *which: rates_of(self._driver, *which))
+        except OSError as error:
+            raise self._failure(error) from None
+
+    def close(self) -> None:
+        """Release the device; safe to call twice."""
+        if self._buffers is not None:
+            self._buffers.close()
+        self._driver.close()
+
+    # Opening
+
+    def _opened(self) -> Driver:
+        reason = video_devices.why_not(self._name)
+        if reason:
+            raise SourceError(f"{self._name}: {reason}")
+        try:
+            driver = Driver(self._name)
+        except OSError as error:
+            if error.errno in (errno.ENOTTY, errno.EINVAL):
+                raise SourceError(f"{self._name}: it is no Video4Linux device") from None
+            raise self._failure(error) from None
+        if not driver.captures:
+            driver.close()
+            others = [node for node in video_devices.device_nodes() if str(node) != self._name]
+            there = ", ".join(map(video_devices.describe, others))
+            more = f"; there are also: {there}" if there else ""
+            raise SourceError(f"{self._name}: it delivers no pictures{more}")
+        return driver
+
+    def _failure(self, error: OSError) -> SourceError:
+        if error.errno == errno.EBUSY:
+            users = ", ".join(holders(Path(self._name)))
+            by = f"by {users}" if users else "by another program"
+            return SourceError(f"{self._name}: it is in use {by}; only one can read a device")
+        if error.errno in (errno.ENOTTY, errno.EINVAL):
+            why = error.strerror or str(error)
+            return SourceError(f"{self._name}: the driver refuses a call that is needed ({why})")
+        return SourceError(f"{self._name}: {error.strerror or error}")
+
+    def _start(self, wish: DeviceWish, controls: Mapping[str, Value]) -> None:
+        driver = self._driver
+        try:
+            self._offers = offers_of(driver)
+            mode = choose(self._offers, wish, lambda *which: rates_of(driver, *which))
+            self._form = driver.set_format(mode.fourcc, mode.width, mode.height)
+            rate = driver.rate_hz() if mode.rate_hz is None else driver.set_rate(mode.rate_hz)
+            self.controls = Controls(driver)
+            for sentence in self.controls.apply(controls):
+                log.warning("%s: %s", self._name, sentence)
+            self._buffers = Buffers(driver)
+        except OSError as error:
+            raise self._failure(error) from None
+        except SourceError as error:
+            raise SourceError(f"{self._name}: {error}") from None
+        form = self._form
+        granted = Mode(form.fourcc, form.width, form.height, rate)
+        self._tell_difference(mode, wish, granted)
+        self.rate_hz: float | None = rate
+        fault = driver.input_fault()
+        if fault:
+            log.warning("%s: the driver says: %s", self._name, fault)
+        try:
+            self._first = self._next()
+        except SourceLost as error:
+            raise SourceError(str(error)) from None
+        stamps = f", stamps of {self._stamped}" if self._stamped else ", no stamps"
+        self.description = f"device {self._name} ({driver.name}: {granted}{stamps})"
+
+    def _tell_difference(self, mode: Mode, wish: DeviceWish, granted: Mode) -> None:
+        """Say, or refuse, what the driver has made of a mode that it offers."""
+        asked = {"fourcc": wish.fourcc, "width": wish.width, "height": wish.height}
+        for name, wanted in asked.items():
+            got = getattr(granted, name)
+            if wanted is not None and str(got).strip() != str(wanted).strip():
+                raise SourceError(
+                    f"{self._name}: {name} {wanted} is not possible; the driver made it {got}"
+                )
+        if (mode.fourcc, mode.width, mode.height) != (
+            granted.fourcc,
+            granted.width,
+            granted.height,
+        ):
+            log.warning("%s: asked for %s; the driver made it %s", self._name, mode, granted)
+        enough = wish.rate_hz or mode.rate_hz
+        if enough and granted.rate_hz is not None and granted.rate_hz < CLOSE * enough:
+            log.warning(
+                "%s: asked for %.4g Hz; the driver made it %.4g Hz",
+                self._name,
+                enough,
+                granted.rate_hz,
+            )
+
+    # Reading
+
+    def _next(self) -> TimedPicture:
+        lost = 0
         for _ in range(MAX_DAMAGED):
-            taken, image = self._capture.read()
-            if not taken or image is None or not image.size:
-                raise SourceLost(f"{self._name}: the device delivers no picture")
-            picture = self._picture(image)
+            filled = self._filled()
+            lost += self._passed_over(filled.sequence)
+            picture = self._picture(filled)
             if picture is not None:
-                return picture
+                self._stamped = ""
+                if filled.stamp_ns is not None:
+                    self._stamped = "exposure start" if filled.at_start else "picture end"
+                return TimedPicture(picture, stamp_ns=filled.stamp_ns, lost=lost)
+            lost += 1
         raise SourceLost(f"{self._name}: {MAX_DAMAGED} damaged pictures in a row")
 
-    def _picture(self, image: NDArray[Any]) -> Picture | None:
-        """Return an image of the device as a picture; None if it is damaged."""
-        if self._undecoded == "YUYV" and image.shape[2:] != (3,):  # some decode it nevertheless
-            if is_packed(image):
-                packed = PackedPicture(image)
-                return Picture("bgr8", *packed.size, stored=packed, stamp_ns=self._stamp_ns())
-            self._decode_from_now(f"delivers no YUYV, but {image.shape} {image.dtype}")
-            return None
-        if self._undecoded == "MJPG" and 1 in image.shape[:2]:
-            packet = image.tobytes()
+    def _filled(self) -> Filled:
+        """Return the next buffer that the driver has filled."""
+        assert self._buffers is not None
+        waited_s = 0.0
+        while True:
             try:
-                jpeg = whole_jpeg(packet)
-            except DamagedJpeg as error:
-                log.debug("%s: a damaged picture was skipped: %s", self._name, error)
-                if not packet.lstrip(b"\0").startswith(START_OF_IMAGE):
-                    self._decode_from_now("delivers no JPEG although it claims to")
-                return None
-            if jpeg is None:
-                self._decode_from_now("delivers JPEG of an unusual kind")
-                return None
-            return replace(jpeg, stamp_ns=self._stamp_ns())
+                is_filled, has_event = self._buffers.wait(LOOK_EVERY_S)
+                if has_event:
+                    self.controls.take_events()
+                if is_filled:
+                    return self._buffers.take()
+            except BlockingIOError:
+                pass
+            except OSError as error:
+                gone = error.errno in (errno.ENODEV, errno.ENXIO, errno.EIO, errno.EINVAL)
+                words = "the device is gone" if gone else error.strerror or str(error)
+                raise SourceLost(f"{self._name}: {words}") from None
+            self._still_wanted()
+            waited_s += LOOK_EVERY_S
+            if waited_s >= self._timeout_s:
+                fault = self._driver.input_fault()
+                why = f" (the driver says: {fault})" if fault else ""
+                raise SourceLost(f"{self._name}: no picture for {self._timeout_s:g} s{why}")
+
+    def _passed_over(self, sequence: int) -> int:
+        """Return how many pictures the driver made before this one that were not read."""
+        last, self._last_sequence = self._last_sequence, sequence
+        gap = 0 if last is None else sequence - last - 1
+        return gap if 0 < gap < MOST_LOST else 0
+
+    def _picture(self, filled: Filled) -> Picture | None:
+        """Return a buffer as a picture; None if it is damaged."""
+        if filled.damaged and self._form.fourcc not in JPEG:
+            log.debug("%s: the driver says that data are missing", self._name)
+            return None
         try:
-            return picture_of(image, stamp_ns=self._stamp_ns())
-        except PayloadError as error:
-            raise SourceLost(f"{self._name}: {error.detail}") from None
+            if self._form.fourcc in JPEG:
+                return self._jpeg(filled.data.tobytes())
+            return raw_picture(filled.data, self._form, self._converter)
+        except (PayloadError, DamagedJpeg) as error:
+            log.debug("%s: a damaged picture was skipped: %s", self._name, error)
+            return None
 
-    def _decode_from_now(self, reason: str) -> None:
-        log.warning("%s: %s; its pictures are decoded", self._name, reason)
-        self._undecoded = None
-        if not self._capture.set(CONVERT, 1):
-            raise SourceLost(f"{self._name}: {reason}")
+    def _jpeg(self, packet: bytes) -> Picture | None:
+        jpeg = whole_jpeg(packet) if self._decoder is None else None
+        if jpeg is not None:
+            return jpeg
+        if self._decoder is None:
+            from av import CodecContext
 
-    def _stamp_ns(self) -> int | None:
-        """Return when the driver filled the buffer; None if its clock is not the monotonic one."""
-        filled_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-        age_s = time.monotonic() - filled_s
-        if 0.0 <= age_s < MAX_AGE_S:
-            self._has_stamps = True
-        is_stamp = self._has_stamps and filled_s > 0 and age_s >= 0
-        return time.time_ns() - round(age_s * 1e9) if is_stamp else None
+            log.warning("%s: delivers JPEG of an unusual kind; it is decoded", self._name)
+            self._decoder = CodecContext.create("mjpeg", "r")
+        return self._decoded(packet)
+
+    def _decoded(self, packet: bytes) -> Picture | None:
+        from av import FFmpegError, Packet
+
+        try:
+            frames = self._decoder.decode(Packet(packet))
+        except FFmpegError as error:
+            raise DamagedJpeg(str(error)) from None
+        return self._converter.picture(frames[-1]) if frames else None
 
 
-def _fourcc_text(code: float) -> str:
-    text = int(code).to_bytes(4, "little", signed=True).decode("latin-1") if code > 0 else ""
-    return text.strip() if text.isprintable() else ""
+def stable_name(device: str | int) -> str | None:
+    """Return the path of a device that stays the same when it is plugged in again; None if none."""
+    path = f"/dev/video{device}" if str(device).isdecimal() else str(device)
+    if path.startswith("/dev/v4l/"):
+        return path
+    return next(iter(video_devices.stable_paths(Path(path))), None)
+
+
+def found_again(device: str, before: str | None) -> str:
+    """Return where a device is that was open before.
+
+    Args:
+        device: As the user names it.
+        before: Its ``stable_name`` when it was open; None if it was not, or had none.
+
+    Raises:
+        SourceError: Another device has its number now, and its own is not there.
+    """
+    if before is None or before == device:
+        return device
+    if os.path.exists(before):
+        return before
+    now = stable_name(device)
+    if now is not None and before.startswith("/dev/v4l/by-id/"):
+        raise SourceError(f"{device}: it is another device now ({now}); {before} is not there")
+    return device

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-import numpy as np
-
 from zenoh_vision.errors import PayloadError, SourceError
-from zenoh_vision.image import codecs, depth
-from zenoh_vision.image.files import decode_image, images_in, is_turned
-from zv.camera.sources.base import Picture, picture_of
-from zv.camera.sources.mjpeg import whole_jpeg
+from zenoh_vision.image import codecs
+from zenoh_vision.image.files import decoded, images_in
+from zenoh_vision.image.picture import Picture
+from zv.camera.sources.base import TimedPicture
+from zv.camera.sources.mjpeg import upright_jpeg
 
 log = logging.getLogger(__name__)
 
@@ -22,9 +20,7 @@ log = logging.getLogger(__name__)
 class FolderSource:
     """The images of a folder in natural order (``frame2`` before ``frame10``), once.
 
-    JPEG files are passed on undecoded. Grey images keep 16 bits, and images of floats are taken
-    as depth in metres; 16-bit colour is scaled to 8 bits (x 255 / 65535, rounded). An image
-    that cannot be read is skipped with a warning.
+    JPEG files are passed on undecoded. An image that cannot be read is skipped with a warning.
 
     Args:
         path: A folder, or a single image.
@@ -48,10 +44,10 @@ class FolderSource:
         self.rate_hz: float | None = rate_hz
         self.description = (
             f"{'folder' if path.is_dir() else 'image'} {path.name} "
-            f"({len(files)} images, {first.width}x{first.height}, {rate_hz:g} Hz)"
+            f"({len(files)} images, {first.picture.width}x{first.picture.height}, {rate_hz:g} Hz)"
         )
 
-    def read(self) -> Picture | None:
+    def read(self) -> TimedPicture | None:
         """Return the next image, or None after the last one."""
         return next(self._pictures, None)
 
@@ -60,7 +56,7 @@ class FolderSource:
         self._pictures = chain()
 
 
-def _pictures(files: list[Path], rate_hz: float) -> Iterator[Picture]:
+def _pictures(files: list[Path], rate_hz: float) -> Iterator[TimedPicture]:
     count = 0
     for file in files:
         try:
@@ -68,7 +64,7 @@ def _pictures(files: list[Path], rate_hz: float) -> Iterator[Picture]:
         except (OSError, ValueError, PayloadError) as error:
             log.warning("%s: skipped: %s", file, error)
         else:
-            yield replace(picture, due_s=count / rate_hz)
+            yield TimedPicture(picture, due_s=count / rate_hz)
             count += 1
 
 
@@ -81,12 +77,7 @@ def _picture(data: bytes) -> Picture:
     if data.startswith((codecs.JPEG_START, codecs.PNG_START)):
         codecs.picture_size(data)
     if data.startswith(codecs.JPEG_START):
-        jpeg = whole_jpeg(data)
-        if jpeg is not None and not is_turned(data):
+        jpeg = upright_jpeg(data)
+        if jpeg is not None:
             return jpeg
-    pixels = decode_image(data)
-    if pixels.ndim == 3 and pixels.dtype == np.uint16:
-        pixels = depth.eight_bits(pixels)
-    if pixels.ndim == 2 and pixels.dtype == np.float32:
-        return Picture("32FC1", pixels.shape[1], pixels.shape[0], pixels)
-    return picture_of(pixels)
+    return decoded(data)

@@ -1,13 +1,11 @@
-"""Reads one video stream with libav, from a file or a URL, as pictures."""
+"""Opens a container with libav, finds its video, and decodes its packets to pictures."""
 
 from __future__ import annotations
 
 import ctypes
 import logging
-import time
-from collections import deque
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Final
 
 import av
@@ -19,10 +17,10 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
+from zenoh_vision.image.picture import JpegPicture, Picture
 from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_RAW_BYTES
-from zv.camera.sources.base import Picture
 from zv.camera.sources.libav_frames import FrameConverter
-from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
+from zv.camera.sources.mjpeg import DamagedJpeg, upright_jpeg
 
 log = logging.getLogger(__name__)
 
@@ -50,138 +48,95 @@ class NoVideo(Exception):
     """A container was opened, but has no video that can be decoded; the text says why."""
 
 
-class Timeline:
-    """Computes when each picture of a recording is due, from the times in the recording.
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A decoded picture, and its time on the stream's clock; None if it has none."""
+
+    picture: Picture
+    time_s: float | None
+
+
+def packet_time_s(packet: Packet[Stream]) -> float | None:
+    """Return the presentation time of a packet on the stream's clock, else its decoding time."""
+    ticks = packet.pts if packet.pts is not None else packet.dts
+    return None if ticks is None else float(ticks * packet.time_base)
+
+
+class VideoDecoder:
+    """Decodes the packets of a stream; JPEGs stay as they are.
 
     Args:
-        rate_hz: Rate of pictures whose time is missing or runs backwards.
-    """
-
-    def __init__(self, rate_hz: float) -> None:
-        self._period_s = 1.0 / rate_hz
-        self._origin_s: float | None = None
-        self._last_s = -self._period_s
-
-    def due_s(self, time_s: float | None) -> float:
-        """Return when the next picture is due, seconds since the first; never decreases.
-
-        Args:
-            time_s: Its time on the recording's clock, with any origin; None if it has none.
-        """
-        due_s = None if time_s is None or self._origin_s is None else time_s - self._origin_s
-        if due_s is None or due_s < self._last_s:
-            due_s = self._last_s + self._period_s
-            # From here on the recording's clock is used again, if it has one.
-            self._origin_s = None if time_s is None else time_s - due_s
-        self._last_s = due_s
-        return due_s
-
-
-class AvStream:
-    """An open video stream.
-
-    Args:
-        location: ``file:`` and a path, or a URL.
-        options: libav's options for the container.
-        timeout_s: Longest time to open it, and to wait for a picture; None for no limit.
-        live: Whether short delay matters more than throughput, for a stream without an end.
+        stream: That of an open container.
+        low_delay: Whether short delay matters more than throughput.
 
     Attributes:
-        live: Whether the stream has no end; its pictures then have no ``due_s``.
         rate_hz: The stream's own rate; None if it states none.
         summary: Size and codec, for people.
-
-    Raises:
-        FFmpegError: It cannot be opened.
-        NoVideo: It is open, but has no video.
     """
 
-    def __init__(
-        self,
-        location: str,
-        *,
-        options: dict[str, str] | None = None,
-        timeout_s: float | None = None,
-        live: bool = False,
-    ) -> None:
-        self._timeout_s = timeout_s
-        container = av.open(location, options=options, timeout=timeout_s, metadata_errors="replace")
-        try:
-            self._stream = _video_stream(container)
-        except NoVideo:
-            container.close()
-            raise
-        self._container = container
-        context = self._stream.codec_context
+    def __init__(self, stream: VideoStream, *, low_delay: bool) -> None:
+        self._stream = stream
+        context = stream.codec_context
         context.options = {"max_pixels": str(MAX_PIXELS)}
-        self._stream.thread_type = "SLICE" if live else "AUTO"
-        if live:
+        stream.thread_type = "SLICE" if low_delay else "AUTO"
+        if low_delay:
             context.flags |= av.codec.context.Flags.low_delay
-        # All streams, so that sound alone cannot keep the loop in libav forever.
-        self._packets: Iterator[Packet[Stream]] = iter(container.demux())
         self._is_mjpeg = context.name == "mjpeg"
-        self._frames: deque[VideoFrame] = deque()
+        self._is_turned: bool | None = None
         self._converter = FrameConverter()
         self._warned = False
-        rate = self._stream.average_rate or self._stream.guessed_rate
+        rate = stream.average_rate or stream.guessed_rate
         self.rate_hz = float(rate) if rate else None
-        self.live = live and container.duration is None
-        self._timeline = Timeline(self.rate_hz or DEFAULT_RATE_HZ)
         size = f"{context.width}x{context.height}, " if context.width else ""
-        self.summary = f"{size}{context.name.upper()}"
+        self.summary = f"{size}{_aspect_words(stream)}{context.name.upper()}"
 
-    def read(self) -> Picture | None:
-        """Return the next picture, None at the end of the stream or after ``close``.
-
-        Raises:
-            FFmpegError: Reading failed.
-            TimeoutError: No picture came within the time limit.
-        """
-        started_s = time.monotonic()
-        while True:
-            if self._frames:
-                frame = self._frames.popleft()
-                return self._converter.picture(frame, self._due_s(frame.time))
-            packet = next(self._packets, None)
-            if packet is None:
-                return None
-            if packet.stream.index == self._stream.index and packet.size <= MAX_COMPRESSED_BYTES:
-                picture = self._unpack(packet)
-                if picture is not None:
-                    return picture
-            if self._timeout_s is not None and time.monotonic() - started_s > self._timeout_s:
-                raise TimeoutError
-
-    def close(self) -> None:
-        """Close the stream; safe to call twice."""
-        self._packets = iter(())
-        self._frames.clear()
-        self._container.close()
-
-    def _unpack(self, packet: Packet[Stream]) -> Picture | None:
-        """Return a JPEG that needs no decoding; otherwise decode the packet into ``_frames``."""
+    def decode(self, packet: Packet[Stream]) -> Iterator[Decoded]:
+        """Yield the pictures that are complete with a packet; none if it is damaged."""
+        if packet.stream.index != self._stream.index or packet.size > MAX_COMPRESSED_BYTES:
+            return
         try:
-            if self._is_mjpeg and packet.size:
-                jpeg = whole_jpeg(bytes(packet))
-                if jpeg is not None:
-                    ticks = packet.pts if packet.pts is not None else packet.dts
-                    due_s = self._due_s(None if ticks is None else float(ticks * packet.time_base))
-                    return replace(jpeg, due_s=due_s)
+            if self._is_mjpeg and packet.size and self._is_turned is not True:
+                jpeg = upright_jpeg(bytes(packet))
+                is_file = isinstance(jpeg, JpegPicture)
+                if jpeg is not None and not (is_file and self._turns(packet)):
+                    yield Decoded(jpeg, packet_time_s(packet))
+                    return
             frames = [frame for frame in packet.decode() if isinstance(frame, VideoFrame)]
         except (DamagedJpeg, FFmpegError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             level = logging.DEBUG if self._warned else logging.WARNING
             log.log(level, "a damaged packet of the video was skipped: %s", reason)
             self._warned = True
-            return None
-        self._frames.extend(frame for frame in frames if not frame.is_corrupt)
-        return None
+            return
+        for frame in frames:
+            if not frame.is_corrupt:
+                yield Decoded(self._converter.picture(frame), frame.time)
 
-    def _due_s(self, time_s: float | None) -> float | None:
-        return None if self.live else self._timeline.due_s(time_s)
+    def forget(self) -> None:
+        """Forget the pictures that are not complete: the next packet is a key picture."""
+        self._stream.codec_context.flush_buffers()
+
+    def _turns(self, packet: Packet[Stream]) -> bool:
+        """Tell whether the container says that the video must be turned, as phones do."""
+        if self._is_turned is None:
+            frames = [*packet.decode(), *self._stream.codec_context.decode(None)]
+            self._is_turned = any(
+                isinstance(frame, VideoFrame) and frame.rotation % 360 for frame in frames
+            )
+            self.forget()
+        return self._is_turned
 
 
-def _video_stream(container: InputContainer) -> VideoStream:
+def video_stream(container: InputContainer, number: int = 0) -> VideoStream:
+    """Return the video of a container.
+
+    Args:
+        container: Open.
+        number: Which of its videos, from 0.
+
+    Raises:
+        NoVideo: It has none, none of this number, or one that cannot be decoded.
+    """
     streams = [
         stream
         for stream in container.streams.video
@@ -190,7 +145,13 @@ def _video_stream(container: InputContainer) -> VideoStream:
     if not streams:
         sound = "sound, but " if container.streams.audio else ""
         raise NoVideo(f"it has {sound}no video")
-    context = streams[0].codec_context
+    if number >= len(streams):
+        raise NoVideo(f"video_stream = {number}, but its last video is number {len(streams) - 1}")
+    if len(streams) > 1:
+        sizes = (f"{stream.width}x{stream.height}" for stream in streams)
+        log.info("it has %d videos: %s; number %d is shown", len(streams), ", ".join(sizes), number)
+    stream = streams[number]
+    context = stream.codec_context
     if context is None:
         raise NoVideo("its video is of a kind that libav cannot decode")
     if context.name in TEXT_DECODERS:
@@ -198,4 +159,18 @@ def _video_stream(container: InputContainer) -> VideoStream:
     if context.width * context.height > MAX_PIXELS:
         size = f"{context.width}x{context.height}"
         raise NoVideo(f"its pictures are too large: {size}, at most {MAX_PIXELS} pixels")
-    return streams[0]
+    return stream
+
+
+def _aspect_words(stream: VideoStream) -> str:
+    """Return what to say of pixels that are not square, which are published as they are stored."""
+    aspect = stream.sample_aspect_ratio or stream.codec_context.sample_aspect_ratio
+    if not aspect or aspect == 1:
+        return ""
+    log.warning(
+        "the pixels of the video are not square but %d:%d, and are published as stored: "
+        "angles and distances are distorted without a calibration",
+        aspect.numerator,
+        aspect.denominator,
+    )
+    return f"pixels {aspect.numerator}:{aspect.denominator}, "

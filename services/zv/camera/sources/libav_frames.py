@@ -14,9 +14,9 @@ from av.video.plane import VideoPlane
 from av.video.reformatter import ColorRange, VideoReformatter
 from numpy.typing import NDArray
 
+from zenoh_vision.image.picture import Box, Picture, PixelPicture
+from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.image.planar import PlanarPicture, Plane, are_even
-from zenoh_vision.image.stored import StoredPicture
-from zv.camera.sources.base import Picture, picture_of
 from zv.camera.sources.swscale import BgrWriter
 
 STORED: Final = frozenset({"yuv420p", "yuvj420p"})
@@ -40,7 +40,7 @@ class FrameConverter:
         self._reformatter = VideoReformatter()
         self._lock = threading.Lock()
 
-    def picture(self, frame: VideoFrame, due_s: float | None) -> Picture:
+    def picture(self, frame: VideoFrame) -> Picture:
         """Return a frame, upright, as a picture.
 
         Planes that a JPEG can store are left as they are. Grey pictures keep their depth (9 to 15
@@ -49,11 +49,11 @@ class FrameConverter:
         """
         planes = stored_planes(frame)
         if planes is None:
-            return picture_of(self.pixels(frame), due_s=due_s)
-        stored = VideoPicture(frame, planes, self)
+            return PixelPicture(self.pixels(frame))
+        picture = VideoPicture(frame, planes, self)
         forms, self.asked = tuple(self.asked), set()  # a copy, since others may add to it
-        stored.prepare(forms)  # before they are requested, as they were of earlier pictures
-        return Picture("bgr8", frame.width, frame.height, stored=stored, due_s=due_s)
+        picture.prepare(forms)  # before they are requested, as they were of earlier pictures
+        return picture
 
     def pixels(self, frame: VideoFrame) -> NDArray[Any]:
         """Return new pixels of a frame, upright: (height, width[, channels])."""
@@ -70,7 +70,7 @@ class FrameConverter:
         return pixels
 
 
-class VideoPicture(StoredPicture):
+class VideoPicture(Picture):
     """A frame of a video, in libav's memory.
 
     Args:
@@ -82,16 +82,11 @@ class VideoPicture(StoredPicture):
     def __init__(
         self, frame: VideoFrame, planes: tuple[VideoPlane, ...], converter: FrameConverter
     ) -> None:
-        super().__init__()
+        super().__init__("bgr8", frame.width, frame.height)
         self._frame = frame
         self._planes = planes
         self._converter = converter
         self._planar: PlanarPicture | None = None
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height, pixels."""
-        return self._frame.width, self._frame.height
 
     def prepare(self, forms: Iterable[StoredForm]) -> None:
         """Make forms that will probably be asked for."""
@@ -99,34 +94,37 @@ class VideoPicture(StoredPicture):
             if form == "planes":
                 self._as_planar().prepare()
             else:
-                super().bgr()
+                super().pixels  # noqa: B018 - makes them
 
-    def bgr(self) -> NDArray[np.uint8]:
-        """Return the pixels, (height, width, 3); read-only."""
+    @property
+    def pixels(self) -> Pixels:
+        """(height, width, 3) uint8, read-only; those of the next frames are prepared."""
         self._converter.asked.add("bgr")
-        return super().bgr()
+        return super().pixels
 
     def jpeg(self, quality: int) -> bytes:
-        """Return the picture as a JPEG of this quality, 1 to 100."""
+        """Return the picture as a JPEG; the planes of the next frames are prepared for theirs."""
         self._converter.asked.add("planes")
         return self._as_planar().jpeg(quality)
 
-    def cropped(self, box: tuple[int, int, int, int]) -> StoredPicture | None:
-        """Return the part in a rectangle (x, y, width, height); None if a number in it is odd."""
-        return self._new_planar(self.bgr).cropped(box)
+    def cropped(self, box: Box) -> Picture:
+        """Return the part in a rectangle."""
+        return self._new_planar(lambda: np.asarray(self.pixels, np.uint8)).cropped(box)
 
-    def equals(self, other: StoredPicture) -> bool:
-        """Tell whether another picture has the same planes."""
-        if not isinstance(other, VideoPicture):
-            return False
-        return self._as_planar().equals(other._as_planar())
+    def write(self, target: NDArray[np.uint8]) -> None:
+        """Write the pixel rows to memory, converted into it if that is possible."""
+        rows, made = target.reshape(self.height, self.width, 3), self._pixels
+        full_range = _is_full_range(self._frame)
+        if made is not None:
+            np.copyto(rows, made)  # not ``pixels``, which would ask for those of the next frames
+        elif not self._converter.bgr.write(self._planes, full_range=full_range, target=rows):
+            np.copyto(rows, self.pixels)
 
-    def _made_bgr(self) -> NDArray[np.uint8]:
+    def _make_pixels(self) -> NDArray[np.uint8]:
         return np.asarray(self._converter.pixels(self._frame), np.uint8)
 
-    def _write_bgr(self, target: NDArray[np.uint8], /) -> bool:
-        full_range = _is_full_range(self._frame)
-        return self._converter.bgr.write(self._planes, full_range=full_range, target=target)
+    def _equals(self, other: VideoPicture) -> bool:
+        return self._as_planar().equals(other._as_planar())
 
     def _as_planar(self) -> PlanarPicture:
         with self._lock:

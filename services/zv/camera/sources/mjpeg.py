@@ -1,4 +1,4 @@
-"""Checks the packets of MJPEG sources, and makes complete JPEG files of them.
+"""Checks the packets of MJPEG sources, and makes complete, upright JPEGs of them.
 
 Some cameras omit the Huffman tables, which are then those of ITU-T T.81 Annex K.3; some pad the
 packets; errors on the bus truncate packets.
@@ -14,7 +14,9 @@ import simplejpeg
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs
-from zv.camera.sources.base import Picture
+from zenoh_vision.image.exif import UPRIGHT, orientation_of
+from zenoh_vision.image.files import decoded
+from zenoh_vision.image.picture import JpegPicture, Picture
 
 START_OF_IMAGE: Final = b"\xff\xd8"
 END_OF_IMAGE: Final = b"\xff\xd9"
@@ -39,7 +41,24 @@ class DamagedJpeg(ValueError):
     """A packet is not a whole JPEG; the text says what is wrong."""
 
 
-def whole_jpeg(packet: bytes) -> Picture | None:
+def upright_jpeg(packet: bytes) -> Picture | None:
+    """Return the JPEG in a packet as a picture that is upright, as its Exif data says.
+
+    It is passed on as it is unless it must be turned; otherwise as for ``whole_jpeg``.
+
+    Raises:
+        DamagedJpeg: As for ``whole_jpeg``.
+    """
+    jpeg = whole_jpeg(packet)
+    if jpeg is None or orientation_of(jpeg.data) == UPRIGHT:
+        return jpeg
+    try:
+        return decoded(jpeg.data)
+    except (ValueError, PayloadError) as error:
+        raise DamagedJpeg(str(error)) from None
+
+
+def whole_jpeg(packet: bytes) -> JpegPicture | None:
     """Return the JPEG in a packet as a picture, trimmed and made complete.
 
     Args:
@@ -84,7 +103,9 @@ def whole_jpeg(packet: bytes) -> Picture | None:
         jpeg = packet[start:scan] + STANDARD_HUFFMAN_TABLES + packet[scan:end]
     else:
         raise DamagedJpeg("a progressive JPEG without Huffman tables")
-    return Picture("mono8" if components == 1 else "bgr8", width, height, jpeg=jpeg)
+    encoding = "mono8" if components == 1 else "bgr8"
+    # Flaws that libjpeg can repair are accepted in a webcam's JPEG.
+    return JpegPicture(jpeg, encoding, (width, height), strict=False)
 
 
 def _is_field(header: list[Segment]) -> bool:

@@ -16,6 +16,7 @@ WALLS = ((176, 186, 190), (186, 182, 172), (172, 184, 178), (180, 178, 184))  # 
 FLOORS = ((118, 138, 156), (126, 134, 140), (112, 130, 140), (124, 132, 150))
 
 Plane = NDArray[np.float32]
+Row = TypeVar("Row", float, Plane)
 
 
 def draw_room(width: int, height: int, seed: tuple[int, ...]) -> NDArray[np.uint8]:
@@ -24,19 +25,25 @@ def draw_room(width: int, height: int, seed: tuple[int, ...]) -> NDArray[np.uint
     wall_color = np.array(WALLS[rng.integers(len(WALLS))], np.float32)
     floor_color = np.array(FLOORS[rng.integers(len(FLOORS))], np.float32)
     foot = round(height * WALL_FOOT)
-    skirting = max(1, round(height * SKIRTING))
-
+    board = foot - max(1, round(height * SKIRTING))
     room = np.empty((height, width, 3), np.float32)
     room[:foot] = _wall(rng, width, foot)[:, :, None] * wall_color
     room[foot:] = _floor(rng, width, height, foot)[:, :, None] * floor_color
-    board = room[foot - skirting : foot]
-    board[:] = wall_color * 1.16
-    board[-1:] = floor_color * 0.50
-    board[:1] = wall_color * 0.80
+    room[board:foot] = wall_color * 1.16
+    room[foot - 1] = floor_color * 0.50
+    room[board] = wall_color * 0.80
     # Fine grain, since no part of a real surface has a single grey level.
     room *= 1.0 + 0.015 * rng.standard_normal((height, width, 1), np.float32)
-    room *= _falloff(width, height)[:, :, None]
+    # Lit from the upper left, darker in the corners.
+    x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
+    y = np.linspace(-1, 1, height, dtype=np.float32)[:, None, None]
+    room *= 1.06 - 0.05 * x - 0.04 * y - 0.07 * (x * x + y * y)
     return np.clip(room, 0, 255, out=room).astype(np.uint8)
+
+
+def floor_depth(row: Row, height: int) -> Row:
+    """Return the distance of the floor seen at a row, or at rows; 1 at the lower edge."""
+    return (1.0 - HORIZON) * height / (row + 0.5 - HORIZON * height)
 
 
 def _clouds(rng: np.random.Generator, width: int, height: int, cells: int) -> Plane:
@@ -55,41 +62,18 @@ def _wall(rng: np.random.Generator, width: int, height: int) -> Plane:
     return np.asarray(plaster, np.float32)
 
 
-Row = TypeVar("Row", float, Plane)
-
-
-def floor_depth(row: Row, height: int) -> Row:
-    """Return the distance of the floor seen at a row, or at rows; 1 at the lower edge."""
-    return (1.0 - HORIZON) * height / (row + 0.5 - HORIZON * height)
-
-
 def _floor(rng: np.random.Generator, width: int, height: int, foot: int) -> Plane:
     columns = np.arange(width, dtype=np.float32)[None, :]
     depth = floor_depth(np.arange(foot, height, dtype=np.float32)[:, None], height)
-    across = np.asarray((columns - width * 0.5) / height * depth * 4.0, np.float32)
-    along = np.asarray(np.broadcast_to(depth * 6.0, across.shape), np.float32)
-
-    tile_x, tile_y = np.floor(across).astype(int), np.floor(along).astype(int)
+    across, along = (columns - width * 0.5) / height * depth * 4.0, depth * 6.0
     shades = rng.uniform(0.92, 1.06, (64, 64)).astype(np.float32)
-    floor = shades[tile_y % 64, tile_x % 64]
+    floor = shades[np.floor(along).astype(int) % 64, np.floor(across).astype(int) % 64]
     # A joint is at least a pixel wide; otherwise it would disappear in places far away.
     pixel_x, pixel_y = depth * 4.0 / height, depth * depth * 6.0 / ((1.0 - HORIZON) * height)
     joint = np.minimum(
-        _edge_distance(across) / np.maximum(0.03, pixel_x),
-        _edge_distance(along) / np.maximum(0.03, pixel_y),
+        np.abs(across - np.round(across)) / np.maximum(0.03, pixel_x),
+        np.abs(along - np.round(along)) / np.maximum(0.03, pixel_y),
     )
     floor = floor * (0.80 + 0.20 * np.clip(joint, 0, 1))
     blotches = 0.018 * _clouds(rng, width, floor.shape[0], 40)
     return np.asarray(floor * (1.0 + blotches), np.float32)
-
-
-def _edge_distance(position: Plane) -> Plane:
-    """Return the distance of each position from the nearest whole number."""
-    return np.abs(position - np.round(position))
-
-
-def _falloff(width: int, height: int) -> Plane:
-    """Return the brightness of the room: lit from the upper left, darker in the corners."""
-    x = np.linspace(-1, 1, width, dtype=np.float32)[None, :]
-    y = np.linspace(-1, 1, height, dtype=np.float32)[:, None]
-    return np.asarray(1.06 - 0.05 * x - 0.04 * y - 0.07 * (x * x + y * y), np.float32)

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SPAN = 128  # windows in each direction
-WINDOWS = SPAN * SPAN
-TILE = 512  # period of the sheet, pixels; invisible in noise
+TILE = 512  # period of the sheets, pixels; invisible in noise
 
 
 class SensorNoise:
@@ -24,33 +23,30 @@ class SensorNoise:
         self._size = (width, height)
         self._sigma = sigma
         rng = np.random.default_rng(seed)
-        self._order = rng.permutation(WINDOWS)
+        self._order = rng.permutation(SPAN * SPAN)
         tile = np.rint(rng.standard_normal((TILE, TILE, 3), np.float32) * np.float32(sigma))
+        rows, columns = height + SPAN, width + SPAN
+        repeats = (-(-rows // TILE), -(-columns // TILE), 1)
         # Saturating 8-bit arithmetic is fastest, but has no sign, hence two sheets.
-        self._brighter = _sheet(np.clip(tile, 0, 255).astype(np.uint8), width, height)
-        self._darker = _sheet(np.clip(-tile, 0, 255).astype(np.uint8), width, height)
+        self._brighter, self._darker = (
+            np.ascontiguousarray(np.tile(part.astype(np.uint8), repeats)[:rows, :columns])
+            for part in (np.clip(tile, 0, 255), np.clip(-tile, 0, 255))
+        )
 
     def add(self, k: int, bgr: NDArray[np.uint8]) -> None:
         """Add the noise of frame k to a (height, width, 3) uint8 picture, in place."""
-        if not self._sigma:
-            return
-        window = self._window(k)
-        cv2.add(bgr, self._brighter[window], dst=bgr)
-        cv2.subtract(bgr, self._darker[window], dst=bgr)
+        if self._sigma:
+            window = self._window(k)
+            cv2.add(bgr, self._brighter[window], dst=bgr)
+            cv2.subtract(bgr, self._darker[window], dst=bgr)
 
     def signed(self, k: int) -> NDArray[np.int16]:
         """Return the noise of frame k in one channel, (height, width) int16, grey levels."""
         window = (*self._window(k), 0)
-        return np.subtract(self._brighter[window], self._darker[window], dtype=np.int16)
+        brighter, darker = self._brighter[window], self._darker[window]
+        return np.asarray(np.subtract(brighter, darker, dtype=np.int16))
 
     def _window(self, k: int) -> tuple[slice, slice]:
         width, height = self._size
-        top, left = divmod(int(self._order[k % WINDOWS]), SPAN)
+        top, left = divmod(int(self._order[k % (SPAN * SPAN)]), SPAN)
         return np.s_[top : top + height, left : left + width]
-
-
-def _sheet(tile: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
-    """Return a tile repeated over the picture's size plus the span of the windows."""
-    rows, columns = height + SPAN, width + SPAN
-    repeated = np.tile(tile, (-(-rows // TILE), -(-columns // TILE), 1))
-    return np.ascontiguousarray(repeated[:rows, :columns])

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.messages import Track
-from zv.camera.synthetic import distances
-from zv.camera.synthetic.actors import make_actors
-from zv.camera.synthetic.backdrop import draw_room
+from zv.camera.synthetic.actors import Actor, Motion
+from zv.camera.synthetic.backdrop import WALL_FOOT, draw_room, floor_depth
 from zv.camera.synthetic.frame_code import draw_number, extent
 from zv.camera.synthetic.noise import SensorNoise
 from zv.camera.synthetic.sprite import Sprite, overlap
-from zv.camera.synthetic.trajectory import Motion
+
+NEAR_MM = 2000.0
+"""Distance of the floor at the lower edge of the picture; the wall is then at about 5.6 m."""
+BEFORE_WALL_MM = 300.0
+"""Distance from the wall of the kite, which has no floor under it."""
+MM_PER_LEVEL = 4.0
+"""Deviation of a depth for each grey level of noise; 2 grey levels make 8 mm."""
 
 Pixels = NDArray[np.uint8]
+Truth = tuple[Track, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Placed:
+class _Placed(NamedTuple):
     """An object in one frame: its sprite with the position of its top left corner."""
 
     id: int
@@ -59,7 +64,7 @@ class Scene:
         # Separate random streams, so that another object does not change room and noise.
         self._room = draw_room(width, height, (seed, 0))
         self._noise = SensorNoise(width, height, noise, (seed, 1))
-        self._actors = make_actors(width, height, seed, objects)
+        self._actors = [Actor(index, width, height, seed) for index in range(objects)]
 
     def background(self) -> Pixels:
         """Return the empty room without noise, (height, width, 3) uint8 BGR, a new array."""
@@ -67,7 +72,7 @@ class Scene:
 
     def frame(
         self, k: int, gain: float = 1.0, time_s: float | None = None, number: int | None = None
-    ) -> tuple[Pixels, tuple[Track, ...]]:
+    ) -> tuple[Pixels, Truth]:
         """Return frame k and its ground truth.
 
         Args:
@@ -85,15 +90,12 @@ class Scene:
         if gain != 1.0:
             cv2.convertScaleAbs(bgr, dst=bgr, alpha=gain)
         self._noise.add(k, bgr)
-        corner = (0, 0)
-        if number is not None:
-            draw_number(bgr, number)
-            corner = extent(bgr.shape[1], bgr.shape[0])
-        return bgr, self._truth(placed, corner)
+        if number is None:
+            return bgr, self._truth(placed)
+        draw_number(bgr, number)
+        return bgr, self._truth(placed, extent(bgr.shape[1], bgr.shape[0]))
 
-    def depth(
-        self, k: int, time_s: float | None = None
-    ) -> tuple[NDArray[np.uint16], tuple[Track, ...]]:
+    def depth(self, k: int, time_s: float | None = None) -> tuple[NDArray[np.uint16], Truth]:
         """Return the distances in frame k and its ground truth, as ``frame``.
 
         Returns:
@@ -101,43 +103,44 @@ class Scene:
         """
         placed = self._placed(k, time_s)
         height, width = self._room.shape[:2]
-        depth = distances.room_depth(width, height)
+        rows = [self._distance_mm(max(row, round(height * WALL_FOOT))) for row in range(height)]
+        depth = np.repeat(np.rint(rows)[:, None], width, axis=1)
         for one in placed:
-            millimetres = distances.object_depth(one.motion.ground_y, height)
-            distances.paste(depth, one.sprite, one.left, one.top, millimetres)
-        noise_mm = self._noise.signed(k) * np.float32(distances.MM_PER_LEVEL)
-        noisy = np.rint(depth + noise_mm).astype(np.uint16)
-        return noisy, self._truth(placed)
+            windows = overlap(depth.shape, one.sprite.mask.shape, one.left, one.top)
+            if windows is not None:
+                seen = one.sprite.mask[windows[1]] > 0
+                depth[windows[0]][seen] = round(self._distance_mm(one.motion.ground_y))
+        depth += self._noise.signed(k) * MM_PER_LEVEL
+        return np.rint(depth).astype(np.uint16), self._truth(placed)
 
     def render(self, k: int) -> Pixels:
         """Return frame k, (height, width, 3) uint8 BGR, a new array."""
         return self.frame(k)[0]
 
-    def truth(self, k: int) -> tuple[Track, ...]:
+    def truth(self, k: int) -> Truth:
         """Return the ground truth of frame k without drawing it."""
         return self._truth(self._placed(k))
 
+    def _distance_mm(self, row: float) -> float:
+        """Return how far away something is that stands on a row of the picture."""
+        height: int = self._room.shape[0]
+        foot = round(height * WALL_FOOT)
+        if row < foot:
+            return float(NEAR_MM * floor_depth(float(foot), height)) - BEFORE_WALL_MM
+        return float(NEAR_MM * floor_depth(row, height))
+
     def _placed(self, k: int, time_s: float | None = None) -> list[_Placed]:
         """Return the objects in frame k, farthest first."""
-        time_s = k / self._rate_hz if time_s is None else time_s
         placed = []
         for actor in self._actors:
-            motion = actor.itinerary.at(time_s)
+            motion = actor.at(k / self._rate_hz if time_s is None else time_s)
             if motion is None:
                 continue
             poses = actor.poses[motion.facing]
             sprite = poses[int(motion.cycle * len(poses))]
             height, width = sprite.mask.shape
-            placed.append(
-                _Placed(
-                    id=actor.id,
-                    sprite=sprite,
-                    left=_nearest(motion.x - width / 2),
-                    top=_nearest(motion.y - height),
-                    motion=motion,
-                    shadow=actor.shadow,
-                )
-            )
+            left, top = _nearest(motion.x - width / 2), _nearest(motion.y - height)
+            placed.append(_Placed(actor.id, sprite, left, top, motion, actor.shadow))
         # An object lower in the picture is nearer to the camera and hides the others.
         return sorted(placed, key=lambda one: (one.motion.ground_y, one.id))
 
@@ -153,36 +156,28 @@ class Scene:
             one.sprite.paste(bgr, one.left, one.top)
         return bgr
 
-    def _truth(self, placed: list[_Placed], corner: tuple[int, int] = (0, 0)) -> tuple[Track, ...]:
+    def _truth(self, placed: list[_Placed], corner: tuple[int, int] = (0, 0)) -> Truth:
         """Return the visible part of each object; a corner of this width and height is hidden."""
-        tracks = []
-        for index, one in enumerate(placed):
-            windows = overlap(self._room.shape, one.sprite.mask.shape, one.left, one.top)
+        tracks, hidden = [], np.zeros(self._room.shape[:2], np.uint8)
+        hidden[: corner[1], : corner[0]] = 255
+        for one in reversed(placed):  # nearest first
+            windows = overlap(hidden.shape, one.sprite.mask.shape, one.left, one.top)
             if windows is None:
                 continue
-            x0, y0 = windows[0][1].start, windows[0][0].start
-            seen = one.sprite.mask[windows[1]]
-            for nearer in placed[index + 1 :]:
-                common = overlap(
-                    seen.shape, nearer.sprite.mask.shape, nearer.left - x0, nearer.top - y0
-                )
-                if common is not None:
-                    seen = seen.copy()
-                    seen[common[0]] &= ~nearer.sprite.mask[common[1]]
-            if x0 < corner[0] and y0 < corner[1]:
-                seen = seen.copy()
-                seen[: corner[1] - y0, : corner[0] - x0] = 0
-            area = cv2.countNonZero(seen)
-            if not area:
+            there, here = windows
+            seen = one.sprite.mask[here] & ~hidden[there]
+            hidden[there] |= one.sprite.mask[here]
+            if not (area := cv2.countNonZero(seen)):
                 continue
             x, y, width, height = cv2.boundingRect(seen)
+            x, y = x + there[1].start, y + there[0].start
             tracks.append(
                 Track(
                     id=one.id,
                     state="confirmed",
-                    x=float(x0 + x + int(width / 2)),
-                    y=float(y0 + y + int(height / 2)),
-                    box=(x0 + x, y0 + y, width, height),
+                    x=float(x + int(width / 2)),
+                    y=float(y + int(height / 2)),
+                    box=(x, y, width, height),
                     area=float(area),
                     vx=one.motion.vx,
                     vy=one.motion.vy,

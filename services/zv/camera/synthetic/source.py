@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_vision.image.picture import PixelPicture
 from zenoh_vision.messages import Track
-from zv.camera.sources.base import Picture
+from zv.camera.sources.base import TimedPicture
 from zv.camera.synthetic.faults import Fault, fault_at
 from zv.camera.synthetic.scene import Scene
 
@@ -78,7 +79,7 @@ class SyntheticSource:
         """Return when the next picture is due; None once closed."""
         return self._time_s(self._k) if self._skip_to_picture() else None
 
-    def read(self) -> Picture | None:
+    def read(self) -> TimedPicture | None:
         """Return the next picture; None once closed."""
         if not self._skip_to_picture():
             return None
@@ -86,7 +87,7 @@ class SyntheticSource:
         pixels, truth = self._drawn(k)
         self._given += 1
         encoding = "16UC1" if self._conditions.depth else "bgr8"
-        return Picture(encoding, *self._size, pixels, due_s=self._time_s(k), truth=truth)
+        return TimedPicture(PixelPicture(pixels, encoding), due_s=self._time_s(k), truth=truth)
 
     def close(self) -> None:
         """End a stall and all reading; safe to call twice and from any thread."""
@@ -150,17 +151,15 @@ class SyntheticSource:
         if frozen is None:
             self._frozen = None
         elif self._frozen is not None and self._frozen[0] == frozen:
-            pixels, truth = self._frozen[1]
-            return pixels.copy(), truth  # so that a change of this picture does not reach the next
-        if self._conditions.depth:
-            pixels, truth = self._scene.depth(k, self._time_s(k))
-        else:
-            pixels, truth = self._coloured(k)
+            return self._frozen[1]
+        drawn = self._scene_at(k)
         if frozen is not None:
-            self._frozen = frozen, (pixels.copy(), truth)
-        return pixels, truth
+            self._frozen = frozen, drawn
+        return drawn
 
-    def _coloured(self, k: int) -> Drawn:
+    def _scene_at(self, k: int) -> Drawn:
+        if self._conditions.depth:
+            return self._scene.depth(k, self._time_s(k))
         brighter = fault_at(self._faults, k, ("lighting",)) is not None
         number = self._given if self._conditions.numbered else None
         gain = LIGHTING_GAIN if brighter else 1.0

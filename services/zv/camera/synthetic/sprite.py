@@ -1,4 +1,4 @@
-"""Draws, clips and pastes a small picture with a hard outline."""
+"""Draws small pictures with a hard outline, and pastes them into large ones."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Point = tuple[float, float]
 Window = tuple[slice, slice]
 
 FULL = 255
-SUBPIXEL_BITS = 4
-ARC_CORNERS = 73
+BITS = 4
+"""Fraction of the coordinates that OpenCV gets."""
 SHADOW_DEPTH = 0.40  # MOG2 detects 0 to 0.5 as a shadow, which the tracker leaves out
 
 
@@ -78,76 +78,56 @@ class Sketch:
         self._size = (max(2, round(width * height)), max(2, round(height)))
         fine = 4 if self._size[1] < 400 else 2
         self._scale = height * fine
-        columns, rows = self._size[0] * fine, self._size[1] * fine
-        self._paint = np.zeros((rows, columns, 3), np.uint8)
-        self._cover = np.zeros((rows, columns), np.uint8)
+        self._canvas = np.zeros((self._size[1] * fine, self._size[0] * fine, 4), np.uint8)
 
-    def polygon(self, corners: Sequence[Point] | NDArray[np.float64], color: Color) -> None:
+    def polygon(self, corners: Sequence[Point], color: Color) -> None:
         """Fill a polygon."""
-        fixed = np.rint(np.asarray(corners) * (self._scale * (1 << SUBPIXEL_BITS)))
-        points = [fixed.astype(np.int32)]
-        cv2.fillPoly(self._paint, points, color, cv2.LINE_8, SUBPIXEL_BITS)
-        cv2.fillPoly(self._cover, points, FULL, cv2.LINE_8, SUBPIXEL_BITS)
-
-    def disc(self, center: Point, radius: float, color: Color) -> None:
-        """Fill a circle."""
-        self.arc(center, (radius, radius), (0.0, 360.0), color)
-
-    def arc(self, center: Point, radii: Point, degrees: Point, color: Color) -> None:
-        """Fill a sector of an ellipse between two angles, clockwise from the right."""
-        turn = np.radians(np.linspace(degrees[0], degrees[1], ARC_CORNERS))
-        rim = np.column_stack((np.cos(turn), np.sin(turn))) * radii + center
-        whole = degrees[1] - degrees[0] >= 360
-        self.polygon(rim if whole else np.vstack((rim, center)), color)
+        cv2.fillPoly(self._canvas, [self._fixed(corners)], (*color, FULL), cv2.LINE_8, BITS)
 
     def limb(self, begin: Point, end: Point, thickness: float, color: Color) -> None:
-        """Draw a thick line with round ends."""
-        dx, dy = end[0] - begin[0], end[1] - begin[1]
-        length = max((dx * dx + dy * dy) ** 0.5, 1e-9)
-        sx, sy = -dy / length * thickness / 2, dx / length * thickness / 2
-        left = [(x + sx, y + sy) for x, y in (begin, end)]
-        right = [(x - sx, y - sy) for x, y in (end, begin)]
-        self.polygon(left + right, color)
-        self.disc(begin, thickness / 2, color)
-        self.disc(end, thickness / 2, color)
+        """Draw a thick line with round ends; a disc if both ends are the same."""
+        first, last = self._fixed((begin, end)).tolist()
+        pixels = max(1, round(thickness * self._scale))
+        cv2.line(self._canvas, first, last, (*color, FULL), pixels, cv2.LINE_8, BITS)
+
+    def sector(self, center: Point, radius: float, degrees: Point, color: Color) -> None:
+        """Fill a sector of a circle between two angles, clockwise from the right."""
+        middle, axes = self._fixed((center, (radius, radius))).tolist()
+        rgba = (*color, FULL)
+        cv2.ellipse(self._canvas, middle, axes, 0, *degrees, rgba, -1, cv2.LINE_8, BITS)
 
     def sprite(self, grain: NDArray[np.float32], facing: int = 1) -> Sprite:
-        """Return the drawing as a sprite.
+        """Return the drawing as a sprite of the pixels that it covers by half or more.
 
         Args:
             grain: Texture by which the colours are multiplied, float32 around 1, at least as
                 large as the sprite in both directions.
             facing: -1 for the mirror image. The light still comes from the left.
-
-        Returns:
-            A sprite of the pixels that the drawing covers by half or more. Those at its rim are
-            blended with the background.
         """
-        cover = cv2.resize(self._cover, self._size, interpolation=cv2.INTER_AREA)
-        paint = cv2.resize(self._paint, self._size, interpolation=cv2.INTER_AREA)
-        if facing < 0:
-            cover, paint = cv2.flip(cover, 1), cv2.flip(paint, 1)
-        width, height = self._size
+        drawn = cv2.resize(self._canvas, self._size, interpolation=cv2.INTER_AREA)
+        drawn = drawn if facing > 0 else cv2.flip(drawn, 1)
+        (width, height), cover = self._size, drawn[:, :, 3]
         light = np.linspace(1.10, 0.82, width, dtype=np.float32)[None, :]
-        shaded = paint * (grain[:height, :width] * light)[:, :, None]
+        shaded = drawn[:, :, :3] * (grain[:height, :width] * light)[:, :, None]
         inside = cover >= (FULL + 1) // 2
-        keep = np.where(inside, FULL - cover, FULL).astype(np.uint8)
         return Sprite(
             mask=np.where(inside, FULL, 0).astype(np.uint8),
-            paint=np.where(inside[:, :, None], np.clip(shaded, 0, 255), 0).astype(np.uint8),
-            keep=np.repeat(keep[:, :, None], 3, axis=2),
+            paint=np.where(inside[:, :, None], np.clip(shaded, 0, FULL), 0).astype(np.uint8),
+            keep=_three(np.where(inside, FULL - cover, FULL)),
         )
+
+    def _fixed(self, points: Sequence[Point]) -> NDArray[np.int32]:
+        return np.rint(np.asarray(points) * (self._scale * (1 << BITS))).astype(np.int32)
 
 
 def shadow(width: float, height: float) -> Sprite:
     """Return the soft shadow on the ground under an object; sizes in pixels."""
-    columns, rows = max(2, round(width)), max(2, round(height))
-    x = np.linspace(-1, 1, columns, dtype=np.float32)[None, :]
-    y = np.linspace(-1, 1, rows, dtype=np.float32)[:, None]
-    dark = np.clip(1.0 - (x * x + y * y), 0, 1) * SHADOW_DEPTH
-    keep = np.rint(FULL * (1.0 - dark)).astype(np.uint8)
-    return Sprite(
-        mask=np.zeros((rows, columns), np.uint8),
-        paint=np.zeros((rows, columns, 3), np.uint8),
-        keep=np.repeat(keep[:, :, None], 3, axis=2),
-    )
+    shape = max(2, round(height)), max(2, round(width))
+    y, x = (np.linspace(-1, 1, side, dtype=np.float32) for side in shape)
+    dark = np.clip(1.0 - (x * x + (y * y)[:, None]), 0, 1) * SHADOW_DEPTH
+    nothing = np.zeros((*shape, 3), np.uint8)
+    return Sprite(nothing[:, :, 0], nothing, _three(np.rint(FULL * (1.0 - dark))))
+
+
+def _three(plane: NDArray[np.generic]) -> NDArray[np.uint8]:
+    return np.repeat(plane.astype(np.uint8)[:, :, None], 3, axis=2)

@@ -19,7 +19,7 @@ GREY = jpeg_of(noise(48, 64))
 def test_a_sound_jpeg_is_handed_over_as_the_same_object():
     jpeg = whole_jpeg(COLOUR)
     assert jpeg is not None
-    assert jpeg.jpeg is COLOUR
+    assert jpeg.data is COLOUR
     assert (jpeg.width, jpeg.height, jpeg.encoding) == (64, 48, "bgr8")
 
 
@@ -37,7 +37,7 @@ def test_a_grey_jpeg_is_mono8():
 def test_what_surrounds_the_jpeg_is_trimmed(packet: bytes):
     jpeg = whole_jpeg(packet)
     assert jpeg is not None
-    assert jpeg.jpeg == COLOUR
+    assert jpeg.data == COLOUR
 
 
 @pytest.mark.parametrize("original", [COLOUR, GREY], ids=["colour", "grey"])
@@ -46,8 +46,8 @@ def test_missing_huffman_tables_are_put_in_so_that_it_decodes_to_the_same_pixels
     assert b"\xff\xc4" not in bare[: bare.find(b"\xff\xda")]
     jpeg = whole_jpeg(bare)
     assert jpeg is not None
-    assert jpeg.jpeg.count(STANDARD_HUFFMAN_TABLES) == 1
-    assert np.array_equal(decoded(jpeg.jpeg), decoded(original))
+    assert jpeg.data.count(STANDARD_HUFFMAN_TABLES) == 1
+    assert np.array_equal(decoded(jpeg.data), decoded(original))
 
 
 # ITU-T T.81 Annex K.3: number of codes of 1 to 16 bits, and their symbols.
@@ -82,7 +82,7 @@ def test_a_progressive_jpeg_passes():
     assert progressive != COLOUR
     jpeg = whole_jpeg(progressive)
     assert jpeg is not None
-    assert jpeg.jpeg is progressive
+    assert jpeg.data is progressive
 
 
 def test_a_packet_with_too_many_scans_is_refused():
@@ -135,4 +135,4 @@ def test_any_bytes_are_either_a_jpeg_or_refused(junk: bytes, start: int, end: in
             jpeg = whole_jpeg(packet)
         except DamagedJpeg:
             continue
-        assert jpeg is None or (jpeg.jpeg[:2], jpeg.jpeg[-2:]) == (b"\xff\xd8", b"\xff\xd9")
+        assert jpeg is None or (jpeg.data[:2], jpeg.data[-2:]) == (b"\xff\xd8", b"\xff\xd9")

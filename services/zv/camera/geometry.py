@@ -1,0 +1,161 @@
+"""How a frame shows what the source saw: rotated, mirrored, cut out. Arithmetic only.
+
+The coordinates of a frame are those of its pixels after these steps. What is drawn, measured or
+calibrated in the source's picture is brought there by the same ``Geometry``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.errors import ParameterRefused, PayloadError
+from zenoh_vision.image.picture import Picture
+from zenoh_vision.messages import Box, Track
+
+Size = tuple[int, int]
+"""Width and height, pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """The steps from a source's picture to a frame, in their order.
+
+    Attributes:
+        flip: ``none``, ``horizontal``, ``vertical`` or ``both``.
+        box: The rectangle that is published, in pixels of the turned picture; None for all of it.
+        rotate: 0, 90, 180 or 270 degrees clockwise, before it is flipped.
+    """
+
+    flip: str = "none"
+    box: Box | None = None
+    rotate: int = 0
+
+    @property
+    def sideways(self) -> bool:
+        """Whether left and right are exchanged."""
+        return self.flip in ("horizontal", "both")
+
+    @property
+    def upside_down(self) -> bool:
+        """Whether top and bottom are exchanged."""
+        return self.flip in ("vertical", "both")
+
+    def turned_size(self, size: Size) -> Size:
+        """Return the size of a source's picture after it is turned."""
+        return size if self.rotate % 180 == 0 else (size[1], size[0])
+
+    def check(self, size: Size) -> None:
+        """Check that the rectangle is within a source's pictures of a size.
+
+        Raises:
+            ParameterRefused: A part of it is outside.
+        """
+        (width, height), box = self.turned_size(size), self.box
+        if box is not None and (box[0] + box[2] > width or box[1] + box[3] > height):
+            raise ParameterRefused(
+                f"region = {','.join(map(str, box))} is not within the picture of {width}x{height}",
+                f"X + WIDTH at most {width}, Y + HEIGHT at most {height}",
+            )
+
+    def picture(self, picture: Picture, encoding: str) -> Picture:
+        """Return the picture of the frame, in an encoding; the source's own if nothing changes.
+
+        Raises:
+            PayloadError: ``region_outside``, ``corrupt``.
+        """
+        try:
+            self.check(picture.size)
+        except ParameterRefused as refused:  # since it was set, the source changed its size
+            raise PayloadError("region_outside", refused.error) from None
+        if self.box is not None:  # cut out first, so that less must be converted
+            picture = picture.cropped(self._of_source(self.box, picture.size))
+        return picture.turned(self.flip, encoding, self.rotate)
+
+    def tracks(self, tracks: Iterable[Track], size: Size) -> tuple[Track, ...]:
+        """Return what is seen in the frame of objects in a source's picture of a size.
+
+        If the edge of the rectangle cuts an object, its area is estimated by the share of its box
+        that is inside.
+        """
+        if self == Geometry():
+            return tuple(tracks)
+        found = (self._track(track, size) for track in tracks)
+        return tuple(track for track in found if track is not None)
+
+    def calibration(self, calibration: Calibration, size: Size) -> Calibration:
+        """Return the calibration of the frames.
+
+        Args:
+            calibration: Of the source's pictures, in any size.
+            size: That of the source's pictures.
+
+        Raises:
+            CalibrationFault: They have another ratio of width to height than the calibration.
+        """
+        seen = calibration.scaled(*size).rotated(self.rotate)
+        seen = seen.mirrored(sideways=self.sideways, upside_down=self.upside_down)
+        return seen if self.box is None else seen.cropped(*self.box)
+
+    def _flipped(self, box: Box, size: Size) -> Box:
+        """Return where a rectangle of a picture is in the flipped one; its own inverse."""
+        x, y, width, height = box
+        x = size[0] - x - width if self.sideways else x
+        y = size[1] - y - height if self.upside_down else y
+        return x, y, width, height
+
+    def _of_source(self, box: Box, size: Size) -> Box:
+        """Return where a rectangle of the turned picture is in the source's, which has a size."""
+        turned = self.turned_size(size)
+        return rotated(self._flipped(box, turned), turned, -self.rotate % 360)
+
+    def _track(self, track: Track, size: Size) -> Track | None:
+        turned = self.turned_size(size)
+        x, y, width, height = self._flipped(rotated(track.box, size, self.rotate), turned)
+        left, top, *limits = self.box or (0, 0, *turned)
+        vx, vy = TURNED_VELOCITY[self.rotate](track.vx, track.vy)
+        right, bottom = min(limits[0], x + width - left), min(limits[1], y + height - top)
+        left, top = max(0, x - left), max(0, y - top)
+        wide, high = right - left, bottom - top
+        if wide <= 0 or high <= 0:
+            return None
+        # The centre is rounded from the box's left and top, so it is not simply mirrored.
+        return track.model_copy(
+            update={
+                "box": (left, top, wide, high),
+                "x": float(left + int(wide / 2)),
+                "y": float(top + int(high / 2)),
+                "area": track.area * wide * high / (width * height),
+                "vx": -vx if self.sideways else vx,
+                "vy": -vy if self.upside_down else vy,
+            }
+        )
+
+
+TURNED_VELOCITY: Final[dict[int, Callable[[float, float], tuple[float, float]]]] = {
+    0: lambda vx, vy: (vx, vy),
+    90: lambda vx, vy: (-vy, vx),
+    180: lambda vx, vy: (-vx, -vy),
+    270: lambda vx, vy: (vy, -vx),
+}
+"""A velocity in the picture rotated clockwise, by the degrees; y points down."""
+
+
+def rotated(box: Box, size: Size, degrees: int) -> Box:
+    """Return where a rectangle of a picture is in the picture rotated clockwise.
+
+    Args:
+        box: The rectangle.
+        size: That of the picture.
+        degrees: 0, 90, 180 or 270.
+    """
+    (x, y, width, height), (across, down) = box, size
+    if degrees == 90:
+        return down - y - height, x, height, width
+    if degrees == 180:
+        return across - x - width, down - y - height, width, height
+    if degrees == 270:
+        return y, across - x - width, height, width
+    return box

@@ -1,0 +1,134 @@
+"""Reads a live stream with libav: true times of capture, and the newest picture first."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from av.container import InputContainer
+from av.packet import Packet
+from av.stream import Stream
+
+from zv.camera.sources.base import TimedPicture
+from zv.camera.sources.libav import Decoded, VideoDecoder, packet_time_s, video_stream
+from zv.camera.sources.packet_queue import Arrival, PacketQueue
+from zv.camera.sources.stream_clock import StreamClock, stamp_ns
+
+WITHOUT_TIMES: Final = frozenset({"h264", "hevc", "m4v", "mjpeg", "mpjpeg", "yuv4mpegpipe"})
+"""Formats whose times libav counts up at a rate that the stream may not have."""
+
+CLOSE_S: Final = 2.0
+
+
+class LiveStream:
+    """The pictures of an open container that has no end.
+
+    A thread receives the packets. Those that have waited for longer than ``max_lag_s`` are skipped
+    up to the newest key picture, undecoded.
+
+    Args:
+        container: Owned from now on; on an error it is left open.
+        timeout_s: Longest time to wait for a picture.
+        max_lag_s: Returns the longest time from the capture to the decoder; 0 for no limit.
+        number: Which of its videos, from 0.
+
+    Attributes:
+        clock: Maps the stream's times to this machine's clock.
+        has_times: Whether the stream has times of its own.
+        summary: Size and codec, for people.
+
+    Raises:
+        NoVideo: It has no video.
+    """
+
+    def __init__(
+        self,
+        container: InputContainer,
+        timeout_s: float,
+        max_lag_s: Callable[[], float],
+        number: int = 0,
+    ) -> None:
+        stream = video_stream(container, number)
+        self._index = stream.index
+        self._decoder = VideoDecoder(stream, low_delay=True)
+        self.summary = self._decoder.summary
+        self._timeout_s = timeout_s
+        self._max_lag_s = max_lag_s
+        self.clock = StreamClock()
+        self.has_times = container.format.name not in WITHOUT_TIMES
+        self._decoded: Iterator[Decoded] = iter(())
+        self._arrived_s = 0.0  # of the packet that was decoded last
+        self._skipped = 0
+        self._is_late = False
+        self._last_ns = 0
+        self._queue = PacketQueue(self._of_video(container), container.close, self._arrive)
+
+    def read(self) -> TimedPicture | None:
+        """Return the next picture, with the time of its capture; None at the end of the stream.
+
+        Raises:
+            FFmpegError: Receiving failed.
+            TimeoutError: No picture came within the time limit.
+        """
+        deadline_s = time.monotonic() + self._timeout_s
+        while (found := next(self._decoded, None)) is None:
+            arrival = self._queue.take(max(0.0, deadline_s - time.monotonic()))
+            if arrival is None:
+                return None
+            if not self._skips(arrival):
+                self._decoded = self._decoder.decode(arrival.packet)
+                self._arrived_s = arrival.arrived_s
+        self._skipped += self._queue.taken_overflow()
+        skipped, self._skipped = self._skipped, 0
+        age_s = time.monotonic() - self._captured_s(found.time_s, self._arrived_s)
+        self._last_ns = stamp_ns(age_s, time.time_ns(), self._last_ns)
+        return TimedPicture(found.picture, stamp_ns=self._last_ns, skipped=skipped)
+
+    def close(self) -> None:
+        """Close the stream; safe to call twice."""
+        self._decoded = iter(())
+        self._queue.close(self._timeout_s + CLOSE_S)
+
+    def _of_video(self, container: InputContainer) -> Iterator[Packet[Stream]]:
+        for packet in container.demux():
+            if packet.stream.index == self._index and packet.size:
+                yield packet
+
+    def _arrive(self, packet: Packet[Stream], arrived_s: float) -> None:
+        time_s = packet_time_s(packet)
+        if time_s is not None and self.has_times:
+            self.clock.arrive(time_s, arrived_s, _delay_s(packet))
+
+    def _captured_s(self, time_s: float | None, arrived_s: float) -> float:
+        """Return the monotonic time of a capture; without a time of its own, of the arrival."""
+        if time_s is None or not self.has_times:
+            return arrived_s
+        captured_s = self.clock.captured_s(time_s)
+        return arrived_s if captured_s is None else captured_s
+
+    def _skips(self, arrival: Arrival[Packet[Stream]]) -> bool:
+        """Skip to the newest key picture if a packet is too old; tell whether it was skipped."""
+        max_lag_s = self._max_lag_s()
+        captured_s = self._captured_s(packet_time_s(arrival.packet), arrival.arrived_s)
+        if not max_lag_s or time.monotonic() - captured_s <= max_lag_s:
+            self._is_late = False
+            return False
+        if not self._is_late:
+            self._queue.settle()
+        self._is_late = True
+        skipped = self._queue.skip_to_newest_key()
+        if skipped is None:
+            return False
+        self._skipped += 1 + skipped
+        self._decoder.forget()
+        return True
+
+
+def _delay_s(packet: Packet[Stream]) -> float | None:
+    """Return arrival minus capture by the camera's wall clock, of an RTCP sender report."""
+    if not packet.has_sidedata("prft"):
+        return None
+    captured_us: int = struct.unpack_from("=q", bytes(packet.get_sidedata("prft")))[0]
+    return time.time() - captured_us / 1e6
