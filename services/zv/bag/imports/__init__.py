@@ -1,0 +1,1 @@
+"""Makes records of what other programs wrote: videos, images, recordings of ROS."""

@@ -1,0 +1,106 @@
+"""A router and processes that only this program uses, to run services without those of a system."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from tempfile import TemporaryFile
+from typing import IO, Final, Self
+
+import zenoh
+
+from zenoh_vision.errors import ExpectationNotMet
+from zenoh_vision.transport.router import listening_endpoints
+from zenoh_vision.transport.session import close_session
+from zenoh_vision.transport.zenoh_config import listen_endpoints, router_config
+
+STOP_S: Final = 5.0
+KEPT_BYTES: Final = 4000
+"""Bytes of a log that an error shows."""
+
+
+@contextmanager
+def private_router() -> Iterator[tuple[zenoh.Session, str]]:
+    """Run a router in this process, on a free port of this machine; yield session and endpoint."""
+    config = router_config("tcp/127.0.0.1:0")
+    session = zenoh.open(config)
+    try:
+        yield session, listening_endpoints(session, listen_endpoints(config))[0]
+    finally:
+        close_session(session)
+
+
+def zv_command(*words: str) -> list[str]:
+    """Return a command of this program, for this interpreter."""
+    return [sys.executable, "-m", "zv", *words]
+
+
+@dataclass
+class Child:
+    """A process at a router, which ends with this program, whatever ends that.
+
+    Args:
+        command: The program and its flags; ``ZV_CONNECT`` and ``ZV_NAMESPACE`` are set for it.
+        endpoint: Of the router.
+        namespace: First chunk of the keys.
+    """
+
+    command: Sequence[str]
+    endpoint: str
+    namespace: str
+
+    def __enter__(self) -> Self:
+        """Start it, in a session of its own, so that Ctrl-C reaches it through us alone.
+
+        Raises:
+            ExpectationNotMet: There is no such program.
+        """
+        kept = {name: text for name, text in os.environ.items() if not name.startswith("ZV_")}
+        lifeline, self._ours = os.pipe()
+        given = {"ZV_CONNECT": self.endpoint, "ZV_NAMESPACE": self.namespace}
+        self._log: IO[bytes] = TemporaryFile()
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - what the user asked for
+                self.command,
+                env={**kept, **given, "ZV_LIFELINE": str(lifeline)},
+                stdin=subprocess.DEVNULL,
+                stdout=self._log,
+                stderr=self._log,
+                pass_fds=[lifeline],
+                start_new_session=True,
+            )
+        except OSError as error:
+            os.close(self._ours)
+            self._log.close()
+            raise ExpectationNotMet(f"{self.command[0]}: {error.strerror}") from None
+        finally:
+            os.close(lifeline)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End it as Ctrl-C does, by force if it must be."""
+        if self.status is None:
+            self._process.send_signal(signal.SIGINT)
+            try:
+                self._process.wait(STOP_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait(STOP_S)
+        os.close(self._ours)
+        self._log.close()
+
+    @property
+    def status(self) -> int | None:
+        """Its exit status; None while it runs."""
+        return self._process.poll()
+
+    def said(self) -> str:
+        """Return the end of what it has printed and logged."""
+        self._log.seek(0, os.SEEK_END)
+        self._log.seek(max(0, self._log.tell() - KEPT_BYTES))
+        return self._log.read().decode(errors="replace").strip()

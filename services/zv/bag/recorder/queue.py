@@ -1,0 +1,64 @@
+"""The queue between Zenoh's threads and the disk, limited in bytes."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import replace
+
+from zv.bag.record import Record
+
+RECORD_BYTES = 500
+"""Memory that a record takes besides payload and attachment."""
+
+
+def size_of(record: Record) -> int:
+    """Return the bytes of memory that a record takes."""
+    return RECORD_BYTES + len(record.payload) + len(record.attachment or b"")
+
+
+class RecordQueue:
+    """Records that wait, in the order of their arrival; what does not fit is handed back."""
+
+    def __init__(self, limit_bytes: int) -> None:
+        self._limit = limit_bytes
+        self._records: deque[Record] = deque()
+        self._lost: list[Record] = []
+        self._size = 0
+        self._last_ns = 0
+        self._ready = threading.Condition()
+
+    def put(self, record: Record) -> None:
+        """Add a record; does not wait. Its time of arrival is made later than that before it."""
+        size = size_of(record)
+        with self._ready:
+            if record.log_time_ns <= self._last_ns:  # of two threads, the second was first here
+                record = replace(record, log_time_ns=self._last_ns + 1)
+            self._last_ns = record.log_time_ns
+            if self._size + size > self._limit:
+                # Only what the account needs is kept.
+                self._lost.append(
+                    Record(
+                        record.key, b"", record.encoding, record.attachment, origin=record.origin
+                    )
+                )
+                return
+            self._records.append(record)
+            self._size += size
+            if len(self._records) == 1:
+                self._ready.notify()
+
+    def take(self, timeout_s: float) -> tuple[list[Record], list[Record]]:
+        """Return all records that wait, and those that did not fit; waits for the first."""
+        with self._ready:
+            if not self._records:
+                self._ready.wait(timeout_s)
+            records, lost = list(self._records), self._lost
+            self._records.clear()
+            self._lost = []
+        return records, lost
+
+    def done(self, records: list[Record]) -> None:
+        """Free the room of records that were taken."""
+        with self._ready:
+            self._size -= sum(map(size_of, records))

@@ -1,0 +1,170 @@
+"""Completes a recording that was not closed: in its place, or as a copy of what is readable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
+
+from zv.bag.chunks import (
+    RECORD_HEAD,
+    UNREADABLE,
+    ChunkFile,
+    ChunkPlace,
+    message_of,
+    records_in,
+    stream_of,
+)
+from zv.bag.record import RecordingError
+from zv.bag.recorder.files import add_account
+from zv.bag.recording import Recording
+from zv.bag.report import rest_account
+from zv.bag.schemas import CHANNEL_KIND
+from zv.bag.schemas import Schema as OurSchema
+from zv.bag.writer import PARTIAL, Writer
+
+Progress = Callable[[int, int], None]
+"""Called with the bytes that are done, and those of the whole file."""
+
+KILLED: Final = "the recorder was killed; this account was made by `zv bag repair`"
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """What a repair did.
+
+    Attributes:
+        path: The complete file.
+        messages: How many it has.
+        lost_bytes: Bytes of the original that were not readable.
+        in_place: No copy was made.
+    """
+
+    path: Path
+    messages: int
+    lost_bytes: int
+    in_place: bool
+
+
+def repair(
+    path: Path, output: Path | None = None, progress: Progress = lambda *_: None
+) -> Repaired | None:
+    """Complete a recording; None if it is complete.
+
+    Args:
+        path: The file; one that ends in ``.partial`` gets its name without that.
+        output: Write a copy instead; needed if the file is damaged, and not only cut off.
+        progress: Called from time to time.
+
+    Raises:
+        RecordingError: It cannot be read or written, or ``output`` is needed.
+    """
+    with Recording(path) as recording:
+        if recording.is_closed and not recording.problems and output is None:
+            return None
+        account = rest_account(recording, list(recording.accounts()), notes=[KILLED])
+        if output is not None:
+            return _copied(recording, output, account, progress)
+        problems = [each for each in recording.problems if not each.startswith("the last ")]
+        if problems or recording.is_closed:
+            raise RecordingError(
+                f"{path} is damaged, and not only cut off ({problems[0] if problems else ''}): "
+                "give -o FILE, into which what is readable is copied"
+            )
+        chunks, metadata = list(recording.chunks), recording.metadata_places
+        readable, profile, size = recording.readable_bytes, recording.profile, recording.size
+    name = path.name.removesuffix(PARTIAL)
+    writer = Writer.resumed(path, path.with_name(name))
+    if writer.size != size:
+        writer.abandon()
+        raise RecordingError(f"{path} was written to while it was read; repair it again")
+    end = chunks[-1].offset + chunks[-1].length if chunks else readable
+    file = ChunkFile(path)
+    try:
+        for chunk in chunks:
+            place = chunk.offset, chunk.length
+            writer.adopt(place, *_contents(file, chunk), _index_after(file, chunk, chunks))
+            progress(chunk.offset, size)
+        for at in metadata:
+            length = RECORD_HEAD.size + file.head(at)[1]
+            writer.adopt_metadata(at, length, file.record(at, Metadata.read).name)
+            end = max(end, at + length)
+        writer.cut(end)
+        writer.index_last()
+        if account["keys"]:
+            add_account(writer, account, profile)
+        closed = writer.close({"how": "repaired: the recorder was killed"})
+    except (OSError, *UNREADABLE) as error:
+        raise RecordingError(f"cannot repair {path}: {error}") from None
+    finally:
+        file.close()
+        writer.abandon()
+    return Repaired(closed, writer.messages, size - end, in_place=True)
+
+
+def _contents(file: ChunkFile, chunk: ChunkPlace) -> tuple[list[Schema], list[Channel], list[Any]]:
+    """Return schemas, channels, and (channel, log time, offset) of the messages of a chunk."""
+    schemas, channels, messages = [], [], []
+    contents = file.contents(chunk)
+    place = 0
+    for opcode, record in records_in(contents):
+        if opcode == Opcode.SCHEMA:
+            schemas.append(Schema.read(stream_of(record)))
+        elif opcode == Opcode.CHANNEL:
+            channels.append(Channel.read(stream_of(record)))
+        elif opcode == Opcode.MESSAGE:
+            message = message_of(record)
+            messages.append((message.channel, message.log_ns, place))
+        place += RECORD_HEAD.size + len(record)
+    return schemas, channels, messages
+
+
+def _index_after(
+    file: ChunkFile, chunk: ChunkPlace, chunks: list[ChunkPlace]
+) -> dict[int, int] | None:
+    """Return where the message indexes of a chunk are, by channel; None for the last chunk."""
+    if chunk is chunks[-1]:
+        return None
+    found: dict[int, int] = {}
+    place = chunk.offset + chunk.length
+    while True:
+        opcode, length = file.head(place)
+        if opcode != Opcode.MESSAGE_INDEX:
+            return found
+        found[int.from_bytes(file.read(place + RECORD_HEAD.size, 2), "little")] = place
+        place += RECORD_HEAD.size + length
+
+
+def _copied(
+    recording: Recording, output: Path, account: dict[str, Any], progress: Progress
+) -> Repaired:
+    about = {**recording.about, "repaired_from": str(Path(recording.path).name)}
+    writer = Writer(output, about, profile=recording.profile)
+    try:
+        for count, (channel, schema, message) in enumerate(recording.messages()):
+            kind = channel.metadata.get(CHANNEL_KIND, "")
+            writer.add_message(
+                channel.topic,
+                OurSchema(
+                    schema.name, kind, channel.message_encoding, schema.encoding, schema.data
+                ),
+                (bytes(message.data),),
+                message.log_ns,
+                message.publish_ns,
+                message.sequence,
+                channel.metadata,
+            )
+            if count % 1000 == 0:
+                progress(writer.size, recording.size)
+        if account["keys"]:
+            add_account(writer, account, recording.profile)
+        path = writer.close({"how": "repaired"})
+    except BaseException:
+        writer.discard()
+        raise
+    lost = recording.size - sum(each.length for each in recording.chunks)
+    return Repaired(path, writer.messages, max(0, lost), in_place=False)

@@ -1,0 +1,1 @@
+"""Records, plays and verifies recordings."""

@@ -1,0 +1,83 @@
+"""Finds the answers of a node to each frame in a recording, without holding all of it."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+
+from zenoh_vision.node.lockstep import FrameId
+from zv.bag.record import Record
+
+HORIZON_NS = 5 * 10**9
+"""A node answers a frame within this time of the recording."""
+
+LATE_NS = 2 * 10**9
+"""What comes later than this after the first answer is about the silence that followed the frame:
+that it ended tracks, for example. It does not follow from the frames."""
+
+MOST_WAITING_BYTES = 256 << 20
+
+
+@dataclass(slots=True)
+class AnsweredFrame:
+    """A frame, and what a node said of it.
+
+    Attributes:
+        others: Records that stand before it, since the frame before.
+    """
+
+    frame: Record
+    others: list[Record] = field(default_factory=list)
+    answers: list[Record] = field(default_factory=list)
+
+
+def frame_id(record: Record) -> FrameId | None:
+    """Return the identity of the frame to which a record belongs; None without a header."""
+    header = record.header
+    camera, epoch, seq = header.get("camera"), header.get("epoch"), header.get("seq")
+    if isinstance(camera, str) and type(epoch) is int and type(seq) is int:
+        return camera, epoch, seq
+    return None
+
+
+def answered_frames(
+    records: Iterable[Record],
+    is_frame: Callable[[Record], bool],
+    is_answer: Callable[[Record], bool],
+) -> Iterator[AnsweredFrame]:
+    """Yield each frame that has an identity, in their order, with its answers.
+
+    Args:
+        records: In the order of their arrival.
+        is_frame: Which of them are frames.
+        is_answer: Which are what the node said; one without a frame is left out.
+    """
+    waiting: OrderedDict[FrameId, AnsweredFrame] = OrderedDict()
+    others: list[Record] = []
+    size = 0
+    for record in records:
+        found = frame_id(record)
+        if found is not None and is_answer(record):
+            answers = waiting[found].answers if found in waiting else None
+            if answers is not None and (
+                not answers or record.log_time_ns - answers[0].log_time_ns < LATE_NS
+            ):
+                answers.append(record)
+                size += len(record.payload)
+        elif found is not None and is_frame(record):
+            if found not in waiting:  # else it was recorded in two forms
+                waiting[found] = AnsweredFrame(record, others)
+                others = []
+                size += len(record.payload)
+        else:
+            others.append(record)
+        while waiting:
+            oldest = next(iter(waiting.values()))
+            age_ns = record.log_time_ns - oldest.frame.log_time_ns
+            if age_ns <= HORIZON_NS and size <= MOST_WAITING_BYTES:
+                break
+            waiting.popitem(last=False)
+            size -= len(oldest.frame.payload) + sum(len(each.payload) for each in oldest.answers)
+            yield oldest
+    yield from waiting.values()

@@ -1,0 +1,451 @@
+"""``zv bag verify``: runs a service on recorded frames, and compares what it says of each."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import zenoh
+
+from zenoh_vision import keys
+from zenoh_vision.config.constraints import toml_line
+from zenoh_vision.config.settings import Settings, load_settings, local_path, read_config
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
+from zenoh_vision.host.signals import StopSignals
+from zenoh_vision.transport.connection import Connection
+from zv.bag.comparison import MISSING, Difference, Tolerances, first_difference, values_of
+from zv.bag.private_system import zv_command
+from zv.bag.record import Record
+from zv.bag.recording import Recording
+from zv.registry import SERVICES, command_of, model_of
+from zv.tools.bag.answered import AnsweredFrame, answered_frames, frame_id
+from zv.tools.bag.difference_picture import drawn
+from zv.tools.bag.recorded_node import RecordedNode, recorded_node
+from zv.tools.bag.service_run import ServiceRun, has_whole_header, marked
+from zv.tools.bag.tape import LATCHED, is_frame_key
+from zv.tools.bag.updated import Updated
+from zv.tools.bag.verify_options import VerifyOptions, assigned
+from zv.tools.shared.output import Output
+
+EARLIER_NS: Final = 10**9
+"""A node that was started longer before the recording knows what the recording does not have."""
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was done: frames sent and left out, messages compared, and the time it took."""
+
+    frames: int = 0
+    unanswered: int = 0
+    messages: int = 0
+    recorded_ns: int = 0
+    begun_s: float = 0.0
+    took_s: float = 0.0
+
+    @property
+    def speed(self) -> float:
+        """Recorded seconds in a second."""
+        return self.recorded_ns / 1e9 / self.took_s if self.took_s else 0.0
+
+
+def run(options: VerifyOptions, _connection: Connection, output: Output) -> None:
+    """Verify a node, or write a recording with its results of now.
+
+    Needs no router: the service and its own one run for this alone.
+
+    Raises:
+        ConfigurationError: Settings or flags are wrong.
+        ExpectationNotMet: A result differs, or the service does not answer.
+        RecordingError: The file cannot be read or written.
+    """
+    stopping = False
+
+    def stop() -> None:
+        nonlocal stopping
+        stopping = True
+
+    signals = StopSignals(stop)
+    signals.catch()
+    try:
+        with Recording(options.file) as recording:
+            is_new = options.update is not None
+            node = recorded_node(recording, options.node, may_be_new=is_new)
+            Verification(recording, node, options, output, lambda: stopping).run()
+    finally:
+        signals.release()
+
+
+class Verification:
+    """One run of a node over a recording.
+
+    Args:
+        recording: Open.
+        node: Of the recording.
+        options: Of the command.
+        output: For results and remarks.
+        stopping: Whether to give up.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        node: RecordedNode,
+        options: VerifyOptions,
+        output: Output,
+        stopping: Callable[[], bool],
+    ) -> None:
+        self._recording = recording
+        self._node = node
+        self._options = options
+        self._output = output
+        self._stopping = stopping
+        self._tally = Tally()
+        self._tolerances = tolerances(options)
+        self._revision = 0
+
+    def run(self) -> None:
+        """Send the frames, compare the answers or write them."""
+        node, options = self._node, self._options
+        first = self._first()
+        self._revision = revision_of(first.answers)
+        self._remark(first)
+        answers = sorted(self._answer_keys()) if options.update is None else ()
+        with ExitStack() as opening:
+            command = opening.enter_context(self._command())
+            service = opening.enter_context(
+                ServiceRun(
+                    command,
+                    node.name,
+                    node.namespace,
+                    node.cameras,
+                    self._stopping,
+                    answers=answers,
+                    answer_s=options.answer,
+                )
+            )
+            if options.update is not None:
+                self._update(service, Path(options.update))
+            else:
+                self._verify(service)
+
+    def _frames(self) -> Iterator[AnsweredFrame]:
+        """Yield the frames of the node's cameras, each with its recorded answers."""
+        return answered_frames(self._recording.records(), self._is_frame, self._is_answer)
+
+    def _is_frame(self, record: Record) -> bool:
+        return (
+            is_frame_key(record.key)
+            and record.key.startswith(f"{self._node.namespace}/")
+            and keys.camera_of(record.key) in self._node.cameras
+            and not record.deleted
+        )
+
+    def _is_answer(self, record: Record) -> bool:
+        return (
+            record.header.get("node") == self._node.name
+            and record.origin == "stream"
+            and not record.key.startswith("@")
+        )
+
+    def _first(self) -> AnsweredFrame:
+        """Return the first frame that is sent.
+
+        Raises:
+            ExpectationNotMet: There is none.
+        """
+        everything = self._options.all_frames or self._options.update is not None
+        for each in self._frames():
+            if each.answers or everything:
+                return each
+        raise ExpectationNotMet(
+            f"{self._recording.path} has no results of {self._node.name} for the frames of "
+            f"{', '.join(self._node.cameras)}; --update FILE.mcap writes a recording that has them"
+        )
+
+    def _answer_keys(self) -> set[str]:
+        """Return the keys of the node's recorded answers, of the whole recording."""
+        found: set[str] = set()
+        recorded = self._recording.keys()
+        for key in recorded:
+            if key.startswith(f"{self._node.namespace}/") and not is_frame_key(key):
+                record = next(iter(self._recording.records(keys=(key,))), None)
+                if record is not None and record.header.get("node") == self._node.name:
+                    found.add(key)
+        return found
+
+    def _remark(self, first: AnsweredFrame) -> None:
+        """Say what makes equal results unlikely."""
+        node = self._node
+        started_ns = node.started_ns
+        before_s = (first.frame.log_time_ns - started_ns) / 1e9
+        if self._options.update is None and started_ns and before_s * 1e9 > EARLIER_NS:
+            self._output.note(
+                f"{node.name} had run for {before_s:.0f} s before its first recorded frame; what "
+                "it had learned is not in the recording, so its results may differ. --update "
+                "writes a recording of a run from the start"
+            )
+        if node.routes - {"jpeg"} and first.frame.encoding == keys.JPEG:
+            self._output.note(
+                f"{node.name} took its frames as pixels, and the recording has JPEGs made from "
+                'them, so its results may differ; transport = "jpeg" makes it take what is recorded'
+            )
+
+    # The service
+
+    @contextmanager
+    def _command(self) -> Iterator[list[str]]:
+        """Yield the command of the service, with its settings."""
+        node, options = self._node, self._options
+        if options.command is not None:
+            if options.config or options.set_:
+                raise ConfigurationError("--command: give settings as flags of the command itself")
+            yield shlex.split(options.command)
+            return
+        if node.service not in SERVICES:
+            built_in = ", ".join(name for name in SERVICES if SERVICES[name].consumes)
+            raise ConfigurationError(
+                f"{node.name} is of the service {node.service}, which is none of {built_in}; "
+                "--command starts it"
+            )
+        with TemporaryDirectory(prefix="zv-verify-") as folder:
+            file = Path(folder) / f"{node.service}.toml"
+            file.write_text(self._settings())
+            camera = ",".join(node.cameras)
+            flags = ("--camera", camera, "--config", str(file))
+            yield zv_command(command_of(node.service), *flags)
+
+    def _settings(self) -> str:
+        """Return the settings of the service as TOML: recorded, or given."""
+        model, options = model_of(self._node.service), self._options
+        values: dict[str, Any] = {}
+        folder = Path()
+        if options.config is not None:
+            values, folder = read_config(options.config)[0], Path(options.config).parent
+        else:
+            recorded = self._node.settings(self._revision)
+            values = {name: value for name, value in recorded.items() if name in model.model_fields}
+            if unknown := sorted(set(recorded) - set(values)):
+                self._output.note(f"this version has no {', '.join(unknown)}, which was recorded")
+            if values.get("transport") == "shm":
+                values["transport"] = "auto"  # the frames come over the network here
+        given = dict(map(assigned, options.set_))
+        typed = load_settings(model, flags=given, config=options.config)
+        values = _absolute(model, values, folder)
+        values |= _absolute(model, {name: getattr(typed, name) for name in given}, Path())
+        return "\n".join(toml_line(name, value) for name, value in values.items())
+
+    def _prepare(self, service: ServiceRun, each: AnsweredFrame) -> None:
+        """Send what belongs to a frame and comes before it; follow changes of parameters."""
+        for record in each.others:
+            if self._concerns(record):
+                service.send(record)
+        revision = revision_of(each.answers)
+        if revision > self._revision and self._options.config is None:
+            given = dict(map(assigned, self._options.set_))
+            changes = {
+                name: value
+                for number in sorted(self._node.changes)
+                if self._revision < number <= revision
+                for name, value in self._node.changes[number].items()
+                if name not in given
+            }
+            if changes:
+                service.set(changes)
+        self._revision = max(revision, self._revision)
+
+    def _concerns(self, record: Record) -> bool:
+        """Tell whether a record that is no frame is input of the node."""
+        if record.key.startswith("@") or record.deleted:
+            return False
+        if keys.suffix_of(record.key) in LATCHED:
+            return keys.camera_of(record.key) in self._node.cameras
+        if is_frame_key(record.key):
+            return False
+        key = zenoh.KeyExpr(record.key)
+        return any(zenoh.KeyExpr(each).intersects(key) for each in self._node.subscribes)
+
+    # Comparing
+
+    def _verify(self, service: ServiceRun) -> None:
+        tally = self._tally
+        tally.begun_s = time.monotonic()
+        begun_ns = time.time_ns()
+        first_ns = last_ns = 0
+        sent: AnsweredFrame | None = None
+        for each in self._frames():
+            if not each.answers:
+                tally.unanswered += 1
+                if not self._options.all_frames:
+                    continue
+            self._check_header(each.frame)
+            self._prepare(service, each)
+            expected = Counter(one.key for one in each.answers)
+            found = service.answers_to(marked(each.frame, begun_ns), expected or None)
+            self._check_going_on()
+            self._check_unexpected(service, each)
+            if each.answers:
+                self._check_same(each, found)
+            sent = each
+            tally.frames += 1
+            tally.messages += len(found)
+            first_ns = first_ns or each.frame.log_time_ns
+            last_ns = each.frame.log_time_ns
+            tally.recorded_ns = last_ns - first_ns
+        tally.took_s = time.monotonic() - tally.begun_s
+        service.wait_for_late_ones()
+        if sent is not None:
+            self._check_unexpected(service, sent)
+        self._report()
+
+    def _report(self) -> None:
+        tally, name = self._tally, self._node.name
+        left = f"; {tally.unanswered} frames without a recorded result were left out"
+        left = left if tally.unanswered and not self._options.all_frames else ""
+        self._output.result(
+            {
+                "node": name,
+                "same": True,
+                "frames": tally.frames,
+                "messages": tally.messages,
+                "left_out": tally.unanswered,
+                "speed": round(tally.speed, 2),
+            },
+            f"{name}: {tally.frames} frames, {tally.messages} messages as recorded; "
+            f"{tally.speed:.1f} times real time{left}",
+        )
+
+    def _check_same(self, each: AnsweredFrame, found: list[Record]) -> None:
+        difference = first_difference(each.answers, found, self._tolerances)
+        if difference is not None:
+            self._fail(each, found, difference)
+
+    def _check_unexpected(self, service: ServiceRun, each: AnsweredFrame) -> None:
+        """Fail if a message came after all that were recorded of its frame."""
+        for record in service.unexpected:
+            if frame_id(record) is not None and not self._options.all_frames:
+                self._fail(each, [record], Difference(record.key, "", MISSING, values_of(record)))
+        service.unexpected.clear()
+
+    def _fail(self, each: AnsweredFrame, found: list[Record], difference: Difference) -> None:
+        """Write the picture, and say what differs.
+
+        Raises:
+            ExpectationNotMet: Always.
+        """
+        options, frame = self._options, each.frame.header
+        if found:
+            frame = found[0].header
+        stem = Path(options.file).stem
+        path = Path(options.picture or f"{stem}.difference.png")
+        try:
+            path.write_bytes(drawn(each.frame, each.answers, found, difference))
+        except OSError as error:
+            raise SourceError(f"{path}: cannot be written: {error.strerror or error}") from None
+        at_s = (each.frame.log_time_ns - self._recording.start_ns) / 1e9
+        if self._output.as_json:
+            self._output.record(
+                {
+                    "node": self._node.name,
+                    "same": False,
+                    "frames": self._tally.frames,
+                    "frame": {name: frame.get(name) for name in ("camera", "epoch", "seq")},
+                    "at_s": round(at_s, 3),
+                    "key": difference.key,
+                    "field": difference.field,
+                    "recorded": difference.recorded,
+                    "now": difference.now,
+                    "tolerance": difference.tolerance,
+                    "picture": str(path),
+                }
+            )
+        raise ExpectationNotMet(
+            f"{self._node.name} differs at frame {frame.get('seq')} of {frame.get('camera')}, "
+            f"{at_s:.2f} s into the recording, after {self._tally.frames} frames as recorded: "
+            f"{difference.text()}; picture: {path}"
+        )
+
+    def _check_header(self, frame: Record) -> None:
+        if not has_whole_header(frame):
+            raise ExpectationNotMet(f"a frame on {frame.key} was recorded with a broken header")
+
+    def _check_going_on(self) -> None:
+        if self._stopping():
+            raise ExpectationNotMet(f"told to stop after {self._tally.frames} frames")
+
+    # Writing
+
+    def _update(self, service: ServiceRun, path: Path) -> None:
+        """Write the recording with the answers of now instead of the recorded ones."""
+        tally = self._tally
+        begun_ns = time.time_ns()
+        tally.begun_s = time.monotonic()
+        with Updated(path, self._recording, self._is_answer) as updated:
+            updated.describe(self._node, service.about, service.parameters())
+            before: tuple[Record, list[Record]] | None = None
+            for each in self._frames():
+                self._check_header(each.frame)
+                self._prepare(service, each)
+                found = service.answers_to(marked(each.frame, begun_ns))
+                self._check_going_on()
+                if not found:
+                    seq = each.frame.header.get("seq")
+                    self._output.note(f"{self._node.name} has not answered frame {seq}")
+                if before is not None:
+                    updated.add(*_completed(*before, service))
+                before = each.frame, found
+                tally.frames += 1
+            service.wait_for_late_ones()
+            if before is not None:
+                updated.add(*_completed(*before, service))
+        tally.took_s = time.monotonic() - tally.begun_s
+        self._output.result(
+            {
+                "node": self._node.name,
+                "frames": tally.frames,
+                "messages": updated.answers,
+                "file": str(path),
+            },
+            f"{path}: {tally.frames} frames, {updated.answers} messages of {self._node.name}",
+        )
+
+
+def _absolute(model: type[Settings], values: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return settings with paths that a file in any folder may have; theirs are of ``folder``."""
+    return {
+        name: str((folder / value).absolute()) if local_path(model, name, value) else value
+        for name, value in values.items()
+    }
+
+
+def _completed(
+    frame: Record, found: list[Record], service: ServiceRun
+) -> tuple[Record, list[Record]]:
+    """Return a frame with all its answers: the service has answered the next one meanwhile."""
+    late = [each for each in service.unexpected if frame_id(each) == frame_id(frame)]
+    service.unexpected.clear()
+    return frame, [*found, *late]
+
+
+def revision_of(answers: list[Record]) -> int:
+    """Return the revision of the parameters with which answers were made; 0 if unknown."""
+    return max((each.number("revision") or 0 for each in answers), default=0)
+
+
+def tolerances(options: VerifyOptions) -> Tolerances:
+    """Return the tolerances that the flags give."""
+    general = None
+    by_field: dict[str, float] = {}
+    for text in options.tolerance:
+        name, _, value = text.rpartition("=")
+        if name:
+            by_field[name] = float(value)
+        else:
+            general = float(value)
+    return Tolerances(general, by_field, frozenset(options.ignore))

@@ -1,0 +1,91 @@
+"""Records as a recorder gets them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgpack
+
+from zv.bag.record import Record, ZenohTime
+from zv.bag.recorder.files import Files
+from zv.bag.recorder.plan import Plan
+from zv.bag.samples import LogClock
+from zv.bag.writer import Writer
+
+START_NS = 1_700_000_000_000_000_000
+FRAME_NS = 33_333_333
+
+
+def header(seq: int, camera: str = "front", epoch: int = START_NS, **more: object) -> bytes:
+    """Return a header's bytes."""
+    fields = {
+        "camera": camera,
+        "epoch": epoch,
+        "seq": seq,
+        "stamp_ns": START_NS + seq * FRAME_NS,
+        "width": 4,
+        "height": 2,
+        "encoding": "bgr8",
+        "node": f"camera_{camera}",
+        "revision": 0,
+    }
+    return bytes(msgpack.packb({**fields, **more}))
+
+
+def frame(seq: int, camera: str = "front", size: int = 1000) -> Record:
+    """Return a frame of a camera; the payload only claims to be a JPEG."""
+    return Record(
+        key=f"vision/{camera}/image/compressed",
+        payload=b"\xff\xd8" + bytes([seq % 251]) * (size - 4) + b"\xff\xd9",
+        encoding="image/jpeg",
+        attachment=header(seq, camera),
+        timestamp=ZenohTime((1_700_000_000 << 32) + seq, "52cc5f86"),
+        log_time_ns=START_NS + seq * FRAME_NS + 2_000_000,
+    )
+
+
+def message(seq: int, name: str = "centroid", schema: str = "vision.Centroid.v1") -> Record:
+    """Return a message of a tracker."""
+    fields = {"x": None, "y": None, "box": None, "area": None}
+    attachment = header(seq, node="tracker_front")
+    return Record(
+        key=f"vision/front/{name}",
+        payload=bytes(msgpack.packb({**fields, "header": msgpack.unpackb(attachment)})),
+        encoding=f"application/msgpack;{schema}",
+        attachment=attachment,
+        log_time_ns=START_NS + seq * FRAME_NS + 9_000_000,
+        priority=2,
+    )
+
+
+def arrived(record: Record, clock: LogClock) -> Record:
+    """Return a record that arrived now."""
+    return replace(record, log_time_ns=clock.now_ns())
+
+
+def written(path: Path, records: list[Record], chunk_bytes: int = 5000) -> Path:
+    """Write a recording."""
+    writer = Writer(path, {"namespace": "vision"}, chunk_bytes=chunk_bytes)
+    for record in records:
+        writer.add(record)
+    return writer.close()
+
+
+def recorded(path: Path, frames: int, size: int = 1000, account_at: int | None = None) -> bytes:
+    """Return a recording of many chunks, and of frames and messages by turns, as a recorder writes.
+
+    With ``account_at`` it has an account more, after this frame.
+    """
+    clock = LogClock()
+    state = [message(0, "camera_info", "vision.CameraInfo.v1")]
+    files = Files(Plan(path), {"namespace": "vision"}, lambda: state, clock)
+    files.open()
+    for seq in range(frames):
+        files.add(arrived(frame(seq, size=size), clock))
+        files.add(arrived(message(seq), clock))
+        files.tick()
+        if seq == account_at:
+            files._write_account()
+    files.stop()
+    return path.read_bytes()
