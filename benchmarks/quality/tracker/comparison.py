@@ -67,7 +67,6 @@ def compare(
         detections = [
             Detection(box, min(1.0, area / max(box[2] * box[3], 1)))
             for box, area in robust.detections
-            if area >= robust.parameters.min_area
         ]
         confirmed = {track.id: _box(track) for track in tracks if track.state == "confirmed"}
         chosen = robust.centroid

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from benchmarks.quality.tracker.sequence import Box
 
 MATCH_IOU = 0.5
+MOSTLY = 0.5
+"""Share of a box in an ignored one from which on the box is not false."""
+
 METRICS = ("mota", "idf1", "num_switches", "num_misses", "num_false_positives", "num_objects")
 
 
@@ -35,13 +38,23 @@ def overlaps(one: Sequence[Box], other: Sequence[Box]) -> NDArray[np.float64]:
 def without_ignored(
     found: Mapping[int, Box], truth: Sequence[Box], ignored: Sequence[Box]
 ) -> dict[int, Box]:
-    """Return the found boxes except those whose best match is an ignored box."""
+    """Return the found boxes except those that lie mostly in an ignored one and fit no true one."""
     kept = {}
     for identity, box in found.items():
-        to_ignored = overlaps([box], ignored).max(initial=0.0)
-        if to_ignored < MATCH_IOU or to_ignored <= overlaps([box], truth).max(initial=0.0):
+        fits = overlaps([box], truth).max(initial=0.0) >= MATCH_IOU
+        if fits or _covered(box, ignored) < MOSTLY:
             kept[identity] = box
     return kept
+
+
+def _covered(box: Box, others: Sequence[Box]) -> float:
+    """Return the largest share of a box that lies in one of the others."""
+    x, y, width, height = box
+    shares = [
+        max(0.0, min(x + width, a + c) - max(x, a)) * max(0.0, min(y + height, b + d) - max(y, b))
+        for a, b, c, d in others
+    ]
+    return max(shares, default=0.0) / max(width * height, 1e-9)
 
 
 @dataclass
@@ -58,6 +71,17 @@ class Score:
     fit: float
     """Share of the frames with objects in which the centroid's box has an IoU of 0.5 with one."""
     frames: int
+
+    @property
+    def recall(self) -> float:
+        """Share of the true boxes that were found."""
+        return 100 * (1 - self.misses / max(1, self.boxes))
+
+    @property
+    def precision(self) -> float:
+        """Share of the found boxes that are true."""
+        right = self.boxes - self.misses
+        return 100 * right / max(1, right + self.false_boxes)
 
 
 @dataclass

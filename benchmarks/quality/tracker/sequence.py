@@ -42,12 +42,12 @@ Shots = Callable[[], Iterator[Shot]]
 """A sequence that can be iterated several times; it is drawn or decoded each time."""
 
 
-def read_mot(path: Path) -> dict[int, dict[int, Box]]:
+def read_mot(path: Path, *, ignored: bool = False) -> dict[int, dict[int, Box]]:
     """Read a ground truth in MOT format: ``frame,id,left,top,width,height,flag,...``.
 
     Returns:
         Boxes by index of the picture and id. Frames count from 1 in the file, pictures from 0.
-        Rows whose flag is 0 are left out, as the format wants.
+        Rows whose flag is 0 are left out, as the format wants; ``ignored`` returns these alone.
 
     Raises:
         ValueError: Naming file and line, if a row is not of this form or occurs twice.
@@ -61,7 +61,7 @@ def read_mot(path: Path) -> dict[int, dict[int, Box]]:
             x, y, width, height = box
         except ValueError:
             raise ValueError(f"{path}, line {number}: not a row in MOT format: {line}") from None
-        if not flag:
+        if bool(flag) == ignored:
             continue
         boxes = found.setdefault(int(frame) - 1, {})
         if int(identity) in boxes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,6 +18,9 @@ from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 from zenoh_vision.topics import topic_named
 from zenoh_vision.transport.query import Query, Replies, send
 from zenoh_vision.transport.session import direct
+
+REPLY_S: Final = 0.25
+"""How long the first frame of an epoch waits for the reply to the query for a calibration."""
 
 MAX_WAITING: Final = 16
 """Calibrations that wait for the next frame; when there are more, the oldest are dropped."""
@@ -58,18 +62,15 @@ class CameraPlane:
         self._is_answered = False  # whether the calibration's publisher answers queries
         self._query = 0  # number of the newest query
         self._published_since = False  # whether a calibration was published since that query
-        self._epoch: int | None = None
+        self._run: tuple[int, int] | None = None
+        self._replied = threading.Event()
         self._view: PlaneView | None = None
         self._made_for: tuple[Calibration | None, int, int] | None = None
-        self._subscription = node.link.declare(
+        node.link.declare(
             lambda session: session.declare_subscriber(
                 self._key, direct(lambda sample: self._arrived.append(_Arrival(sample)))
             )
         )
-
-    def close(self) -> None:
-        """End the subscription."""
-        self._subscription.undeclare()
 
     def view(self, header: Header) -> PlaneView | None:
         """Return the mapping from a frame's pixels to the plane; None without a calibrated plane.
@@ -79,9 +80,13 @@ class CameraPlane:
         """
         while self._arrived:
             self._process(self._arrived.popleft())
-        if header.epoch != self._epoch:
-            self._epoch = header.epoch
+        if header.run != self._run:
+            self._run = header.run
             self._send_query()
+            # Otherwise it would depend on the network with which frame the calibration begins.
+            self._replied.wait(REPLY_S)
+            while self._arrived:
+                self._process(self._arrived.popleft())
         calibration = self._calibration
         made_for = (calibration, header.width, header.height)
         if self._made_for != made_for:
@@ -92,12 +97,14 @@ class CameraPlane:
     def _send_query(self) -> None:
         self._query += 1
         self._published_since = False
-        number = self._query
+        number, replied = self._query, threading.Event()
+        self._replied = replied
 
         def done(replies: Replies) -> None:
             samples = [reply.ok for reply in replies if reply.ok is not None]
             if samples or not replies.timed_out:
                 self._arrived.append(_Arrival(samples[-1] if samples else None, number))
+            replied.set()
 
         with suppress(zenoh.ZError):  # the session is being closed or replaced
             send(self._node.link.session, Query(self._key), done)

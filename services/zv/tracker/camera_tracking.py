@@ -4,28 +4,40 @@ from __future__ import annotations
 
 import logging
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision import Centroid, Frame, Node
-from zenoh_vision.messages import Header, Tracks
+from zenoh_vision.messages import Header, Level, Tracks
 from zenoh_vision.messages import Track as TrackMessage
 from zv.tracker import shapes
 from zv.tracker.camera_world import CameraWorld
+from zv.tracker.detector.class_names import Wanted
+from zv.tracker.detector.model import Detection
+from zv.tracker.detector.options import classes_of
 from zv.tracker.drawing import Trails, draw_tracks
 from zv.tracker.event_publisher import EventPublisher, tracks_end
 from zv.tracker.foreground.foreground import ForegroundParameters
+from zv.tracker.foreground.view import Shown
+from zv.tracker.pipelines.base import enlarged, working_scale
+from zv.tracker.pipelines.detector import DetectorParameters, DetectorTracker
 from zv.tracker.pipelines.largest import LargestObject, LargestObjectParameters, MovingObject, draw
-from zv.tracker.pipelines.robust import RobustParameters, RobustTracker, enlarged, working_scale
+from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
+from zv.tracker.scene_report import SceneReport
 from zv.tracker.settings import TrackerSettings
 from zv.tracker.tracking.track import Track
 from zv.tracker.tracking.tracker import TrackingParameters
 
 log = logging.getLogger(__name__)
+
+EXPIRES_S: Final = 3.0
+"""All tracks end when a camera has been silent for ``keep_lost`` and this time."""
 
 Pixels = NDArray[np.uint8]
 
@@ -49,12 +61,17 @@ class CameraTracking:
         self._reset = settings.reset
         self._stream: tuple[object, ...] = ()
         self._header: Header | None = None
+        self._frame_s = 0.0
         self._next_id = 1
         self._largest = LargestObject(largest_parameters(settings))
         self._robust = RobustTracker(robust_parameters(settings))
+        self._detector = DetectorTracker(detector_parameters(settings))
         self._trails = Trails()
         self._events = EventPublisher(node, settings)
         self._world = CameraWorld(node, camera)
+        self._report = SceneReport()
+        self._reported = ""
+        self._shown: Shown = "scene"
 
     def process(self, frame: Frame, picture: Pixels) -> None:
         """Track the objects in a frame and publish the results.
@@ -64,17 +81,50 @@ class CameraTracking:
             picture: Its pixels, as returned by ``decoded``.
         """
         settings: TrackerSettings = frame.revision.settings
+        self._frame_s = time.monotonic()
         self._apply(frame, settings)
         if settings.pipeline == "tutorial":
             self._largest_object(frame, picture, settings)
         else:
-            self._all_objects(frame, picture, settings)
+            size = frame.header.width, frame.header.height
+            self._robust.update(picture, frame.header.stamp_ns, size)
+            self._all_objects(frame, self._robust, settings)
+
+    def begin(self, frame: Frame, picture: Pixels | None) -> bool:
+        """Begin a frame of the pipeline ``detector``, and return whether the model should see it.
+
+        Args:
+            frame: The next frame of the camera; one that was begun and not finished is given up.
+            picture: Its pixels, as returned by ``decoded``; None if that needs none.
+        """
+        self._frame_s = time.monotonic()
+        self._apply(frame, frame.revision.settings)
+        header = frame.header
+        size = header.width, header.height
+        return self._detector.begin(header.stamp_ns, header.seq, size, picture)
+
+    def finish(self, frame: Frame, found: Sequence[Detection] | None) -> None:
+        """Finish the frame that was begun: publish its results.
+
+        Args:
+            frame: That frame.
+            found: What the model found in it; None if it did not see it.
+        """
+        self._detector.finish(found)
+        self._all_objects(frame, self._detector, frame.revision.settings)
+
+    def take_late(self, frame: Frame, found: Sequence[Detection]) -> bool:
+        """Use what the model found in an earlier frame, and return whether it was of use."""
+        header = self._header
+        if header is None or tracks_end(frame.header, header):
+            return False
+        return self._detector.late(found, frame.header.stamp_ns)
 
     def _apply(self, frame: Frame, settings: TrackerSettings) -> None:
         """Apply the settings of a frame; reset the tracking if the frame does not continue it."""
         header, before = frame.header, self._header
         self._header = header
-        if before is None or header.epoch != before.epoch:
+        if before is None or header.run != before.run:
             self._next_id = 1
         restarts = before is None or tracks_end(before, header)
         stream = (
@@ -86,12 +136,15 @@ class CameraTracking:
             self._stream = stream
             self._largest = LargestObject(largest_parameters(settings))
             self._robust = RobustTracker(robust_parameters(settings), self._next_id)
+            self._detector = DetectorTracker(detector_parameters(settings), self._next_id)
             self._trails = Trails()
         elif settings is not self._settings:
             self._largest.adjust(largest_parameters(settings))
             self._robust.adjust(robust_parameters(settings))
+            self._detector.adjust(detector_parameters(settings))
             if settings.reset != self._reset:
                 self._robust.reset()
+                self._detector.reset()
         self._reset = settings.reset
         self._settings = settings
 
@@ -102,42 +155,84 @@ class CameraTracking:
         node.publish("centroid", centroid_of(node, frame, found))
         self._publish_tracks(frame, (), settings)
         drawn = partial(draw, bgr, found)
-        node.publish_picture("tracked/compressed", frame, drawn, quality=settings.quality)
-        node.publish_picture("mask/compressed", frame, mask, encoding="mono8", bilevel=True)
+        node.publish_picture("tracked/compressed", drawn, frame=frame, quality=settings.quality)
+        node.publish_picture("mask/compressed", mask, frame=frame, bilevel=True)
 
-    def _all_objects(self, frame: Frame, picture: Pixels, settings: TrackerSettings) -> None:
-        node, robust = self._node, self._robust
+    def _all_objects(
+        self, frame: Frame, pipeline: RobustTracker | DetectorTracker, settings: TrackerSettings
+    ) -> None:
+        """Publish what a pipeline with ids found in a frame."""
+        node, tracks = self._node, pipeline.tracks
         size = frame.header.width, frame.header.height
-        tracks = robust.update(picture, frame.header.stamp_ns, size)
-        self._next_id = robust.next_id
+        self._next_id = pipeline.next_id
         self._trails.update(tracks, frame.header.stamp_ns)
-        if robust.scene_changed:
-            node.counters.note("scene_changes")
-            log.warning(
-                "%s: the light or the view of the whole scene changed; the background follows it",
-                frame.header.camera,
-            )
-        main = robust.centroid
+        self._report_scene(frame.header, pipeline.shown)
+        main = pipeline.centroid
         found = None if main is None else MovingObject(main.box, main.area)
         node.publish("centroid", centroid_of(node, frame, found))
         self._publish_tracks(frame, tracks, settings)
         trails = self._trails.lines()
         node.publish_picture(
             "tracked/compressed",
-            frame,
             lambda: draw_tracks(frame.bgr, tracks, trails),
+            frame=frame,
             quality=settings.quality,
         )
+        if not pipeline.has_background:
+            return
         node.publish_picture(
             "mask/compressed",
-            frame,
-            partial(enlarged, robust.mask, size),
-            encoding="mono8",
+            partial(enlarged, pipeline.mask, size),
+            frame=frame,
             bilevel=True,
         )
         node.publish_picture(
-            "background/compressed", frame, robust.background, quality=settings.quality
+            "background/compressed", pipeline.background, frame=frame, quality=settings.quality
         )
+
+    def expire(self, now_s: float) -> bool:
+        """End all tracks if no frame has come for ``EXPIRES_S`` more than they are kept.
+
+        Those of a replay do not end, since it may be paused.
+
+        Their events and one more message of tracks, without any, say so.
+
+        Args:
+            now_s: The time by ``time.monotonic``: the camera's clock may be another one.
+
+        Returns:
+            Whether tracks, stays in zones and their counts have ended.
+        """
+        settings, header = self._settings, self._header
+        has_tracks = self._robust.tracks or self._detector.tracks
+        if settings is None or header is None or not has_tracks:
+            return False
+        if header.replay is not None:
+            return False  # it may be paused for any time, and its results must not depend on that
+        if now_s - self._frame_s < settings.keep_lost + EXPIRES_S:
+            return False
+        self._robust.end_tracks()
+        self._detector.end_tracks()
+        self._trails = Trails()
+        ended = self._events.end()
+        if ended is not None:
+            header, (zones, lines) = ended
+            self._node.publish("tracks", Tracks(header=header, tracks=(), zones=zones, lines=lines))
+        return True
+
+    def _report_scene(self, header: Header, shown: Shown) -> None:
+        """Report what the pictures make impossible in the node's health, when that changes."""
+        if shown != "scene" and shown != self._shown:
+            self._node.counters.note("scene_changes")
+        self._shown = shown
+        found = self._report.update(header.stamp_ns, shown)
+        if found != self._reported:
+            self._reported = found
+            words = f"{header.camera}: {found}" if found else ""
+            if found:
+                log.warning("%s", words)
+            condition = f"scene of {header.camera}"
+            self._node.report(condition, Level.WARN if found else Level.OK, words)
 
     def _publish_tracks(
         self, frame: Frame, tracks: Sequence[Track], settings: TrackerSettings
@@ -177,7 +272,6 @@ def largest_parameters(settings: TrackerSettings) -> LargestObjectParameters:
 def robust_parameters(settings: TrackerSettings) -> RobustParameters:
     """Return the parameters of the pipeline ``robust`` from the settings."""
     foreground = ForegroundParameters(
-        subtractor=settings.subtractor,
         var_threshold=settings.var_threshold,
         detect_shadows=settings.detect_shadows,
         learning_s=settings.learning_time,
@@ -191,6 +285,19 @@ def robust_parameters(settings: TrackerSettings) -> RobustParameters:
         min_area=settings.min_area,
         max_area=settings.max_area or math.inf,
         convex=settings.convex,
+    )
+
+
+def detector_parameters(settings: TrackerSettings) -> DetectorParameters:
+    """Return the parameters of the pipeline ``detector`` from the settings."""
+    return DetectorParameters(
+        wanted=Wanted(settings.least_score, classes_of(settings.classes)),
+        every=settings.every,
+        on_motion=settings.on_motion,
+        keep_lost_s=settings.keep_lost,
+        foreground=robust_parameters(settings).foreground,
+        min_area=settings.min_area,
+        at_foot=settings.anchor == "foot",
     )
 
 
@@ -217,4 +324,6 @@ def track_message(track: Track, world: tuple[float, float] | None = None) -> Tra
         age_s=track.age_s,
         missing_s=track.missing_s,
         world=world,
+        class_name=track.class_name,
+        score=track.score,
     )

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zv.tracker.tracking.box_association import ScoredBox
 from zv.tracker.tracking.track import Track
 
 TRAIL_S = 3.0
@@ -17,6 +18,8 @@ LOST_COLOR = (160, 160, 160)
 HUE_STEP = 111.25
 """Step between the hues of successive ids, modulo 180 as in OpenCV; by the golden ratio, the
 colours of any few successive ids differ clearly."""
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 Point = tuple[int, int]
 
@@ -67,9 +70,43 @@ def draw_tracks(
         cv2.rectangle(picture, (x, y), (x + width - 1, y + height - 1), color, thickness)
         cv2.circle(picture, (round(track.x), round(track.y)), 3, color, -1)
         place = (x, y - 5 if y > 20 else y + height + 15)
+        words = str(track.id)
+        if track.class_name is not None:
+            words += f" {printable_ascii(track.class_name)} {100 * (track.score or 0):.0f}%"
         for ink, width in (((0, 0, 0), 5), (color, 2)):  # legible on any background
-            cv2.putText(picture, str(track.id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, ink, width)
+            cv2.putText(picture, words, place, FONT, 0.6, ink, width)
     return picture
+
+
+def draw_boxes(bgr: NDArray[np.uint8], boxes: Sequence[ScoredBox]) -> NDArray[np.uint8]:
+    """Return a copy of a picture with boxes, their classes and scores; each class has a colour.
+
+    Args:
+        bgr: (height, width, 3) uint8; not modified.
+        boxes: In pixels of the picture, the surest first; they are drawn last.
+    """
+    picture = bgr.copy()
+    names = sorted({each.name for each in boxes})
+    scale = max(1.0, max(bgr.shape[:2]) / 1000)
+    for each in reversed(boxes):
+        color = color_of(1 + names.index(each.name))
+        left, top, right, bottom = (round(edge) for edge in each.region[:4])
+        thickness = round(2 * scale)
+        cv2.rectangle(picture, (left, top), (right - 1, bottom - 1), color, thickness)
+        words = f"{printable_ascii(each.name)} {each.score:.2f}"
+        (width, height), below = cv2.getTextSize(words, FONT, 0.6 * scale, thickness)
+        height += below
+        foot = top if top >= height else top + height  # inside at the border of the picture
+        corners = (left, foot - height), (left + width, foot)
+        cv2.rectangle(picture, *corners, color, cv2.FILLED)
+        at = left, foot - below // 2
+        cv2.putText(picture, words, at, FONT, 0.6 * scale, (0, 0, 0), thickness // 2)
+    return picture
+
+
+def printable_ascii(text: str) -> str:
+    """Return a text with ``?`` for what OpenCV's font does not have."""
+    return text.encode("ascii", "replace").decode()
 
 
 def color_of(number: int) -> tuple[int, int, int]:

@@ -24,6 +24,9 @@ SET_BACK_NS: Final = 1_000_000_000
 CALIBRATION_WAIT_NS: Final = 2_000_000_000
 """Time within which a calibration that was published earlier is queried and received."""
 
+Class = tuple[str | None, float | None]
+"""Name of a class, and the score with which a model found it."""
+
 Counted = tuple[dict[str, ZoneCount] | None, dict[str, LineCount] | None]
 
 
@@ -42,6 +45,7 @@ class EventPublisher:
         self._header: Header | None = None
         self._warned = False
         self._without_plane_ns: int | None = None
+        self._classes: dict[int, Class] = {}  # of the tracks that have not ended, by their id
 
     def update(
         self,
@@ -71,12 +75,28 @@ class EventPublisher:
             self._without_plane_ns = None
         self._header = self._node.header(frame)
         self._warn_without_plane(plane, frame.header.stamp_ns)
+        now: dict[int, Class] = {
+            each.id: (each.class_name, each.score) for each in tracks if each.class_name
+        }
+        self._classes |= now
         self._publish(self._header, self._events.update(tracks, frame.header.stamp_ns, plane))
+        self._classes = now
         return self._counts()
+
+    def end(self) -> tuple[Header, Counted] | None:
+        """Publish the ends of all tracks and stays: the camera has sent nothing for long.
+
+        Returns:
+            The header of the last frame, and the counts after it; None if there was no frame.
+        """
+        if self._header is None:
+            return None
+        self._publish(self._header, self._events.end())
+        return self._header, self._counts()
 
     def _publish(self, header: Header, events: Iterable[Event]) -> None:
         for event in events:
-            self._node.publish(EVENTS, message_of(event, header))
+            self._node.publish(EVENTS, message_of(event, header, self._classes.get(event.id)))
 
     def _counts(self) -> Counted:
         counts = self._events.counts
@@ -111,10 +131,10 @@ class EventPublisher:
 def tracks_end(before: Header, now: Header) -> bool:
     """Return whether all tracks end between two successive frames.
 
-    They end with their epoch, since ids start again, and when the camera's clock is set back, since
+    They end with their run, since ids start again, and when the camera's clock is set back, since
     times before and after cannot be compared. For a smaller step back, no time has passed.
     """
-    return now.epoch != before.epoch or now.stamp_ns < before.stamp_ns - SET_BACK_NS
+    return now.run != before.run or now.stamp_ns < before.stamp_ns - SET_BACK_NS
 
 
 def rules_of(settings: TrackerSettings) -> EventRules:
@@ -124,9 +144,16 @@ def rules_of(settings: TrackerSettings) -> EventRules:
     )
 
 
-def message_of(event: Event, header: Header) -> TrackEvent:
-    """Return the message of an event; the header is that of the frame in which it was found."""
+def message_of(event: Event, header: Header, class_: Class | None = None) -> TrackEvent:
+    """Return the message of an event.
+
+    Args:
+        event: The event.
+        header: That of the frame in which it was found.
+        class_: What a model says of the object.
+    """
     x, y = event.at.pixel
+    name, score = class_ or (None, None)
     return TrackEvent(
         header=header,
         event=event.kind,
@@ -140,4 +167,6 @@ def message_of(event: Event, header: Header) -> TrackEvent:
         inside=event.inside,
         dwell_s=event.dwell_s,
         world=event.at.world,
+        class_name=name,
+        score=score,
     )

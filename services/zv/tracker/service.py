@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import logging
+import time
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,11 +14,20 @@ from zenoh_vision.config.settings import ALL_CAMERAS
 from zenoh_vision.host.allocator import keep_freed_memory
 from zv.registry import published_by
 from zv.tracker.camera_tracking import CameraTracking, decoded
+from zv.tracker.detector.class_names import Wanted, check_known
+from zv.tracker.detector.model import Model
+from zv.tracker.detector.options import classes_of
+from zv.tracker.detector_loop import DetectorLoop, options_of
 from zv.tracker.settings import TrackerSettings
+
+log = logging.getLogger(__name__)
 
 MAX_CAMERAS = 64
 """Largest number of cameras tracked with ``*``; the frames of further ones count as processed and
 as ``cameras_left_out``."""
+
+EXPIRE_EVERY_S: Final = 1.0
+"""Interval in which the tracks of cameras that are silent are looked for."""
 
 
 def run(settings: TrackerSettings, connection: Connection) -> None:
@@ -22,8 +35,13 @@ def run(settings: TrackerSettings, connection: Connection) -> None:
 
     Each camera has its own state. Only its newest frame waits, and the cameras are served in turn,
     so a fast, slow or silent camera does not delay the others.
+
+    Raises:
+        UnusableModel: The model cannot be run.
+        ConfigurationError: A setting does not fit the model.
     """
     keep_freed_memory()
+    model = None if settings.model is None else loaded_model(settings)
     names = settings.cameras
     with Node(
         "tracker",
@@ -36,28 +54,78 @@ def run(settings: TrackerSettings, connection: Connection) -> None:
 
         def decode(frame: Frame) -> NDArray[np.uint8]:
             nonlocal picture
-            assert node.parameters is not None
-            picture = decoded(frame, node.parameters.active.settings)
+            picture = decoded(frame, frame.revision.settings)
             return picture
 
         inputs = [
             node.frames(
                 "image/compressed",
                 camera=name,
-                want=decode,
+                want=decode if model is None else _nothing,
                 max_pixels=settings.max_pixels,
                 transport=None if name == ALL_CAMERAS else settings.transport,
             )
             for name in names or (ALL_CAMERAS,)
         ]
-        tracked: dict[str, CameraTracking] = {}
-        for frame in node.receive(*inputs):
-            camera = frame.header.camera
-            if camera not in tracked:
-                if len(tracked) >= MAX_CAMERAS:
-                    node.counters.note("cameras_left_out")
-                    continue
-                if camera not in node.cameras:
-                    node.add_camera(camera, published_by("tracker"))
-                tracked[camera] = CameraTracking(node, camera, settings)
-            tracked[camera].process(frame, picture)
+        cameras = TrackedCameras(node, settings)
+        if model is not None:
+            DetectorLoop(node, model, cameras.tracking_of).run(inputs)
+            return
+        for frame in node.receive(*inputs, every_s=EXPIRE_EVERY_S):
+            if frame is None:
+                cameras.expire()
+                continue
+            tracking = cameras.tracking_of(frame.header.camera)
+            if tracking is not None:
+                tracking.process(frame, picture)
+
+
+class TrackedCameras:
+    """The state of each camera that has sent a frame.
+
+    Args:
+        node: The tracker, open.
+        settings: The initial settings.
+    """
+
+    def __init__(self, node: Node, settings: TrackerSettings) -> None:
+        self._node = node
+        self._settings = settings
+        self._tracked: dict[str, CameraTracking] = {}
+
+    def tracking_of(self, camera: str) -> CameraTracking | None:
+        """Return the state of a camera; None if there are ``MAX_CAMERAS`` already."""
+        if camera not in self._tracked:
+            if len(self._tracked) >= MAX_CAMERAS:
+                self._node.counters.note("cameras_left_out")
+                return None
+            if camera not in self._node.cameras:
+                self._node.add_camera(camera, published_by("tracker"))
+            self._tracked[camera] = CameraTracking(self._node, camera, self._settings)
+        return self._tracked[camera]
+
+    def expire(self) -> None:
+        """End the tracks of cameras that have fallen silent."""
+        for each in self._tracked.values():
+            each.expire(time.monotonic())
+
+
+def _nothing(_: Frame) -> None:
+    """Decode nothing: it depends on the model whether pixels are needed, and in which size."""
+
+
+def loaded_model(settings: TrackerSettings) -> Model:
+    """Load the model of the settings.
+
+    Raises:
+        UnusableModel: It cannot be run.
+        ConfigurationError: A setting does not fit it.
+    """
+    model = Model(options_of(settings))
+    if settings.pipeline != "detector":
+        log.warning(
+            "the model is loaded but not used: pipeline = %s; allowed too: detector",
+            settings.pipeline,
+        )
+    check_known(Wanted(settings.least_score, classes_of(settings.classes)), model.names)
+    return model

@@ -4,16 +4,40 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from zenoh_vision.config.constraints import Form
-from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
-from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
+from zenoh_vision.config.consumer_options import (
+    DepthMax,
+    DepthMin,
+    FrameTransport,
+    MaxAge,
+    check_depth_range,
+)
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
-from zenoh_vision.config.settings import CameraNames, FromText, ServiceSettings, cameras_of
+from zenoh_vision.config.roles import Role
+from zenoh_vision.config.settings import (
+    CameraNames,
+    FromText,
+    LocalPath,
+    ServiceSettings,
+    cameras_of,
+)
 from zenoh_vision.keys import DEFAULT_CAMERA
 from zv.tracker import shapes
+from zv.tracker.detector.options import (
+    CLASSES_FORM,
+    MAX_THREADS,
+    Colours,
+    Device,
+    Fit,
+    LayoutName,
+    RuntimeName,
+    Values,
+    classes_of,
+    size_of,
+)
 
 
 def _polygons(text: str) -> str:
@@ -31,6 +55,24 @@ def _lines(text: str) -> str:
     return text
 
 
+def _joined(value: object) -> object:
+    """Return a list of texts as one text: in TOML, classes may be a list."""
+    if isinstance(value, list) and all(isinstance(each, str) for each in value):
+        return ", ".join(value)
+    return value
+
+
+def _classes(text: str) -> str:
+    classes_of(text)
+    return text
+
+
+def _size(text: str | None) -> str | None:
+    if text is not None:
+        size_of(text)
+    return text
+
+
 class TrackerSettings(ServiceSettings):
     """Options of ``zv tracker``; those of ``tutorial`` have the tutorial's values as defaults."""
 
@@ -42,21 +84,129 @@ class TrackerSettings(ServiceSettings):
     ] = DEFAULT_CAMERA
 
     pipeline: Annotated[
-        Literal["robust", "tutorial"],
+        Literal["robust", "tutorial", "detector"],
         Field(
             description="robust: all moving objects, with ids; tutorial: MOG2, closing, median, "
-            "threshold, largest contour, without ids"
+            "threshold, largest contour, without ids; detector: the objects that a model finds, "
+            "with ids and classes"
         ),
         Live(),
+        Role("pipeline"),
     ] = "robust"
-    subtractor: Annotated[
-        Literal["mog2", "knn"],
+    model: Annotated[
+        Annotated[str, Field(min_length=1)] | None,
+        LocalPath(),
+        Field(description="detector: the ONNX file of a detector"),
+    ] = None
+    class_names: Annotated[
+        Annotated[str, Field(min_length=1)] | None,
+        LocalPath(),
         Field(
-            description="robust: background model. mog2: mixture of Gaussians; knn: nearest "
-            "neighbours"
+            description="detector: file with the names of the model's classes, one a line, that of "
+            "class 0 first; not set: those in the model"
         ),
-        Live(effect="a change learns the background anew"),
-    ] = "mog2"
+    ] = None
+    classes: Annotated[
+        str,
+        BeforeValidator(_joined),
+        Field(
+            max_length=8000,
+            description="detector: classes to keep, each with a least score of its own if wanted; "
+            "empty: all",
+        ),
+        AfterValidator(_classes),
+        Form(CLASSES_FORM),
+        Live(),
+    ] = ""
+    least_score: Annotated[
+        float,
+        Field(
+            ge=0.01,
+            le=1,
+            description="detector: score from which on a box begins a track; down to 0.1 it may "
+            "continue one",
+        ),
+        Live(),
+    ] = 0.5
+    suppression: Annotated[
+        float,
+        Field(
+            ge=0.05,
+            le=1,
+            description="detector: share of their union from which on two boxes of a class are one "
+            "object",
+        ),
+        Live(),
+    ] = 0.6
+    every: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=10_000,
+            description="detector: the model sees every so manieth frame, which is published when "
+            "it has; background subtraction follows the objects between. 0: it sees a frame "
+            "whenever it is free, and each frame is published at once",
+        ),
+        Live("frames"),
+    ] = 1
+    on_motion: Annotated[
+        bool,
+        Field(description="detector: the model sees frames only while something moves"),
+        Live(),
+    ] = False
+    layout: Annotated[
+        Literal["auto", LayoutName],
+        Field(
+            description="detector: what the model's outputs mean; auto: recognised by names and "
+            "shapes"
+        ),
+    ] = "auto"
+    input_size: Annotated[
+        str | None,
+        Field(description="detector: size of the model's input, if the file does not fix it"),
+        AfterValidator(_size),
+        Form("width and height such as 640x480"),
+    ] = None
+    fit: Annotated[
+        Literal["auto", Fit],
+        Field(
+            description="detector: how a frame is placed in the input. centre: with equal margins; "
+            "corner: with margins at the right and below; stretch: without; auto: by the layout"
+        ),
+    ] = "auto"
+    colours: Annotated[
+        Literal["auto", Colours],
+        Field(description="detector: order of the input's channels; auto: by the layout"),
+    ] = "auto"
+    values: Annotated[
+        Literal["auto", Values],
+        Field(
+            description="detector: range of the input's numbers. signed: -1 to 1; imagenet: less "
+            "its mean, by its deviation; auto: by the layout"
+        ),
+    ] = "auto"
+    runtime: Annotated[
+        RuntimeName,
+        Field(
+            description="detector: what runs the model; auto: onnxruntime if it is installed, else "
+            "opencv"
+        ),
+    ] = "auto"
+    device: Annotated[
+        Device,
+        Field(
+            description="detector: where it runs; auto: the first of cuda, openvino, coreml, cpu"
+        ),
+    ] = "auto"
+    model_threads: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=256,
+            description="detector: threads of the model on the CPU; 0: one per processor, at most "
+            f"{MAX_THREADS}",
+        ),
+    ] = 0
     learning_time: Annotated[
         float,
         Field(
@@ -78,9 +228,13 @@ class TrackerSettings(ServiceSettings):
     ] = 0
     min_area: Annotated[
         float,
-        Field(ge=1, le=1e8, description="robust: smallest foreground of an object"),
+        Field(
+            ge=0,
+            le=1e8,
+            description="robust: smallest foreground of an object; 0: 0.08 % of the picture",
+        ),
         Live("square pixels"),
-    ] = 160.0
+    ] = 0.0
     max_area: Annotated[
         float,
         Field(
@@ -217,6 +371,14 @@ class TrackerSettings(ServiceSettings):
     def cameras(self) -> tuple[str, ...]:
         """The names of the cameras, each once; empty for all cameras."""
         return cameras_of(self.camera)
+
+    @model_validator(mode="after")
+    def _has_model(self) -> Self:
+        if self.pipeline == "detector" and self.model is None:
+            raise ValueError(
+                "pipeline = detector needs model, an ONNX file, from the start of the tracker"
+            )
+        return self
 
     @model_validator(mode="after")
     def _depth_in_order(self) -> Self:

@@ -104,12 +104,7 @@ def lines(text: str, *, world: bool = True) -> tuple[Line, ...]:
     return _shapes(text, _line, world=world)
 
 
-def text_of(shapes: Sequence[Polygon | Line]) -> str:
-    """Return the text of shapes; ``polygons`` or ``lines`` parse it back to the same shapes."""
-    return "; ".join(_text(shape) for shape in shapes)
-
-
-def contains(points: Points, point: Point) -> bool:
+def contains(points: Sequence[Point], point: Point) -> bool:
     """Return whether a point is inside a polygon. A point on an edge may count as either.
 
     Source: the even-odd rule (Shimrat, Algorithm 112, CACM 1962).
@@ -271,12 +266,6 @@ def _line(name: str, points: Points, unit: Unit) -> Line:
     if points[0] == points[1]:
         raise ShapeError(f"{name!r}: its two points are the same")
     return Line(name, *points, unit)
-
-
-def _text(shape: Polygon | Line) -> str:
-    points = shape.points if isinstance(shape, Polygon) else (shape.start, shape.end)
-    words = [shape.name, *(["world"] if shape.unit == "world" else [])]
-    return " ".join([*words, *(f"{x:.12g},{y:.12g}" for x, y in points)])
 
 
 def _ends(edge: int, edges: Sequence[object]) -> str:

@@ -36,14 +36,13 @@ def node(router) -> Iterator[Node]:
 
 def frame(seq: int, epoch: int = 100) -> Frame:
     stamp_ns = epoch * 10**9 + seq * 100_000_000
-    return Frame(header(seq, epoch, stamp_ns=stamp_ns), pixels=PIXELS)
+    return Frame(header(seq, epoch, stamp_ns=stamp_ns), PIXELS)
 
 
 def ready(client: zenoh.Session, node: Node) -> Listener:
     """Return a listener that the node's publisher knows."""
     listener = Listener(client, KEY)
-    (publisher,) = node.outputs._publishers.values()
-    wait_until(lambda: publisher.wanted)
+    wait_until(lambda: node.wanted("events"))
     return listener
 
 
@@ -146,7 +145,7 @@ def test_a_tracker_continues_after_the_cameras_clock_was_set_back(router):
             picture[40:80, max(0, left) : max(0, left + 25)] = (10, 20, 200)
             each = Frame(
                 header(number, stamp_ns=10**15 + hour_ns + number * 10**8, width=160, height=120),
-                pixels=picture,
+                picture,
             )
             each.revision = revision
             tracking.process(each, picture)

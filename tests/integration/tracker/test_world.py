@@ -17,7 +17,6 @@ from tests.support.processes import ROOT, START_S, Program
 from tests.support.publishing import IMAGE_KEY, PlainCamera, wait_for_subscriber
 from tests.support.waiting import wait_until
 from zenoh_vision.calibration.calibration import Calibration
-from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.messages import Header, Prediction, Refusal, TrackEvent, Tracks
 
@@ -48,9 +47,8 @@ class BeltCamera(PlainCamera):
         self._belt = belt
         self._ends = len(pictures)
         self._start_ns = 0
-        k = tuple(belt.lens.k.ravel().tolist())
         h = belt.plane * np.sign(belt.plane[2] @ (160, 120, 1))
-        calibration = Calibration(CameraModel(320, 240, k), plane=Plane(tuple(h.ravel().tolist())))
+        calibration = Calibration(belt.lens, plane=Plane(tuple(h.ravel().tolist())))
         info = calibration.message(Header(**self.header())).to_bytes()
         session.declare_queryable(INFO_KEY, lambda query: query.reply(INFO_KEY, info))
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.support.pictures.belt import Belt
-from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.calibration.plane_view import PlaneView
 from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
@@ -43,10 +42,8 @@ class Run:
 
 def view_of(belt: Belt) -> PlaneView:
     """Return the mapping from the belt's pixels to its plane, positive in the middle."""
-    k = tuple(belt.lens.k.ravel().tolist())
-    lens = CameraModel(belt.width, belt.height, k, "plumb_bob", belt.lens.d)
     h = belt.plane * np.sign(belt.plane[2] @ (belt.width / 2, belt.height / 2, 1))
-    return PlaneView(lens, Plane(tuple(h.ravel().tolist())))
+    return PlaneView(belt.lens, Plane(tuple(h.ravel().tolist())))
 
 
 @pytest.fixture(scope="module")

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support import detector_models
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
+from zenoh_vision.messages import Header, Level, TrackEvent, Tracks
 from zenoh_vision.node.node import Node
-from zv.tracker.camera_tracking import centroid_of
+from zv.camera.synthetic.scene import Scene
+from zv.tracker.camera_tracking import CameraTracking, centroid_of
 from zv.tracker.camera_tracking import largest_parameters as parameters_of
 from zv.tracker.pipelines.largest import LargestObject, MovingObject
+from zv.tracker.service import loaded_model
 from zv.tracker.settings import TrackerSettings
 
 FRAME = Frame(
@@ -28,7 +33,7 @@ FRAME = Frame(
         node="camera_rear",
         received_ns=9,
     ),
-    pixels=np.zeros((120, 160, 3), np.uint8),
+    np.zeros((120, 160, 3), np.uint8),
 )
 
 
@@ -96,3 +101,116 @@ def test_every_setting_reaches_the_tracker(name: str, value: object):
         assert np.array_equal(mask, expected_mask)
         differs |= not np.array_equal(mask, default.update(frame)[1])
     assert differs
+
+
+def test_a_model_that_is_not_used_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    path = str(detector_models.save(tmp_path / "tiny.onnx", "yolov8"))
+    loaded_model(TrackerSettings(model=path, pipeline="detector"))
+    assert not caplog.text
+    loaded_model(TrackerSettings(model=path))
+    assert "the model is loaded but not used: pipeline = robust" in caplog.text
+
+
+class Recorder:
+    """A node that keeps what is published."""
+
+    def __init__(self) -> None:
+        self.published: list[tuple[str, object]] = []
+        self.reports: list[tuple[str, Level, str]] = []
+        self.notes: list[str] = []
+        self.health = self
+        self.counters = self
+
+    def __getattr__(self, name: str) -> object:
+        return lambda *_, **__: None
+
+    def header(self, frame: Frame) -> Header:
+        return frame.header
+
+    def publish(self, key: object, message: object) -> None:
+        self.published.append((str(key), message))
+
+    def report(self, condition: str, level: Level, words: str) -> None:
+        self.reports.append((condition, level, words))
+
+    def note(self, name: str) -> None:
+        self.notes.append(name)
+
+
+def test_tracks_and_stays_end_when_a_camera_has_been_silent(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("zv.tracker.camera_tracking.CameraWorld", lambda *_: NoWorld())
+    settings = TrackerSettings(zones="all 0,0 320,0 320,240 0,240", keep_lost=2.0)
+    recorder = Recorder()
+    tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
+    room = np.full((240, 320, 3), 90, np.uint8)
+    for k in range(40):
+        picture = room.copy()
+        picture[80:140, max(0, 6 * k - 60) : max(0, 6 * k - 30)] = (40, 60, 200)
+        show(tracking, settings, picture, k, k / 10)
+    last = recorder.published[-1][1]
+    assert isinstance(last, Tracks)
+    assert last.zones is not None
+    assert (len(last.tracks), last.zones["all"].inside) == (1, 1)
+    now_s = time.monotonic()  # keep_lost + EXPIRES_S is 5 s; the stamps are of another clock
+    assert not tracking.expire(now_s + 4)
+    assert tracking.expire(now_s + 5)
+    assert not tracking.expire(now_s + 6)  # once
+    last = recorder.published[-1][1]
+    assert isinstance(last, Tracks)
+    assert last.zones is not None
+    assert (last.tracks, last.header.seq) == ((), 39)
+    assert (last.zones["all"].inside, last.zones["all"].left) == (0, 1)
+    events = [each.event for _, each in recorder.published if isinstance(each, TrackEvent)]
+    assert events.count("zone_entered") == events.count("zone_left") == 1
+    assert events.count("started") == events.count("ended") == 1
+
+
+class NoWorld:
+    def update(self, _: Frame, tracks: list[object], __: str) -> tuple[None, list[None]]:
+        return None, [None] * len(tracks)
+
+
+def show(
+    tracking: CameraTracking, settings: TrackerSettings, picture: np.ndarray, seq: int, at_s: float
+) -> None:
+    """Process the next frame of a camera."""
+    header = Header(
+        camera="rear",
+        epoch=5,
+        seq=seq,
+        stamp_ns=round(at_s * 1e9),
+        width=320,
+        height=240,
+        encoding="bgr8",
+    )
+    frame = Frame(header, picture)
+    frame.revision = ParameterStore(settings).activate()
+    tracking.process(frame, picture)
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "black", "said"),
+    [
+        (1.0, False, "rear: 1.0 frames/s: objects that move farther than their own size"),
+        (0.1, True, "rear: the picture shows nothing: it is black, or the lens is covered"),
+    ],
+    ids=["a rate that is too low", "a black picture"],
+)
+def test_what_makes_tracking_impossible_is_said_in_the_health_and_taken_back(
+    monkeypatch: pytest.MonkeyPatch, interval_s: float, black: bool, said: str
+):
+    monkeypatch.setattr("zv.tracker.camera_tracking.CameraWorld", lambda *_: NoWorld())
+    settings, recorder = TrackerSettings(), Recorder()
+    tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
+    room, at_s, reported = Scene(320, 240, 10.0, 1).frame(0)[0], 0.0, []
+    for seq in range(60):
+        trouble = 20 <= seq < 40
+        at_s += interval_s if trouble else 0.1
+        show(tracking, settings, np.zeros_like(room) if trouble and black else room, seq, at_s)
+        reported.append(len(recorder.reports))
+    (warned, level, words), (taken_back, usual, nothing) = recorder.reports
+    assert (warned, level, words[: len(said)]) == ("scene of rear", Level.WARN, said)
+    assert (taken_back, usual, nothing) == ("scene of rear", Level.OK, "")
+    assert 20 <= reported.index(1) < 25
+    assert 40 <= reported.index(2) < 45
+    assert recorder.notes == ["scene_changes"] * black

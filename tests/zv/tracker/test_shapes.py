@@ -122,9 +122,10 @@ corners = st.lists(st.tuples(numbers, numbers), min_size=3, max_size=7, unique=T
 @given(corners, st.sampled_from(["pixels", "world"]))
 def test_the_text_of_shapes_is_parsed_as_the_same_shapes(points, unit):
     polygon, line = Polygon("a", tuple(points), unit), Line("b", points[0], points[1], unit)
-    assert shapes.lines(shapes.text_of([line])) == (line,)
+    words = [f"{x:.12g},{y:.12g}" for x, y in points]
+    assert shapes.lines(f"b {unit} {words[0]} {words[1]}") == (line,)
     try:
-        assert shapes.polygons(shapes.text_of([polygon])) == (polygon,)
+        assert shapes.polygons(f"a {unit} {' '.join(words)}") == (polygon,)
     except ShapeError as refused:
         assert "crosses" in str(refused)  # noqa: PT017 - most polygons of random corners do
 
@@ -146,7 +147,7 @@ def test_a_regular_polygon_is_accepted_and_contains_its_middle(sides, start, inn
     circumscribed one is outside."""
     angles = [start + 2 * math.pi * side / sides for side in range(sides)]
     corners = tuple((100 * math.cos(angle), 100 * math.sin(angle)) for angle in angles)
-    (polygon,) = shapes.polygons(shapes.text_of([Polygon("a", corners)]))
+    (polygon,) = shapes.polygons("a " + " ".join(f"{x:.12g},{y:.12g}" for x, y in corners))
     inscribed = 100 * math.cos(math.pi / sides)
     for angle in (start / 2, start + 1, start + 4):
         x, y = math.cos(angle), math.sin(angle)

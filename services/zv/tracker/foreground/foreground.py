@@ -1,228 +1,190 @@
-"""Finds the foreground of each frame of a fixed camera, robustly against light and shadows."""
+"""Finds the foreground of each frame of a fixed camera."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.tracker.foreground.background import SHADOW, BackgroundModel, Subtractor
-from zv.tracker.foreground.dynamic_background import DynamicBackground
-from zv.tracker.foreground.ghosts import GhostFinder
-from zv.tracker.foreground.initial_background import InitialBackground
-from zv.tracker.foreground.lighting import relit, same_texture
-from zv.tracker.foreground.regions import Polygon, region_mask
-from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.foreground.background import Background, BackgroundLimits
+from zv.tracker.foreground.light import LightLimits
+from zv.tracker.foreground.search_area import Polygon, region_mask
+from zv.tracker.foreground.view import Shown, View, ViewLimits
+from zv.tracker.tracking.region import Region
 
 Image = NDArray[np.uint8]
 
-CHANGED_SHARE = 0.25
-"""If a larger share of the picture differs, a change of the light is tested for."""
 
-SAME_CHANGE_S = 1.0
-"""Changes of the light that follow each other faster count as one, as when a cloud comes."""
+@dataclass(frozen=True, slots=True)
+class SceneLimits:
+    """The constants of changes of the whole scene.
 
-SAME_TEXTURE = 0.5
-RELIT_SHARE = 0.5
-MOVED_S = 0.5
-"""If most of the picture differs for this long, the background is learned anew."""
+    Attributes:
+        silent_s: Nothing is foreground for this long after the start, seconds.
+        changed: If a larger share of what no known object hides is foreground, it is another view,
+            and nothing of it is an object.
+        changed_s: After this time, which fades as it grew, the other view is learned.
+        every_s: Interval in which edges are compared, seconds.
+        margin: Margin around the box of an object that is not learned, for arms and feet: a share
+            of its longer side.
+        least_margin: The same, pixels.
+    """
 
-MARGIN, LEAST_MARGIN = 0.1, 2.0
-"""Margin protected around a box, for arms and feet: a share of its longer side, and at least so
-many pixels."""
-
-SILENT_S = 1.0
-"""Nothing is foreground for this long after the start, while the background is unknown."""
+    silent_s: float = 0.5
+    changed: float = 0.5
+    changed_s: float = 0.5
+    every_s: float = 0.1
+    margin: float = 0.1
+    least_margin: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class ForegroundParameters:
     """The parameters of ``ForegroundDetector``."""
 
-    subtractor: Subtractor = "mog2"
     var_threshold: float = 25.0  # squared distance above which a pixel is foreground
     detect_shadows: bool = True
     learning_s: float = 10.0  # time after which a change has become background by 63 %
     frozen: bool = False  # do not learn
     regions: tuple[Polygon, ...] = ()  # detect only inside these; none: everywhere
     ignored: tuple[Polygon, ...] = ()  # do not detect inside these
+    background: BackgroundLimits = field(default_factory=BackgroundLimits)
+    light: LightLimits = field(default_factory=LightLimits)
+    scene: SceneLimits = field(default_factory=SceneLimits)
+    view: ViewLimits = field(default_factory=ViewLimits)
 
 
 class ForegroundDetector:
     """Finds the foreground of each picture of a fixed camera.
 
     Args:
-        parameters: Those of the background model, and where to detect.
+        parameters: Those of the background, and where to detect.
         scale: Full-resolution pixels per pixel of the pictures, for the polygons.
-
-    Attributes:
-        background: The learned background.
     """
 
     def __init__(self, parameters: ForegroundParameters, scale: float = 1.0) -> None:
-        self.background = BackgroundModel(parameters.subtractor)
         self._scale = scale
         self._searched: Image | None = None
         self._size: tuple[int, int] | None = None
         self._parameters = parameters
-        self.adjust(parameters)
+        self._view = View(parameters.view)
+        self._shown: Shown = "scene"
+        self._started_s = self._passed_s = self._looked_s = self._other_s = 0.0
         self.reset()
 
-    @property
-    def changes(self) -> Image | None:
-        """How often each pixel has changed lately; None before two pictures, and while frozen."""
-        return None if self._parameters.frozen else self._dynamic.changes
-
-    @property
-    def counted_s(self) -> float:
-        """For how long changes of pixels have been counted."""
-        return self._dynamic.counted_s
-
     def adjust(self, parameters: ForegroundParameters) -> None:
-        """Continue with other parameters; the background is kept unless the subtractor changes."""
-        if parameters.subtractor != self.background.subtractor:
-            self.background = BackgroundModel(parameters.subtractor)
-            self.reset()
-        self.background.adjust(parameters.var_threshold, detect_shadows=parameters.detect_shadows)
-        polygons = parameters.regions, parameters.ignored
-        if polygons != (self._parameters.regions, self._parameters.ignored):
-            self._size = None
+        """Continue with other parameters; the background is kept."""
+        self._size = None
         self._parameters = parameters
 
     def reset(self) -> None:
         """Learn the background anew from the next picture on."""
-        self._started_ns: int | None = None
-        self._initial: InitialBackground | None = None
-        self._differs_ns: int | None = None
-        self._relit_ns: int | None = None
-        self._ghosts = GhostFinder()
-        self._dynamic = DynamicBackground()
+        self._background: Background | None = None
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no background yet."""
+        return self._background is None
+
+    def background_picture(self) -> Image:
+        """Return the background in the light of the newest picture, (height, width, 3) uint8 BGR.
+
+        Raises:
+            ValueError: There was no picture yet.
+        """
+        if self._background is None:
+            raise ValueError("there was no picture yet")
+        return self._background.picture()
+
+    def absorb(self, picture: Image, where: Image) -> None:
+        """Make a picture the background where a mask, (height, width) uint8, is not 0."""
+        if self._background is not None:
+            self._background.absorb(picture, where)
 
     def update(
-        self, picture: Image, stamp_ns: int, known: Sequence[Fragment]
-    ) -> tuple[Image, bool]:
+        self, picture: Image, now_s: float, known: Sequence[Region]
+    ) -> tuple[Image, Image, Shown]:
         """Return the foreground of a picture, and learn from it.
 
         Args:
             picture: (height, width, 3) uint8 BGR, of the same size each time.
-            stamp_ns: When it was taken.
+            now_s: Its time, seconds; it never goes back.
             known: Boxes of known objects, which are not learned.
 
         Returns:
-            The mask, (height, width) uint8 of 0 and 255; and whether the light of the whole scene
-            or the view has changed, so that the background was adapted or learned anew.
+            The mask, (height, width) uint8 of 0 and 255; its strong pixels; and what the picture
+            shows: ``other`` once, when another view begins to be learned.
         """
+        wanted, limits = self._parameters, self._parameters.scene
         height, width = picture.shape[:2]
         if self._size != (width, height):
             self._size = width, height
-            self._searched = region_mask(
-                self._size, self._scale, self._parameters.regions, self._parameters.ignored
-            )
-        if self._started_ns is None or stamp_ns < self._started_ns:
-            self._start(picture, stamp_ns)
-            return np.zeros((height, width), np.uint8), False
-        known_mask = _boxes_mask(known, (height, width))
-        silent = (stamp_ns - self._started_ns) / 1e9 < SILENT_S
-        marked, changed = self._marked(picture, stamp_ns, known_mask), False
-        mask = _cleaned(marked)
-        if not self._parameters.frozen:
-            self._learn_initial(picture, stamp_ns, known_mask)
-            if silent:
-                known_mask = None
-            elif cv2.countNonZero(marked) > CHANGED_SHARE * marked.size:
-                mask, changed = self._adapt(picture, stamp_ns, marked, known_mask)
-            else:
-                self._differs_ns = None
-            if self._ghosts.due(stamp_ns):
-                self._forget_ghosts(picture, stamp_ns, marked, known_mask)
-            self.background.learn(picture, stamp_ns, known_mask, self._parameters.learning_s)
+            self._searched = region_mask(self._size, self._scale, wanted.regions, wanted.ignored)
+        if self._background is None:
+            self._start(picture, now_s)
+        assert self._background is not None
+        background = self._background
+        hidden = self._boxes_mask(known, (height, width))
+        age_s = now_s - self._started_s
+        self._look(picture, hidden, age_s)
+        if not wanted.frozen and self._shown == "scene":
+            background.start(picture, age_s)
+        background.adjust((wanted.var_threshold / 25.0) ** 0.5)
+        background.follow_light(picture, hidden)
+        mask, strong = background.foreground(picture, shadows=wanted.detect_shadows)
+        shown, silent = self._shown, age_s < limits.silent_s or self._shown == "nothing"
+        elapsed_s, self._passed_s = age_s - self._passed_s, age_s
+        if not silent and (shown == "other" or self._is_hidden(mask, hidden)):
+            shown, silent = "scene", True
+            self._other_s += min(elapsed_s, limits.changed_s / 2)  # not by one picture alone
+            if self._other_s >= limits.changed_s and not wanted.frozen:
+                self._start(picture, now_s)
+                shown = "other"
+        else:
+            self._other_s = max(0.0, self._other_s - elapsed_s)
+            if shown == "scene" and not wanted.frozen:
+                background.learn(picture, age_s, hidden, wanted.learning_s)
         if silent:
-            return np.zeros((height, width), np.uint8), False
+            mask = np.zeros_like(mask)
+            return mask, mask, shown
         if self._searched is not None:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
-        return mask, changed
+            strong = np.asarray(cv2.bitwise_and(strong, self._searched), np.uint8)
+        return mask, strong, shown
 
-    def _marked(self, picture: Image, stamp_ns: int, known: Image | None) -> Image:
-        """Return the foreground and its shadows, without the usual colours of dynamic pixels."""
-        marked = self.background.foreground(picture)
-        if not self._parameters.frozen:
-            self._dynamic.learn(picture, marked, known, stamp_ns, self.background.picture())
-        self._dynamic.unmark(picture, self.background.limits, marked)
-        return marked
+    def _look(self, picture: Image, hidden: Image | None, age_s: float) -> None:
+        """Compare the view with the background, when that is due."""
+        assert self._background is not None
+        elapsed_s = age_s - self._looked_s
+        if elapsed_s >= self._parameters.scene.every_s:
+            self._looked_s = age_s
+            self._shown = self._view.shown(self._background.unlit, picture, hidden, elapsed_s)
 
-    def _forget_ghosts(
-        self, picture: Image, stamp_ns: int, marked: Image, known: Image | None
-    ) -> None:
-        """Learn the background of ghosts at once."""
-        ghosts = self._ghosts.update(picture, self.background, marked, known, stamp_ns)
-        if ghosts is not None:
-            self.background.learn_at_once(picture, ghosts)
-            if self._initial is not None:
-                self._initial.replace(picture, ghosts)
+    def _is_hidden(self, mask: Image, hidden: Image | None) -> bool:
+        """Return whether most of what no known object hides is foreground."""
+        total, marked = mask.size, cv2.countNonZero(mask)
+        if hidden is not None:
+            total -= cv2.countNonZero(hidden)
+            marked -= cv2.countNonZero(cv2.bitwise_and(mask, hidden))
+        return marked > self._parameters.scene.changed * total
 
-    def _start(self, picture: Image, stamp_ns: int) -> None:
-        self.reset()
-        self._started_ns = stamp_ns
-        self._initial = InitialBackground(picture, stamp_ns)
-        self.background.start(picture, stamp_ns)
+    def _start(self, picture: Image, now_s: float) -> None:
+        self._background = Background(picture, self._parameters.background, self._parameters.light)
+        self._view = View(self._parameters.view)
+        self._shown = "scene"
+        self._started_s = now_s
+        self._passed_s = self._looked_s = self._other_s = 0.0
 
-    def _learn_initial(self, picture: Image, stamp_ns: int, known: Image | None) -> None:
-        """Replace the background by an estimate from the first seconds, when one is due."""
-        if self._initial is None:
-            return
-        found = self._initial.update(picture, stamp_ns, known, self.background.picture())
-        if found is not None:
-            self.background.replace(found)
-        if self._initial.over:
-            self._initial = None
-
-    def _adapt(
-        self, picture: Image, stamp_ns: int, marked: Image, known: Image | None
-    ) -> tuple[Image, bool]:
-        """Fit the background to a picture of which a large part differs from it.
-
-        Less light makes all of the picture a shadow, so shadows count as different here.
-        """
-        if self._differs_ns is None:
-            self._differs_ns = stamp_ns
-        before, mask = self.background.picture(), _cleaned(marked)
-        if same_texture(before, picture, marked) > SAME_TEXTURE:
-            self.background.replace(relit(before, picture, known))
-            adapted = self.background.foreground(picture)
-            if cv2.countNonZero(adapted) < RELIT_SHARE * cv2.countNonZero(marked):
-                self._differs_ns = None
-                self._dynamic.forget_colours()
-                self._initial = None
-                return _cleaned(adapted), self._is_new(stamp_ns)
-            self.background.replace(before)
-        if (stamp_ns - self._differs_ns) / 1e9 >= MOVED_S and (
-            cv2.countNonZero(mask) > 2 * CHANGED_SHARE * mask.size
-        ):
-            self._start(picture, stamp_ns)
-            return np.zeros_like(mask), True
-        return mask, False
-
-    def _is_new(self, stamp_ns: int) -> bool:
-        """Return whether a change of the light is a new one, not a continued one."""
-        before, self._relit_ns = self._relit_ns, stamp_ns
-        return before is None or not 0 <= stamp_ns - before < SAME_CHANGE_S * 1e9
-
-
-def _cleaned(marked: Image) -> Image:
-    """Return the foreground without shadows and single pixels."""
-    _, mask = cv2.threshold(marked, SHADOW, 255, cv2.THRESH_BINARY)
-    return np.asarray(cv2.medianBlur(mask, 3), np.uint8)
-
-
-def _boxes_mask(boxes: Sequence[Fragment], size: tuple[int, int]) -> Image | None:
-    if not boxes:
-        return None
-    mask = np.zeros(size, np.uint8)
-    for box in boxes:
-        margin = max(LEAST_MARGIN, MARGIN * max(box.width, box.height))
-        rows = slice(max(0, round(box.top - margin)), max(0, round(box.bottom + margin)))
-        mask[rows, max(0, round(box.left - margin)) : max(0, round(box.right + margin))] = 255
-    return mask
+    def _boxes_mask(self, boxes: Sequence[Region], size: tuple[int, int]) -> Image | None:
+        if not boxes:
+            return None
+        limits = self._parameters.scene
+        mask = np.zeros(size, np.uint8)
+        for box in boxes:
+            margin = max(limits.least_margin, limits.margin * max(box.width, box.height))
+            rows = slice(max(0, round(box.top - margin)), max(0, round(box.bottom + margin)))
+            mask[rows, max(0, round(box.left - margin)) : max(0, round(box.right + margin))] = 255
+        return mask

@@ -1,41 +1,67 @@
-"""Draws the polygons inside of which objects are detected or ignored, as a mask."""
+"""Finds the connected regions of a foreground mask."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Polygon = Sequence[tuple[float, float]]
-"""Corners x, y in full-resolution pixels."""
+from zv.tracker.tracking.region import Region, extent
+
+Image = NDArray[np.uint8]
 
 
-def region_mask(
-    size: tuple[int, int],
-    scale: float,
-    regions: Sequence[Polygon],
-    ignored: Sequence[Polygon],
-) -> NDArray[np.uint8] | None:
-    """Return the mask of the region in which objects are detected; None for everywhere.
+@dataclass(frozen=True, slots=True)
+class RegionLimits:
+    """The constants of regions.
+
+    Attributes:
+        strong: Least share of a region's pixels that must be strong.
+        thin: Rows and columns at the ends of a region with less than this share of the fullest one
+            are cut off: arms, sticks, links to something else.
+        thickness: Least mean thickness, pixels; thinner ones are jittering edges.
+        most: Largest number of regions; the smallest of more are left out, so that the time for a
+            frame is bounded.
+    """
+
+    strong: float = 0.03
+    thin: float = 0.05
+    thickness: float = 2.0
+    most: int = 400
+
+
+def regions_of(
+    mask: Image, strong: Image, least: float, most: float, limits: RegionLimits
+) -> list[Region]:
+    """Return the connected regions of a mask, the largest first.
 
     Args:
-        size: Width and height of the mask.
-        scale: Full-resolution pixels per pixel of the mask.
-        regions: Objects are detected only inside these; none means everywhere.
-        ignored: Objects inside these are ignored.
-
-    Returns:
-        (height, width) uint8, 255 where objects are detected, else 0.
+        mask: (height, width) uint8 of 0 and 255.
+        strong: The same: pixels that are certainly foreground.
+        least: Smaller regions are left out, square pixels.
+        most: Larger regions are left out, square pixels.
+        limits: The constants.
     """
-    if not regions and not ignored:
-        return None
-    width, height = size
-    mask = np.full((height, width), 0 if regions else 255, np.uint8)
-    # OpenCV also fills the pixels on the outline. Corners are given in 1/16 pixels (shift=4).
-    for polygons, value in ((regions, 255), (ignored, 0)):
-        for polygon in polygons:
-            corners = np.round((np.asarray(polygon, float) / scale - 0.5) * 16).astype(np.int32)
-            cv2.fillPoly(mask, [corners], (value,), shift=4)
-    return mask
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    wanted = np.flatnonzero((areas >= least) & (areas <= most)) + 1
+    found = []
+    for label in wanted[np.argsort(-areas[wanted - 1], kind="stable")][: limits.most].tolist():
+        x, y, width, height, area = stats[label].tolist()
+        if area < limits.thickness * max(width, height):
+            continue
+        window = slice(y, y + height), slice(x, x + width)
+        own = labels[window] == label
+        if np.count_nonzero(strong[window][own]) < limits.strong * area:
+            continue
+        across, down = own.sum(axis=0), own.sum(axis=1)
+        left, right = extent(across, limits.thin)
+        top, bottom = extent(down, limits.thin)
+        at = (
+            x + float(across @ np.arange(width)) / area + 0.5,
+            y + float(down @ np.arange(height)) / area + 0.5,
+        )
+        found.append(Region(x + left, y + top, x + right, y + bottom, area, at))
+    return found

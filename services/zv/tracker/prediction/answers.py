@@ -50,7 +50,7 @@ class PredictionAnswers:
         """
         with self._lock:
             former = self._header
-            if former is None or former.epoch != header.epoch or self._anchor != anchor:
+            if former is None or former.run != header.run or self._anchor != anchor:
                 self._anchor = anchor
                 self._paths = Paths(self._anchor_of)
             self._header, self._view = header, view
@@ -87,14 +87,7 @@ class PredictionAnswers:
             id=id_,
             state=track.state,
             stamp_ns=at_ns,
-            x=found.x,
-            y=found.y,
-            vx=found.vx,
-            vy=found.vy,
-            sigma=found.sigma,
-            world=found.world,
-            world_velocity=found.world_velocity,
-            world_sigma=found.world_sigma,
+            **vars(found),
         )
 
     def _anchor_of(self, track: Track) -> tuple[float, float]:

@@ -9,17 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.region import Region
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
-
-MOST_CHANGES = 25.0
-"""Mean count of changes in a box above which no new object is assumed. It is 3 to 21 where an
-object is for the first time, and 26 to 200 on leaves that have swayed for a second or two."""
-
-MOST_CHANGES_PER_S = 7.0
-"""The same limit per second of counting, until changes have been counted for about 4 s."""
 
 LEVELS = 8
 """Bins of a histogram for each colour channel."""
@@ -41,30 +34,17 @@ class Scene:
     Attributes:
         picture: (height, width, 3) uint8 BGR.
         mask: (height, width) uint8, 255 on the foreground, else 0.
-        changes: (height, width) uint8, for each pixel 10 for each time that it changed between
-            background and something else, less 5 for each second; None if that is not known.
     """
 
     picture: Image
     mask: Image
-    changes: Image | None = None
-    counted_s: float = math.inf
 
-    def cut(self, box: Fragment) -> tuple[slice, slice]:
+    def cut(self, box: Region) -> tuple[slice, slice]:
         """Return the rows and columns of a box, clipped to the picture; they may be empty."""
         height, width = self.mask.shape
         left, top = max(0, round(box.left)), max(0, round(box.top))
         right, bottom = min(width, round(box.right)), min(height, round(box.bottom))
         return slice(top, max(top, bottom)), slice(left, max(left, right))
-
-    def is_settled(self, box: Fragment) -> bool:
-        """Return whether a box has foreground, and its pixels do not keep changing."""
-        if self.changes is None:
-            return True
-        cut = self.cut(box)
-        changes, mask = self.changes[cut], self.mask[cut]
-        most = min(MOST_CHANGES, MOST_CHANGES_PER_S * self.counted_s)
-        return cv2.countNonZero(mask) > 0 and cv2.mean(changes, mask)[0] <= most
 
 
 class Appearance:
@@ -91,7 +71,7 @@ class Appearance:
             self._smooth = smoothed(self._histograms)
         return self._smooth
 
-    def learn(self, scene: Scene, box: Fragment, share: float) -> None:
+    def learn(self, scene: Scene, box: Region, share: float) -> None:
         """Adapt the appearance to a frame.
 
         Args:
@@ -113,7 +93,7 @@ class Appearance:
         self.silhouette += (silhouette - self.silhouette) * np.float32(share)
         self._histograms += (histograms - self._histograms) * np.float32(share)
 
-    def distance(self, scene: Scene, box: Fragment) -> float:
+    def distance(self, scene: Scene, box: Region) -> float:
         """Return the distance of the colours in a box: 0 the same, 1 none in common.
 
         It is the Hellinger distance, with the Bhattacharyya coefficient averaged over the bands;
@@ -124,7 +104,9 @@ class Appearance:
         if self.colors is None or not mask.size:
             return 0.5
         found = smoothed(histograms_of(scene.picture[cut], mask))
-        common = float(np.sqrt(self.colors * found).sum()) / BANDS
+        shared = np.sqrt(self.colors * found).sum(axis=1)
+        bands = (self.colors.any(axis=1)) & (found.any(axis=1))  # others are higher than the object
+        common = float(shared[bands].mean()) if bands.any() else 0.0
         return math.sqrt(max(0.0, 1.0 - common))
 
 

@@ -1,90 +1,298 @@
-"""Overlap of boxes, connected components of a bipartite graph, and minimum-cost assignment."""
+"""Decides which regions of a frame belong to which tracks: a pure function of both."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from lap import lapjv
 from numpy.typing import NDArray
 
-from zv.tracker.tracking.fragment import Fragment
-
-IMPOSSIBLE = 1e4
-"""Cost of a pair that is never assigned, above all other costs; lapjv treats 1e6 as infinite."""
-
-
-def overlaps(first: Sequence[Fragment], second: Sequence[Fragment]) -> NDArray[np.float64]:
-    """Return the intersection of each pair of boxes over the smaller area: (n, m), 0 to 1."""
-    left, top, right, bottom = _edges(first)[:, :, None]
-    others_left, others_top, others_right, others_bottom = _edges(second)[:, None]
-    across = np.minimum(right, others_right) - np.maximum(left, others_left)
-    along = np.minimum(bottom, others_bottom) - np.maximum(top, others_top)
-    shared = np.maximum(across, 0) * np.maximum(along, 0)
-    areas = (right - left) * (bottom - top)
-    smaller = np.minimum(areas, (others_right - others_left) * (others_bottom - others_top))
-    shares: NDArray[np.float64] = np.divide(
-        shared, smaller, out=np.zeros_like(shared), where=smaller > 0
-    )
-    return shares
+from zv.tracker.tracking import boxes
+from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.pieces import PieceLimits, around_largest, joined, parted
+from zv.tracker.tracking.region import Region, union
+from zv.tracker.tracking.state import TrackState
 
 
-def overlap(one: Fragment, other: Fragment) -> float:
-    """Return the intersection of two boxes over the area of the smaller one: 0 to 1."""
-    across = min(one.right, other.right) - max(one.left, other.left)
-    along = min(one.bottom, other.bottom) - max(one.top, other.top)
-    if across <= 0 or along <= 0:
-        return 0.0
-    return across * along / min(one.width * one.height, other.width * other.height)
+@dataclass(frozen=True, slots=True)
+class AssociationLimits:
+    """The constants of association.
+
+    Attributes:
+        overlap: A region may belong to a track if its intersection with the track's expected box
+            exceeds this share of the smaller of the two.
+        gate_sides: Half of the distance, in sides, at which a region may still be the track's,
+            without the uncertainty of its place.
+        log_area: Largest ratio of their areas, as a natural logarithm.
+        recent_s: A track that was not seen for longer than this is not found by overlap alone.
+        unlike: What looks more different than this does not continue a lost object.
+        alike_area: Largest ratio of the areas of a lost object and of what may continue it.
+        proven_s: After being seen alone, whole, away from the border for this long, a track is an
+            object of its own, not a part of another.
+        part: A track that is not confirmed yet is a part of another one if its area is smaller
+            than this share of the other's.
+        parted_s: An object that has looked like two for this long is divided.
+        pieces: The constants of joining pieces.
+    """
+
+    overlap: float = 0.4
+    gate_sides: float = 0.7
+    log_area: float = 1.2
+    recent_s: float = 0.3
+    unlike: float = 0.75
+    alike_area: float = 1.7
+    proven_s: float = 0.4
+    part: float = 0.3
+    parted_s: float = 0.4
+    pieces: PieceLimits = field(default_factory=PieceLimits)
 
 
-def _edges(boxes: Sequence[Fragment]) -> NDArray[np.float64]:
-    """Return left, top, right and bottom of boxes as (4, n)."""
-    edges = [(each.left, each.top, each.right, each.bottom) for each in boxes]
-    return np.array(edges, np.float64).reshape(-1, 4).T
+@dataclass(frozen=True, slots=True)
+class Follow:
+    """The track is seen as this region, alone or perhaps not; ``parted`` if it looks like two."""
+
+    track: TrackState
+    region: Region
+    alone: bool
+    parted: bool = False
 
 
-def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
-    """Return the connected components of a bipartite graph of rows and columns, in order of rows.
+@dataclass(frozen=True, slots=True)
+class Share:
+    """The tracks share these regions; their pixels are to be divided among them."""
 
-    Rows and columns without a link are left out.
+    tracks: tuple[TrackState, ...]
+    regions: tuple[Region, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """The track is two objects, of which the first keeps its id."""
+
+    track: TrackState
+    mine: Region
+    other: Region
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """The track is a part of another one."""
+
+    track: TrackState
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """The region is a new object."""
+
+    region: Region
+
+
+Decision = Follow | Share | Split | End | Begin
+
+
+def associate(
+    tracks: Sequence[TrackState],
+    regions: Sequence[Region],
+    scene: Scene | None,
+    now_s: float,
+    limits: AssociationLimits,
+    *,
+    convex: bool = False,
+) -> list[Decision]:
+    """Return what each region of a frame is. Nothing is changed.
 
     Args:
-        links: (n, m), the adjacency matrix.
+        tracks: The tracks, predicted to the time of the frame.
+        regions: The regions of the foreground.
+        scene: The pixels of the frame; None to decide by place and size alone.
+        now_s: The time of the frame.
+        limits: The constants.
+        convex: Whether each region is an object, none a part of one.
     """
-    root = list(range(links.shape[0]))
-    first: dict[int, int] = {}  # the first row of each column
+    if not convex:
+        known = [each.box for each in tracks if _established(each, 0.0, limits)]
+        regions = joined(regions, known, limits.pieces)
+    links = _links(tracks, regions, now_s, limits)
+    decisions: list[Decision] = []
+    for rows, columns in boxes.components(links):
+        owned = [regions[column] for column in columns]
+        members = [tracks[row] for row in rows]
+        if len(members) == 1:
+            track = members[0]
+            lost = _lost_before(track, union(owned), tracks, scene, now_s, limits)
+            if lost is not None:
+                decisions.append(End(track))
+            decisions.append(_alone(lost or track, owned, scene, now_s, limits, convex=convex))
+        else:
+            decisions += _together(members, owned, scene, limits)
+    used = {part for each in decisions for part in _parts_used(each)}
+    return [*decisions, *(Begin(each) for each in regions if each not in used)]
 
-    def root_of(row: int) -> int:
-        while root[row] != row:
-            row = root[row]
-        return row
 
-    pairs: list[list[int]] = np.argwhere(links).tolist()
-    for row, column in pairs:
-        one, two = root_of(row), root_of(first.setdefault(column, row))
-        root[max(one, two)] = min(one, two)
-    found: dict[int, tuple[set[int], set[int]]] = {}
-    for row, column in pairs:
-        members, reached = found.setdefault(root_of(row), (set(), set()))
-        members.add(row)
-        reached.add(column)
-    return [(sorted(members), sorted(reached)) for _, (members, reached) in sorted(found.items())]
+def _links(
+    tracks: Sequence[TrackState],
+    regions: Sequence[Region],
+    now_s: float,
+    limits: AssociationLimits,
+) -> NDArray[np.bool_]:
+    """Return which regions may belong to which tracks: (tracks, regions)."""
+    links = boxes.overlaps([track.box for track in tracks], regions) > limits.overlap
+    for row, track in enumerate(tracks):
+        if track.missing_s(now_s) > limits.recent_s and track.grouped_s is None:
+            links[row] = False
+    rows = np.flatnonzero(~links.any(axis=1))
+    columns = np.flatnonzero(~links.any(axis=0))
+    if not rows.size or not columns.size:
+        return links
+    costs = np.full((rows.size, columns.size), boxes.IMPOSSIBLE)
+    centers = np.array([regions[column].center for column in columns.tolist()])
+    areas = np.array([regions[column].area for column in columns.tolist()])
+    for number, row in enumerate(rows.tolist()):
+        track = tracks[row]
+        reach = limits.gate_sides / 2 * track.side
+        away = np.square((centers[:, 0] - track.x.position) / (math.sqrt(track.x.pp) + reach))
+        away += np.square((centers[:, 1] - track.y.position) / (math.sqrt(track.y.pp) + reach))
+        ratio = np.abs(np.log((areas + 1) / (track.area + 1)))
+        fits = (away < 4.0) & (ratio < limits.log_area)
+        costs[number, fits] = (away + ratio)[fits]
+    for number, found in boxes.assigned(costs):
+        links[rows[number], columns[found]] = True
+    return links
 
 
-def assigned(costs: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Return the assignment of rows to columns with the least sum of costs.
+def _alone(
+    track: TrackState,
+    owned: list[Region],
+    scene: Scene | None,
+    now_s: float,
+    limits: AssociationLimits,
+    *,
+    convex: bool,
+) -> Decision:
+    """Return what the regions of one track are."""
+    largest = (owned[0], owned[1]) if len(owned) > 1 else None
+    parts = largest if convex else parted(track, owned)
+    if parts is None:
+        return Follow(track, around_largest(owned, limits.pieces), alone=True)
+    if track.parted_s is None or now_s - track.parted_s < limits.parted_s:
+        return Follow(track, union(owned), alone=False, parted=True)
+    costs = []
+    for part in parts:
+        away = math.dist(part.center, track.box.center) / track.side
+        unlike = 0.5 if scene is None else track.appearance.distance(scene, part)
+        costs.append(away + unlike)
+    mine, other = parts if costs[0] <= costs[1] else parts[::-1]
+    return Split(track, mine, other)
 
-    Pairs whose cost is ``IMPOSSIBLE`` or more are left out.
 
-    Source: R. Jonker and A. Volgenant, "A shortest augmenting path algorithm for dense and sparse
-    linear assignment problems", 1987 (lap).
+def _lost_before(
+    new: TrackState,
+    found: Region,
+    tracks: Sequence[TrackState],
+    scene: Scene | None,
+    now_s: float,
+    limits: AssociationLimits,
+) -> TrackState | None:
+    """Return the lost object of which a new track has turned out to be the continuation.
+
+    An object that comes out from behind something is a narrow part at first, in which it is not
+    recognised.
     """
-    if not costs.size:
-        return []
-    _, columns, _ = lapjv(np.minimum(costs, IMPOSSIBLE), extend_cost=True)
-    return [
-        (row, int(column))
-        for row, column in enumerate(columns)
-        if column >= 0 and costs[row, column] < IMPOSSIBLE
-    ]
+    if new.confirmed or scene is None:
+        return None
+    for lost in tracks:
+        if (
+            lost.confirmed
+            and lost.missing_s(now_s) > limits.recent_s
+            and lost.seen_s < new.born_s
+            and boxes.overlap(found, lost.box) > limits.overlap
+            and 1 / limits.alike_area < found.area / max(1.0, lost.area) < limits.alike_area
+            and lost.appearance.distance(scene, found) <= limits.unlike
+        ):
+            return lost
+    return None
+
+
+def _together(
+    members: list[TrackState],
+    owned: list[Region],
+    scene: Scene | None,
+    limits: AssociationLimits,
+) -> list[Decision]:
+    """Return what the regions of several tracks are."""
+    pairs = _one_for_each(members, owned, scene)
+    if pairs is not None:
+        mine = {row: [owned[column]] for row, column in pairs}
+        taken = {column for _, column in pairs}
+        for column, region in enumerate(owned):
+            if column not in taken:
+                mine[_nearest(members, region)].append(region)
+        return [Follow(members[row], union(parts), alone=True) for row, parts in mine.items()]
+    whole = union(owned)
+    largest = max(each.area for each in members)
+    established = [each for each in members if _established(each, largest, limits)]
+    if len(established) > 1:
+        parts = [each for each in members if each not in established]
+        rest: Decision = Share(tuple(established), tuple(owned))
+    else:
+        most = max(established or members, key=lambda each: (each.confirmed, each.area, -each.id))
+        parts = [each for each in members if each is not most]
+        rest = Follow(most, whole, alone=True)
+    return [*map(End, parts), rest]
+
+
+def _established(track: TrackState, largest: float, limits: AssociationLimits) -> bool:
+    """Return whether a track is an object of its own, not a part of one of the largest area."""
+    return track.alone_s >= limits.proven_s and (
+        track.confirmed or track.area >= limits.part * largest
+    )
+
+
+def _parts_used(decision: Decision) -> Sequence[Region]:
+    match decision:
+        case Follow(_, region):
+            return [*region.parts, region]
+        case Share(_, regions):
+            return regions
+        case Split(_, mine, other):
+            return [*mine.parts, mine, *other.parts, other]
+        case _:
+            return []
+
+
+def _one_for_each(
+    members: list[TrackState], owned: list[Region], scene: Scene | None
+) -> list[tuple[int, int]] | None:
+    """Return pairs of tracks and regions, one for each track; None if that is not possible."""
+    if len(owned) < len(members):
+        return None
+    costs = np.full((len(members), len(owned)), boxes.IMPOSSIBLE)
+    for row, track in enumerate(members):
+        for column, region in enumerate(owned):
+            if not (
+                region.height > 0.6 * track.height
+                and 0.4 * track.area < region.area < 1.7 * track.area
+                and region.width < 1.6 * track.width
+            ):
+                continue
+            away = math.dist(region.center, track.box.center) / track.side
+            unlike = 0.0
+            if scene is not None and track.grouped_s is not None:
+                unlike = 2.0 * track.appearance.distance(scene, region)
+            if away < 1.5:
+                costs[row, column] = away + unlike
+    pairs = boxes.assigned(costs)
+    return pairs if len(pairs) == len(members) else None
+
+
+def _nearest(members: list[TrackState], region: Region) -> int:
+    x, y = region.center
+
+    def away(row: int) -> tuple[float, int]:
+        box = members[row].box
+        return abs(x - box.center[0]) / box.width + abs(y - box.center[1]) / box.height, row
+
+    return min(range(len(members)), key=away)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.tracker.tracking.appearance import BANDS, Scene, levels_of
-from zv.tracker.tracking.fragment import Fragment, union
-from zv.tracker.tracking.target import Target
+from zv.tracker.tracking.region import Region, extent, union
+from zv.tracker.tracking.state import TrackState
 
 MARGIN_SIDES = 0.1
 """An object is searched for within its expected box plus this margin, in sides, plus twice the
@@ -58,14 +58,14 @@ class Portion:
         covered: Share of its expected box that is foreground, its own or that of others.
     """
 
-    box: Fragment | None
+    box: Region | None
     open: tuple[bool, bool, bool, bool]
     visible: float
     clear: float
     covered: float
 
 
-def divide(targets: Sequence[Target], region: Sequence[Fragment], scene: Scene) -> list[Portion]:
+def divide(targets: Sequence[TrackState], region: Sequence[Region], scene: Scene) -> list[Portion]:
     """Divide a shared region among objects, pixel by pixel.
 
     Each pixel is assigned to the object with the largest product of two probabilities: that the
@@ -74,7 +74,7 @@ def divide(targets: Sequence[Target], region: Sequence[Fragment], scene: Scene) 
 
     Args:
         targets: The objects.
-        region: The fragments that form the region.
+        region: The regions that form the region.
         scene: The pixels of the frame.
 
     Returns:
@@ -114,18 +114,18 @@ def divide(targets: Sequence[Target], region: Sequence[Fragment], scene: Scene) 
     return portions
 
 
-def _searched(target: Target) -> Fragment:
+def _searched(target: TrackState) -> Region:
     """Return the box in which the pixels of an object are searched for."""
     box, side = target.box, target.side
     x, y = (
         min(0.5 * side, MARGIN_SIDES * side + 2 * math.sqrt(axis.pp))
         for axis in (target.x, target.y)
     )
-    return Fragment(box.left - x, box.top - y, box.right + x, box.bottom + y, 0)
+    return Region(box.left - x, box.top - y, box.right + x, box.bottom + y, 0)
 
 
 def _likely(
-    target: Target, area: Fragment, levels: NDArray[np.intp], origin: tuple[int, int]
+    target: TrackState, area: Region, levels: NDArray[np.intp], origin: tuple[int, int]
 ) -> tuple[tuple[slice, slice], NDArray[np.float32], NDArray[np.bool_]]:
     """Return how probable each pixel of a region is for an object.
 
@@ -160,7 +160,7 @@ def _likely(
 
 
 def _portion(
-    target: Target,
+    target: TrackState,
     own: NDArray[np.bool_],
     clear: NDArray[np.bool_],
     known: NDArray[np.bool_],
@@ -178,9 +178,9 @@ def _portion(
     count = int(np.count_nonzero(own))
     if not count:
         return Portion(None, (False,) * 4, 0.0, 0.0, covered)
-    first_y, end_y = _extent(own.sum(axis=1))
-    first_x, end_x = _extent(own.sum(axis=0))
-    found = Fragment(
+    first_y, end_y = extent(own.sum(axis=1), THIN)
+    first_x, end_x = extent(own.sum(axis=0), THIN)
+    found = Region(
         first_x + origin[1], first_y + origin[0], end_x + origin[1], end_y + origin[0], count
     )
     sides = (
@@ -201,9 +201,3 @@ def _is_open(own: NDArray[np.bool_], mask: NDArray[np.bool_], row: int, beside: 
     edge = own[row]
     number = np.count_nonzero(edge)
     return bool(np.count_nonzero(edge & ~mask[beside]) >= OPEN * number)
-
-
-def _extent(profile: NDArray[np.int_]) -> tuple[int, int]:
-    """Return the range, end exclusive, from the first to the last row or column not thin."""
-    enough = np.flatnonzero(profile >= THIN * profile.max())
-    return int(enough[0]), int(enough[-1]) + 1

@@ -3,126 +3,158 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from zv.tracker.tracking.appearance import Scene
-from zv.tracker.tracking.fragment import Fragment
-from zv.tracker.tracking.groups import LEAST_CLEAR, Portion
-from zv.tracker.tracking.target import SIZE_TIME_S, Target
-from zv.tracker.tracking.targets import Targets
+from zv.tracker.tracking.groups import Portion
+from zv.tracker.tracking.region import Region
+from zv.tracker.tracking.state import MOTION, TrackState
 
-GROWN = 1.25
-"""If a box differs from the expected size by more than this factor, only one edge is used."""
 
-PLAUSIBLE = 1.7
-"""Foreground whose area differs from the object's usual one by less than this factor is all of the
-object: its bounding box is then the track's box, even if other poses had another size."""
+@dataclass(frozen=True, slots=True)
+class MeasuringLimits:
+    """The constants of measuring.
 
-WHOLE_TIME_S = 3.0
-"""Time constant with which the largest size of an object fades while it is seen alone and
-complete."""
+    Attributes:
+        grown: If a box differs from the expected size by more than this factor, only one edge is
+            used.
+        appearance_s: Time constant of the appearance, seconds,
+        learn_every_s: and the interval in which it is learned.
+        group_memory_s: For this long after an object was in a group, its size is not measured:
+            others may be near.
+        in_front: An object in a group is in front if more than this share of its usual area is
+            visible.
+        held_s: An object that is hidden in a group counts as seen for this long,
+        covered: if this share of its box is foreground.
+        clear: An object in a group is hidden if a smaller share of it is clearly its own.
+        border: Width of the border of the picture, as a share of its smaller side.
+    """
 
-APPEARANCE_TIME_S = 1.0
-LEARN_EVERY_S = 0.15
-GROUP_MEMORY_S = 1.5
-"""For this long after an object was in a group, its size is not measured: others may be near."""
+    grown: float = 1.25
+    appearance_s: float = 1.0
+    learn_every_s: float = 0.15
+    group_memory_s: float = 1.5
+    in_front: float = 0.75
+    held_s: float = 1.5
+    covered: float = 0.5
+    clear: float = 0.15
+    border: float = 0.02
 
-WHOLE = 0.75
-"""If more than this share of its usual area is visible, an object in a group is in front."""
 
-HELD_S = 1.5
-"""An object that is hidden in a group counts as seen for this long."""
+LIMITS = MeasuringLimits()
 
-COVERED = 0.5
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A frame without its pixels.
+
+    Attributes:
+        now_s: Its time, seconds; it never goes back.
+        dt_s: Seconds since the last frame.
+        size: Width and height of the mask.
+    """
+
+    now_s: float
+    dt_s: float
+    size: tuple[int, int]
+
+    def cut(self, box: Region) -> tuple[bool, bool, bool, bool]:
+        """Return which edges of a box are at the border of the picture, which may cut it off."""
+        (width, height), margin = self.size, self.margin
+        return (
+            box.left <= margin,
+            box.top <= margin,
+            box.right >= width - margin,
+            box.bottom >= height - margin,
+        )
+
+    def at_border(self, box: Region) -> bool:
+        """Return whether a box reaches the border of the picture."""
+        return any(self.cut(box))
+
+    @property
+    def margin(self) -> float:
+        """Width of the border of the picture, pixels: the outermost rows may be dark or blurred."""
+        return max(1.0, LIMITS.border * min(self.size))
 
 
 def measure(
-    target: Target,
-    found: Fragment,
-    targets: Targets,
-    dt_s: float,
-    scene: Scene | None,
-    *,
-    alone: bool,
+    track: TrackState, found: Region, moment: Moment, scene: Scene | None, *, alone: bool
 ) -> None:
     """Correct an object by the bounding box of its own foreground.
 
     Args:
-        target: The object.
+        track: The object, predicted to the moment.
         found: All of its foreground.
-        targets: All objects, including this one.
-        dt_s: Seconds since the last frame.
+        moment: The frame.
         scene: The pixels of the frame, from which the appearance is learned; None to not learn it.
         alone: Whether that foreground shows no other object.
     """
-    expected, at_border = target.box, targets.at_border(found)
-    if target.grouped_ns is not None and targets.since_s(target.grouped_ns) > GROUP_MEMORY_S:
-        target.grouped_ns = None
-    entering = not target.full
-    dx, dy = (axis.velocity * dt_s if entering else None for axis in (target.x, target.y))
-    x, width = _along(found.left, found.right, expected.left, expected.right, targets.size[0], dx)
-    y, height = _along(found.top, found.bottom, expected.top, expected.bottom, targets.size[1], dy)
+    expected, at_border, now_s = track.box, moment.at_border(found), moment.now_s
+    if track.grouped_s is not None and now_s - track.grouped_s > LIMITS.group_memory_s:
+        track.grouped_s = None
+    entering, margin = not track.was_inside, moment.margin
+    dx, dy = (axis.velocity * moment.dt_s if entering else None for axis in (track.x, track.y))
+    x, width = _along(
+        found.left, found.right, expected.left, expected.right, moment.size[0], margin, dx
+    )
+    y, height = _along(
+        found.top, found.bottom, expected.top, expected.bottom, moment.size[1], margin, dy
+    )
     complete = width and height
-    if not at_border:
-        target.full = True
-    follows = entering or (alone and target.grouped_ns is None and not at_border)
-    share = max(1 - math.exp(-dt_s / SIZE_TIME_S), 1 / (target.hits + 1))
-    target.resize(
-        found.width if width or follows else target.width,
-        found.height if height or follows else target.height,
-        found.area if complete or entering else target.area,
+    track.was_inside |= not at_border
+    follows = entering or (alone and track.grouped_s is None)
+    share = max(1 - math.exp(-moment.dt_s / MOTION.size_s), 1 / (track.hits + 1))
+    track.resize(
+        found.width if width or follows else track.width,
+        found.height if height or follows else track.height,
+        found.area if complete or follows else track.area,
         1.0 if entering else share,
     )
-    if at_border or 1 / PLAUSIBLE < found.area / max(1.0, target.area) < PLAUSIBLE:
-        target.shown = found
-    if alone and complete and target.full and not at_border:
-        target.alone_s += dt_s
-        faded = math.exp(-dt_s / WHOLE_TIME_S)
-        across, down = target.whole
-        target.whole = max(found.width, faded * across), max(found.height, faded * down)
-    before = target.travelled
+    track.shown = found
+    if alone:
+        track.alone_s += moment.dt_s
     if entering:  # it moves as its edge inside the picture; its box is the part in view
-        target.correct((x, y), targets.now_ns)
-        target.place_at(found.center)
+        track.correct((x, y), now_s)
+        track.place_at(found.center)
     elif complete and found.pixels_at is not None:
-        target.correct(target.steadied((x, y), found.pixels_at, share), targets.now_ns)
+        track.correct(track.steadied((x, y), found.pixels_at, share), now_s)
     else:
-        target.correct((x, y), targets.now_ns, (width, height))
-    target.clear_ns = targets.now_ns
-    if target.speed > 0.2 or target.travelled > before:
-        target.moved_ns = targets.now_ns
-    since_s = targets.since_s(target.learned_ns)
-    if scene is not None and alone and complete and since_s >= LEARN_EVERY_S:
-        share = 1 - math.exp(-min(since_s, APPEARANCE_TIME_S) / APPEARANCE_TIME_S)
-        target.appearance.learn(scene, _around(found.center, target), share)
-        target.learned_ns = targets.now_ns
+        track.correct((x, y), now_s, (width, height))
+    track.clear_s = now_s
+    since_s = now_s - track.learned_s
+    if scene is not None and alone and complete and since_s >= LIMITS.learn_every_s:
+        share = 1 - math.exp(-min(since_s / LIMITS.appearance_s, 1.0))
+        track.appearance.learn(scene, _around(found.center, track), share)
+        track.learned_s = now_s
 
 
-def measure_portion(target: Target, portion: Portion, targets: Targets) -> bool:
+def measure_portion(track: TrackState, portion: Portion, moment: Moment) -> bool:
     """Correct an object by its portion of a region that it shares with others; False if hidden.
 
-    While it is hidden, it counts as seen for up to ``HELD_S`` if there is foreground that may hide
+    While it is hidden, it counts as seen for up to ``held_s`` if there is foreground that may hide
     it.
     """
     box = portion.box
-    if box is None or portion.clear < LEAST_CLEAR:
-        if portion.covered > COVERED and targets.since_s(target.clear_ns) < HELD_S:
-            target.seen_ns = targets.now_ns
+    if box is None or portion.clear < LIMITS.clear:
+        if portion.covered > LIMITS.covered and moment.now_s - track.clear_s < LIMITS.held_s:
+            track.seen_s = moment.now_s
         return False
-    expected, whole = target.box, portion.visible > WHOLE
+    expected, whole = track.box, portion.visible > LIMITS.in_front
     left, top, right, bottom = portion.open
     x, width = _between(box.left, box.right, expected.left, expected.right, left, right, whole)
     y, height = _between(box.top, box.bottom, expected.top, expected.bottom, top, bottom, whole)
-    if width and height and portion.visible < PLAUSIBLE:
-        target.shown = box
-    target.clear_ns = targets.now_ns
-    target.correct((x, y), targets.now_ns)
+    if width and height:
+        track.shown = box
+    track.clear_s = moment.now_s
+    track.correct((x, y), moment.now_s)
     return True
 
 
-def _around(middle: tuple[float, float], target: Target) -> Fragment:
+def _around(middle: tuple[float, float], track: TrackState) -> Region:
     """Return a box of the object's size around a measured centre."""
-    (x, y), half_width, half_height = middle, target.width / 2, target.height / 2
-    return Fragment(x - half_width, y - half_height, x + half_width, y + half_height, target.area)
+    (x, y), half_width, half_height = middle, track.width / 2, track.height / 2
+    return Region(x - half_width, y - half_height, x + half_width, y + half_height, track.area)
 
 
 def _along(
@@ -131,6 +163,7 @@ def _along(
     expected_low: float,
     expected_high: float,
     end: int,
+    margin: float,
     moved: float | None,
 ) -> tuple[float, bool]:
     """Return the centre of a box along one axis, and whether its length there is reliable.
@@ -141,15 +174,15 @@ def _along(
     used.
     """
     length, expected = high - low, max(1e-6, expected_high - expected_low)
-    cut_low, cut_high = low <= 1, high >= end - 1
+    cut_low, cut_high = low <= margin, high >= end - margin
     if moved is not None:
-        cut_low = cut_low or expected_low - moved <= 1
-        cut_high = cut_high or expected_high - moved >= end - 1
+        cut_low = cut_low or expected_low - moved <= margin
+        cut_high = cut_high or expected_high - moved >= end - margin
     if cut_low and not cut_high:
         return high - expected / 2, False
     if cut_high and not cut_low:
         return low + expected / 2, False
-    if moved is not None or 1 / GROWN < length / expected < GROWN:
+    if moved is not None or 1 / LIMITS.grown < length / expected < LIMITS.grown:
         return (low + high) / 2, True
     if abs(low - expected_low) < abs(high - expected_high):
         return low + expected / 2, False
@@ -171,7 +204,7 @@ def _between(
     the other edge if that one is open, else from the edge that is nearer to the expected one.
     """
     expected = expected_high - expected_low
-    if whole or (open_low and open_high and high - low > expected / GROWN):
+    if whole or (open_low and open_high and high - low > expected / LIMITS.grown):
         return (low + high) / 2, True
     if open_low == open_high:
         open_low = abs(low - expected_low) < abs(high - expected_high)

@@ -30,6 +30,8 @@ class Track:
             It moves with the object, while the centre is smoothed, and is that of the part in view
             while the object enters the picture.
         offset: From ``steady`` to the centre, x and y.
+        class_name: Name of its class, if a model says it.
+        score: How sure the model was when it last found it, 0 to 1.
     """
 
     id: int
@@ -44,3 +46,5 @@ class Track:
     missing_s: float = 0.0
     steady: tuple[float, float] | None = None
     offset: tuple[float, float] = (0.0, 0.0)
+    class_name: str | None = None
+    score: float | None = None

@@ -4,73 +4,97 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
-from zv.tracker.tracking import association
-from zv.tracker.tracking.appearance import Scene
-from zv.tracker.tracking.fragment import Fragment, union
-from zv.tracker.tracking.matching import OVERLAP, Matcher
-from zv.tracker.tracking.target import SHOWN_S, Target
-from zv.tracker.tracking.targets import Targets
+from zv.tracker.tracking import boxes
+from zv.tracker.tracking.appearance import Appearance, Scene
+from zv.tracker.tracking.association import (
+    AssociationLimits,
+    Begin,
+    Decision,
+    End,
+    Follow,
+    Share,
+    Split,
+    associate,
+)
+from zv.tracker.tracking.groups import divide
+from zv.tracker.tracking.measuring import Moment, measure, measure_portion
+from zv.tracker.tracking.region import Region
+from zv.tracker.tracking.state import TrackState, new_state
 from zv.tracker.tracking.track import Track
-
-MAX_FRAGMENTS = 400
-"""Further fragments are ignored, the smallest first, so that the time for a frame is bounded."""
 
 MAX_STEP_S = 60.0
 """Positions are predicted for at most this time, even if the clock was set forward by more: a
 larger variance would exhaust the precision of floating-point numbers."""
 
-SMOOTHED = 0.1
-"""A track's position is the smoothed centre if that is within this distance, in sides, of the
-centre of its box."""
+MAX_TRACKS = 400
+"""Further objects are not tracked, so that the time for a frame is bounded."""
 
-LEAVING_SHOWN_S = 0.1
-"""A track that is expected at the border is lost if not seen for longer than this; one that is
-expected outside, in the first frame that does not show it."""
 
-TENTATIVE_S = 0.3
-PROTECTED_SIDES = 1.2
-"""An object that has moved farther than this is kept out of the background even if it stands."""
+@dataclass(frozen=True, slots=True)
+class LifeLimits:
+    """The constants of a track's life; seconds of stamps.
 
-SETTLED_SIDES = 3.0
-"""An object that has moved steadily for more than this is confirmed even where pixels keep
-changing: in a lane with much traffic, the objects themselves change the pixels."""
+    Attributes:
+        confirm_s: Age at which a track may be confirmed.
+        confirm_hits: Number of frames in which it must have been seen.
+        seen_share: Share of that age for which it must have been seen: other things flicker.
+        confirm_sides: How far it must have moved, in smaller sides of its box.
+        rest_s: It must move so far within one motion: what stands for longer begins anew.
+        shown_s: A confirmed track that is not seen for longer than this is lost,
+        leaving_s: or than this at the border of the picture.
+        tentative_s: One that was never confirmed ends if it is not seen for longer than this.
+        protected_sides: An object that has travelled farther is not learned while it stands,
+        protect_s: for this long.
+        still_s: What has stood for this long may be a ghost, and is tested in this interval.
+        smoothed: A track's position is the smoothed centre if that is within this distance, in
+            sides, of the centre of its box.
+        hidden_s: Time constant with which the predicted motion of a hidden object slows down.
+    """
 
-STEADY_SIDES = 0.1
-"""A motion is steady if the last places are within this distance, root mean square, of a motion
-with constant velocity. Leaves jump by 0.1 to 0.6 of their side."""
-
-SEEN_SHARE = 0.8
-"""A track that was seen for a smaller share of its age follows something that flickers, and is not
-confirmed before it has moved by ``SETTLED_SIDES``. The share does not depend on the frame rate."""
+    confirm_s: float = 0.4
+    confirm_hits: int = 3
+    seen_share: float = 0.8
+    confirm_sides: float = 1.0
+    rest_s: float = 2.0
+    shown_s: float = 0.3
+    leaving_s: float = 0.1
+    tentative_s: float = 0.3
+    protected_sides: float = 1.0
+    protect_s: float = 120.0
+    still_s: float = 1.0
+    smoothed: float = 0.1
+    hidden_s: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingParameters:
     """The parameters of ``Tracker``."""
 
-    confirm_s: float = 0.4  # age at which a track may be confirmed
-    confirm_hits: int = 3  # frames in which it must have been seen
-    confirm_sides: float = 0.4  # how far it must have moved, in sides of its box
     keep_lost_s: float = 2.0  # how long a track that is not seen is kept
     min_area: float = 40.0  # of the foreground of a new object, square pixels of the mask
-    protect_s: float = 120.0  # how long an object that stopped is kept out of the background
-    convex: bool = False  # each fragment is an object, none a part of one
+    convex: bool = False  # each region is an object, none a part of one
+    life: LifeLimits = field(default_factory=LifeLimits)
+    association: AssociationLimits = field(default_factory=AssociationLimits)
 
 
 class Tracker:
-    """Turns the fragments of successive frames into tracks.
+    """Turns the regions of successive frames into tracks.
 
     All times are in seconds of the frames' stamps, and all limits of lengths in sides of the
-    objects, so that they hold at any frame rate and resolution. If a stamp is not later than the
-    previous one, no time passes: positions are measured, but nothing ages.
+    objects, so that they hold at any frame rate and resolution.
 
     Args:
         parameters: The limits.
         size: Width and height of the mask.
         scale: Full-resolution pixels per pixel of the mask.
         first_id: Id of the first track; each further one gets the next number.
+
+    Attributes:
+        states: The state of each track, oldest first.
+        next_id: The id that the next new track gets.
     """
 
     def __init__(
@@ -81,155 +105,195 @@ class Tracker:
         first_id: int = 1,
     ) -> None:
         self.parameters = parameters
-        self._targets = Targets(size, first_id)
+        self.states: list[TrackState] = []
+        self.next_id = first_id
         self._scale = scale
+        self._moment = Moment(0.0, 0.0, size)
 
-    @property
-    def targets(self) -> list[Target]:
-        """The state of each track, oldest first."""
-        return self._targets.all
+    def predict(self, now_s: float) -> None:
+        """Predict all tracks to the time of the next frame; it never goes back."""
+        dt_s = max(0.0, now_s - self._moment.now_s)
+        self._moment = Moment(now_s, dt_s, self._moment.size)
+        for state in self.states:
+            state.predict(min(dt_s, MAX_STEP_S))
 
-    @property
-    def next_id(self) -> int:
-        """The id that the next new track gets."""
-        return self._targets.next_id
-
-    @property
-    def now_ns(self) -> int:
-        """Time by which the stamps have advanced since the first frame; it never goes back."""
-        return self._targets.now_ns
-
-    def update(
-        self, fragments: Sequence[Fragment], stamp_ns: int, scene: Scene | None = None
-    ) -> list[Track]:
-        """Process the fragments of one frame; return the tracks at its stamp, oldest first.
+    def update(self, regions: Sequence[Region], scene: Scene | None = None) -> list[Track]:
+        """Process the regions of the frame to which the tracks were predicted.
 
         Args:
-            fragments: The connected regions of the frame's foreground.
-            stamp_ns: Capture time of the frame.
+            regions: The connected regions of the frame's foreground.
             scene: Pixels of the frame; without them, objects that meet are distinguished by their
                 motion alone.
+
+        Returns:
+            The tracks, oldest first, in full-resolution pixels.
         """
-        dt_s = self._targets.pass_time(stamp_ns)
-        fragments = sorted(fragments, key=lambda each: (-each.area, each.left, each.top))
-        fragments = fragments[:MAX_FRAGMENTS]
-        for target in self.targets:
-            target.predict(min(dt_s, MAX_STEP_S))
-        free = Matcher(self._targets, fragments, dt_s, scene, convex=self.parameters.convex).match()
-        self._begin(free, scene)
-        self._confirm_and_end(dt_s, scene)
-        return self.tracks()
+        wanted, now_s = self.parameters, self._moment.now_s
+        for decision in associate(
+            self.states, regions, scene, now_s, wanted.association, convex=wanted.convex
+        ):
+            self._apply(decision, scene)
+        self._confirm_and_end()
+        return [self._track(state) for state in self.states]
 
-    def tracks(self) -> list[Track]:
-        """Return the tracks at the stamp of the last frame, in full-resolution pixels."""
-        return [self._track(target) for target in self.targets]
-
-    def protected(self) -> list[Fragment]:
+    def protected(self) -> list[Region]:
         """Return the boxes of objects that must not become background, even if they stand."""
-        limit_ns = self.parameters.protect_s * 1e9
+        life, now_s = self.parameters.life, self._moment.now_s
         return [
-            target.box
-            for target in self.targets
-            if target.travelled > PROTECTED_SIDES
-            and self.now_ns - target.moved_ns < limit_ns
-            and target.missing_s(self.now_ns) < SHOWN_S
+            state.box
+            for state in self.states
+            if state.travelled > life.protected_sides
+            and now_s - state.stands_s < life.protect_s
+            and state.missing_s(now_s) < life.shown_s
         ]
 
-    def _track(self, target: Target) -> Track:
-        scale, box = self._scale, target.shown or target.box
-        missing_s = target.missing_s(self.now_ns)
+    def suspects(self) -> list[TrackState]:
+        """Return the tracks that may be ghosts, since they stand; each is due once in a while."""
+        life, now_s = self.parameters.life, self._moment.now_s
+        found = [
+            state
+            for state in self.states
+            if state.seen_s == now_s
+            and state.grouped_s is None
+            and now_s - max(state.stands_s, state.tested_s) >= life.still_s
+        ]
+        for state in found:
+            state.tested_s = now_s
+        return found
+
+    def drop(self, state: TrackState) -> None:
+        """End a track."""
+        self.states = [each for each in self.states if each is not state]
+
+    def _apply(self, decision: Decision, scene: Scene | None) -> None:
+        moment = self._moment
+        match decision:
+            case Follow(track, region, alone, parted):
+                if not parted:
+                    track.parted_s = None
+                elif track.parted_s is None:
+                    track.parted_s = moment.now_s
+                if track.grouped_s is not None and not self._near_another(track):
+                    track.grouped_s = None  # its foreground is no longer shared with others
+                measure(track, region, moment, scene, alone=alone)
+            case Share(tracks, regions):
+                self._share(tracks, regions, scene)
+            case Split(track, mine, other):
+                self._split(track, mine, other, scene)
+            case End(track):
+                self.drop(track)
+            case Begin(region):
+                least, overlap = self.parameters.min_area, self.parameters.association.overlap
+                if region.area >= least and not any(
+                    boxes.overlap(region, each.shown or each.box) > overlap for each in self.states
+                ):
+                    self._begin(region, scene)
+
+    def _begin(self, region: Region, scene: Scene | None) -> TrackState | None:
+        if len(self.states) >= MAX_TRACKS:
+            return None
+        moment = self._moment
+        state = new_state(self.next_id, region, moment.now_s, moment.cut(region))
+        self.next_id += 1
+        self.states.append(state)
+        if scene is not None:
+            state.appearance.learn(scene, state.box, 1.0)
+        return state
+
+    def _share(
+        self, tracks: Sequence[TrackState], regions: Sequence[Region], scene: Scene | None
+    ) -> None:
+        moment = self._moment
+        portions = None if scene is None else divide(tracks, regions, scene)
+        for number, track in enumerate(tracks):
+            track.grouped_s = moment.now_s
+            track.parted_s = None
+            if portions is None:
+                track.correct((track.x.position, track.y.position), moment.now_s)
+            elif not measure_portion(track, portions[number], moment):
+                track.slow_down(math.exp(-moment.dt_s / self.parameters.life.hidden_s))
+
+    def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene | None) -> None:
+        track.parted_s = None
+        track.resize(mine.width, mine.height, mine.area, 1.0)
+        track.appearance = Appearance()
+        track.correct(mine.center, self._moment.now_s)
+        if scene is not None:
+            track.appearance.learn(scene, track.box, 1.0)
+        second = self._begin(other, scene)
+        if second is not None:
+            second.x.velocity, second.y.velocity = track.x.velocity, track.y.velocity
+            second.confirmed = track.confirmed
+            second.travelled = track.travelled
+            second.was_inside = track.was_inside
+
+    def _near_another(self, track: TrackState) -> bool:
+        """Return whether another object, possibly hidden, is expected in the track's box."""
+        box = track.box
+        return any(boxes.overlap(box, each.box) > 0 for each in self.states if each is not track)
+
+    def _confirm_and_end(self) -> None:
+        life, now_s = self.parameters.life, self._moment.now_s
+        kept = []
+        for state in self.states:
+            if state.seen_s == now_s and state.born_s < now_s:
+                state.shown_s += self._moment.dt_s
+            if not state.confirmed and now_s - state.stands_s > life.rest_s:
+                state.rest()
+            state.confirmed |= (
+                state.seen_s == now_s
+                and state.shown_s >= life.seen_share * (now_s - state.born_s) - 1e-6
+                and now_s - state.born_s >= life.confirm_s
+                and state.hits >= life.confirm_hits
+                and state.travelled >= life.confirm_sides
+            )
+            missing_s = state.missing_s(now_s)
+            if not state.confirmed:
+                ended = missing_s > life.tentative_s
+            elif self._leaving(state):
+                ended = missing_s > life.shown_s
+            else:
+                ended = missing_s > self.parameters.keep_lost_s
+            if not ended:
+                kept.append(state)
+        self.states = kept
+
+    def _outside(self, state: TrackState) -> bool:
+        """Return whether most of an object is expected outside of the picture."""
+        width, height = self._moment.size
+        return not (0 < state.x.position < width and 0 < state.y.position < height)
+
+    def _leaving(self, state: TrackState) -> bool:
+        """Return whether an object is expected at the border, or outside of it."""
+        return self._outside(state) or self._moment.at_border(state.box)
+
+    def _state_name(self, state: TrackState) -> Literal["tentative", "confirmed", "lost"]:
+        life = self.parameters.life
+        if not state.confirmed:
+            return "tentative"
+        if self._outside(state):
+            shown_s = 0.0
+        else:
+            shown_s = life.leaving_s if self._leaving(state) else life.shown_s
+        return "confirmed" if state.missing_s(self._moment.now_s) <= shown_s else "lost"
+
+    def _track(self, state: TrackState) -> Track:
+        scale, box, now_s = self._scale, state.shown or state.box, self._moment.now_s
         width, height = max(1, round(box.width * scale)), max(1, round(box.height * scale))
-        x, y = target.x.position, target.y.position
-        if math.dist((x, y), box.center) > SMOOTHED * target.side:
+        x, y = state.x.position, state.y.position
+        if math.dist((x, y), box.center) > self.parameters.life.smoothed * state.side:
             x, y = box.center
         return Track(
-            id=target.id,
-            state=(
-                "tentative"
-                if not target.confirmed
-                else "confirmed"
-                if missing_s <= self._shown_s(target)
-                else "lost"
-            ),
+            id=state.id,
+            state=self._state_name(state),
             x=x * scale,
             y=y * scale,
             box=(round(box.left * scale), round(box.top * scale), width, height),
-            area=max(0.0, target.area) * scale * scale,
-            vx=target.x.velocity * scale,
-            vy=target.y.velocity * scale,
-            age_s=max(0.0, (self.now_ns - target.born_ns) / 1e9),
-            missing_s=missing_s,
-            steady=target.steady and (target.steady[0] * scale, target.steady[1] * scale),
-            offset=(target.offset[0] * scale, target.offset[1] * scale),
+            area=max(0.0, state.area) * scale * scale,
+            vx=state.x.velocity * scale,
+            vy=state.y.velocity * scale,
+            age_s=max(0.0, now_s - state.born_s),
+            missing_s=state.missing_s(now_s),
+            steady=state.steady and (state.steady[0] * scale, state.steady[1] * scale),
+            offset=(state.offset[0] * scale, state.offset[1] * scale),
         )
-
-    def _begin(self, free: list[Fragment], scene: Scene | None) -> None:
-        """Begin tracks for unmatched fragments; parts of one object are joined."""
-        known = [target.box for target in self.targets]
-        for found in free if self.parameters.convex else _joined(free):
-            if found.area < self.parameters.min_area:
-                continue
-            if any(association.overlap(found, box) > OVERLAP for box in known):
-                continue
-            target = self._targets.begin(found)
-            if target is not None and scene is not None:
-                target.appearance.learn(scene, target.box, 1.0)
-
-    def _confirm_and_end(self, dt_s: float, scene: Scene | None) -> None:
-        wanted, now_ns = self.parameters, self.now_ns
-        kept = []
-        for target in self.targets:
-            if not target.confirmed:
-                target.remember(now_ns, dt_s)
-                if self._is_object(target, scene):
-                    target.confirmed, target.path = True, []
-            missing_s = target.missing_s(now_ns)
-            if not target.confirmed:
-                ended = missing_s > TENTATIVE_S
-            elif self._targets.leaving(target):
-                ended = missing_s > SHOWN_S
-            else:
-                ended = missing_s > wanted.keep_lost_s
-            if not ended:
-                kept.append(target)
-        self._targets.all = kept
-
-    def _is_object(self, target: Target, scene: Scene | None) -> bool:
-        """Return whether a track has been seen and has moved as an object does."""
-        wanted, now_ns = self.parameters, self.now_ns
-        age_s = (now_ns - target.born_ns) / 1e9
-        return (
-            target.seen_ns == now_ns  # something that flickers is lost where it was expected
-            and age_s >= wanted.confirm_s
-            and target.hits >= wanted.confirm_hits
-            and target.travelled >= wanted.confirm_sides
-            and (
-                (target.travelled > SETTLED_SIDES and target.unsteadiness() <= STEADY_SIDES)
-                or (
-                    target.seen_s >= SEEN_SHARE * age_s
-                    and (scene is None or scene.is_settled(target.shown or target.box))
-                )
-            )
-        )
-
-    def _shown_s(self, target: Target) -> float:
-        """Return for how long a track that is not seen stays confirmed."""
-        if self._targets.outside(target):
-            return 0.0
-        return LEAVING_SHOWN_S if self._targets.leaving(target) else SHOWN_S
-
-
-def _joined(free: list[Fragment]) -> list[Fragment]:
-    """Join fragments with those above and below that seem to belong to the same object."""
-    found: list[Fragment] = []
-    for fragment in free:  # the largest first
-        for number, other in enumerate(found):
-            shared = min(fragment.right, other.right) - max(fragment.left, other.left)
-            gap = max(fragment.top, other.top) - min(fragment.bottom, other.bottom)
-            narrow = min(fragment.width, other.width)
-            if shared > 0.5 * narrow and gap < 0.4 * max(other.width, fragment.width):
-                found[number] = union([other, fragment])
-                break
-        else:
-            found.append(fragment)
-    return found

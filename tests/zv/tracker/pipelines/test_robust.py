@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import threading
+
 import cv2
 import numpy as np
 import pytest
 
-from zv.tracker.pipelines.robust import RobustParameters, RobustTracker, enlarged, working_scale
+from zv.tracker.pipelines.base import enlarged, working_scale
+from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
 
 TENTH = 100_000_000
 
@@ -42,13 +45,13 @@ def test_crossing_objects_are_located_and_keep_their_ids():
 
 def test_a_plain_object_that_stops_before_a_rough_background_stays_for_as_long_as_it_stands():
     rng = np.random.default_rng(0)
-    rough = np.kron(rng.integers(60, 200, (60, 80)), np.ones((4, 4))).astype(np.int16)
+    rough = np.kron(rng.integers(60, 200, (20, 27)), np.ones((12, 12)))[:, :320].astype(np.int16)
     robust = RobustTracker()
     seen = []
     for k in range(110):  # enters at 4 s, and stands from 6.8 s on
         picture = np.repeat(rough[..., np.newaxis], 3, 2)
         right = min(8 * (k - 40), 220)
-        picture[80:180, max(0, right - 40) : max(0, right)] = 130
+        picture[80:180, max(0, right - 40) : max(0, right)] = (60, 80, 150)
         noisy = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
         tracks = robust.update(noisy, k * TENTH)
         seen.append(any(each.state == "confirmed" for each in tracks))
@@ -97,6 +100,35 @@ def test_the_background_and_the_mask_have_the_size_of_the_frame():
     assert background.shape == (480, 640, 3)
     assert np.abs(background.astype(int) - backdrop(640, 480)).mean() < 3
     assert enlarged(robust.mask, (640, 480)).shape == (480, 640)
+
+
+def test_a_query_has_a_background_while_sizes_and_settings_change_in_the_loop():
+    """It comes on another thread, at any moment between two steps of the loop."""
+    robust, ended, faults, shapes = RobustTracker(), threading.Event(), [], set()
+
+    def ask() -> None:
+        while not ended.is_set():
+            try:
+                shapes.add(robust.background().shape)
+            except ValueError:  # there was no frame since a reset
+                continue
+            except Exception as fault:
+                faults.append(fault)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    try:
+        for k in range(400):
+            width, height = ((160, 120), (320, 240))[k // 10 % 2]
+            robust.update(backdrop(width, height), k * TENTH)
+            if k % 7 == 0:
+                robust.reset()
+            robust.adjust(RobustParameters(min_area=100 + k))
+    finally:
+        ended.set()
+        thread.join()
+    assert faults == []
+    assert shapes == {(120, 160, 3), (240, 320, 3)}
 
 
 def test_a_reset_learns_the_background_anew_and_keeps_the_tracks():

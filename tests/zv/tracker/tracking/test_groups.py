@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from zv.tracker.tracking.appearance import Scene
-from zv.tracker.tracking.fragment import Fragment
 from zv.tracker.tracking.groups import divide
-from zv.tracker.tracking.merging import without_parts
-from zv.tracker.tracking.target import Target, new_target
-from zv.tracker.tracking.targets import Targets
+from zv.tracker.tracking.region import Region
+from zv.tracker.tracking.state import TrackState, new_state
 
 SIZE = (100, 200)  # rows, columns
 RED, BLUE = (20, 20, 200), (200, 60, 20)
@@ -27,19 +25,19 @@ def painted(*objects: tuple[Box, tuple[int, int, int]]) -> Scene:
     return Scene(picture, mask)
 
 
-def known(number: int, seen: Box, color: tuple[int, int, int], at: Box) -> Target:
+def known(number: int, seen: Box, color: tuple[int, int, int], at: Box) -> TrackState:
     """Return an object that was seen alone in one box and is expected in another one."""
-    target = new_target(number, fragment(at), 0)
-    target.appearance.learn(painted((seen, color)), fragment(seen), 1.0)
+    target = new_state(number, region(at), 0.0)
+    target.appearance.learn(painted((seen, color)), region(seen), 1.0)
     return target
 
 
-def fragment(box: Box) -> Fragment:
+def region(box: Box) -> Region:
     left, top, right, bottom = box
-    return Fragment(left, top, right, bottom, (right - left) * (bottom - top))
+    return Region(left, top, right, bottom, (right - left) * (bottom - top))
 
 
-def edges(box: Fragment | None) -> tuple[float, float, float, float]:
+def edges(box: Region | None) -> tuple[float, float, float, float]:
     assert box is not None
     return box.left, box.top, box.right, box.bottom
 
@@ -49,7 +47,7 @@ def test_colours_divide_a_region_where_the_prediction_is_some_pixels_off():
     scene = painted((behind, BLUE), (front, RED))
     one = known(1, (20, 20, 40, 90), RED, (57, 22, 77, 92))
     two = known(2, (120, 40, 160, 60), BLUE, (74, 40, 114, 60))
-    of_one, of_two = divide([one, two], [fragment((60, 20, 110, 90))], scene)
+    of_one, of_two = divide([one, two], [region((60, 20, 110, 90))], scene)
     assert edges(of_one.box) == pytest.approx(front, abs=1)
     assert edges(of_two.box) == pytest.approx((80, 40, 110, 60), abs=1)
     assert of_one.visible == pytest.approx(1.0, abs=0.05)
@@ -63,7 +61,7 @@ def test_objects_of_the_same_colour_are_divided_by_their_positions():
     scene = painted((left, RED), (right, RED))
     seen = (120, 20, 140, 80)
     of_left, of_right = divide(
-        [known(1, seen, RED, left), known(2, seen, RED, right)], [fragment((40, 20, 75, 84))], scene
+        [known(1, seen, RED, left), known(2, seen, RED, right)], [region((40, 20, 75, 84))], scene
     )
     assert of_left.open[0]
     assert of_right.open[2]
@@ -76,7 +74,7 @@ def test_an_object_behind_another_one_has_no_pixels_and_is_covered():
     scene = painted((front, RED))
     hidden = known(2, (120, 40, 140, 60), BLUE, (70, 40, 90, 60))
     of_front, of_hidden = divide(
-        [known(1, (10, 10, 50, 90), RED, front), hidden], [fragment(front)], scene
+        [known(1, (10, 10, 50, 90), RED, front), hidden], [region(front)], scene
     )
     assert of_hidden.clear == 0
     assert of_hidden.covered == 1
@@ -86,7 +84,7 @@ def test_an_object_behind_another_one_has_no_pixels_and_is_covered():
 def test_only_one_of_two_tracks_of_an_object_has_clear_pixels():
     at, seen = (60, 20, 80, 80), (120, 20, 140, 80)
     one, other = divide(
-        [known(1, seen, RED, at), known(2, seen, RED, at)], [fragment(at)], painted((at, RED))
+        [known(1, seen, RED, at), known(2, seen, RED, at)], [region(at)], painted((at, RED))
     )
     assert (one.clear, other.clear) == (pytest.approx(1.0, abs=0.05), 0.0)
 
@@ -95,12 +93,12 @@ def test_a_track_gets_no_clear_pixels_of_colours_that_its_object_never_showed():
     # A ball has left, where a walker entered of whom only the green upper half was seen before.
     green, yellow = (40, 160, 40), (40, 200, 220)
     walker, ball = (60, 10, 80, 90), (58, 50, 82, 74)
-    entered = new_target(1, fragment(walker), 0)
+    entered = new_state(1, region(walker), 0.0)
     upper = painted(((120, 10, 140, 50), green))
-    entered.appearance.learn(upper, fragment((120, 10, 140, 90)), 1.0)
+    entered.appearance.learn(upper, region((120, 10, 140, 90)), 1.0)
     left = known(2, (20, 50, 44, 74), RED, ball)
     scene = painted((walker, green), ((60, 50, 80, 90), yellow))
-    of_walker, of_ball = divide([entered, left], [fragment(walker)], scene)
+    of_walker, of_ball = divide([entered, left], [region(walker)], scene)
     assert of_walker.clear > 0.4
     assert of_ball.clear == 0
 
@@ -110,17 +108,7 @@ def test_foreground_outside_of_a_shared_region_is_not_divided():
     scene = painted((one, RED), (two, BLUE), (elsewhere, BLUE))
     _, of_two = divide(
         [known(1, one, RED, one), known(2, two, BLUE, (60, 46, 80, 76))],
-        [fragment(one), fragment(two)],
+        [region(one), region(two)],
         scene,
     )
     assert edges(of_two.box) == two
-
-
-def test_of_parts_that_were_never_seen_alone_one_stays_when_another_has_the_larger_box():
-    targets = Targets((100, 200), 1)
-    sparse = targets.begin(Fragment(0, 0, 40, 40, 300))
-    dense = targets.begin(Fragment(5, 5, 35, 40, 900))
-    assert sparse is not None
-    assert dense is not None
-    assert without_parts([sparse, dense], Fragment(0, 0, 40, 40, 900), targets) == [dense]
-    assert targets.all == [dense]

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
 
 from zv.tracker.tracking.appearance import Scene
-from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.track import Track
 from zv.tracker.tracking.tracker import Tracker, TrackingParameters
 
 SIZE = (300, 120)  # width, height
-SECOND = 1_000_000_000
 RED, BLUE = (20, 20, 200), (200, 60, 20)
 Box = tuple[float, float, float, float]  # left, top, width, height
 Painted = Sequence[tuple[Box, tuple[int, int, int]]]
+
+
+def step(
+    tracker: Tracker, regions: Sequence[Region], now_s: float, scene: Scene | None = None
+) -> list[Track]:
+    tracker.predict(now_s)
+    return tracker.update(regions, scene)
 
 
 def tracked(frames: Iterable[Painted], rate: int = 20) -> list[list[Track]]:
@@ -34,11 +39,11 @@ def tracked(frames: Iterable[Painted], rate: int = 20) -> list[list[Track]]:
             picture[window], mask[window] = color, 255
         outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         regions = [cv2.boundingRect(outline) for outline in outlines]
-        fragments = [
-            Fragment(x, y, x + w, y + h, cv2.countNonZero(mask[y : y + h, x : x + w]))
+        regions = [
+            Region(x, y, x + w, y + h, cv2.countNonZero(mask[y : y + h, x : x + w]))
             for x, y, w, h in regions
         ]
-        found.append(tracker.update(fragments, k * SECOND // rate, Scene(picture, mask)))
+        found.append(step(tracker, regions, k / rate, Scene(picture, mask)))
     return found
 
 
@@ -101,23 +106,11 @@ def test_a_track_expected_outside_of_the_picture_is_lost_at_once():
 
 
 @pytest.mark.parametrize("rate", [30, 10, 5])
-def test_an_object_that_enters_is_confirmed_as_soon_as_its_edge_has_moved_far_enough(rate: int):
-    # From 6 to 30 pixels in view in 0.4 s: 24 are 0.46 sides of the part in view, 12 were 0.23.
-    frames: list[Painted] = [[((-54 + 60 * k / rate, 20, 60, 90), RED)] for k in range(rate)]
+def test_an_object_that_enters_is_confirmed_when_its_edge_has_moved_by_its_width(rate: int):
+    # It is inside after 0.9 s, and its edge has moved by its width of 60 pixels after 1 s.
+    frames: list[Painted] = [[((-54 + 60 * k / rate, 20, 60, 90), RED)] for k in range(2 * rate)]
     states = [tracks[0].state for tracks in tracked(frames, rate)]
-    assert states.index("confirmed") == round(0.4 * rate)
-
-
-def test_two_tracks_of_an_object_that_was_divided_become_one():
-    frames: list[Painted] = []
-    for k in range(90):
-        upper, lower = ((20 + 2 * k, 10, 24, 40), RED), ((20 + 2 * k, 70, 24, 40), BLUE)
-        between = ((20 + 2 * k, 48, 24, 24), BLUE)  # a bar hides it at first
-        frames.append([upper, lower] if k < 30 else [upper, lower, between])
-    found = tracked(frames)
-    assert len(found[25]) == 2
-    assert [track.id for track in found[-1]] == [1]
-    assert found[-1][0].box == pytest.approx((20 + 2 * 89, 10, 24, 100), abs=4)
+    assert 0.9 <= states.index("confirmed") / rate <= 1.4
 
 
 def test_a_box_that_was_too_large_shrinks_as_soon_as_no_other_object_is_near():
@@ -192,14 +185,10 @@ def test_an_object_that_was_hidden_by_a_pillar_is_the_same_when_it_comes_out_bit
 
 
 @pytest.mark.parametrize("rate", [30, 10])
-@pytest.mark.parametrize(
-    ("height", "color"),
-    [pytest.param(60, BLUE, id="another colour"), pytest.param(30, RED, id="half as high")],
-)
-def test_another_object_that_comes_out_from_behind_the_pillar_gets_an_id_of_its_own(
-    height: int, color: tuple[int, int, int], rate: int
+def test_an_object_of_other_colours_that_comes_out_from_behind_the_pillar_gets_its_own_id(
+    rate: int,
 ):
-    found = tracked(behind_a_pillar(rate, height, color), rate)
+    found = tracked(behind_a_pillar(rate, 60, BLUE), rate)
     assert [(track.id, track.state) for track in found[-1]] == [(2, "confirmed")]
 
 
@@ -209,7 +198,7 @@ def test_one_that_waits_where_another_is_expected_is_not_the_other():
         walking = [((20 + 3 * k, 20, 20, 60), RED)] if k < 20 else []
         frames.append([*walking, ((150, 20, 20, 60), RED)])
     found = tracked(frames)
-    assert [(track.id, track.state) for track in found[-1]] == [(1, "lost"), (2, "tentative")]
+    assert sorted(track.state for track in found[-1]) == ["lost", "tentative"]
 
 
 @pytest.mark.parametrize("rate", [20, 10, 5])
@@ -222,61 +211,12 @@ def test_one_whose_legs_become_hidden_does_not_seem_to_rise(rate: int):
     assert max(abs(tracks[0].vy) for tracks in found) < 10
 
 
-def test_what_appears_where_pixels_keep_changing_is_confirmed_where_they_do_not():
-    tracker, states = Tracker(TrackingParameters(), SIZE), []
-    changes = np.zeros(SIZE[::-1], np.uint8)
-    changes[:, :150] = 40
-    for k in range(20):
-        left = 60 + 6 * k
-        mask = np.zeros(SIZE[::-1], np.uint8)
-        mask[40:80, left : left + 20] = 255
-        scene = Scene(np.full((SIZE[1], SIZE[0], 3), 120, np.uint8), mask, changes)
-        tracks = tracker.update([Fragment(left, 40, left + 20, 80, 800)], k * SECOND // 10, scene)
-        states.append(tracks[0].state)
-    # From 138 to 158 the mean is 24; the distance of 78 is less than three sides.
-    assert states == ["tentative"] * 13 + ["confirmed"] * 7
-
-
-def crossed(sway: float, changes: int, counted_s: float = math.inf) -> set[str]:
-    """Return the states of an object that crosses 190 pixels, more than six of its sides."""
-    tracker, states = Tracker(TrackingParameters(), SIZE), set()
-    for k in range(20):
-        left = 30 + 10 * k + sway * (-1) ** k
-        mask = np.zeros(SIZE[::-1], np.uint8)
-        mask[40:80, round(left) : round(left) + 20] = 255
-        picture = np.full((SIZE[1], SIZE[0], 3), 120, np.uint8)
-        scene = Scene(picture, mask, np.full_like(mask, changes), counted_s)
-        fragment = Fragment(left, 40, left + 20, 80, 800)
-        states |= {track.state for track in tracker.update([fragment], k * SECOND // 10, scene)}
-    return states
-
-
-def test_where_pixels_keep_changing_a_long_way_is_that_of_an_object_if_it_is_steady():
-    assert crossed(sway=0, changes=200) == {"tentative", "confirmed"}
-    assert crossed(sway=4, changes=200) == {"tentative"}  # 0.14 of the side
-    assert crossed(sway=4, changes=10) == {"tentative", "confirmed"}
-
-
-def test_changes_are_many_by_the_time_in_which_they_were_counted():
-    jumping, second = 4, 1.0
-    assert crossed(jumping, 10, counted_s=second) == {"tentative"}
-    assert crossed(jumping, 10, counted_s=2 * second) == {"tentative", "confirmed"}
-
-
 def test_a_track_that_a_frame_does_not_show_is_not_confirmed_by_it():
     tracker = Tracker(TrackingParameters(), SIZE)
     for k in range(4):
         left = 20 + 10 * k
-        tracker.update([Fragment(left, 40, left + 20, 80, 800)], k * SECOND // 10)
-    (track,) = tracker.update([], 4 * SECOND // 10)
+        step(tracker, [Region(left, 40, left + 20, 80, 800)], k / 10)
+    (track,) = step(tracker, [], 0.4)
     assert track.state == "tentative"
-    (track,) = tracker.update([Fragment(70, 40, 90, 80, 800)], 5 * SECOND // 10)
+    (track,) = step(tracker, [Region(70, 40, 90, 80, 800)], 0.5)
     assert track.state == "confirmed"
-
-
-@pytest.mark.parametrize("rate", [30, 10])
-def test_becoming_whole_again_is_not_a_motion_of_the_steady_point(rate: int):
-    found = tracked(behind_a_sign(rate), rate)
-    points = [tracks[0].steady for tracks in found[math.ceil(2.8 * rate) - 2 :]]
-    jumps = [abs(b[1] - a[1]) for a, b in pairwise(each for each in points if each is not None)]
-    assert max(jumps) < 4

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from zv.tracker.tracking.association import (
+from zv.tracker.tracking.boxes import (
     IMPOSSIBLE,
     assigned,
     components,
     overlap,
     overlaps,
 )
-from zv.tracker.tracking.fragment import Fragment
+from zv.tracker.tracking.region import Region
 
 
 def test_the_overlap_is_relative_to_the_smaller_box():
-    large, inside = Fragment(0, 0, 10, 10, 100), Fragment(8, 8, 12, 12, 16)
-    away = Fragment(10, 0, 12, 5, 10)  # touches: nothing in common
+    large, inside = Region(0, 0, 10, 10, 100), Region(8, 8, 12, 12, 16)
+    away = Region(10, 0, 12, 5, 10)  # touches: nothing in common
     # 2 x 2 of 16 pixels
     assert overlaps([large], [inside, away]).tolist() == [[pytest.approx(0.25), 0.0]]
     assert [overlap(large, other) for other in (inside, away)] == [pytest.approx(0.25), 0.0]
-    assert overlap(large, Fragment(30, 30, 40, 40, 9)) == 0.0  # away along both axes
+    assert overlap(large, Region(30, 30, 40, 40, 9)) == 0.0  # away along both axes
 
 
 def test_components_are_connected_across_several_links():

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 
-class Fragment(NamedTuple):
+
+class Region(NamedTuple):
     """A region of the foreground mask; all lengths in pixels of that mask.
 
     Attributes:
@@ -17,6 +20,7 @@ class Fragment(NamedTuple):
         area: Area in square pixels.
         pixels_at: Mean position x, y of its pixels, which jitters less than the edges of its box;
             None if unknown.
+        parts: The connected regions of which it was joined; empty if it is one.
     """
 
     left: float
@@ -25,6 +29,7 @@ class Fragment(NamedTuple):
     bottom: float
     area: float
     pixels_at: tuple[float, float] | None = None
+    parts: tuple[Region, ...] = ()
 
     @property
     def width(self) -> float:
@@ -42,21 +47,33 @@ class Fragment(NamedTuple):
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
 
-def union(fragments: Sequence[Fragment]) -> Fragment:
-    """Return one fragment with the bounding box and the total area of several."""
-    if len(fragments) == 1:
-        return fragments[0]
-    area = sum(each.area for each in fragments)
-    known = [(each.area, each.pixels_at) for each in fragments if each.pixels_at is not None]
+def union(regions: Sequence[Region]) -> Region:
+    """Return one region with the bounding box and the total area of several."""
+    if len(regions) == 1:
+        return regions[0]
+    area = sum(each.area for each in regions)
+    known = [(each.area, each.pixels_at) for each in regions if each.pixels_at is not None]
     pixels_at = None
-    if len(known) == len(fragments) and area > 0:
+    if len(known) == len(regions) and area > 0:
         x, y = (sum(share * at[axis] for share, at in known) / area for axis in (0, 1))
         pixels_at = x, y
-    return Fragment(
-        min(each.left for each in fragments),
-        min(each.top for each in fragments),
-        max(each.right for each in fragments),
-        max(each.bottom for each in fragments),
+    return Region(
+        min(each.left for each in regions),
+        min(each.top for each in regions),
+        max(each.right for each in regions),
+        max(each.bottom for each in regions),
         area,
         pixels_at,
+        tuple(part for each in regions for part in each.parts or (each,)),
     )
+
+
+def extent(profile: NDArray[np.int_], thin: float) -> tuple[int, int]:
+    """Return the range, end exclusive, from the first to the last column or row not thin.
+
+    Args:
+        profile: The number of pixels in each column or row.
+        thin: Those with less than this share of the fullest one are thin.
+    """
+    enough = np.flatnonzero(profile >= thin * profile.max())
+    return int(enough[0]), int(enough[-1]) + 1

@@ -1,0 +1,263 @@
+"""The tracker's loop with a model: a camera whose frame waits for it delays no other."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from zenoh_vision import Frame, Node
+from zenoh_vision.errors import PayloadError
+from zenoh_vision.messages import Level
+from zenoh_vision.node.inputs import Input
+from zv.tracker.camera_tracking import CameraTracking, decoded
+from zv.tracker.detector.errors import ModelFailed
+from zv.tracker.detector.model import Model, ModelOptions
+from zv.tracker.detector.options import size_of
+from zv.tracker.detector.placement import Pixels
+from zv.tracker.detector.worker import ModelWorker, Request
+from zv.tracker.pipelines.detector import UNSURE
+from zv.tracker.settings import TrackerSettings
+
+log = logging.getLogger(__name__)
+
+WAIT_S: Final = 1.0
+"""A frame waits this long for the model; then it is published without, and the result is used for
+a later one. A model that usually takes longer is not waited for."""
+
+REPORT_S: Final = 1.0
+EXPIRE_S: Final = 0.5
+
+
+@dataclass(slots=True)
+class Waiting:
+    """A frame that is not finished, with the input that it came from."""
+
+    source: Input[Frame]
+    frame: Frame
+
+
+@dataclass(slots=True)
+class Lane:
+    """The frames of one camera.
+
+    Attributes:
+        tracking: Tracks its objects.
+        request: What the model has not answered yet.
+        asked: The frame of that request.
+        held: The same frame, if it waits for the answer.
+        next: The newest frame that arrived meanwhile.
+    """
+
+    tracking: CameraTracking
+    request: Request | None = None
+    asked: Frame | None = None
+    held: Waiting | None = None
+    next: Waiting | None = None
+
+
+class DetectorLoop:
+    """Serves the cameras of a tracker with one model.
+
+    Each camera has at most one frame in the model or waiting for it; when a newer one arrives
+    before the model has begun, that one takes its place. While the model sees a frame, the newest
+    frame of its camera waits, and those that it replaces count as overwritten.
+
+    Args:
+        node: The tracker, open.
+        model: The model, loaded.
+        tracking_of: Returns the tracking of a camera; None if there are too many cameras.
+    """
+
+    def __init__(
+        self, node: Node, model: Model, tracking_of: Callable[[str], CameraTracking | None]
+    ) -> None:
+        self._node = node
+        self._tracking_of = tracking_of
+        self._lanes: dict[str, Lane] = {}
+        self._results: deque[Request] = deque()
+        self._worker = ModelWorker(model, self._finished)
+        self._reported_s = self._expired_s = 0.0
+        log.info("model %s, layout %s, %d classes", model.words, model.layout, len(model.names))
+
+    def run(self, inputs: Sequence[Input[Frame]]) -> None:
+        """Process frames until the node is told to stop."""
+        try:
+            for arrived in self._node.arrivals(*inputs, is_due=lambda: self._results):
+                self._take_results()
+                self._end_waits()
+                if arrived is None:
+                    self._report()
+                else:
+                    self._arrive(*arrived)
+        finally:
+            self._worker.close()
+
+    def _finished(self, request: Request) -> None:
+        self._results.append(request)
+        self._node.wake()
+
+    def _arrive(self, source: Input[Frame], frame: Frame) -> None:
+        camera = frame.header.camera
+        lane = self._lanes.get(camera)
+        if lane is None:
+            tracking = self._tracking_of(camera)
+            if tracking is None:
+                source.done(frame)
+                return
+            lane = self._lanes[camera] = Lane(tracking)
+        arrived = Waiting(source, frame)
+        if lane.held is not None:
+            if lane.request is None or lane.request.begun_s is not None:
+                self._overwrite(lane.next)
+                lane.next = arrived
+                return
+            self._overwrite(lane.held)
+            lane.held = lane.request = None
+        self._start(lane, arrived)
+
+    def _overwrite(self, waiting: Waiting | None) -> None:
+        if waiting is not None:
+            self._node.counters.drop("overwritten")
+
+    def _start(self, lane: Lane, arrived: Waiting) -> None:
+        frame = arrived.frame
+        settings: TrackerSettings = frame.revision.settings
+        try:
+            if settings.pipeline != "detector":
+                lane.tracking.process(frame, decoded(frame, settings))
+                arrived.source.done(frame)
+                return
+            needs_motion = settings.every != 1 or settings.on_motion
+            wants = lane.tracking.begin(frame, decoded(frame, settings) if needs_motion else None)
+        except PayloadError as error:
+            self._node.drop(error)
+            return
+        if wants and lane.request is None:
+            lane.request, lane.asked = self._ask(frame, settings), frame
+            # The results of a replay must not depend on how long the model takes.
+            if settings.every and (frame.header.replay is not None or self._is_quick()):
+                lane.held = arrived
+                return
+        self._finish(lane, arrived, None)
+
+    def _ask(self, frame: Frame, settings: TrackerSettings) -> Request:
+        def reduced(width: int, height: int) -> Pixels:
+            return frame.reduced("bgr8", width, height)
+
+        size = frame.header.width, frame.header.height
+        least = min(settings.least_score, UNSURE)
+        request = Request(frame.header.camera, size, reduced, least, settings.suppression)
+        self._worker.submit(request)
+        return request
+
+    def _is_quick(self) -> bool:
+        load = self._worker.load()
+        return max(load.run_s, load.since_s) < WAIT_S
+
+    def _finish(self, lane: Lane, waiting: Waiting, request: Request | None) -> None:
+        found = None if request is None or request.found is None else request.found.detections
+        lane.tracking.finish(waiting.frame, found)
+        waiting.source.done(waiting.frame)
+
+    def _take_results(self) -> None:
+        while self._results:
+            request = self._results.popleft()
+            self._count(request)
+            lane = self._lanes[request.camera]
+            if request is not lane.request:
+                continue  # a newer one took its place
+            held, asked = lane.held, lane.asked
+            lane.held = lane.request = lane.asked = None
+            if held is not None and isinstance(request.error, PayloadError):
+                self._node.drop(request.error)
+            elif held is not None:
+                self._finish(lane, held, request)
+            elif asked is not None:
+                self._take_late(lane, asked, request)
+            self._start_next(lane)
+
+    def _take_late(self, lane: Lane, asked: Frame, request: Request) -> None:
+        """Use the result for a frame that was finished without it."""
+        if request.found is not None and not lane.tracking.take_late(
+            asked, request.found.detections
+        ):
+            self._node.counters.note("model_too_late")
+
+    def _end_waits(self) -> None:
+        """Finish the frames that have waited too long, without the model."""
+        now_s = time.monotonic()
+        for lane in self._lanes.values():
+            if lane.held is None or lane.request is None:
+                continue
+            if lane.held.frame.header.replay is not None:
+                continue
+            if now_s - lane.request.asked_s >= WAIT_S:
+                held, lane.held = lane.held, None
+                self._finish(lane, held, None)
+                self._start_next(lane)
+
+    def _start_next(self, lane: Lane) -> None:
+        if lane.next is not None:
+            waiting, lane.next = lane.next, None
+            self._start(lane, waiting)
+
+    def _count(self, request: Request) -> None:
+        counters = self._node.counters
+        if isinstance(request.error, ModelFailed):
+            counters.note("model_failed")
+        if request.found is None:
+            return
+        counters.note("model_frames")
+        counters.note("model_us", round(1e6 * request.run_s))
+        counters.note("model_wait_us", round(1e6 * request.waited_s))
+        if request.found.not_finite:
+            counters.note("model_boxes_not_finite", request.found.not_finite)
+        if request.found.left_out:
+            counters.note("model_boxes_left_out", request.found.left_out)
+
+    def _report(self) -> None:
+        """Report the model's state in the node's health, once a second; expire silent cameras."""
+        now_s = time.monotonic()
+        if now_s - self._expired_s >= EXPIRE_S:
+            self._expired_s = now_s
+            for lane in self._lanes.values():
+                lane.tracking.expire(now_s)
+        if now_s - self._reported_s < REPORT_S:
+            return
+        self._reported_s = now_s
+        load = self._worker.load()
+        words = f"model {self._worker.model.words}"
+        if load.run_s:
+            words += f": {1e3 * load.run_s:.0f} ms a frame, {load.waiting} waiting"
+        level = Level.OK
+        if load.failed:
+            level, words = Level.ERROR, f"{words}; the last run failed: {load.failed}"
+        elif max(load.run_s, load.since_s) > WAIT_S:
+            seconds = max(load.run_s, load.since_s)
+            level = Level.WARN
+            words = (
+                f"{words}; it takes {seconds:.1f} s, so that frames do not wait for it: take a "
+                "smaller model, or a device with an accelerator"
+            )
+        self._node.report("model", level, words)
+
+
+def options_of(settings: TrackerSettings) -> ModelOptions:
+    """Return the options of the model from the settings."""
+    assert settings.model is not None
+    return ModelOptions(
+        settings.model,
+        layout=settings.layout,
+        class_names=settings.class_names,
+        input_size=None if settings.input_size is None else size_of(settings.input_size),
+        fit=settings.fit,
+        colours=settings.colours,
+        values=settings.values,
+        runtime=settings.runtime,
+        device=settings.device,
+        threads=settings.model_threads,
+    )

@@ -1,0 +1,149 @@
+"""What the pipelines with ids have in common: a clock, background subtraction, a main object."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.view import Shown
+from zv.tracker.tracking.region import Region
+from zv.tracker.tracking.track import Track
+
+Image = NDArray[np.uint8]
+
+WORKING_PIXELS: Final = 125_000
+LEAST_SHARE: Final = 0.0008
+"""Least foreground of an object, as a share of the picture."""
+
+LARGER: Final = 1.25
+"""The main object changes only to one whose box is larger by this factor."""
+
+
+def working_scale(width: int, height: int) -> int:
+    """Return n for processing frames of this size at 1/n of it: 2 at 768x576."""
+    return max(1, round(math.sqrt(width * height / WORKING_PIXELS)))
+
+
+class PipelineWithIds:
+    """The base of both pipelines.
+
+    Attributes:
+        tracks: The tracks of the last frame, oldest first, in pixels of the frame.
+        mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the reduced
+            size; ``enlarged`` scales it to the size of the frame.
+        shown: What the last frame shows: ``nothing`` while the lens is covered; ``other`` once,
+            when the camera has moved and the background is learned anew.
+    """
+
+    def __init__(self) -> None:
+        self.tracks: list[Track] = []
+        self.mask: Image = np.zeros((1, 1), np.uint8)
+        self.shown: Shown = "scene"
+        self._size: tuple[int, int] | None = None
+        self._scale = 1
+        self._foreground: ForegroundDetector | None = None
+        self._lock = threading.Lock()  # a query may want the background
+        self._stamp_ns: int | None = None
+        self._now_ns = 0
+        self._main: int | None = None
+
+    @property
+    def has_background(self) -> bool:
+        """Whether a background is learned."""
+        return self._foreground is not None
+
+    @property
+    def centroid(self) -> Track | None:
+        """The main object of the last frame: the largest confirmed track, with hysteresis."""
+        return next((each for each in self.tracks if each.id == self._main), None)
+
+    def reset(self) -> None:
+        """Learn the background anew from the next frame on; the tracks go on."""
+        with self._lock:
+            if self._foreground is not None:
+                self._foreground.reset()
+
+    def background(self) -> Image:
+        """Return the learned background, (height, width, 3) uint8 BGR; safe to call on any thread.
+
+        Raises:
+            ValueError: There was no frame yet, or background subtraction does not run.
+        """
+        with self._lock:
+            if self._foreground is None or self._size is None or self._foreground.empty:
+                raise ValueError("there was no frame yet, or no background is learned")
+            return np.asarray(
+                cv2.resize(self._foreground.background_picture(), self._size), np.uint8
+            )
+
+    def _begin(self, size: tuple[int, int]) -> None:
+        """Begin with frames of another size: learn the background anew."""
+        with self._lock:
+            self._size, self._scale, self._foreground = size, working_scale(*size), None
+        self._main = None
+
+    def _pass_time(self, stamp_ns: int) -> float:
+        """Return the seconds by which the stamps have advanced; a step back is no time."""
+        if self._stamp_ns is not None:
+            self._now_ns += max(0, stamp_ns - self._stamp_ns)
+        self._stamp_ns = stamp_ns
+        return self._now_ns / 1e9
+
+    def _small_size(self) -> tuple[int, int]:
+        assert self._size is not None
+        return -(-self._size[0] // self._scale), -(-self._size[1] // self._scale)
+
+    def _subtract(
+        self,
+        picture: Image,
+        now_s: float,
+        known: Sequence[Region],
+        parameters: ForegroundParameters,
+    ) -> tuple[Image, Image]:
+        """Find the foreground of a frame, and learn from it.
+
+        Returns:
+            The picture at the reduced size, and the strong pixels of its foreground.
+        """
+        if picture.shape[1::-1] != self._small_size():
+            small = cv2.resize(picture, self._small_size(), interpolation=cv2.INTER_AREA)
+            picture = np.asarray(small, np.uint8)
+        with self._lock:
+            if self._foreground is None:
+                self._foreground = ForegroundDetector(parameters, self._scale)
+            self.mask, strong, self.shown = self._foreground.update(picture, now_s, known)
+        return picture, strong
+
+    def _least_area(self, min_area: float, share: float = LEAST_SHARE) -> float:
+        """Return the least foreground of an object, square pixels of the mask.
+
+        Args:
+            min_area: The same in full-resolution pixels; 0: a share of the picture.
+            share: That share.
+        """
+        assert self._size is not None
+        full = min_area or share * self._size[0] * self._size[1]
+        return full / (self._scale * self._scale)
+
+    def _choose_main(self) -> None:
+        """Choose the main object of the tracks."""
+        areas = {
+            each.id: each.box[2] * each.box[3] for each in self.tracks if each.state == "confirmed"
+        }
+        largest = max(areas, key=lambda number: (areas[number], -number), default=None)
+        if largest is None:
+            self._main = None
+        elif self._main not in areas or areas[largest] > LARGER * areas[self._main]:
+            self._main = largest
+
+
+def enlarged(mask: Image, size: tuple[int, int]) -> Image:
+    """Return a mask scaled to another size, width and height; its values stay 0 and 255."""
+    return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)

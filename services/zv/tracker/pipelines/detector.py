@@ -1,0 +1,216 @@
+"""Tracks the objects that a model finds; background subtraction follows them between its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from zv.tracker.detector.class_names import Wanted
+from zv.tracker.detector.model import Detection
+from zv.tracker.foreground.foreground import ForegroundParameters
+from zv.tracker.foreground.regions import RegionLimits, regions_of
+from zv.tracker.pipelines.base import Image, PipelineWithIds
+from zv.tracker.shapes import contains
+from zv.tracker.tracking.box_association import ScoredBox
+from zv.tracker.tracking.box_tracker import BoxTracker
+from zv.tracker.tracking.region import Region
+from zv.tracker.tracking.track import Track
+
+UNSURE: Final = 0.1
+"""Least score of a box that continues a track, below the one from which on a box begins one."""
+
+WATCHED_S: Final = 1.0
+"""The model goes on for this long after the last motion."""
+
+
+PROTECTED_SPEED: Final = 0.1
+"""What moves faster than this is not learned as background, sides per second."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorParameters:
+    """The parameters of ``DetectorTracker``.
+
+    Attributes:
+        wanted: The classes that are kept, with their least scores.
+        every: The model runs on every so manieth frame; 0: whenever it is free.
+        on_motion: Whether it runs only while something moves.
+        keep_lost_s: How long a track that is not seen is kept.
+        foreground: Those of the background subtraction; their polygons say where to detect.
+        min_area: Least region of motion, square pixels of the picture; 0: automatic.
+        at_foot: Whether the foot of a box must be inside, not its centre.
+    """
+
+    wanted: Wanted = field(default_factory=lambda: Wanted(0.5))
+    every: int = 1
+    on_motion: bool = False
+    keep_lost_s: float = 2.0
+    foreground: ForegroundParameters = field(default_factory=ForegroundParameters)
+    min_area: float = 0.0
+    at_foot: bool = False
+
+    @property
+    def needs_motion(self) -> bool:
+        """Whether background subtraction runs on every frame."""
+        return self.on_motion or self.every != 1
+
+
+class DetectorTracker(PipelineWithIds):
+    """Tracks the objects of one camera by the boxes of a model.
+
+    For each frame, ``begin`` must be called, then ``finish``, with what the model found in it if it
+    ran; ``late`` takes what it found in an earlier frame, between two frames.
+
+    Args:
+        parameters: What is wanted.
+        first_id: Id of the first track.
+    """
+
+    def __init__(self, parameters: DetectorParameters, first_id: int = 1) -> None:
+        super().__init__()
+        self.parameters = parameters
+        self._first_id = first_id
+        self._tracker: BoxTracker | None = None
+        self._regions: list[Region] = []
+        self._times: dict[int, int] = {}  # the tracker's time by the stamp of recent frames
+        self._ran_seq: int | None = None
+        self._moved_s: float | None = None
+
+    @property
+    def next_id(self) -> int:
+        """The id that the next new track gets."""
+        return self._first_id if self._tracker is None else self._tracker.next_id
+
+    def adjust(self, parameters: DetectorParameters) -> None:
+        """Continue with other parameters; keep the background and the tracks."""
+        self.parameters = parameters
+        if self._foreground is not None:
+            self._foreground.adjust(parameters.foreground)
+        if self._tracker is not None:
+            self._tracker.keep_lost_s = parameters.keep_lost_s
+
+    def end_tracks(self) -> None:
+        """End all tracks."""
+        self._first_id, self._tracker, self.tracks = self.next_id, None, []
+        self._size = None
+
+    def begin(self, stamp_ns: int, seq: int, size: tuple[int, int], picture: Image | None) -> bool:
+        """Begin a frame: predict the tracks to it, and look for motion.
+
+        Args:
+            stamp_ns: Its capture time.
+            seq: Its number in its epoch.
+            size: Its width and height.
+            picture: Its pixels at a reduced size, as ``working_scale`` says, BGR; None without
+                background subtraction.
+
+        Returns:
+            Whether the model should run on it.
+        """
+        if self._tracker is None or size != self._size:
+            self._begin(size)
+        assert self._tracker is not None
+        now_s = self._pass_time(stamp_ns)
+        self._times[stamp_ns] = self._now_ns
+        while len(self._times) > 500:
+            del self._times[next(iter(self._times))]
+        self._tracker.predict(now_s)
+        self.shown = "scene"
+        quiet = picture is not None and not self._find_motion(picture, now_s)
+        wanted = self.parameters
+        if wanted.on_motion and quiet:
+            return False
+        step = wanted.every if self._ran_seq is None or seq < self._ran_seq else seq - self._ran_seq
+        if step < wanted.every:
+            return False
+        self._ran_seq = seq
+        return True
+
+    def late(self, found: Sequence[Detection], stamp_ns: int) -> bool:
+        """Process what the model found in an earlier frame; return whether that was of use."""
+        at_ns = self._times.get(stamp_ns)
+        if self._tracker is None or at_ns is None:
+            return False
+        return self._tracker.see_late(kept_boxes(found, self.parameters), at_ns / 1e9)
+
+    def finish(self, found: Sequence[Detection] | None) -> list[Track]:
+        """Finish the frame that was begun.
+
+        Args:
+            found: What the model found in it; None if it did not run.
+
+        Returns:
+            The tracks, oldest first, in pixels of the frame.
+        """
+        assert self._tracker is not None
+        if found is not None:
+            self._tracker.see(kept_boxes(found, self.parameters))
+        if self._foreground is not None:
+            self._tracker.move(self._regions, seen=found is None)
+        self.tracks = self._tracker.finish()
+        self._choose_main()
+        return self.tracks
+
+    def _begin(self, size: tuple[int, int]) -> None:
+        super()._begin(size)
+        self._tracker = BoxTracker(size, self.next_id, self.parameters.keep_lost_s)
+        self._ran_seq = self._moved_s = None
+
+    def _find_motion(self, picture: Image, now_s: float) -> bool:
+        """Return whether anything moves, has moved a moment ago, or cannot be judged yet."""
+        wanted = self.parameters
+        unknown = self._foreground is None or self._foreground.empty
+        _, strong = self._subtract(picture, now_s, self._known(), wanted.foreground)
+        least = self._least_area(wanted.min_area)
+        scale = self._scale
+        self._regions = [
+            Region(
+                each.left * scale,
+                each.top * scale,
+                each.right * scale,
+                each.bottom * scale,
+                each.area * scale * scale,
+            )
+            for each in regions_of(self.mask, strong, least, np.inf, RegionLimits())
+        ]
+        if self._regions or unknown or self.shown == "other":
+            self._moved_s = now_s
+        return self._moved_s is not None and now_s - self._moved_s <= WATCHED_S
+
+    def _known(self) -> list[Region]:
+        """Return the boxes of the tracks, at the reduced size: they are not learned."""
+        assert self._tracker is not None
+        moving = [
+            each.state.box
+            for each in self._tracker.tracks
+            if each.state.confirmed and each.state.speed > PROTECTED_SPEED
+        ]
+        scale = self._scale
+        return [
+            Region(box.left / scale, box.top / scale, box.right / scale, box.bottom / scale, 0.0)
+            for box in moving
+        ]
+
+
+def kept_boxes(found: Sequence[Detection], wanted: DetectorParameters) -> list[ScoredBox]:
+    """Return the boxes of the classes that are kept, where objects are detected."""
+    kept = []
+    for each in found:
+        least = wanted.wanted.score_of(each.name)
+        if least is None or each.score < min(least, UNSURE) or not _is_inside(each, wanted):
+            continue
+        left, top, right, bottom = each.box
+        region = Region(left, top, right, bottom, (right - left) * (bottom - top))
+        kept.append(ScoredBox(region, each.score, each.name, least))
+    return kept
+
+
+def _is_inside(found: Detection, wanted: DetectorParameters) -> bool:
+    regions, ignored = wanted.foreground.regions, wanted.foreground.ignored
+    left, top, right, bottom = found.box
+    point = (left + right) / 2, bottom if wanted.at_foot else (top + bottom) / 2
+    inside = not regions or any(contains(each, point) for each in regions)
+    return inside and not any(contains(each, point) for each in ignored)

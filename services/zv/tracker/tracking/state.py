@@ -1,0 +1,245 @@
+"""The state of one tracked object."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from zv.tracker.tracking.appearance import Appearance
+from zv.tracker.tracking.kalman import AxisFilter
+from zv.tracker.tracking.region import Region
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class MotionLimits:
+    """The constants of motion and size; sides are those of the object's box, seconds of stamps.
+
+    Attributes:
+        acceleration: Standard deviation of the acceleration, sides per square second.
+        speed: Standard deviation of the speed of a new object, sides per second.
+        noise_sides: Standard deviation of a measured centre, sides,
+        noise_px: plus pixels.
+        unsure: Factor of that deviation where only one edge was seen.
+        size_s: Time constant with which the size follows a change, seconds.
+        still: An object stands while its centre stays within this distance, smaller sides.
+    """
+
+    acceleration: float = 1.5
+    speed: float = 1.5
+    noise_sides: float = 0.05
+    noise_px: float = 0.5
+    unsure: float = 4.0
+    size_s: float = 0.7
+    still: float = 0.2
+
+
+MOTION = MotionLimits()
+
+
+@dataclass(slots=True, eq=False)
+class TrackState:
+    """The state of one tracked object; lengths in pixels of the mask, times in the tracker's clock.
+
+    Attributes:
+        id: The id of its track.
+        x: Filter of the centre of its box along x.
+        y: Filter of the centre of its box along y.
+        width: Width of its box, smoothed over time.
+        height: Height of its box, smoothed over time.
+        area: Area of its foreground, smoothed over time.
+        born_s: When it was first seen.
+        seen_s: When it was last seen.
+        origin: The box in which it was first seen.
+        cut: Whether its left, top, right and bottom edge was then at the border of the picture,
+            which may hide the rest.
+        shown_s: For how long it was seen, of the time since it was first seen.
+        hits: Number of frames in which it was seen.
+        travelled: Largest distance from its origin, in smaller sides of its box.
+        confirmed: Whether it was ever confirmed.
+        grouped_s: When it last shared a region with others; None if that is long ago.
+        parted_s: Since when it has looked like two objects; None if it does not.
+        stands_at: Where it stands, or stood last.
+        stands_s: Since when it has stood there.
+        tested_s: When it was last tested for being a ghost.
+        learned_s: When its appearance was last learned.
+        clear_s: When some of the foreground was last clearly its own.
+        alone_s: For how long it was seen alone, complete, away from the border of the picture.
+        was_inside: Whether it was ever seen away from the border of the picture.
+        shown: Its own foreground in this frame, if that seems to be all of it.
+        steady: A point of the object as measured in this frame; None if it was not measured. It
+            moves with the object even while the object enters the picture, when the centre of the
+            part in view is slower.
+        offset: From ``steady`` to the centre, x and y.
+        shift: From the mean position of its pixels to ``steady``; None if unknown.
+        appearance: Its silhouette and colours.
+    """
+
+    id: int
+    x: AxisFilter
+    y: AxisFilter
+    width: float
+    height: float
+    area: float
+    born_s: float
+    seen_s: float
+    origin: Region
+    cut: tuple[bool, bool, bool, bool]
+    stands_at: Point
+    stands_s: float
+    clear_s: float
+    shown_s: float = 0.0
+    hits: int = 1
+    travelled: float = 0.0
+    confirmed: bool = False
+    grouped_s: float | None = None
+    parted_s: float | None = None
+    tested_s: float = 0.0
+    learned_s: float = 0.0
+    alone_s: float = 0.0
+    was_inside: bool = False
+    shown: Region | None = None
+    steady: Point | None = None
+    offset: Point = (0.0, 0.0)
+    shift: Point | None = None
+    appearance: Appearance = field(default_factory=Appearance)
+
+    @property
+    def side(self) -> float:
+        """Side of the square with the area of its box, at least 2."""
+        return max(2.0, math.sqrt(self.width * self.height))
+
+    @property
+    def smaller_side(self) -> float:
+        """The smaller of width and height, at least 2."""
+        return max(2.0, min(self.width, self.height))
+
+    @property
+    def box(self) -> Region:
+        """Its box, measured or expected."""
+        x, y = self.x.position, self.y.position
+        half_width, half_height = self.width / 2, self.height / 2
+        return Region(x - half_width, y - half_height, x + half_width, y + half_height, self.area)
+
+    @property
+    def speed(self) -> float:
+        """Its speed, sides per second."""
+        return math.hypot(self.x.velocity, self.y.velocity) / self.side
+
+    def predict(self, dt_s: float) -> None:
+        """Predict its state some seconds ahead, to the stamp of the next frame."""
+        self.shown = self.steady = None
+        acceleration = MOTION.acceleration * self.side
+        self.x.predict(dt_s, acceleration)
+        self.y.predict(dt_s, acceleration)
+
+    def slow_down(self, factor: float) -> None:
+        """Multiply its velocity by a factor."""
+        self.x.velocity *= factor
+        self.y.velocity *= factor
+
+    def correct(
+        self, measured: Point, now_s: float, sure: tuple[bool, bool] = (True, True)
+    ) -> None:
+        """Correct the state by a measured centre, less along an axis where that is not sure."""
+        deviation = MOTION.noise_sides * self.side + MOTION.noise_px
+        for axis, position, is_sure in zip((self.x, self.y), measured, sure, strict=True):
+            if is_sure:
+                axis.adapt(position, deviation)
+                axis.correct(position, deviation)
+            else:
+                axis.correct(position, MOTION.unsure * deviation)
+        self.steady = _minus(measured, self.offset)
+        self.seen_s = now_s
+        self.hits += 1
+        self.travelled = max(self.travelled, self._distance() / self.smaller_side)
+        place = self.x.position, self.y.position
+        if math.dist(place, self.stands_at) > MOTION.still * self.smaller_side:
+            self.stands_at, self.stands_s = place, now_s
+
+    def place_at(self, center: Point) -> None:
+        """Set the centre, which changed with the size, without changing the velocity."""
+        assert self.steady is not None
+        self.x.position, self.y.position = center
+        self.offset, self.shift = _minus(center, self.steady), None
+
+    def rest(self) -> None:
+        """Measure the distance that it travels from where it is now."""
+        self.origin, self.travelled, self.cut = self.shown or self.box, 0.0, (False,) * 4
+
+    def steadied(self, center: Point, pixels_at: Point, share: float) -> Point:
+        """Return the centre of its box, estimated from the mean position of all its pixels.
+
+        The edges of the box move by whole pixels, and by more if noise or JPEG blocks add pixels.
+        The usual offset between the two positions is learned with the weight ``share``, 0 to 1.
+        """
+        if self.shift is None:
+            self.shift = _minus(_minus(center, self.offset), pixels_at)
+        steady = pixels_at[0] + self.shift[0], pixels_at[1] + self.shift[1]
+        more = _minus(_minus(center, steady), self.offset)
+        self.offset = self.offset[0] + share * more[0], self.offset[1] + share * more[1]
+        return steady[0] + self.offset[0], steady[1] + self.offset[1]
+
+    def _distance(self) -> float:
+        """Return the distance from its origin.
+
+        Growing or shrinking is not a motion, so along an axis both edges must have moved in the
+        same direction. Where one was at the border of the picture it must have come in, by the
+        edge inside.
+        """
+        box, origin = self.box, self.origin
+        moved = [now - then for now, then in zip(box[:4], origin[:4], strict=True)]
+        left, top, right, bottom = self.cut
+        return math.hypot(
+            _way(moved[0], moved[2], left, right), _way(moved[1], moved[3], top, bottom)
+        )
+
+    def resize(self, width: float, height: float, area: float, share: float) -> None:
+        """Move the size towards a measured one, by the weight ``share`` from 0 to 1."""
+        self.width += (width - self.width) * share
+        self.height += (height - self.height) * share
+        self.area += (area - self.area) * share
+
+    def missing_s(self, now_s: float) -> float:
+        """Return the seconds since it was last seen."""
+        return max(0.0, now_s - self.seen_s)
+
+
+def new_state(
+    number: int, found: Region, now_s: float, cut: tuple[bool, bool, bool, bool] = (False,) * 4
+) -> TrackState:
+    """Return the state of an object that was seen for the first time, with the edges cut off."""
+    x, y = found.center
+    side = max(2.0, math.sqrt(found.width * found.height))
+    noise = (MOTION.noise_sides * side + MOTION.noise_px) ** 2
+    speed = (MOTION.speed * side) ** 2
+    return TrackState(
+        id=number,
+        x=AxisFilter(x, 0.0, noise, 0.0, speed),
+        y=AxisFilter(y, 0.0, noise, 0.0, speed),
+        width=found.width,
+        height=found.height,
+        area=found.area,
+        born_s=now_s,
+        seen_s=now_s,
+        origin=found,
+        cut=cut,
+        was_inside=not any(cut),
+        stands_at=(x, y),
+        stands_s=now_s,
+        clear_s=now_s,
+    )
+
+
+def _minus(one: Point, other: Point) -> Point:
+    return one[0] - other[0], one[1] - other[1]
+
+
+def _way(low: float, high: float, cut_low: bool, cut_high: bool) -> float:
+    """Return how far an object has moved along an axis, given how far its edges have."""
+    if cut_low and cut_high:
+        return 0.0
+    if cut_low or cut_high:
+        return max(0.0, high if cut_low else -low)
+    return min(abs(low), abs(high)) if low * high > 0 else 0.0
