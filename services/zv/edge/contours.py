@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Gray
+from zv.edge.detectors.rendering import Gray
 
 MAX_POINTS: Final = 20_000
 """Largest number of points of all polylines of a frame; at 7 bytes each they fit into a message."""

@@ -16,14 +16,17 @@ class FileOptions(Settings):
 
     image: Annotated[
         FileName | None,
-        Field(description="find the edges of this image, or of each image of this folder"),
+        Field(
+            description="find the edges of this image, of each image of this folder, or of each "
+            "frame of this video or recording"
+        ),
     ] = None
     out: Annotated[
         FileName | None,
         Letter("o"),
         Field(
-            description="edge map: FILE.png, FILE.jpg or FILE.bits; a folder if --image is one, "
-            "with files by --format"
+            description="edge map: FILE.png, FILE.jpg or FILE.bits; a folder if --image is more "
+            "than an image, with files by --format"
         ),
     ] = None
     stages: Annotated[

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Contour, Contours, Header
 from zv.edge.contours import LineLimits, Lines, trace
 from zv.edge.detectors.available import DETECTORS, detector_named
-from zv.edge.detectors.detection import STAGES, Detection, Detector, Gray, Picture, Strength
-from zv.edge.selection import SelectedPart, Selection
+from zv.edge.detectors.detection import STAGES, Detection, Detector
+from zv.edge.detectors.rendering import Gray, Picture, Strength
+from zv.edge.selection import SelectedPart, corners, selected
 from zv.edge.settings import EdgeSettings
 
 
@@ -34,17 +36,18 @@ class EdgesOfFrame:
     def __init__(self, frame: Frame, settings: EdgeSettings, mask: Gray | None = None) -> None:
         self._settings = settings
         self._detector: Detector = detector_named(settings.detector, settings)
-        self._selection = Selection(settings.box, settings.scale, mask)
-        self._selection.corners(frame.header.height, frame.header.width)
+        self._mask = mask
+        corners(settings.box, frame.header.height, frame.header.width)
         self._frame = frame
         decode_ahead(frame, settings)
 
     @cached_property
     def _part(self) -> SelectedPart:
-        return self._selection.of(np.asarray(self._frame.form(self._detector.wants), np.uint8))
+        picture = np.asarray(self._frame.view(self._detector.wants), np.uint8)
+        return selected(picture, self._settings.box, self._settings.scale, self._mask)
 
     @cached_property
-    def _detection(self) -> Detection:
+    def _detection(self) -> Detection[Any]:
         return self._detector.detect(self._part.picture)
 
     @cached_property
@@ -92,34 +95,34 @@ class EdgesOfFrame:
         """The share of edge pixels in the selected part of the frame."""
         return float(np.count_nonzero(self._edges_of_part) / self._edges_of_part.size)
 
-
-def message_of(lines: Lines, density: float, header: Header) -> Contours:
-    """Return the ``Contours`` message with the lines of a frame."""
-    return Contours(
-        header=header,
-        density=density,
-        contours=tuple(
-            Contour(
-                points=tuple(map(tuple, line.points.tolist())),
-                length=line.length,
-                closed=line.closed,
-            )
-            for line in lines.polylines
-        ),
-        omitted=lines.omitted,
-        segments=tuple(map(tuple, lines.segments.tolist())),
-        circles=None if lines.circles is None else tuple(map(tuple, lines.circles.tolist())),
-    )
+    def message(self, make_header: Callable[[], Header]) -> Contours:
+        """Return the message with the lines; its header is made after they are traced."""
+        lines, density = self.lines, self.density
+        circles = lines.circles
+        return Contours(
+            header=make_header(),
+            density=density,
+            contours=tuple(
+                Contour(
+                    points=tuple(map(tuple, line.points.tolist())),
+                    length=line.length,
+                    closed=line.closed,
+                )
+                for line in lines.polylines
+            ),
+            omitted=lines.omitted,
+            segments=tuple(map(tuple, lines.segments.tolist())),
+            circles=None if circles is None else tuple(map(tuple, circles.tolist())),
+        )
 
 
 def decode_ahead(frame: Frame, settings: EdgeSettings) -> None:
-    """Decode a frame before a result is requested, if it may be corrupt or is a deep picture.
+    """Decode a frame before a result is requested, if it may be corrupt.
 
-    Deep pictures must be decoded in their order, since the range of values that is mapped to 8 bits
-    depends on the pictures before. Raw pixels of 8 bits are converted only for a result.
+    Raw pixels are converted only for a result.
 
     Raises:
         PayloadError: ``corrupt``: the frame cannot be decoded.
     """
-    if frame.is_compressed or frame.is_deep:
-        frame.form(DETECTORS[settings.detector].wants)
+    if frame.picture.form is not None:
+        frame.view(DETECTORS[settings.detector].wants)

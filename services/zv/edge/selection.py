@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import cv2
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
 from zv.edge.contours import Lines
-from zv.edge.detectors.detection import Gray, Picture
+from zv.edge.detectors.rendering import Gray, Picture
 
 Box = tuple[int, int, int, int]
 """x, y, width, height, pixels."""
@@ -19,54 +19,45 @@ Box = tuple[int, int, int, int]
 Map = TypeVar("Map", NDArray[np.uint8], NDArray[np.float32])
 
 
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """The region, the scale and the mask with which edges are detected.
+def corners(box: Box | None, height: int, width: int) -> tuple[int, int, int, int]:
+    """Return left, top, right and bottom of a region in a frame of this size, clipped to it.
 
-    Attributes:
+    Raises:
+        PayloadError: ``region_outside``: the frame has no pixel of the region.
+    """
+    if box is None:
+        return 0, 0, width, height
+    x, y = box[:2]
+    right, bottom = min(x + box[2], width), min(y + box[3], height)
+    if x >= right or y >= bottom:
+        raise PayloadError(
+            "region_outside", f"region {box} is outside of a frame of {width}x{height} pixels"
+        )
+    return x, y, right, bottom
+
+
+def selected(
+    picture: Picture, box: Box | None = None, scale: float = 1.0, mask: Gray | None = None
+) -> SelectedPart:
+    """Return the selected part of a frame.
+
+    Args:
+        picture: (height, width[, 3]) uint8.
         box: Region of the frame, clipped to the frame; None for all of it.
-        scale: Factor by which the region is reduced before detection, above 0 and at most 1.
+        scale: Factor by which the region is reduced, above 0 and at most 1.
         mask: (height, width) uint8 of any size, stretched to the frame; edges where it is 0 are
             dropped. None without a mask.
+
+    Raises:
+        PayloadError: ``region_outside``: the frame has no pixel of the region.
     """
-
-    box: Box | None = None
-    scale: float = 1.0
-    mask: Gray | None = field(default=None, compare=False)
-
-    def corners(self, height: int, width: int) -> tuple[int, int, int, int]:
-        """Return left, top, right and bottom of the selected part of a frame of this size.
-
-        Raises:
-            PayloadError: ``region_outside``: the frame has no pixel of the region.
-        """
-        if self.box is None:
-            return 0, 0, width, height
-        x, y = self.box[:2]
-        right, bottom = min(x + self.box[2], width), min(y + self.box[3], height)
-        if x >= right or y >= bottom:
-            raise PayloadError(
-                "region_outside",
-                f"region {self.box} is outside of a frame of {width}x{height} pixels",
-            )
-        return x, y, right, bottom
-
-    def of(self, picture: Picture) -> SelectedPart:
-        """Return the selected part of a frame, (height, width[, 3]) uint8.
-
-        Raises:
-            PayloadError: ``region_outside``: the frame has no pixel of the region.
-        """
-        shape = height, width = picture.shape[:2]
-        x, y, right, bottom = self.corners(height, width)
-        part = picture[y:bottom, x:right]
-        if self.scale != 1:
-            size = (
-                max(1, round((right - x) * self.scale)),
-                max(1, round((bottom - y) * self.scale)),
-            )
-            part = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
-        return SelectedPart(part, (x, y, right - x, bottom - y), shape, self.mask)
+    shape = height, width = picture.shape[:2]
+    x, y, right, bottom = corners(box, height, width)
+    part = picture[y:bottom, x:right]
+    if scale != 1:
+        size = max(1, round((right - x) * scale)), max(1, round((bottom - y) * scale))
+        part = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return SelectedPart(part, (x, y, right - x, bottom - y), shape, mask)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +68,7 @@ class SelectedPart:
         picture: Its pixels, at the reduced scale.
         box: Its position and size in the frame.
         frame_shape: Height and width of the frame.
-        mask: As in ``Selection``.
+        mask: As in ``selected``.
     """
 
     picture: Picture

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from zenoh_vision import Connection, Frame, Node
 from zenoh_vision.errors import PayloadError, SourceError
-from zenoh_vision.image.files import decode_image
-from zenoh_vision.messages import Contours
+from zenoh_vision.image.files import decoded
 from zenoh_vision.topics import EDGE_STAGES
-from zv.edge.detectors.detection import COLOURED, Gray
-from zv.edge.finding import EdgesOfFrame, decode_ahead, message_of
+from zv.edge.detectors.rendering import Gray
+from zv.edge.finding import EdgesOfFrame, decode_ahead
 from zv.edge.settings import EdgeSettings
 from zv.registry import published_by
 
@@ -28,15 +26,14 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
         publishes=published_by("edge"),
         parameters=settings,
     ) as node:
-        active = settings  # settings of the previous frame; a change decodes one twice
         frames = node.frames(
             "image/compressed",
-            want=lambda frame: decode_ahead(frame, active),
+            want=lambda frame: decode_ahead(frame, frame.revision.settings),
             max_pixels=settings.max_pixels,
             transport=settings.transport,
         )
         for frame in frames:
-            active = frame.revision.settings
+            active: EdgeSettings = frame.revision.settings
             try:
                 found = EdgesOfFrame(frame, active, mask)
             except PayloadError as error:
@@ -50,25 +47,16 @@ def publish(node: Node, frame: Frame, found: EdgesOfFrame, settings: EdgeSetting
     """Publish the edge map, the steps and the lines of a frame, each only while subscribed."""
     node.publish_picture(
         "edges/compressed",
-        frame,
         lambda: found.edges,
-        encoding="mono8",
+        frame=frame,
         bilevel=True,
-        jpeg=settings.format == "jpeg",
-        bits=settings.format == "bits",
+        form=settings.format,
         quality=settings.quality,
     )
     stages = found.stages
     for name in EDGE_STAGES:
-        encoding = "bgr8" if name in COLOURED else "mono8"
-        node.publish_picture(f"edges/{name}/compressed", frame, stages[name], encoding=encoding)
-    node.publish("edges/contours", partial(contours_of, node, frame, found))
-
-
-def contours_of(node: Node, frame: Frame, found: EdgesOfFrame) -> Contours:
-    """Return the message with the lines of a frame; the header is made after they are traced."""
-    lines, density = found.lines, found.density
-    return message_of(lines, density, node.header(frame))
+        node.publish_picture(f"edges/{name}/compressed", stages[name], frame=frame)
+    node.publish("edges/contours", lambda: found.message(lambda: node.header(frame)))
 
 
 def read_mask(file: str | None) -> Gray | None:
@@ -82,7 +70,7 @@ def read_mask(file: str | None) -> Gray | None:
     if file is None:
         return None
     try:
-        pixels = decode_image(Path(file).read_bytes())
+        pixels = decoded(Path(file).read_bytes()).pixels
     except OSError as error:
         raise SourceError(f"--mask {file}: {error.strerror or error}") from None
     except (ValueError, PayloadError) as error:

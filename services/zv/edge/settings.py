@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
-from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
+from zenoh_vision.config.consumer_options import (
+    DepthMax,
+    DepthMin,
+    FrameTransport,
+    MaxAge,
+    check_depth_range,
+)
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.region import REGION_FORM, REGION_PATTERN, box_of
-from zenoh_vision.config.settings import FromText, ServiceSettings
+from zenoh_vision.config.settings import FromText, LocalPath, ServiceSettings
 from zenoh_vision.messages import Box
 
 LEAST_LAPLACIAN_SIGMA: Final = 0.5
+WEIGHTS: Final = files("zv.edge.detectors") / "learned.onnx"
+"""Those of the detector ``learned``: not in a wheel that was built without them."""
 
 
 class EdgeSettings(ServiceSettings):
@@ -118,6 +126,7 @@ class EdgeSettings(ServiceSettings):
             min_length=1,
             description="image file: no edges where it is black; it is stretched to the frame",
         ),
+        LocalPath(),
     ] = None
     contours: Annotated[
         int,
@@ -162,6 +171,15 @@ class EdgeSettings(ServiceSettings):
     def box(self) -> Box | None:
         """The region as x, y, width and height; None for the whole frame."""
         return box_of(self.region)
+
+    @model_validator(mode="after")
+    def _has_weights(self) -> Self:
+        if self.detector == "learned" and not WEIGHTS.is_file():
+            raise ValueError(
+                "detector = learned is not available: this zv was built without the weights of "
+                "learned, whose licence is not Apache-2.0; allowed: the other detectors"
+            )
+        return self
 
     @model_validator(mode="after")
     def _sigma_fits(self) -> Self:

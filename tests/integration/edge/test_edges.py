@@ -16,11 +16,11 @@ from tests.support.listening import Listener, Message, newest, open_client, wait
 from tests.support.pictures.encoded import HEIGHT, PICTURES, WIDTH
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import wait_until
-from zenoh_vision.image.bits import unpack_bits
+from zenoh_vision.image.forms import unpack_bits
 from zenoh_vision.messages import Contours, ParameterList
 
 STAGES = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
-EDGE = "@vision/param/edge_front"
+EDGE = "@vision/set/edge_front"
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +51,6 @@ def set_all(client: zenoh.Session, **values: object) -> int:
     (reply,) = client.get(EDGE, payload=msgpack.packb(values), timeout=10.0)
     assert reply.ok is not None, reply.err and msgpack.unpackb(reply.err.payload.to_bytes())
     return ParameterList.from_bytes(reply.ok.payload.to_bytes()).revision
-
-
-def refusal(client: zenoh.Session, **values: object) -> dict[str, str]:
-    (reply,) = client.get(EDGE, payload=msgpack.packb(values), timeout=10.0)
-    assert reply.err is not None
-    refused: dict[str, str] = msgpack.unpackb(reply.err.payload.to_bytes())
-    return refused
 
 
 def pixels(message: Message) -> Any:
@@ -171,10 +164,3 @@ def test_a_region_outside_of_the_frame_is_counted_until_it_is_inside(client, cam
     assert not found[:, 220:].any()
     for listener in (edges, health):
         listener.close()
-
-
-def test_contradictory_values_are_refused_with_the_reason(client):
-    assert "above" in refusal(client, low=200.0)["error"]
-    assert "aperture" in refusal(client, aperture=4)["error"]
-    assert "too small" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["error"]
-    assert "at least 0.5" in refusal(client, detector="laplacian_of_gaussian", sigma=0.2)["allowed"]

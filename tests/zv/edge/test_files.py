@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.pictures.encoded import smooth
 from tests.support.terminal import Terminal
 from tests.support.typist import type_zv
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.image import codecs
-from zenoh_vision.image.bits import unpack_bits
+from zenoh_vision.image.forms import unpack_bits
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
 from zv.edge.detectors.canny import Canny
 from zv.edge.file_options import FileOptions
 from zv.edge.files import run
@@ -57,8 +57,8 @@ def test_a_jpeg_is_decoded_as_the_service_decodes_it(tmp_path: Path):
     jpeg = codecs.encode_jpeg(PICTURE, "bgr8", 80)
     (tmp_path / "in.jpg").write_bytes(jpeg)
     edge("--image", tmp_path / "in.jpg", "-o", tmp_path / "out.png")
-    header = Header(camera="a", epoch=0, seq=0, stamp_ns=0, width=96, height=72, encoding="bgr8")
-    expected = EdgesOfFrame(Frame(header, compressed=jpeg), EdgeSettings()).edges
+    frame = Frame(header(width=96, height=72), jpeg)
+    expected = EdgesOfFrame(frame, EdgeSettings()).edges
     assert np.array_equal(pixels(tmp_path / "out.png"), expected)
 
 
@@ -86,18 +86,6 @@ def test_the_map_can_be_packed_bits_or_a_jpeg(image: Path, tmp_path: Path):
     assert np.abs(pixels(tmp_path / "map.jpg").astype(int) - expected).mean() < 10
 
 
-@pytest.mark.parametrize(
-    "detector",
-    sorted(["colour", "haralick", "laplacian_of_gaussian", "prewitt", "roberts", "scharr"]),
-)
-def test_every_detector_works_on_files(image: Path, tmp_path: Path, detector: str):
-    out = tmp_path / "out.png"
-    places = ("--out", out, "--strength", tmp_path / "s.png")
-    edge("--image", image, *places, "--detector", detector, "--high", 30, "--low", 30)
-    assert set(np.unique(pixels(out))) == {0, 255}
-    assert (pixels(tmp_path / "s.png")[pixels(out) > 0] > 0).all()
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Three images, two of which have one name but for its end."""
@@ -113,13 +101,9 @@ def test_a_folder_of_images_gives_a_folder_of_maps(folder: Path, tmp_path: Path)
     out = tmp_path / "new" / "out"
     places = ("--out", out, "--stages", tmp_path / "steps", "--strength", tmp_path / "strength")
     edge("--image", folder, *places)
-    assert {path.name for path in out.iterdir()} == {"a.png", "b.bmp.png", "b.png.png"}
+    for made in (out, tmp_path / "strength"):
+        assert {path.name for path in made.iterdir()} == {"a.png", "b.bmp.png", "b.png.png"}
     assert (tmp_path / "steps" / "b.bmp" / "suppressed.png").exists()
-    assert {path.name for path in (tmp_path / "strength").iterdir()} == {
-        "a.png",
-        "b.bmp.png",
-        "b.png.png",
-    }
     edge("--image", folder, "--out", tmp_path / "bits", "--format", "bits")
     assert (tmp_path / "bits" / "a.bits").stat().st_size == 96 // 8 * 72
 
@@ -140,57 +124,44 @@ def test_a_folder_shows_its_progress_on_a_terminal(folder: Path, tmp_path: Path)
     assert terminal.end() == 0
 
 
+IN, INTO = "--image {image}", "--image {image} --out {folder}/o.png"
+
+
 @pytest.mark.parametrize(
-    ("arguments", "status", "words"),
+    ("line", "status", "words"),
     [
-        (("--image", "{image}"), 2, "--image needs a file or folder for the results"),
-        (("--out", "{folder}/out.png"), 2, "need --image"),
-        (("--image", "{image}", "--out", "{image}"), 2, "overwrite {image} of --image"),
-        (("--image", "{folder}", "--out", "{folder}"), 2, "overwrite {image} of --image"),
-        (("--image", "{image}", "--strength", "{folder}/./in.png"), 2, "overwrite {image} of"),
+        (IN, 2, "--image needs a file or folder for the results"),
+        ("--out {folder}/out.png", 2, "need --image"),
+        (f"{IN} --out {{image}}", 2, "overwrite {image} of --image"),
+        ("--image {folder} --out {folder}", 2, "overwrite {image} of --image"),
+        (f"{IN} --strength {{folder}}/./in.png", 2, "overwrite {image} of"),
         (
-            ("--image", "{image}", "--out", "{folder}/o.png", "--strength", "{folder}/./o.png"),
+            f"{INTO} --strength {{folder}}/./o.png",
             2,
             "--strength would overwrite {folder}/o.png of --out",
         ),
         (
-            ("--image", "{image}", "--stages", "{folder}", "--out", "{folder}/final.png"),
+            f"{IN} --stages {{folder}} --out {{folder}}/final.png",
             2,
             "--stages would overwrite {folder}/final.png of --out",
         ),
-        (("--image", "{image}", "--out", "{folder}/out.gif"), 2, "allowed: a name that ends in"),
-        (("--image", "{image}", "--strength", "{folder}/s.jpg"), 2, "ends in .png"),
-        (("--image", "{folder}/none.png", "--out", "{folder}/out.png"), 3, "no such file"),
-        (
-            ("--image", "{folder}", "--out", "{image}"),
-            3,
-            "--out {image}: is a file; allowed: a fol",
-        ),
-        (("--image", "{folder}", "--strength", "{image}"), 3, "--strength {image}: is a file; all"),
-        (("--image", "{image}", "--stages", "{image}"), 3, "--stages {image}: is a file; allowed:"),
-        (("--image", "{image}", "--out", "{image}/o.png"), 3, "{image}/o.png: cannot be written"),
-        (("--image", "{image}", "--out", "{folder}/o.png", "--low", "120"), 2, "is above high"),
-        (("--image", "{image}", "--out", "{folder}/o.png", "--aperture", "4"), 2, "aperture"),
-        (
-            ("--image", "{image}", "--out", "{folder}/o.png", "--max-pixels", "1000"),
-            3,
-            "96x72 pixels, at most 1000",
-        ),
-        (
-            ("--image", "{image}", "--out", "{folder}/o.png", "--region", "96,0,5,5"),
-            3,
-            "outside of a frame of 96x72",
-        ),
-        (("--image", "{image}", "--out", "{folder}/o.png", "--mask", "{folder}/x"), 3, "--mask"),
+        (f"{IN} --out {{folder}}/out.gif", 2, "allowed: a name that ends in"),
+        (f"{IN} --strength {{folder}}/s.jpg", 2, "ends in .png"),
+        ("--image {folder}/none.png --out {folder}/out.png", 3, "no such file"),
+        ("--image {folder} --out {image}", 3, "--out {image}: is a file; allowed: a fol"),
+        ("--image {folder} --strength {image}", 3, "--strength {image}: is a file; all"),
+        (f"{IN} --stages {{image}}", 3, "--stages {image}: is a file; allowed:"),
+        (f"{IN} --out {{image}}/o.png", 3, "{image}/o.png: cannot be written"),
+        (f"{INTO} --low 120", 2, "is above high"),
+        (f"{INTO} --aperture 4", 2, "aperture"),
+        (f"{INTO} --max-pixels 1000", 3, "96x72 pixels, at most 1000"),
+        (f"{INTO} --region 96,0,5,5", 3, "outside of a frame of 96x72"),
+        (f"{INTO} --mask {{folder}}/x", 3, "--mask"),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else str(value),
 )
-def test_unusable_flags_are_refused_in_one_line(
-    image: Path, arguments: tuple[str, ...], status: int, words: str
-):
+def test_unusable_flags_are_refused_in_one_line(image: Path, line: str, status: int, words: str):
     places = {"image": str(image), "folder": str(image.parent)}
-    said = edge(*(each.format(**places) for each in arguments), status=status)
-    assert words.format(**places) in said
+    assert words.format(**places) in edge(*line.format(**places).split(), status=status)
     assert not (image.parent / "o.png").exists()
 
 

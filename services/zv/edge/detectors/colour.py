@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 import cv2
 import numpy as np
 
-from zv.edge.detectors.detection import Picture, Strength
+from zv.edge.detectors.rendering import Picture, Strength
 from zv.edge.detectors.ridges import RidgeDetector, half_size
 
 LIGHTNESS_WEIGHT: Final = 0.08

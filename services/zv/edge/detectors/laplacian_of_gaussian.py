@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Gray
 from zv.edge.detectors.gradient import SOBEL_GAIN
+from zv.edge.detectors.rendering import Gray
 from zv.edge.detectors.zero_crossings import (
     Crossings,
     Field,

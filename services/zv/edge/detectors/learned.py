@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Picture, Strength
+from zv.edge.detectors.rendering import Picture, Strength
 from zv.edge.detectors.ridges import RidgeDetector, half_size
 
 MULTIPLE: Final = 16

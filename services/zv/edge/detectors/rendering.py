@@ -8,7 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Gray, Picture, Strength
+Gray = NDArray[np.uint8]
+"""(height, width) uint8."""
+
+Picture = NDArray[np.uint8]
+"""(height, width) grey, or (height, width, 3) in BGR order."""
+
+Strength = NDArray[np.float32]
+"""(height, width) float32, at least 0."""
 
 WEAK, STRONG = 128, 255
 """Grey levels of the pixels above the low threshold only, and of those above the high threshold."""

@@ -12,7 +12,7 @@ would draw, and makes whole lines appear and disappear in a video.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Final
@@ -21,9 +21,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Detection, Detector, Gray, Picture, Strength
-from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
-from zv.edge.detectors.thinning import maxima
+from zv.edge.detectors.detection import GradientDetection, GradientDetector
+from zv.edge.detectors.rendering import Gray, Picture, Strength
 
 Integers = NDArray[np.int16]
 """(height, width)."""
@@ -79,7 +78,7 @@ def in_integers(values: Strength) -> Integers:
 
 
 @dataclass(frozen=True, slots=True)
-class RidgeDetector(Detector):
+class RidgeDetector(GradientDetector):
     """Finds edges as ridges of a map of strengths from 0 to 1, which a subclass computes.
 
     Attributes:
@@ -98,6 +97,7 @@ class RidgeDetector(Detector):
     density: float = 3.5
 
     wants: ClassVar = "bgr"
+    unit: ClassVar = 1 / INTEGERS
     margin: ClassVar[int] = 0
     smoothing: ClassVar[float]
     ridge_sigma: ClassVar[float]
@@ -109,9 +109,10 @@ class RidgeDetector(Detector):
         return 1.0
 
     @property
-    def threshold(self) -> float:
-        """The strength above which a ridge is an edge."""
-        return float(np.interp(self.density, np.arange(len(self.thresholds)), self.thresholds))
+    def hysteresis(self) -> tuple[float, float]:
+        """The strength above which a ridge is an edge, twice."""
+        threshold = np.interp(self.density, np.arange(len(self.thresholds)), self.thresholds)
+        return float(threshold), float(threshold)
 
     @abstractmethod
     def strengths(self, picture: Picture) -> Strength:
@@ -121,24 +122,26 @@ class RidgeDetector(Detector):
     def seen(self, picture: Picture) -> Picture:
         """Return the reduced picture from which ``strengths`` are computed, BGR, of any size."""
 
+    def smoothed(self, picture: Picture) -> Gray:
+        """Return the reduced picture that is used, in grey, enlarged to the picture's size."""
+        seen = cv2.cvtColor(self.seen(picture), cv2.COLOR_BGR2GRAY)
+        size = picture.shape[1::-1]
+        return np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+
     def detect(self, picture: Picture) -> RidgeDetection:
         """Return the edges of a picture in BGR, (height, width, 3) uint8."""
         return RidgeDetection(self, picture)
 
 
-class RidgeDetection(Detection):
-    """The edges of one picture as the ridges of its map of strengths, and its steps."""
+class RidgeDetection(GradientDetection[RidgeDetector]):
+    """The edges of one picture as the ridges of its map of strengths, and its steps.
 
-    def __init__(self, detector: RidgeDetector, picture: Picture) -> None:
-        self._detector = detector
-        self._picture = picture
+    The gradient is the strength times the direction across the ridge.
+    """
 
     @cached_property
-    def _ridges(self) -> tuple[Integers, Integers]:
-        """Strength times the direction across the ridge, in the form of ``cv2.Canny``'s gradient.
-
-        (height, width) int16 each: the components to the right and downwards.
-        """
+    def gradient(self) -> tuple[Integers, Integers]:
+        """The components to the right and downwards, (height, width) int16."""
         strength = self._detector.strengths(self._picture)
         size = self._picture.shape[1::-1]
         full = cv2.resize(in_integers(strength), size, interpolation=cv2.INTER_LINEAR)
@@ -158,48 +161,11 @@ class RidgeDetection(Detection):
         )
         return np.asarray(gx, np.int16), np.asarray(gy, np.int16)
 
-    @cached_property
-    def edges(self) -> Gray:
-        """The edge map, (height, width) uint8: 0 or 255."""
-        least = self._detector.threshold * INTEGERS
-        return self._inside(np.asarray(cv2.Canny(*self._ridges, least, least, L2gradient=True)))
-
-    def _inside(self, thin: Gray) -> Gray:
-        """Set the margin of a map of thin lines to 0, and return it."""
+    def thinned(self, low: float, high: float) -> Gray:
+        """Return 255 on ridges above a threshold, but in the margin; else 0."""
+        thin = super().thinned(low, high)
         margin = min(self._detector.margin, min(thin.shape) // 16)
         if margin > 0:
             thin[:margin] = thin[-margin:] = 0
             thin[:, :margin] = thin[:, -margin:] = 0
         return thin
-
-    @property
-    def smoothed(self) -> Gray:
-        """The reduced picture that the detector uses, in grey, enlarged to the picture's size."""
-        seen = cv2.cvtColor(self._detector.seen(self._picture), cv2.COLOR_BGR2GRAY)
-        size = self._picture.shape[1::-1]
-        return np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_LINEAR), np.uint8)
-
-    @property
-    def magnitude(self) -> Strength:
-        """The strength of each pixel before thinning, (height, width) float32, 0 to 1."""
-        gx, gy = (component.astype(np.float32) for component in self._ridges)
-        # The last bit of cv2.magnitude depends on where the arrays lie in memory.
-        return np.asarray(np.sqrt(gx * gx + gy * gy) * np.float32(1 / INTEGERS))
-
-    @cached_property
-    def strength(self) -> Strength:
-        """The strength on the ridges, else 0, (height, width) float32."""
-        ridges = self._inside(maxima(*self._ridges, l2=True))
-        return np.where(ridges > 0, self.magnitude, np.float32(0))
-
-    @property
-    def stages(self) -> Mapping[str, Callable[[], Picture]]:
-        """The steps, each computed when it is called."""
-        least = self._detector.threshold
-        return {
-            "smoothed": lambda: self.smoothed,
-            "magnitude": lambda: as_gray(self.magnitude, 1.0),
-            "direction": lambda: as_hue(*self._ridges, as_gray(self.magnitude, 1.0)),
-            "suppressed": lambda: as_gray(self.strength, 1.0),
-            "thresholded": lambda: in_two_grays(self.strength, least, least),
-        }

@@ -11,18 +11,17 @@ and only the results have the size of the picture.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.edge.detectors.detection import Detector, Gray, Picture, Strength
-from zv.edge.detectors.rendering import as_gray, as_hue, in_two_grays
-from zv.edge.detectors.smoothing import SmoothedDetection
-from zv.edge.detectors.thinning import maxima
+from zv.edge.detectors.detection import Detection, Detector
+from zv.edge.detectors.rendering import Gray, Picture, Strength, as_gray, as_hue
 
 Field = NDArray[np.float32]
 """(height, width) float32."""
@@ -62,14 +61,9 @@ class ZeroCrossingDetector(Detector):
     Attributes:
         smooths: Whether ``crossings`` gets the picture smoothed by a Gaussian of ``sigma``; else
             the subclass smooths it.
-        sigma: Standard deviation of the Gaussian, pixels.
-        high: Only strengths above it are edges, in the unit of the 3x3 Sobel operator.
     """
 
     smooths: ClassVar[bool] = False
-
-    sigma: float
-    high: float
 
     @property
     @abstractmethod
@@ -95,7 +89,7 @@ class ZeroCrossingDetector(Detector):
         return ZeroCrossingDetection(self, picture)
 
 
-class ZeroCrossingDetection(SmoothedDetection[ZeroCrossingDetector]):
+class ZeroCrossingDetection(Detection[ZeroCrossingDetector]):
     """The edges of one picture at zero crossings, and its steps."""
 
     @cached_property
@@ -108,23 +102,18 @@ class ZeroCrossingDetection(SmoothedDetection[ZeroCrossingDetector]):
         """The edge map, (height, width) uint8, 0 or 255."""
         return (self.strength > self._detector.high) * np.uint8(255)
 
-    @property
-    def stages(self) -> Mapping[str, Callable[[], Picture]]:
-        """The five steps, each computed when it is called."""
-        detector = self._detector
-        return {
-            "smoothed": lambda: self.smoothed,
-            "magnitude": lambda: self._of_strips(self._magnitude),
-            "direction": lambda: self._of_strips(self._direction),
-            "suppressed": lambda: as_gray(self.strength, detector.full_scale),
-            "thresholded": lambda: in_two_grays(self.strength, detector.high, detector.high),
-        }
+    def shown_magnitude(self) -> Gray:
+        """Return the magnitudes of the crossings as grey."""
+        return self._of_strips(self._magnitude)
+
+    def shown_direction(self) -> Picture:
+        """Return the directions of the crossings as hue."""
+        return self._of_strips(
+            lambda found: as_hue(found.along_x, found.along_y, self._magnitude(found))
+        )
 
     def _magnitude(self, found: Crossings) -> Gray:
         return as_gray(found.magnitude, self._detector.largest_magnitude)
-
-    def _direction(self, found: Crossings) -> Picture:
-        return as_hue(found.along_x, found.along_y, self._magnitude(found))
 
     def _of_strips(self, work: Callable[[Crossings], NDArray[Any]]) -> NDArray[Any]:
         """Apply ``work`` to the crossings, strip by strip; return (height, width[, channels])."""
@@ -154,7 +143,8 @@ def thin_strength(found: Crossings) -> Strength:
     """Return strengths at the pixels that are nearest to a crossing along the gradient, else 0."""
     near = np.maximum(MAX_DISTANCE - np.abs(found.distance), 0) * np.float32(NEAREST / MAX_DISTANCE)
     gx, gy = (np.rint(near * along).astype(np.int16) for along in (found.along_x, found.along_y))
-    return np.where(maxima(gx, gy, l2=True) > 0, found.strength, np.float32(0))
+    nearest = np.asarray(cv2.Canny(gx, gy, 0, 0, L2gradient=True))  # non-maximum suppression
+    return np.where(nearest > 0, found.strength, np.float32(0))
 
 
 def distance_to_crossing(second: Field, slope: Field) -> Field:
