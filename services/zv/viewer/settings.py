@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 from urllib.parse import urlsplit
 
 from pydantic import Field, model_validator
 
 from zenoh_vision.config.constraints import Form
-from zenoh_vision.config.depth_range import DepthMax, DepthMin, check_depth_range
+from zenoh_vision.config.consumer_options import DepthMax, DepthMin, check_depth_range
 from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.parameters import Live
-from zenoh_vision.config.settings import Secret, Settings
+from zenoh_vision.config.settings import NAME_FORM, Argument, LocalPath, Secret, Settings
 
 TOKEN_PATTERN = r"^[A-Za-z0-9_.~-]{16,128}$"  # noqa: S105 - no token
+
+CERTIFIED: Any = Field(pattern=r"^([A-Za-z0-9_.@ -]+(,[A-Za-z0-9_.@ -]+)*|\*)?$", max_length=1000)
+CERTIFIED_FORM = Form("names separated by commas, or *")
 
 
 class ViewerSettings(Settings):
@@ -21,6 +24,25 @@ class ViewerSettings(Settings):
 
     env_prefix: ClassVar[str] = "ZV_VIEWER_"
 
+    name: Annotated[
+        str,
+        Field(
+            pattern=r"^[a-z0-9_]*$",
+            max_length=50,
+            description="name of this viewer, where there are several: its node is then called "
+            "viewer_NAME",
+        ),
+        NAME_FORM,
+    ] = ""
+    recording: Annotated[
+        str | None,
+        Argument("FILE.mcap"),
+        Field(
+            description="recording to show instead of a running system, with a time line; needs "
+            "no router"
+        ),
+        LocalPath(),
+    ] = None
     host: Annotated[
         str,
         Field(
@@ -35,12 +57,13 @@ class ViewerSettings(Settings):
     address: Annotated[
         str,
         Field(
-            pattern=r"^(https?://[A-Za-z0-9_.\[\]:-]+/?)?$",
+            pattern=r"^(https?://[A-Za-z0-9_.\[\]:-]+(/[A-Za-z0-9_.~-]+)*/?)?$",
             max_length=300,
             description="URL at which browsers reach the viewer, if it differs from host and port, "
-            "as outside a container; it is printed, and its host name is allowed",
+            "as outside a container or behind a proxy, perhaps with a path; it is printed, and its "
+            "host name is allowed",
         ),
-        Form("http://HOST:PORT or https://HOST:PORT"),
+        Form("http://HOST:PORT or https://HOST:PORT, perhaps with /PATH"),
     ] = ""
     token: Annotated[
         str | None,
@@ -64,6 +87,39 @@ class ViewerSettings(Settings):
         ),
         Form("host names, separated by commas"),
     ] = ""
+    tls_certificate: Annotated[
+        str | None,
+        Field(
+            description="certificate of this viewer, PEM, with those between it and its authority; "
+            "it is then served by https only"
+        ),
+        LocalPath(),
+    ] = None
+    tls_key: Annotated[
+        str | None,
+        Field(description="its private key, PEM; not set: in the file of the certificate"),
+        LocalPath(),
+    ] = None
+    tls_clients: Annotated[
+        str | None,
+        Field(
+            description="certificate of an authority, PEM: browsers with a certificate of it need "
+            "no token; without --token, no others are let in"
+        ),
+        LocalPath(),
+    ] = None
+    tls_operators: Annotated[
+        str,
+        CERTIFIED,
+        Field(description="names in those certificates that permit control; *: all"),
+        CERTIFIED_FORM,
+    ] = "operator"
+    tls_guests: Annotated[
+        str,
+        CERTIFIED,
+        Field(description="names in those certificates that permit viewing; *: all others"),
+        CERTIFIED_FORM,
+    ] = "guest"
     max_clients: Annotated[
         int,
         Field(ge=1, le=10_000, description="pages and streams served at once; more get 503"),
@@ -76,6 +132,23 @@ class ViewerSettings(Settings):
     ] = 80
     depth_min: DepthMin = None
     depth_max: DepthMax = None
+    events_dir: Annotated[
+        str | None,
+        Field(
+            description="folder in which the events of trackers are kept, each with a small "
+            "picture; not set: a folder of the user's state under zv up, else none are kept"
+        ),
+        LocalPath(is_made=True),
+    ] = None
+    keep_events: Annotated[
+        float,
+        Field(ge=0, le=31 * 86_400, description="how long they are kept; 0: none are kept"),
+        SECONDS,
+    ] = 86_400.0
+    events_mb: Annotated[
+        float,
+        Field(ge=1, le=1e6, description="the oldest are deleted when all have more MB than this"),
+    ] = 200.0
     max_age: Annotated[
         float,
         Field(ge=0.001, le=60, description="frames older than this are not shown"),
@@ -103,8 +176,30 @@ class ViewerSettings(Settings):
         check_depth_range(self)
         return self
 
+    @model_validator(mode="after")
+    def _certificate_given(self) -> Self:
+        for name in ("tls_key", "tls_clients"):
+            if getattr(self, name) is not None and self.tls_certificate is None:
+                raise ValueError(f"{name} needs tls_certificate")
+        return self
+
+    @property
+    def node_name(self) -> str:
+        """The name of the node: ``viewer``, or ``viewer_NAME``."""
+        return f"viewer_{self.name}" if self.name else "viewer"
+
+    @property
+    def keeps_events(self) -> bool:
+        """Whether events are kept: not those of a recording."""
+        return bool(self.events_dir) and self.recording is None
+
     @property
     def names(self) -> list[str]:
         """Names besides ``host`` under which browsers reach the viewer, in lower case."""
         given = (*self.allow_host.split(","), urlsplit(self.address).hostname)
         return [name.lower() for name in given if name]
+
+    @property
+    def base_path(self) -> str:
+        """The path of ``address``, such as ``/cameras``; empty without one."""
+        return urlsplit(self.address).path.rstrip("/")

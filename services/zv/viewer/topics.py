@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from zenoh_vision import keys
+from zenoh_vision import keys, topics
 from zenoh_vision.topics import topic_of
 
 COMPRESSED = "/compressed"
@@ -16,11 +16,10 @@ MAX_CHARACTERS = 200
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """The kind of data on a key: pictures, perhaps of raw pixels, or messages."""
+    """The kind of data on a key: pictures or messages."""
 
     picture: bool
-    type: str  # image/jpeg, image/png, or the schema name of a message; empty if unknown
-    raw: bool = False
+    type: str  # Zenoh encoding of pictures, or the schema name of a message; empty if unknown
 
 
 def is_stream(key: str, namespace: str) -> bool:
@@ -35,6 +34,18 @@ def is_stream(key: str, namespace: str) -> bool:
     )
 
 
+def misnamed_camera(key: str, namespace: str) -> str:
+    """Return the camera of a stream of frames whose name is none, such as ``cam-1``; else empty.
+
+    Another program may publish on any key.
+    """
+    chunks = key.split("/", 2)
+    if len(key) > MAX_CHARACTERS or len(chunks) != 3 or chunks[0] != namespace:
+        return ""
+    is_of_frames = chunks[2] in (topics.COMPRESSED.name, topics.RAW.name)
+    return "" if not is_of_frames or "*" in chunks[1] or keys.is_name(chunks[1]) else chunks[1]
+
+
 def kind_of(key: str) -> Kind:
     """Return the kind of data on a key, by the topic table, else by the end of the key."""
     topic = topic_of(key)
@@ -42,7 +53,7 @@ def kind_of(key: str) -> Kind:
         return Kind(picture=keys.suffix_of(key).endswith(COMPRESSED), type="")
     if topic.message is not None:
         return Kind(picture=False, type=topic.message.schema_name)
-    return Kind(picture=True, type=keys.JPEG if topic.raw else topic.encoding, raw=topic.raw)
+    return Kind(picture=True, type=topic.encoding)
 
 
 def resolve(text: str, namespace: str, known: Collection[str], *, raw: bool = False) -> str | None:

@@ -8,7 +8,10 @@ import pytest
 
 from tests.integration.conftest import Service, a_router, some_services
 from tests.support.viewer.client import Viewer
+from tests.support.viewer.coroutines import pytest_pyfunc_call
 from tests.support.waiting import wait_until
+
+__all__ = ["pytest_pyfunc_call"]
 
 
 @pytest.fixture

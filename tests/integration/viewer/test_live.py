@@ -5,145 +5,127 @@ from __future__ import annotations
 import tomllib
 
 from tests.support.routing import Router
-from tests.support.viewer.client import IMAGE, Viewer, run
+from tests.support.viewer.client import IMAGE, Viewer
 
 EDGES = "vision/front/edges/compressed"
 TRUTH = "vision/front/truth"
 
 
-def test_a_page_gets_the_running_nodes_and_their_streams(viewer: Viewer, service):
+async def test_a_page_gets_the_running_nodes_and_their_streams(viewer: Viewer, service):
     service("camera", "--rate", 15)
     service("edge")
-
-    async def test() -> None:
-        async with viewer.page() as page:
-            assert (await page.text("hello"))["server"] == "viewer"
-            streams = {each["key"]: each for each in await page.streams(IMAGE, EDGES, TRUTH)}
-            assert (streams[IMAGE]["kind"], streams[IMAGE]["type"]) == ("picture", "image/jpeg")
-            assert (streams[TRUTH]["kind"], streams[TRUTH]["type"]) == (
-                "message",
-                "vision.Tracks.v1",
-            )
-            assert streams[EDGES]["node"] == "edge_front"
+    async with viewer.page() as page:
+        assert (await page.text("hello"))["server"] == "viewer"
+        streams = {each["key"]: each for each in await page.streams(IMAGE, EDGES, TRUTH)}
+        assert (streams[IMAGE]["kind"], streams[IMAGE]["type"]) == ("picture", "image/jpeg")
+        assert (streams[TRUTH]["kind"], streams[TRUTH]["type"]) == (
+            "message",
+            "vision.Tracks.v1",
+        )
+        assert streams[EDGES]["node"] == "edge_front"
+        health = await page.text("health", node="camera_front")
+        assert health["at_ns"].isdecimal()
+        while not health["diagnostics"]["counters"]["captured"]:  # the first may be too early
             health = await page.text("health", node="camera_front")
-            assert health["at_ns"].isdecimal()
-            while not health["diagnostics"]["counters"]["captured"]:  # the first may be too early
-                health = await page.text("health", node="camera_front")
-        async with viewer.page() as page:  # a page that connects later receives everything at once
-            await page.text("streams")
-            parameters = await page.text("parameters", node="edge_front")
-            low = next(each for each in parameters["parameters"] if each["name"] == "low")
-            assert (low["minimum"], low["type"]) == (0, "float")
-            nodes = [text for text in page.texts if text["op"] == "nodes"][-1]["nodes"]
-            assert {"camera_front", "edge_front", "viewer"} <= {each["node"] for each in nodes}
-            own = next(each for each in nodes if each["node"] == "viewer")
-            assert own["service"] == "viewer"
-            assert own["alive"]
-
-    run(test())
+    async with viewer.page() as page:  # a page that connects later receives everything at once
+        await page.text("streams")
+        parameters = await page.text("parameters", node="edge_front")
+        low = next(each for each in parameters["parameters"] if each["name"] == "low")
+        assert (low["minimum"], low["type"]) == (0, "float")
+        nodes = [text for text in page.texts if text["op"] == "nodes"][-1]["nodes"]
+        assert {"camera_front", "edge_front", "viewer"} <= {each["node"] for each in nodes}
+        own = next(each for each in nodes if each["node"] == "viewer")
+        assert own["service"] == "viewer"
+        assert own["alive"]
 
 
-def test_a_page_hears_a_tick_also_while_there_is_no_router(viewer: Viewer, router: Router):
+async def test_a_page_hears_a_tick_also_while_there_is_no_router(viewer: Viewer, router: Router):
     router.kill()
-
-    async def test() -> None:
-        async with viewer.page() as page:
-            await page.text("router", connected=False)
-            ticks = [await page.text("tick") for _ in range(2)]
-            apart_s = (int(ticks[1]["now_ns"]) - int(ticks[0]["now_ns"])) / 1e9
-            assert 1 < apart_s < 6  # when the page gives up
-
-    run(test())
+    async with viewer.page() as page:
+        await page.text("router", connected=False)
+        ticks = [await page.text("tick") for _ in range(2)]
+        apart_s = (int(ticks[1]["now_ns"]) - int(ticks[0]["now_ns"])) / 1e9
+        assert 1 < apart_s < 6  # when the page gives up
 
 
-def test_a_parameter_is_set_for_all_pages_and_a_refusal_says_why(viewer: Viewer, service):
+async def test_a_parameter_is_set_for_all_pages_and_a_refusal_says_why(viewer: Viewer, service):
     service("camera", "--rate", 15)
     service("edge")
-
-    async def test() -> None:
-        async with viewer.page() as page, viewer.page() as other:
-            await page.text("parameters", node="edge_front")
-            await other.text("parameters", node="edge_front")
-            await page.ask("set", id=1, node="edge_front", values={"low": 10.0, "high": 20})
-            reply = await page.text("reply", id=1)
-            assert reply["ok"]
-            assert reply["revision"] == 1
-            for _ in range(2):
-                changed = (await other.text("parameter", node="edge_front"))["parameter"]
-                assert (changed["name"], changed["value"]) in (("low", 10.0), ("high", 20.0))
-            await page.ask("set", id=2, node="edge_front", values={"low": 90.0, "sigma": 1.0})
-            refused = await page.text("reply", id=2)
-            assert not refused["ok"]
-            assert "low = 90 is above high = 20" in refused["error"]
-            assert refused["allowed"] == "low at most high"
-            await page.ask("set", id=3, node="nobody", values={"low": 1})
-            assert "does not answer" in (await page.text("reply", id=3))["error"]
-            await page.ask("dump", id=4, node="edge_front")
-            toml = tomllib.loads((await page.text("reply", id=4))["toml"])
-            assert (toml["low"], toml["high"], toml["sigma"]) == (10.0, 20.0, 1.4)
-            await page.ask("watch", key=EDGES)
-            while (await page.picture())[0]["header"]["revision"] != 1:
-                pass
-
-    run(test())
+    async with viewer.page() as page, viewer.page() as other:
+        await page.text("parameters", node="edge_front")
+        await other.text("parameters", node="edge_front")
+        await page.ask("set", id=1, node="edge_front", values={"low": 10.0, "high": 20})
+        reply = await page.text("reply", id=1)
+        assert reply["ok"]
+        assert reply["revision"] == 1
+        for _ in range(2):
+            changed = (await other.text("parameter", node="edge_front"))["parameter"]
+            assert (changed["name"], changed["value"]) in (("low", 10.0), ("high", 20.0))
+        await page.ask("set", id=2, node="edge_front", values={"low": 90.0, "sigma": 1.0})
+        refused = await page.text("reply", id=2)
+        assert not refused["ok"]
+        assert "low = 90 is above high = 20" in refused["error"]
+        assert refused["allowed"] == "low at most high"
+        await page.ask("set", id=3, node="nobody", values={"low": 1})
+        assert "does not answer" in (await page.text("reply", id=3))["error"]
+        await page.ask("dump", id=4, node="edge_front")
+        toml = tomllib.loads((await page.text("reply", id=4))["toml"])
+        assert (toml["low"], toml["high"], toml["sigma"]) == (10.0, 20.0, 1.4)
+        await page.ask("watch", key=EDGES)
+        while (await page.picture())[0]["header"]["revision"] != 1:
+            pass
 
 
-def test_a_page_gets_of_panels_what_it_shows_and_all_of_it_when_it_begins_to(
+async def test_a_page_gets_of_panels_what_it_shows_and_all_of_it_when_it_begins_to(
     viewer: Viewer, service
 ):
     service("camera", "--rate", 15)
-
-    async def test() -> None:
-        async with viewer.page() as other, viewer.page("?show=") as page:
-            await page.streams(IMAGE)
-            for _ in range(2):  # what others get meanwhile
-                await other.text("health", node="camera_front")
-            await page.text("tick")
-            await page.text("tick")
-            assert {text["op"] for text in page.texts} <= {
-                "hello", "router", "nodes", "streams", "tick",
-            }  # fmt: skip
-            await page.ask("show", kinds=["parameters", "log", "matches"])
-            assert (await page.text("log"))["text"]
-            await page.text("matches")
-            await page.text("parameters", node="camera_front")
-            await page.ask("show", kinds=["health"])
-            await page.text("health", node="camera_front")
-            before = len(page.texts)
-            await other.ask("set", id=1, node="camera_front", values={"rate": 14.0})
-            await other.text("parameter", node="camera_front")
-            await page.text("health", node="camera_front")
-            await page.text("health", node="camera_front")
-            since = {text["op"] for text in page.texts[before:]}
-            assert not since & {"parameter", "parameters", "log", "matches"}
-            await page.ask("show", kinds=["everything"])
-            assert (await page.text("error"))["text"]
-
-    run(test())
+    async with viewer.page() as other, viewer.page("?show=") as page:
+        await page.streams(IMAGE)
+        for _ in range(2):  # what others get meanwhile
+            await other.text("health", node="camera_front")
+        await page.text("tick")
+        await page.text("tick")
+        assert {text["op"] for text in page.texts} <= {
+            "hello", "router", "nodes", "streams", "tick",
+        }  # fmt: skip
+        await page.ask("show", kinds=["parameters", "log", "matches"])
+        assert (await page.text("log"))["text"]
+        await page.text("matches")
+        await page.text("parameters", node="camera_front")
+        await page.ask("show", kinds=["health"])
+        await page.text("health", node="camera_front")
+        before = len(page.texts)
+        await other.ask("set", id=1, node="camera_front", values={"rate": 14.0})
+        await other.text("parameter", node="camera_front")
+        await page.text("health", node="camera_front")
+        await page.text("health", node="camera_front")
+        since = {text["op"] for text in page.texts[before:]}
+        assert not since & {"parameter", "parameters", "log", "matches"}
+        await page.ask("show", kinds=["everything"])
+        assert (await page.text("error"))["text"]
 
 
-def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(viewer: Viewer, service):
+async def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(
+    viewer: Viewer, service
+):
     camera = service("camera", "--rate", 15)
-
-    async def test() -> None:
-        async with viewer.page() as page:
-            await page.streams(IMAGE)
-            await page.ask("watch", key=IMAGE)
-            await page.picture()
-            # The list may have come before the picture: what came so far counts, too.
-            while not any(
-                IMAGE in each.get("subscribes", ())
-                for text in page.texts
-                if text["op"] == "nodes"
-                for each in text["nodes"]
-            ):
-                await page.text("nodes")
-            camera.process.kill()
+    async with viewer.page() as page:
+        await page.streams(IMAGE)
+        await page.ask("watch", key=IMAGE)
+        await page.picture()
+        # The list may have come before the picture: what came so far counts, too.
+        while not any(
+            IMAGE in each.get("subscribes", ())
+            for text in page.texts
+            if text["op"] == "nodes"
+            for each in text["nodes"]
+        ):
+            await page.text("nodes")
+        camera.process.kill()
+        nodes = await page.until("nodes")
+        while all(each["alive"] for each in nodes["nodes"]):
             nodes = await page.until("nodes")
-            while all(each["alive"] for each in nodes["nodes"]):
-                nodes = await page.until("nodes")
-            gone = next(each for each in nodes["nodes"] if not each["alive"])
-            assert gone["node"] == "camera_front"
-            assert gone["since_ns"].isdecimal()
-
-    run(test())
+        gone = next(each for each in nodes["nodes"] if not each["alive"])
+        assert gone["node"] == "camera_front"
+        assert gone["since_ns"].isdecimal()

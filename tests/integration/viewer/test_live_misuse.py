@@ -14,17 +14,16 @@ import zenoh
 
 from tests.support.pictures.encoded import jpeg
 from tests.support.publishing import KEPT, PlainCamera
-from tests.support.viewer.client import IMAGE, Page, Viewer, run
+from tests.support.viewer.client import IMAGE, Page, Viewer
 from tests.support.waiting import wait_until
 from zv.viewer.websocket.commands import MAX_BYTES, MAX_RATE_HZ
 
 TRUTH = "vision/front/truth"
 
 
-def test_what_makes_no_sense_is_said_and_the_rest_goes_on(viewer: Viewer, client):
+async def test_what_makes_no_sense_is_said_and_the_rest_goes_on(viewer: Viewer, client):
     camera = PlainCamera(client)
-
-    async def test() -> None:
+    with camera.at(15):
         async with viewer.page() as page:
             for text in ("{", '{"op":"watch","key":"**"}', '{"op":"watch","key":"other/a/b"}'):
                 await page.socket.send_str(text)
@@ -32,48 +31,37 @@ def test_what_makes_no_sense_is_said_and_the_rest_goes_on(viewer: Viewer, client
             await page.ask("watch", key=IMAGE)
             assert (await page.picture())[0]["key"] == IMAGE
 
-    with camera.at(15):
-        run(test())
 
-
-def test_more_than_32_watches_are_refused(standing_viewer: Viewer):
-    async def test() -> None:
-        async with standing_viewer.page() as page:
-            await page.text("streams")
-            for number in range(33):
-                await page.ask("watch", key=f"vision/front/x{number}/compressed")
-            refused = await page.text("error")
-            assert refused["key"] == "vision/front/x32/compressed"
-            assert refused["text"].startswith("vision/front/x32/compressed is not watched: 32 ")
-
-    run(test())
+async def test_more_than_32_watches_are_refused(standing_viewer: Viewer):
+    async with standing_viewer.page() as page:
+        await page.text("streams")
+        for number in range(33):
+            await page.ask("watch", key=f"vision/front/x{number}/compressed")
+        refused = await page.text("error")
+        assert refused["key"] == "vision/front/x32/compressed"
+        assert refused["text"].startswith("vision/front/x32/compressed is not watched: 32 ")
 
 
 @pytest.mark.parametrize(
     ("kind", "code"),
     [("large", 1009), ("fast", 1008), ("fast_by_the_word", 1008), ("binary", 1008)],
 )
-def test_a_page_that_sends_too_much_is_closed(standing_viewer: Viewer, kind: str, code: int):
-    async def test() -> None:
-        async with standing_viewer.page() as page:
-            await page.text("streams")
-            if kind == "large":
-                await page.socket.send_str("x" * (MAX_BYTES + 1))
-            elif kind == "binary":
-                await page.socket.send_bytes(b"x")
-            message = None
-            while message is None:
-                if kind.startswith("fast"):  # again, if this test was too slow to be fast
-                    for _ in range(MAX_RATE_HZ + 10):
-                        await page.ask(
-                            "unwatch", key="shown" if kind == "fast_by_the_word" else "a"
-                        )
-                with suppress(TimeoutError):
-                    message = await asyncio.wait_for(no_text(page), 2)
-            assert message.type == aiohttp.WSMsgType.CLOSE
-            assert message.data == code
-
-    run(test())
+async def test_a_page_that_sends_too_much_is_closed(standing_viewer: Viewer, kind: str, code: int):
+    async with standing_viewer.page() as page:
+        await page.text("streams")
+        if kind == "large":
+            await page.socket.send_str("x" * (MAX_BYTES + 1))
+        elif kind == "binary":
+            await page.socket.send_bytes(b"x")
+        message = None
+        while message is None:
+            if kind.startswith("fast"):  # again, if this test was too slow to be fast
+                for _ in range(MAX_RATE_HZ + 10):
+                    await page.ask("unwatch", key="shown" if kind == "fast_by_the_word" else "a")
+            with suppress(TimeoutError):
+                message = await asyncio.wait_for(no_text(page), 2)
+        assert message.type == aiohttp.WSMsgType.CLOSE
+        assert message.data == code
     assert standing_viewer.get("/healthz").status == 200
 
 
@@ -84,20 +72,19 @@ async def no_text(page: Page) -> aiohttp.WSMessage:
     return message
 
 
-def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(standing_viewer: Viewer):
-    async def test() -> None:
-        async with standing_viewer.page() as page:
-            await page.socket.send_str("x" * MAX_BYTES)
-            assert (await page.text("error"))["text"]
-            for _ in range(20 * MAX_RATE_HZ):
-                await page.ask("shown", key=IMAGE)
-            await page.ask("watch", key="**")
-            assert "** is not watched" in (await page.text("error"))["text"]
+async def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(
+    standing_viewer: Viewer,
+):
+    async with standing_viewer.page() as page:
+        await page.socket.send_str("x" * MAX_BYTES)
+        assert (await page.text("error"))["text"]
+        for _ in range(20 * MAX_RATE_HZ):
+            await page.ask("shown", key=IMAGE)
+        await page.ask("watch", key="**")
+        assert "** is not watched" in (await page.text("error"))["text"]
 
-    run(test())
 
-
-def test_broken_pictures_of_a_made_up_run_do_not_silence_the_camera(viewer: Viewer, client):
+async def test_broken_pictures_of_a_made_up_run_do_not_silence_the_camera(viewer: Viewer, client):
     camera = PlainCamera(client)
     rogue = PlainCamera(client, epoch=time.time_ns() + 3600 * 10**9)
     broken = camera_jpeg(camera)[:400]
@@ -106,29 +93,26 @@ def test_broken_pictures_of_a_made_up_run_do_not_silence_the_camera(viewer: View
         rogue.put(broken, msgpack.packb(rogue.header(camera_jpeg(camera), seq=camera.seq)))
         camera.send()
 
-    async def test() -> None:
+    with camera.at(30, send_both):
         async with viewer.page() as page:
             await page.ask("watch", key=IMAGE)
             for _ in range(20):
                 head, _ = await page.picture()
                 assert head["header"]["epoch"] == str(camera.epoch)
 
-    with camera.at(30, send_both):
-        run(test())
-
 
 def camera_jpeg(camera: PlainCamera) -> bytes:
     return camera._pictures[0]
 
 
-def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
+async def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
     camera = PlainCamera(client)
 
     def send_both() -> None:
         camera.put(b"no picture", msgpack.packb(camera.header()))
         camera.send()
 
-    async def test() -> None:
+    with camera.at(15, send_both):
         async with viewer.page() as page:
             await page.ask("watch", key=IMAGE, width=32, height=32)
             for _ in range(10):
@@ -141,13 +125,10 @@ def test_a_bad_picture_reaches_no_page_and_is_counted(viewer: Viewer, client):
             dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
             assert found["received"] == found["processed"] + dropped + found["pending"]
             assert health["diagnostics"]["level"] == 1
-
-    with camera.at(15, send_both):
-        run(test())
     wait_until(lambda: viewer.get("/healthz").status == 200)
 
 
-def test_a_message_that_is_invalid_for_its_class_reaches_no_page_and_is_counted(
+async def test_a_message_that_is_invalid_for_its_class_reaches_no_page_and_is_counted(
     viewer: Viewer, client: zenoh.Session
 ):
     camera = PlainCamera(client)
@@ -163,7 +144,7 @@ def test_a_message_that_is_invalid_for_its_class_reaches_no_page_and_is_counted(
                 congestion_control=KEPT,
             )
 
-    async def test() -> None:
+    with camera.at(15, send_both):
         async with viewer.page() as page:
             await page.ask("watch", key=TRUTH)
             for _ in range(10):
@@ -176,25 +157,20 @@ def test_a_message_that_is_invalid_for_its_class_reaches_no_page_and_is_counted(
             dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
             assert found["received"] == found["processed"] + dropped + found["pending"]
 
-    with camera.at(15, send_both):
-        run(test())
 
-
-def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(viewer: Viewer, client):
+async def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(
+    viewer: Viewer, client
+):
     noise = np.random.default_rng(1).integers(0, 255, (480, 640, 3), np.uint8)
     camera = PlainCamera(client, pictures=(jpeg(noise),))  # 300 kB: buffers fill soon
-
-    async def test() -> None:
-        async with viewer.page() as deaf, viewer.page() as page:
-            await deaf.ask("watch", key=IMAGE)
-            await page.ask("watch", key=IMAGE)
-            with camera.at(30):
-                head, _ = await page.picture()
-            while head["header"]["seq"] != camera.seq - 1:
-                head, _ = await page.picture()
-            for _ in range(60):  # every frame is shown before the next one comes
-                await deaf.ask("shown", key=IMAGE)  # it says that it took it, and reads nothing
-                seq = camera.send()
-                assert (await page.picture())[0]["header"]["seq"] == seq
-
-    run(test())
+    async with viewer.page() as deaf, viewer.page() as page:
+        await deaf.ask("watch", key=IMAGE)
+        await page.ask("watch", key=IMAGE)
+        with camera.at(30):
+            head, _ = await page.picture()
+        while head["header"]["seq"] != camera.seq - 1:
+            head, _ = await page.picture()
+        for _ in range(60):  # every frame is shown before the next one comes
+            await deaf.ask("shown", key=IMAGE)  # it says that it took it, and reads nothing
+            seq = camera.send()
+            assert (await page.picture())[0]["header"]["seq"] == seq

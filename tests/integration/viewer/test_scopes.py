@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from typing import Any
 
@@ -74,7 +73,7 @@ def test_the_view_token_opens_all_that_is_read(guarded: Viewer):
 def test_the_page_of_one_stream_loses_the_token_too_and_its_picture_never_had_it(guarded: Viewer):
     answer = guarded.get(f"/stream_viewer?{TOPIC}&token={TOKEN}&width=320")
     assert answer.status == 303
-    assert answer.headers["location"] == "/stream_viewer?topic=/front/image/compressed&width=320"
+    assert answer.headers["location"] == "stream_viewer?topic=/front/image/compressed&width=320"
     shown = guarded.open(f"/stream_viewer?{TOPIC}&token={TOKEN}&width=320")
     assert shown.status == 200
     assert 'src="stream?topic=' in shown.text
@@ -82,24 +81,23 @@ def test_the_page_of_one_stream_loses_the_token_too_and_its_picture_never_had_it
 
 
 @pytest.mark.parametrize("kind", ["session", "url", "bearer"])
-def test_the_view_token_sets_nothing_and_the_answer_names_the_scope(guarded: Viewer, kind: str):
-    async def test() -> None:
-        async with guarded.page(**credentials(guarded, VIEW_TOKEN, kind)) as page:
-            assert (await page.text("hello"))["scope"] == "view"
-            refused = await set_parameter(page, {"sigma": 3.25})
-            assert not refused["ok"]
-            assert "the scope control is missing" in refused["error"]
-            await page.ask("dump", id=2, node=NODE)
-            assert "sigma = 1.4" in (await page.text("reply", id=2))["toml"]
-
-    asyncio.run(test())
+async def test_the_view_token_sets_nothing_and_the_answer_names_the_scope(
+    guarded: Viewer, kind: str
+):
+    async with guarded.page(**credentials(guarded, VIEW_TOKEN, kind)) as page:
+        assert (await page.text("hello"))["scope"] == "view"
+        refused = await set_parameter(page, {"sigma": 3.25})
+        assert not refused["ok"]
+        assert "the scope control is missing" in refused["error"]
+        await page.ask("dump", id=2, node=NODE)
+        assert "sigma = 1.4" in (await page.text("reply", id=2))["toml"]
     line = audit_lines(guarded, "not accepted: the scope control is missing")[0]
     assert f"(view) set parameters of {NODE}" in line
     assert "3.25" not in guarded.program.complaints
 
 
 @pytest.mark.parametrize("kind", ["session", "url", "bearer"])
-def test_the_token_sets_parameters_and_the_log_has_client_name_old_and_new_value(
+async def test_the_token_sets_parameters_and_the_log_has_client_name_old_and_new_value(
     guarded: Viewer, kind: str
 ):
     value = 50 + ["session", "url", "bearer"].index(kind)
@@ -107,13 +105,9 @@ def test_the_token_sets_parameters_and_the_log_has_client_name_old_and_new_value
     who = r"token \(control\)"
     if kind == "session":
         who = rf"session {given['headers']['Cookie'].split('=')[1].split('.')[0]} \(control\)"
-
-    async def test() -> None:
-        async with guarded.page(**given) as page:
-            assert (await page.text("hello"))["scope"] == "control"
-            assert (await set_parameter(page, {"low": value}))["ok"]
-
-    asyncio.run(test())
+    async with guarded.page(**given) as page:
+        assert (await page.text("hello"))["scope"] == "control"
+        assert (await set_parameter(page, {"low": value}))["ok"]
     (line,) = audit_lines(guarded, f"to {value}: accepted")
     assert re.search(
         rf"INFO .*127\.0\.0\.1, {who} set low of {NODE} from \d+(\.0)? to {value}: "
@@ -122,16 +116,13 @@ def test_the_token_sets_parameters_and_the_log_has_client_name_old_and_new_value
     ), line
 
 
-def test_the_steps_of_a_slider_are_few_lines_that_end_with_the_last_value(guarded: Viewer):
-    async def test() -> None:
-        async with guarded.page(**credentials(guarded, TOKEN, "session")) as page:
-            await page.text("parameters", node=NODE)
-            for step in range(1, STEPS + 1):
-                await page.ask("set", id=step, node=NODE, values={"high": 200 + step})
-            for step in range(1, STEPS + 1):
-                assert (await page.text("reply", id=step))["ok"]
-
-    asyncio.run(test())
+async def test_the_steps_of_a_slider_are_few_lines_that_end_with_the_last_value(guarded: Viewer):
+    async with guarded.page(**credentials(guarded, TOKEN, "session")) as page:
+        await page.text("parameters", node=NODE)
+        for step in range(1, STEPS + 1):
+            await page.ask("set", id=step, node=NODE, values={"high": 200 + step})
+        for step in range(1, STEPS + 1):
+            assert (await page.text("reply", id=step))["ok"]
     audit_lines(guarded, f"to {200 + STEPS}")
     lines = audit_lines(guarded, "set high of")
     steps = [int(found[1]) for line in lines if (found := re.search(r"in (\d+) steps", line))]
@@ -139,41 +130,31 @@ def test_the_steps_of_a_slider_are_few_lines_that_end_with_the_last_value(guarde
     assert len(lines) < STEPS
 
 
-def test_what_a_client_wrote_stays_on_its_line(guarded: Viewer):
+async def test_what_a_client_wrote_stays_on_its_line(guarded: Viewer):
     forged = "\u202e\x1b[2J"
     headers = {"Authorization": f"Bearer {TOKEN}", "X-Forwarded-For": "203.0.113.9"}
-
-    async def test() -> None:
-        async with guarded.page(headers=headers) as page:
-            values = {f"x\nINFO {forged}": f"forged\n{forged}"}
-            assert not (await set_parameter(page, values))["ok"]
-
-    asyncio.run(test())
+    async with guarded.page(headers=headers) as page:
+        values = {f"x\nINFO {forged}": f"forged\n{forged}"}
+        assert not (await set_parameter(page, values))["ok"]
     (line,) = audit_lines(guarded, "forged")
     assert "127.0.0.1 for 203.0.113.9, token (control)" in line
     assert line.isprintable()
 
 
-def test_without_a_token_everybody_on_the_machine_controls_and_is_logged(
+async def test_without_a_token_everybody_on_the_machine_controls_and_is_logged(
     standing_viewer: Viewer, guarded: Viewer
 ):
-    async def test() -> None:
-        async with standing_viewer.page() as page:
-            assert (await page.text("hello"))["scope"] == "control"
-            assert (await set_parameter(page, {"low": 61}))["ok"]
-
-    asyncio.run(test())
+    async with standing_viewer.page() as page:
+        assert (await page.text("hello"))["scope"] == "control"
+        assert (await set_parameter(page, {"low": 61}))["ok"]
     assert "127.0.0.1, no token needed set low" in audit_lines(standing_viewer, "to 61")[0]
     assert standing_viewer.get("/?token=whatever").status == 200
 
 
-def test_what_was_set_just_before_the_end_is_logged_too(viewer: Viewer):
-    async def test() -> None:
-        async with viewer.page() as page:
-            await page.ask("set", id=1, node="nobody", values={"low": 7})
-            assert not (await page.text("reply", id=1))["ok"]
-
-    asyncio.run(test())
+async def test_what_was_set_just_before_the_end_is_logged_too(viewer: Viewer):
+    async with viewer.page() as page:
+        await page.ask("set", id=1, node="nobody", values={"low": 7})
+        assert not (await page.text("reply", id=1))["ok"]
     assert viewer.program.interrupt() == 0
     said = "set low of nobody from unknown to 7: not accepted: nobody does not answer"
     assert said in viewer.program.complaints

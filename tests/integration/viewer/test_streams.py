@@ -21,7 +21,7 @@ from tests.integration.conftest import Service
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, Message, living_nodes
 from tests.support.processes import STOP_S, Program
-from tests.support.publishing import PlainCamera
+from tests.support.publishing import PlainCamera, publish_cameras
 from tests.support.routing import Router, free_port
 from tests.support.viewer.client import IMAGE, Answer, Part, Viewer, parts
 from tests.support.waiting import wait_until
@@ -123,6 +123,16 @@ def test_pictures_come_in_the_form_that_is_asked_for(shown, query, mime, size):
     assert pixels.shape[:2] == size
     answer = shown.get(f"/snapshot?{query}")
     assert answer.headers["content-type"] == mime
+
+
+def test_a_page_with_eight_cameras_of_one_address_gets_them_all(viewer, router: Router):
+    """They are passed on as they came and cost nothing: four were the most before."""
+    with publish_cameras(router.endpoint, 8, rate_hz=5) as cameras, ExitStack() as streams:
+        topics = [f"topic=/{camera}/image/compressed" for camera in cameras]
+        for topic in topics:
+            until_there(viewer, topic)
+        for topic in topics:
+            assert next(streams.enter_context(viewer.stream(topic))).body
 
 
 def test_twenty_clients_are_one_subscription_which_ends_with_the_last(quick_service, client):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import socket
 import subprocess
@@ -14,14 +13,13 @@ from typing import Any
 
 import aiohttp
 import numpy as np
-import psutil
 import pytest
 from aiohttp.abc import AbstractResolver, ResolveResult
 
 from tests.support.processes import ROOT, STOP_S, need
 from tests.support.publishing import PlainCamera
 from tests.support.routing import free_port
-from tests.support.viewer.client import IMAGE, Page, Viewer, run
+from tests.support.viewer.client import IMAGE, Page, Viewer, until_closed
 from tests.support.waiting import wait_until
 from zenoh_vision.image import codecs
 
@@ -50,12 +48,7 @@ class Proxied:
                 assert answer.status == 303
                 assert "; Secure" in answer.headers["Set-Cookie"]
             yield session
-        while self._connections():  # aiohttp leaves the end of TLS to the loop
-            await asyncio.sleep(0.01)
-
-    def _connections(self) -> int:
-        ends = [each.raddr for each in psutil.Process().net_connections("tcp")]
-        return sum(bool(end) and end.port == self.port for end in ends)
+        await until_closed(self.port)
 
 
 class ThisMachine(AbstractResolver):
@@ -159,37 +152,29 @@ def accepts(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def test_the_page_has_a_secure_session_and_its_socket_brings_pictures(proxied: Proxied, client):
-    async def browse() -> None:
-        async with proxied.browser() as browser:
-            async with browser.get("/") as page:
-                assert page.status == 200
-                assert "<html" in await page.text()
-            async with browser.ws_connect("/live", origin=proxied.url) as socket:
-                page = Page(socket)
-                await page.text("hello")
-                with PlainCamera(client).at(10):
-                    await page.ask("watch", key=IMAGE)
-                    head, picture = await page.picture()
-        assert head["key"] == IMAGE
-        assert picture[:2] == b"\xff\xd8"
+async def test_the_page_has_a_secure_session_and_its_socket_brings_pictures(
+    proxied: Proxied, client
+):
+    async with proxied.browser() as browser:
+        async with browser.get("/") as page:
+            assert page.status == 200
+            assert "<html" in await page.text()
+        async with browser.ws_connect("/live", origin=proxied.url) as socket:
+            page = Page(socket)
+            await page.text("hello")
+            with PlainCamera(client).at(10):
+                await page.ask("watch", key=IMAGE)
+                head, picture = await page.picture()
+    assert head["key"] == IMAGE
+    assert picture[:2] == b"\xff\xd8"
 
-    run(browse())
 
-
-def test_each_picture_of_a_stream_is_passed_on_before_there_is_another(proxied: Proxied, client):
+async def test_each_picture_of_a_stream_is_passed_on_before_there_is_another(
+    proxied: Proxied, client
+):
     # A picture smaller than the 4 kB of a proxy's buffer: one that fills buffers holds it back.
     small = codecs.encode_jpeg(np.zeros((48, 64, 3), np.uint8), "bgr8", 80)
     camera = PlainCamera(client, pictures=(small,))
-
-    async def browse() -> None:
-        async with proxied.browser() as browser:
-            with camera.at(10):  # the viewer answers 404 for a camera that sends nothing
-                stream = await browser.get("/stream?topic=/front/image/compressed")
-                await picture(stream, 0)
-            with closing(stream):
-                for _ in range(3):
-                    await picture(stream, camera.send())
 
     async def picture(stream: aiohttp.ClientResponse, seq: int) -> None:
         """Read to the end of the first picture of this number or a later one."""
@@ -201,4 +186,10 @@ def test_each_picture_of_a_stream_is_passed_on_before_there_is_another(proxied: 
         ):
             received += await stream.content.readany()
 
-    run(browse())
+    async with proxied.browser() as browser:
+        with camera.at(10):  # the viewer answers 404 for a camera that sends nothing
+            stream = await browser.get("/stream?topic=/front/image/compressed")
+            await picture(stream, 0)
+        with closing(stream):
+            for _ in range(3):
+                await picture(stream, camera.send())

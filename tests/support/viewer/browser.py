@@ -21,6 +21,19 @@ EDGES = "vision/front/edges/compressed"
 MASK = "vision/front/mask/compressed"
 TRUTH = "vision/front/truth"
 PATIENCE_S = 40.0
+
+SEEN = """([key, x, y]) => {
+    const [canvas, overlay] = document.querySelectorAll(`.pane[data-key="${key}"] canvas`);
+    if (!overlay?.view) return null;
+    const { scale, x: middleX, y: middleY } = overlay.view;
+    const [left, top] = [(x - middleX) * scale + canvas.width / 2,
+        (y - middleY) * scale + canvas.height / 2];
+    const probe = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+    probe.drawImage(canvas, -Math.floor(left), -Math.floor(top));
+    const box = canvas.getBoundingClientRect();
+    return { at: [box.left + left / devicePixelRatio, box.top + top / devicePixelRatio],
+        red: probe.getImageData(0, 0, 1, 1).data[0] };
+}"""
 POLL_S = 0.03
 """Each question to a page takes three processes some milliseconds."""
 
@@ -93,6 +106,20 @@ class Tab:
     def text(self) -> str:
         """What the page says, for a test that fails."""
         return f"{self.page.inner_text('body')[:1500]} {self.complaints}"
+
+    def place(self, key: str, x: float, y: float) -> list[float]:
+        """Return where on the screen a point of a frame of the large view is, as it is shown."""
+        return list(self.page.evaluate(SEEN, [key, x, y])["at"])
+
+    def wait_for_red(self, key: str, x: float, y: float, red: int) -> None:
+        """Wait until a point of a frame of the large view has this grey or red value."""
+        seen: list[Any] = [None]
+
+        def is_shown() -> bool:
+            seen[0] = self.page.evaluate(SEEN, [key, x, y])
+            return seen[0] is not None and abs(seen[0]["red"] - red) <= 1
+
+        wait_until(is_shown, explain=lambda: f"{key} {x}, {y}: {seen} {self.text}")
 
     def wait_until_live(self, key: str) -> None:
         """Wait until a stream is shown live."""

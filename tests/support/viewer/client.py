@@ -7,13 +7,14 @@ import http.client
 import json
 import socket
 import struct
-from collections.abc import AsyncIterator, Coroutine, Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import urljoin, urlsplit
 
 import aiohttp
+import psutil
 
 from tests.support.processes import Program
 from tests.support.waiting import DEADLINE_S
@@ -81,7 +82,8 @@ class Viewer:
         if answer.status != 303:
             return answer
         cookie = answer.headers["set-cookie"].partition(";")[0]
-        return self.get(answer.headers["location"], **headers, Cookie=cookie)
+        place = urljoin(path, answer.headers["location"])
+        return self.get(place, **headers, Cookie=cookie)
 
     @contextmanager
     def stream(self, query: str) -> Iterator[Iterator[Part]]:
@@ -110,6 +112,14 @@ class Viewer:
             ) as socket,
         ):
             yield Page(socket)
+
+
+async def until_closed(port: int) -> None:
+    """Wait until this process has no connection to a port: aiohttp leaves TLS' end to the loop."""
+    while any(
+        each.raddr and each.raddr.port == port for each in psutil.Process().net_connections("tcp")
+    ):
+        await asyncio.sleep(0.01)
 
 
 def parts(answer: http.client.HTTPResponse) -> Iterator[Part]:
@@ -188,8 +198,3 @@ class Page:
             streams = (await self.text("streams"))["streams"]
             if set(keys) <= {each["key"] for each in streams if each["live"]}:
                 return list(streams)
-
-
-def run(test: Coroutine[Any, Any, None]) -> None:
-    """Run a test that talks to pages to its end."""
-    asyncio.run(asyncio.wait_for(test, 120))

@@ -10,7 +10,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import cv2
+import numpy as np
+
 from tests.support.viewer.browser import Tab, tab
+from tests.support.waiting import wait_until
 
 NOW_NS = time.time_ns()
 
@@ -25,6 +29,7 @@ class PageServer:
 
     def __init__(self, page: Any, *streams: dict[str, Any]) -> None:
         self.asked: list[dict[str, Any]] = []
+        self._page = page
         self._streams = streams
         self._socket: Any = None
         page.route_web_socket(re.compile("/live"), self._serve)
@@ -52,10 +57,36 @@ class PageServer:
         head = json.dumps(fields).encode()
         self._socket.send(struct.pack("<I", len(head)) + head + payload)
 
+    def show_grey(self, key: str, seq: int, level: int, **fields: object) -> None:
+        """Send a frame of one grey value."""
+        facts = header(seq, key, **fields)
+        self.show(key, png(np.full((facts["height"], facts["width"]), level, np.uint8)), facts)
+
+    def wait_for(self, key: str, watched: bool = True) -> None:
+        """Wait until the page watches a stream, or no longer does."""
+
+        def is_so() -> bool:
+            self._page.evaluate("true")  # what the page sent arrives
+            found = [one["op"] for one in self.asked if one.get("key") == key]
+            last = [op for op in found if op != "shown"][-1:]
+            return (last == ["watch"]) == watched
+
+        wait_until(is_so, explain=lambda: f"{key}: {self.asked[-20:]}")
+
     def watches(self, key: str) -> list[dict[str, Any]]:
         """Return what the page asked of a stream, without its key: the newest is last."""
         found = [one for one in self.asked if one["op"] == "watch" and one["key"] == key]
         return [{name: one[name] for name in one if name not in ("op", "key")} for one in found]
+
+
+def header(seq: int, key: str, **fields: object) -> dict[str, Any]:
+    """Return the header of a frame of 64x48 pixels."""
+    about = {"camera": key.split("/")[1], "epoch": "1", "seq": seq, "stamp_ns": str(NOW_NS)}
+    return about | {"width": 64, "height": 48, "encoding": "mono8", "node": "x"} | fields
+
+
+def png(pixels: Any) -> bytes:
+    return cv2.imencode(".png", pixels)[1].tobytes()
 
 
 def stream(key: str, schema: str = "") -> dict[str, Any]:

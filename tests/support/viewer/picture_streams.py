@@ -3,10 +3,7 @@
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +11,7 @@ from tests.support.headers import header
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.health.health import Health
 from zenoh_vision.image import codecs
+from zenoh_vision.image.forms import JPEG_FORM
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.stream.buffer import Buffer, latest
 from zenoh_vision.stream.counters import FrameCounters
@@ -30,15 +28,24 @@ JPEG = codecs.encode_jpeg(np.zeros((48, 64, 3), np.uint8), "bgr8", 80)
 SMALL = RenderOptions(32, 24)
 
 
+class NoNetwork:
+    """A network that nothing is sent to."""
+
+    loop = property(lambda _: asyncio.get_running_loop())
+
+    def do(self, work: object) -> None:
+        pass
+
+
 class Registry:
     """The context of a stream, with counters of its own; knows which streams were closed."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self) -> None:
         self.counters = FrameCounters()
         self.pool = ThreadPoolExecutor(2)
         self.closed: list[str] = []
         self.context = StreamContext(
-            SimpleNamespace(do=lambda work: None, loop=loop),  # type: ignore[arg-type]
+            NoNetwork(),  # type: ignore[arg-type]
             self.pool,
             Health("viewer", self.counters),
             self.counters,
@@ -70,7 +77,7 @@ class Source:
             assert self.believe.wait(DEADLINE_S)
         if payload == b"unforeseen":
             raise MemoryError
-        return Frame(arrival.header, compressed=payload, key=KEY)
+        return Frame(arrival.header, payload, key=KEY)
 
     def close(self, unread: str) -> None:
         self.closed = True
@@ -79,20 +86,12 @@ class Source:
         self.number += 1
         sent = header(self.number, stamp_ns=time.time_ns())
         stream = KeyStream(EpochGate("front"))
-        arrival = Arrival(Sample(KEY, payload), stream, sent, unverified, self.number, missed)
+        arrival = Arrival(
+            Sample(KEY, payload), JPEG_FORM, stream, sent, unverified, self.number, missed
+        )
         self._counters.arrive()
         self._buffer.put(arrival, KEY, unverified=unverified)
         self.stream._on_arrival()
-
-
-def run(test: Callable[[Registry, Source], Coroutine[Any, Any, None]]) -> Registry:
-    async def main() -> Registry:
-        registry = Registry(asyncio.get_running_loop())
-        await asyncio.wait_for(test(registry, Source(registry)), DEADLINE_S)
-        registry.pool.shutdown()
-        return registry
-
-    return asyncio.run(main())
 
 
 def balance(registry: Registry) -> dict[str, int]:

@@ -2,7 +2,8 @@
 
 import pytest
 
-from zv.viewer.topics import is_stream, kind_of, resolve
+from zenoh_vision.keys import RAW_IMAGE
+from zv.viewer.topics import Kind, is_stream, kind_of, misnamed_camera, resolve
 
 IMAGE = "vision/front/image/compressed"
 RAW = "vision/front/image"
@@ -56,7 +57,7 @@ def test_a_message_is_no_stream_of_pictures():
 def test_kinds_follow_from_the_topic_table_and_else_from_the_end():
     assert kind_of(IMAGE).type == "image/jpeg"
     assert kind_of("vision/front/edges/smoothed/compressed").type == "image/png"
-    assert (kind_of(RAW).picture, kind_of(RAW).raw) == (True, True)
+    assert kind_of(RAW) == Kind(picture=True, type=RAW_IMAGE)
     assert kind_of("vision/front/mine/compressed").picture
     assert kind_of("vision/front/mine").type == ""
 
@@ -67,3 +68,19 @@ def test_keys_of_other_namespaces_are_not_streams():
     twin = "mine/vision/front/image/compressed"
     assert resolve("/vision/front/image", "mine", KNOWN) == twin
     assert resolve("/vision/front/image", "mine", [RAW, twin], raw=True) == twin
+
+
+@pytest.mark.parametrize(
+    ("key", "camera"),
+    [
+        ("vision/cam-1/image/compressed", "cam-1"),
+        ("vision/Front/image", "Front"),
+        ("vision/front/image/compressed", ""),
+        ("vision/*/image/compressed", ""),
+        ("vision/cam-1/centroid", ""),
+        ("other/cam-1/image", ""),
+        ("vision/cam-1/image/" + "x" * 200, ""),
+    ],
+)
+def test_a_camera_whose_name_is_none_is_known_by_its_frames(key: str, camera: str):
+    assert misnamed_camera(key, "vision") == camera

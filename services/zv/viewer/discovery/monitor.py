@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import json
 import logging
+import re
 import time
 from collections.abc import Iterator, Mapping
 from typing import TypeVar
+from weakref import WeakValueDictionary
 
 import msgpack
 
 from zenoh_vision import keys
+from zenoh_vision.error_text import joined
 from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadError
-from zenoh_vision.health.fleet import Event
+from zenoh_vision.health.fleet import Event, ParameterGone
 from zenoh_vision.health.fleet_monitor import Kind, follow
-from zenoh_vision.messages import NodeDescription, Parameter, ParameterList
+from zenoh_vision.messages import MESSAGES, NodeDescription, Parameter, ParameterList
 from zenoh_vision.transport.declarations import (
     ROUTERS,
     declaration_in,
@@ -26,7 +30,7 @@ from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.query import Reply, messages_in
 from zv.viewer.discovery.network import Key, Mailbox, Network, in_slices
 from zv.viewer.discovery.system_state import SystemState
-from zv.viewer.topics import is_stream
+from zv.viewer.topics import is_stream, misnamed_camera
 
 log = logging.getLogger("viewer")
 
@@ -57,6 +61,10 @@ MAX_DESCRIPTION_BYTES = 128 << 10
 
 ASK_AGAIN_S = 1.0
 ANSWER_S = 1.5
+SET_S = 5.0
+"""Time for a node to make a change: a control of a USB camera may take a second."""
+
+SCHEMA_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 
 M = TypeVar("M", NodeDescription, ParameterList)
 KINDS: tuple[Kind, ...] = ("token", "diagnostics", "parameter")
@@ -86,6 +94,8 @@ class SystemMonitor:
         self._sessions = self._listed_of = frozenset[str]()
         self._list_again_s = 0.0
         self._settling = False
+        # One change of a node at a time, so that none comes between a check and its change.
+        self._locks = WeakValueDictionary[str, asyncio.Lock]()
 
     def begin(self) -> None:
         """Subscribe, now that there is a session."""
@@ -105,11 +115,13 @@ class SystemMonitor:
             self._settle_soon()
             await asyncio.sleep(TICK_S)
 
-    async def set(self, node: str, values: Mapping[str, object]) -> ParameterList:
+    async def set(
+        self, node: str, values: Mapping[str, object], expected: Mapping[str, object]
+    ) -> ParameterList:
         """Change parameters of a node, all or none, and return all parameters after the change.
 
         Raises:
-            ParameterRefused: The node refuses.
+            ParameterRefused: The node refuses, or a parameter has not the ``expected`` value.
             Unanswered: The node does not answer.
         """
         try:
@@ -118,7 +130,14 @@ class SystemMonitor:
             raise ParameterRefused(
                 "a value that is none of a parameter", "a number, a text, true, false or null"
             ) from None
-        return await self.parameters(node, payload)
+        async with self._locks.setdefault(node, asyncio.Lock()):
+            if expected:
+                known = {each.name: each.value for each in (await self.parameters(node)).parameters}
+                other = [name for name, value in expected.items() if known.get(name) != value]
+                if other:
+                    words = f"{joined(other)} of {node} was changed meanwhile"
+                    raise ParameterRefused(words, "a change of the new value")
+            return await self.parameters(node, payload)
 
     async def parameters(self, node: str, payload: bytes | None = None) -> ParameterList:
         """Return the parameters of a node.
@@ -127,8 +146,10 @@ class SystemMonitor:
             Unanswered: The node does not answer.
             ParameterRefused: The node refuses the change in the payload.
         """
-        key = keys.parameters_key(self._namespace, node)
-        for reply in await self.network.ask(key, payload=payload, timeout_s=ANSWER_S):
+        key_of = keys.parameters_key if payload is None else keys.set_key
+        key = key_of(self._namespace, node)
+        time_s = ANSWER_S if payload is None else SET_S
+        for reply in await self.network.ask(key, payload=payload, timeout_s=time_s):
             try:
                 found = reply.message(ParameterList)
             except (PayloadError, ExpectationNotMet) as error:
@@ -137,11 +158,34 @@ class SystemMonitor:
                 return found
         raise Unanswered(f"{node} does not answer")
 
+    async def schema(self, name: str) -> str | None:
+        """Return the JSON Schema of a type of message as text; None if nobody knows it."""
+        known = MESSAGES.get(name)
+        if known is not None:
+            return json.dumps(known.model_json_schema())
+        if not SCHEMA_NAME.fullmatch(name):
+            return None
+        for reply in await self.network.ask(
+            keys.schema_key(self._namespace, name), timeout_s=ANSWER_S, most_bytes=LIST_BYTES
+        ):
+            if reply.ok is None or len(reply.ok.payload) > MAX_DESCRIPTION_BYTES:
+                continue
+            try:
+                text = reply.ok.payload.to_bytes().decode()
+                if isinstance(json.loads(text), dict):
+                    return text
+            except (ValueError, RecursionError):
+                continue
+        return None
+
     # On the network's and Zenoh's threads
 
     def _post(self, name: str, event: Event) -> None:
-        parameter = event.name if isinstance(event, Parameter) else ""
-        self._mailbox.put((name, type(event), parameter), event)
+        # One kind for what came and what went, so that the newer replaces the older.
+        if isinstance(event, Parameter | ParameterGone):
+            self._mailbox.put((name, Parameter, event.name), event)
+        else:
+            self._mailbox.put((name, type(event), ""), event)
 
     def _check_router(self, link: Link) -> None:
         connected = link.connected
@@ -171,7 +215,8 @@ class SystemMonitor:
 
     def _settle(self) -> None:
         self._settling = False
-        for name in self.system.fleet.to_ask(time.time_ns(), ASK_AGAIN_S):
+        # Not by the wall clock, after whose step back no node would be asked for long.
+        for name in self.system.fleet.to_ask(time.monotonic_ns(), ASK_AGAIN_S):
             self._ask(name)
         self.system.flush()
 
@@ -221,10 +266,13 @@ class SystemMonitor:
         )
         if listed.left_out:
             self.system.say_cut("there are more publishers than can be kept; some are left out")
-        found = set()
+        found, misnamed = set(), set()
         async for key, sessions in in_slices(map(declaration_in, listed)):
             if sessions and is_stream(key, self._namespace):
                 found.add(key)
+            elif sessions and (camera := misnamed_camera(key, self._namespace)):
+                misnamed.add(camera)
+        self.system.set_misnamed(misnamed)
         cut = listed.timed_out or bool(listed.left_out)
         self.system.set_published(found, complete=not cut)
         self._settle_soon()

@@ -145,8 +145,9 @@ class Mailbox:
 
     def _empty(self) -> None:
         end_s = time.monotonic() + SLICE_S
-        while self._waiting:
-            if time.monotonic() > end_s:
+        try:
+            while self._waiting and time.monotonic() <= end_s:
+                self._take(*self._waiting.popitem(last=False))
+        finally:
+            if self._waiting:
                 self._wake_up()
-                return
-            self._take(*self._waiting.popitem(last=False))

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from zenoh_vision import keys
 from zenoh_vision.health.counter_change import losses
-from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet
+from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet, ParameterGone
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import (
     Diagnostics,
@@ -28,6 +28,7 @@ MAX_PUBLISHED = 256
 """Keys that a node publishes, and those that it subscribes to."""
 
 MAX_STREAMS = 4096
+MAX_MISNAMED = 8
 CUT_AGAIN_S = 60.0
 PANELS = frozenset({"health", "parameters", "log", "matches"})
 """Kinds of texts that are shown only in panels of the page."""
@@ -65,6 +66,7 @@ class SystemState:
         self._items: dict[str, tuple[str, dict[str, str]]] = {}
         self._sent: dict[Hashable, str] = {}
         self._published: dict[str, int | None] = {}
+        self._misnamed: tuple[str, ...] = ()
         self._changed = False
         self._streams: list[str] | None = None
 
@@ -132,6 +134,8 @@ class SystemState:
             return  # it has no token
         elif isinstance(event, Diagnostics):
             self._take_report(before, event)
+        elif isinstance(event, ParameterGone):
+            self._remove_parameter(name, event)
         elif self.fleet.change_parameter(name, event):
             if self._wanted("parameters"):
                 text = events.text("parameter", node=name, parameter=event.to_map())
@@ -140,6 +144,12 @@ class SystemState:
             if known is None or known.value != event.value:
                 was = "" if known is None else f"{_value(known)} -> "
                 self.log("INFO", name, f"{event.name} {was}{_value(event)}")
+
+    def _remove_parameter(self, name: str, gone: ParameterGone) -> None:
+        removed = self.fleet.remove_parameter(name, gone)
+        node = self.fleet.node(name)
+        if removed and node is not None and self._wanted("parameters"):
+            self._say(_parameters_text(node), ("parameters", name))
 
     def describe(self, description: NodeDescription) -> None:
         """Note a node's description; raises PayloadError, as ``Fleet.describe``."""
@@ -179,6 +189,12 @@ class SystemState:
         if published != self._published:
             self._published = published
             self._changed, self._streams = True, None
+
+    def set_misnamed(self, cameras: Collection[str]) -> None:
+        """Record the cameras of other programs whose names are none, so that they are not shown."""
+        found = tuple(sorted(cameras)[:MAX_MISNAMED])
+        if found != self._misnamed:
+            self._misnamed, self._changed = found, True
 
     def expire(self) -> None:
         """Forget the nodes and other publishers that have been gone for long."""
@@ -281,6 +297,8 @@ class SystemState:
             lists.append((events.list_text("nodes", items), "nodes"))
             items = (streams[key] for key in shown)
             lists.append((events.list_text("streams", items), "streams"))
+            if self._misnamed or "misnamed" in self._sent:
+                lists.append((events.text("misnamed", cameras=self._misnamed), "misnamed"))
         if "matches" in kinds:
             described = [node.description for node in nodes if node.description]
             found = matches((key for each in described for key in each.subscribes), shown)

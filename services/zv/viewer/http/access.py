@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 from urllib.parse import urlsplit
 
 from aiohttp import web
@@ -22,6 +23,7 @@ from zv.viewer.credentials import (
     token_principal,
 )
 from zv.viewer.http.listener import is_address, is_loopback
+from zv.viewer.http.tls import Holders
 
 COOKIE = "zv_token"
 NAME = re.compile(r"[a-z0-9_.-]{1,100}")
@@ -31,8 +33,8 @@ PUBLIC_PATHS = ("/healthz",)
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-    "img-src 'self' blob: data:; connect-src 'self'; manifest-src 'self'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'",
+    "img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
 }
@@ -44,6 +46,8 @@ class Access:
 
     token: str | None = field(repr=False)  # None: not required; only loopback names are served
     names: frozenset[str]  # under which the viewer is served, besides IP addresses
+    base_path: str = ""  # below which all is served too, for a proxy that does not remove it
+    holders: Holders | None = None  # whose certificates replace a token
 
     def check(self, request: web.Request) -> None:
         """Raise HTTPForbidden or HTTPUnauthorized for a wrong host, origin or token."""
@@ -53,13 +57,13 @@ class Access:
             self.check_origin(request.headers.get("Origin"), host)
         elif not any(map(self.scope_of, tokens_in(request))):
             self.check_site(request.headers, host)
-        if request.path not in PUBLIC_PATHS:
+        if request.path.removeprefix(self.base_path) not in PUBLIC_PATHS:
             self.principal(request)
 
     def principal(self, request: web.Request) -> Principal:
-        """Return the sender of a request; raise HTTPUnauthorized as ``check_token``."""
+        """Return the sender of a request; raise as ``check_token``."""
         cookie = request.cookies.get(cookie_name(request.headers.get("Host")))
-        return self.check_token(tokens_in(request), cookie)
+        return self.check_token(tokens_in(request), cookie, certificate_of(request))
 
     def check_host(self, host: str | None) -> None:
         """Raise HTTPForbidden for an unknown ``Host``: any name may resolve to this machine.
@@ -68,7 +72,7 @@ class Access:
         by that name needs a token.
         """
         name = host_name(host or "")
-        if is_loopback(name) or (self.token and (name in self.names or is_address(name))):
+        if is_loopback(name) or (self.guarded and (name in self.names or is_address(name))):
             return
         shown = name if NAME.fullmatch(name) else "NAME"
         raise web.HTTPForbidden(
@@ -99,27 +103,47 @@ class Access:
                 text="a page of another site may load this only with ?token=TOKEN; see --token\n"
             )
 
-    def check_token(self, tokens: Iterable[str | None], session: str | None) -> Principal:
-        """Return the sender of these tokens and this session, with the widest scope among them.
+    def check_token(
+        self,
+        tokens: Iterable[str | None],
+        session: str | None,
+        certificate: Mapping[str, Any] | None = None,
+    ) -> Principal:
+        """Return the sender of these tokens, this session and certificate, of the widest scope.
 
-        Raise HTTPUnauthorized unless one is valid. A token does not count as a session, nor the
-        reverse.
+        Raise HTTPUnauthorized unless one is valid, HTTPForbidden if only a certificate is needed. A
+        token does not count as a session, nor the reverse.
         """
-        if self.token is None:
+        if not self.guarded:
             return NO_TOKEN
-        given = [text for text in tokens if text is not None]
-        found = [token_principal(text, self.token) for text in given]
-        if session is not None:
-            found.append(session_principal(session, self.token, time.time()))
+        found: list[Principal | None] = []
+        if self.token is not None:
+            given = [text for text in tokens if text is not None]
+            found = [token_principal(text, self.token) for text in given]
+            if session is not None:
+                found.append(session_principal(session, self.token, time.time()))
+        if self.holders is not None and certificate:
+            found.append(self.holders.principal(certificate))
         known = [who for who in found if who is not None]
         if known:
             return max(known, key=lambda who: who.scope is Scope.CONTROL)
+        if self.token is None:
+            said = "the name in it has no rights here" if found else "the browser has none"
+            raise web.HTTPForbidden(
+                text=f"a certificate is required, and {said}: see --tls-clients, --tls-operators "
+                "and --tls-guests\n"
+            )
         wrong = "the token is wrong, or the session has ended"
         raise web.HTTPUnauthorized(
             text=f"{wrong if found else 'a token is required'}: "
             "open the address that `zv view` prints, or add ?token=TOKEN\n",
             headers={"WWW-Authenticate": "Bearer"},
         )
+
+    @property
+    def guarded(self) -> bool:
+        """Whether a token or a certificate is needed."""
+        return self.token is not None or self.holders is not None
 
     def scope_of(self, text: str | None) -> Scope | None:
         """Return the scope of a token; None if a text is not a token."""
@@ -133,7 +157,9 @@ class Access:
         scope = self.scope_of(request.query.get("token"))
         if scope is None or self.token is None:
             return None
-        place = str(request.rel_url.without_query_params("token"))
+        # Relative, since a proxy may serve this under a path of its own.
+        url = request.rel_url.without_query_params("token")
+        place = (url.name or "./") + (f"?{url.raw_query_string}" if url.raw_query_string else "")
         response = web.Response(
             status=303, headers={"Location": place, "Cache-Control": "no-store"}
         )
@@ -142,7 +168,8 @@ class Access:
             new_session(scope, self.token, time.time()),
             max_age=SESSION_S,
             # Set by a TLS proxy. A client that invents it only loses its own session.
-            secure=request.headers.get("X-Forwarded-Proto", "").lower().startswith("https"),
+            secure=request.secure
+            or request.headers.get("X-Forwarded-Proto", "").lower().startswith("https"),
             httponly=True,
             samesite="Lax",  # with Strict, a link on another site could not open the page
         )
@@ -153,6 +180,12 @@ def tokens_in(request: web.Request) -> tuple[str | None, str | None]:
     """Return the tokens of a request: in its URL and in ``Authorization``."""
     kind, _, bearer = request.headers.get("Authorization", "").partition(" ")
     return request.query.get("token"), bearer if kind.lower() == "bearer" else None
+
+
+def certificate_of(request: web.Request) -> Mapping[str, Any] | None:
+    """Return the certificate of a browser, which TLS has verified; None or empty without one."""
+    transport = request.transport
+    return None if transport is None else transport.get_extra_info("peercert")
 
 
 def host_name(host: str) -> str:

@@ -15,6 +15,8 @@ from zv.viewer.discovery.monitor import SystemMonitor
 from zv.viewer.http.access import SECURITY_HEADERS, Access
 from zv.viewer.http.connections import Connection
 from zv.viewer.http.static_files import INDEX, PageFile, page_files
+from zv.viewer.kept.handlers import KeptEvents
+from zv.viewer.kept.store import EventStore
 from zv.viewer.streams.registry import StreamRegistry, TooManyBytes, TooManyStreams
 from zv.viewer.web_video_server.handlers import WebVideoServer, unavailable
 from zv.viewer.websocket.audit import ParameterAudit
@@ -31,7 +33,13 @@ STALLED_S = 2.0
 class Application:
     """Everything that a browser may request."""
 
-    def __init__(self, access: Access, registry: StreamRegistry, monitor: SystemMonitor) -> None:
+    def __init__(
+        self,
+        access: Access,
+        registry: StreamRegistry,
+        monitor: SystemMonitor,
+        store: EventStore | None = None,
+    ) -> None:
         self._access = access
         self._registry = registry
         self._monitor = monitor
@@ -43,15 +51,26 @@ class Application:
         self.app = web.Application(middlewares=[self._guard], client_max_size=1024)
         self.app.on_response_prepare.append(_add_headers)
         self.app.on_cleanup.append(self._flush_audit)
-        self.app.router.add_get("/", partial(self._opened, self._index))
-        self.app.router.add_get("/page/{name:.+}", self._file)
-        self.app.router.add_get("/favicon.ico", self._no_icon)
-        self.app.router.add_get("/healthz", self._healthy)
-        self.app.router.add_get("/live", partial(self._limited, self._live), allow_head=False)
-        stream = partial(self._limited, videos.stream)
-        self.app.router.add_get("/stream", stream, allow_head=False)
-        self.app.router.add_get("/snapshot", videos.snapshot)
-        self.app.router.add_get("/stream_viewer", partial(self._opened, videos.stream_viewer))
+        for base in dict.fromkeys(("", access.base_path)):
+            self._add_routes(base, videos, KeptEvents(store))
+
+    def _add_routes(self, base: str, videos: WebVideoServer, kept: KeptEvents) -> None:
+        add = self.app.router.add_get
+        add(f"{base}/", partial(self._opened, self._index))
+        add(f"{base}/page/{{name:.+}}", self._file)
+        add(f"{base}/favicon.ico", self._no_icon)
+        add(f"{base}/healthz", self._healthy)
+        add(f"{base}/live", partial(self._limited, self._live), allow_head=False)
+        add(f"{base}/stream", partial(self._limited, videos.stream), allow_head=False)
+        add(f"{base}/snapshot", videos.snapshot)
+        add(f"{base}/schema", self._schema)
+        add(f"{base}/events", kept.listing)
+        add(f"{base}/events.csv", kept.table)
+        add(f"{base}/events/{{number:[0-9]{{1,18}}}}.jpg", kept.picture)
+        add(f"{base}/streams", partial(self._opened, videos.listing))
+        add(f"{base}/stream_viewer", partial(self._opened, videos.stream_viewer))
+        if base:
+            add(base, self._with_slash)
 
     def send_all(self, text: str, replaces: Hashable | None = None) -> None:
         """Send a text to all pages; it replaces a queued one of the same name."""
@@ -123,6 +142,11 @@ class Application:
     async def _index(self, request: web.Request) -> web.Response:
         return _file_response(request, self._files[INDEX])
 
+    async def _with_slash(self, request: web.Request) -> web.Response:
+        """Redirect to the folder, to which the page's own addresses are relative."""
+        query = f"?{request.query_string}" if request.query_string else ""
+        raise web.HTTPPermanentRedirect(f"{request.path.rpartition('/')[2]}/{query}")
+
     async def _file(self, request: web.Request) -> web.Response:
         file = self._files.get(request.match_info["name"])
         if file is None:
@@ -130,6 +154,15 @@ class Application:
         if request.headers.get("If-None-Match") == file.tag:
             return web.Response(status=304, headers={"ETag": file.tag})
         return _file_response(request, file)
+
+    async def _schema(self, request: web.Request) -> web.Response:
+        """Send the JSON Schema of a type of message, of this project or as a node answers it.
+
+        It is null if there is none: many strangers' messages have none, and a browser logs each
+        404 as an error.
+        """
+        text = await self._monitor.schema(request.query.get("name", ""))
+        return web.Response(text=text or "null", content_type="application/json")
 
     async def _no_icon(self, _: web.Request) -> web.Response:
         return web.Response(status=204)

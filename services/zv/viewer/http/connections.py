@@ -30,6 +30,9 @@ class Connection(asyncio.Protocol):
     """
 
     _transport: asyncio.Transport
+    _layers: tuple[asyncio.WriteTransport, ...]
+    """The transport, and with TLS also the one beneath, which has a buffer of its own."""
+
     _deadline: asyncio.TimerHandle
 
     def __init__(self, inner: asyncio.Protocol, idle: dict[Connection, None]) -> None:
@@ -42,8 +45,12 @@ class Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Start the deadline."""
         self._transport = cast("asyncio.Transport", transport)
+        beneath = getattr(getattr(transport, "_ssl_protocol", None), "_transport", None)
+        self._layers = (self._transport, *([beneath] if beneath is not None else []))
         # Buffer nothing here beyond the data being sent, so that the next picture is a new one.
-        self._transport.set_write_buffer_limits(high=0)
+        # With a limit of 0, TLS would never go on.
+        for layer in self._layers:
+            layer.set_write_buffer_limits(high=1, low=0)
         self._deadline = asyncio.get_running_loop().call_later(FIRST_REQUEST_S, self.abort)
         self._inner.connection_made(transport)
         self.end_request()
@@ -65,7 +72,7 @@ class Connection(asyncio.Protocol):
     def pause_writing(self) -> None:
         """Begin to measure for how long the client does not read."""
         self._stalled_since_s = time.monotonic()
-        self._unsent = self._transport.get_write_buffer_size()
+        self._unsent = self._buffered_bytes()
         self._check_progress()
         self._inner.pause_writing()
 
@@ -75,7 +82,7 @@ class Connection(asyncio.Protocol):
         self._inner.resume_writing()
 
     def _check_progress(self) -> None:
-        unsent = self._transport.get_write_buffer_size()
+        unsent = self._buffered_bytes()
         if unsent < self._unsent:
             self._stalled_since_s = time.monotonic()
         self._unsent = unsent
@@ -84,6 +91,9 @@ class Connection(asyncio.Protocol):
         else:
             loop = asyncio.get_running_loop()
             self._progress = loop.call_later(PROGRESS_S, self._check_progress)
+
+    def _buffered_bytes(self) -> int:
+        return sum(layer.get_write_buffer_size() for layer in self._layers)
 
     def _end_progress(self) -> None:
         self._stalled_since_s = None

@@ -57,7 +57,9 @@ def free_port(host: str, port: int, remedy: str = PORT_FLAG) -> int:
         return int(probe.getsockname()[1])
 
 
-def url(host: str, port: int, token: str | None, address: str = "") -> str:
+def url(
+    host: str, port: int, token: str | None, address: str = "", *, encrypted: bool = False
+) -> str:
     """Return the URL to open in a browser, with the token in it if one is needed.
 
     ``address`` is the URL under which browsers reach the viewer, if not by host and port.
@@ -69,7 +71,7 @@ def url(host: str, port: int, token: str | None, address: str = "") -> str:
     if shown in ANY:
         shown = address_of_this_machine()
     shown = f"[{shown}]" if ":" in shown else shown
-    return f"http://{shown}:{port}/{ending}"
+    return f"http{'s' if encrypted else ''}://{shown}:{port}/{ending}"
 
 
 def address_of_this_machine() -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import resources
@@ -17,6 +18,9 @@ TYPES = {
     ".svg": "image/svg+xml",
 }
 
+COMMENT = re.compile(rb"^[ \t]*(?://[^\n]*|/\*(?:(?!\*/).)*\*/[ \t]*)$", re.MULTILINE | re.DOTALL)
+"""Comments on lines of their own, in scripts and style sheets."""
+
 
 @dataclass(frozen=True, slots=True)
 class PageFile:
@@ -29,17 +33,36 @@ class PageFile:
 
 
 def page_files() -> dict[str, PageFile]:
-    """Return the files of the page by their paths below ``page``, such as ``js/main.js``."""
-    return dict(_read(resources.files("zv.viewer").joinpath("page")))
+    """Return the files of the page by their paths below ``page``, such as ``js/main.js``.
+
+    Comments are left out, but not their lines, so that an error names the line in the source. The
+    index names all modules, so that a browser requests them at once and not level by level.
+    """
+    bodies = dict(_read(resources.files("zv.viewer").joinpath("page")))
+    modules = sorted(name for name in bodies if name.endswith(".js"))
+    links = "".join(f'<link rel="modulepreload" href="page/{name}">\n' for name in modules)
+    bodies[INDEX] = bodies[INDEX].replace(b"</head>", links.encode() + b"</head>")
+    return {name: _file(name, body) for name, body in bodies.items()}
 
 
-def _read(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, PageFile]]:
+def _file(name: str, body: bytes) -> PageFile:
+    tag = f'W/"{hashlib.sha256(body).hexdigest()[:16]}"'  # weak: the same for both forms
+    return PageFile(body, gzip.compress(body, mtime=0), TYPES[_ending(name)], tag)
+
+
+def _read(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, bytes]]:
     for entry in folder.iterdir():
-        ending = f".{entry.name.rpartition('.')[2]}"
         if entry.is_dir():
             yield from _read(entry, f"{prefix}{entry.name}/")
-        elif ending in TYPES:
+        elif _ending(entry.name) in TYPES:
             body = entry.read_bytes()
-            tag = f'W/"{hashlib.sha256(body).hexdigest()[:16]}"'  # weak: the same for both forms
-            compressed = gzip.compress(body, mtime=0)
-            yield prefix + entry.name, PageFile(body, compressed, TYPES[ending], tag)
+            is_code = _ending(entry.name) in (".js", ".css")
+            yield prefix + entry.name, COMMENT.sub(_blank, body) if is_code else body
+
+
+def _blank(comment: re.Match[bytes]) -> bytes:
+    return b"\n" * comment[0].count(b"\n")
+
+
+def _ending(name: str) -> str:
+    return f".{name.rpartition('.')[2]}"

@@ -10,11 +10,18 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from zv.viewer.http.listener import is_loopback
-from zv.viewer.settings import TOKEN_PATTERN
+from zv.viewer.settings import TOKEN_PATTERN, ViewerSettings
 
 log = logging.getLogger("viewer")
 
 TOKEN_BYTES = 24
+
+
+def token_of(settings: ViewerSettings) -> str | None:
+    """Return the token that a viewer requires; None if it requires none, or a certificate."""
+    if settings.tls_clients is not None:
+        return settings.token
+    return token_for(settings.host, settings.token, names=settings.names)
 
 
 def token_for(

@@ -9,8 +9,8 @@ from collections.abc import Collection
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.keys import schema_name_of
-from zenoh_vision.message_codec import unpack
-from zenoh_vision.messages import MESSAGES
+from zenoh_vision.message_codec import MAX_MESSAGE_BYTES, unpack
+from zenoh_vision.messages import MESSAGES, Header
 from zenoh_vision.stream.buffer import Buffering
 from zenoh_vision.stream.intake import Consumer, SampleIntake
 from zenoh_vision.stream.sample import SizeLimit
@@ -22,8 +22,11 @@ from zv.viewer.topics import kind_of
 QUEUE = 64
 """Limit of messages queued for one client; beyond it the oldest is dropped."""
 
-BUFFERING = Buffering(QUEUE, per_key=False, reason="overwritten")
-LIMIT = SizeLimit(64 << 10, "bad_message")
+BUFFERING = Buffering(QUEUE, per_key=False, reason="overwritten", max_bytes=8 << 20)
+LIMIT = SizeLimit(MAX_MESSAGE_BYTES, "bad_message")
+MOST_DECODED = 64 << 10
+"""Bytes of a message whose fields pages get. Of a larger one they get its size and header."""
+
 MAX_CONTAINERS = 10_000
 """Limit of the maps and lists in a message. With both, 64 messages can be queued, and one is
 converted in some milliseconds."""
@@ -45,8 +48,12 @@ class MessageStream(SharedStream[SampleIntake]):
             sample = intake.take(0)
             if sample is None:
                 return
+            payload = bytes(sample.payload)
             try:
-                text, stamp_ns = message_text(self.key, bytes(sample.payload), sample.encoding)
+                if len(payload) > MOST_DECODED:
+                    text, stamp_ns = large_text(self.key, len(payload), sample.attachment)
+                else:
+                    text, stamp_ns = message_text(self.key, payload, sample.encoding)
             except PayloadError as error:
                 self._context.drop(error)
                 continue
@@ -102,8 +109,21 @@ def message_text(key: str, payload: bytes, encoding: str = "") -> tuple[str, int
     header = fields.get("header")
     body = {name: value for name, value in fields.items() if name != "header"}
     stamp_ns = header.get("stamp_ns") if isinstance(header, dict) else None
-    text = events.text("message", key=key, header=header, body=body)
+    name = kind_of(key).type or schema_name_of(encoding)
+    text = events.text("message", key=key, type=name, header=header, body=body)
     return text, stamp_ns if isinstance(stamp_ns, int) else None
+
+
+def large_text(key: str, size: int, attachment: bytes | None) -> tuple[str, int | None]:
+    """Return what a page gets of a message that is too large to be decoded for it.
+
+    Raises:
+        PayloadError: ``bad_header``: its attachment is none.
+    """
+    header = None if attachment is None else Header.from_bytes(attachment)
+    about = None if header is None else header.to_map()
+    text = events.text("large", key=key, bytes=size, header=about)
+    return text, None if header is None else header.stamp_ns
 
 
 def _check_containers(fields: dict[object, object]) -> None:

@@ -7,8 +7,10 @@ import statistics
 import time
 from collections import deque
 from collections.abc import Iterable
+from contextlib import suppress
 
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.stream.frame_intake import Arrival, FrameIntake
 from zenoh_vision.stream.intake import Consumer
@@ -29,6 +31,8 @@ class PictureStream(SharedStream[FrameIntake]):
     def __init__(self, context: StreamContext, key: str, on_closed: OnClosed) -> None:
         super().__init__(context, key, on_closed)
         self.newest: tuple[Arrival, Frame] | None = None
+        self.finder = RangeFinder()  # of the values of its 16-bit pictures
+        self._arrived = asyncio.Event()
         self._renditions: dict[RenderOptions, Rendition] = {}
         self._verifying = False
         self._pending: dict[int, int] = {}  # frames that no client has got: number, stamp_ns
@@ -45,7 +49,7 @@ class PictureStream(SharedStream[FrameIntake]):
 
     def _new_intake(self, consumer: Consumer) -> FrameIntake:
         most = self._context.settings().max_pixels
-        return FrameIntake(self.key, consumer, raw=kind_of(self.key).raw, max_pixels=most)
+        return FrameIntake(self.key, consumer, encoding=kind_of(self.key).type, max_pixels=most)
 
     def _close_intake(self, intake: FrameIntake) -> None:
         if not self._verifying:  # else its memory is being read, and ``_verified`` closes it
@@ -59,6 +63,12 @@ class PictureStream(SharedStream[FrameIntake]):
         if rendition is None:
             rendition = self._renditions[options] = Rendition(self, self._context, options)
         return PictureFeed(self, rendition, ready or asyncio.Event())
+
+    async def frame(self, timeout_s: float) -> Frame | None:
+        """Return the newest frame, which nobody has got by that; None if none arrives in time."""
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._arrived.wait(), timeout_s)
+        return None if self.newest is None else self.newest[1]
 
     def remove_unused(self, rendition: Rendition) -> None:
         """Remove a rendition that no client uses; without renditions the stream ends."""
@@ -115,7 +125,7 @@ class PictureStream(SharedStream[FrameIntake]):
         while not self._verifying and (arrival := intake.arrival(0)) is not None:
             settings = self._context.settings()
             max_age_s = settings.max_age
-            intake.depth_limits = settings.depth_min, settings.depth_max
+            self.finder.limits = settings.depth_min, settings.depth_max
             if arrival.unverified:
                 self._verify(intake, arrival, max_age_s)
             else:
@@ -153,13 +163,14 @@ class PictureStream(SharedStream[FrameIntake]):
             return
         now_s = time.monotonic()
         if self.newest is not None:
-            if self.newest[0].header.epoch != arrival.header.epoch:
+            if self.newest[0].header.run != arrival.header.run:
                 self._intervals.clear()
             else:
                 self._intervals.append(now_s - self._arrived_s)
         self._arrived_s, self._arrived_ns = now_s, time.time_ns()
         self.newest = arrival, frame
-        self._pending[arrival.number] = arrival.header.stamp_ns
+        self._arrived.set()
+        self._pending[arrival.number] = arrival.header.age_start_ns
         for rendition in self._renditions.values():
             rendition.render_newest()
         self._drop_unreachable()
@@ -214,7 +225,7 @@ class Rendition:
         assert self._stream.newest is not None
         self._rendering, frame = self._stream.newest
         self._tried = self._rendering.number
-        return render(frame, self.options, quality)
+        return render(frame, self.options, quality, self._stream.finder)
 
     def _finish(self, done: asyncio.Future[EncodedPicture]) -> None:
         self._in_work = False

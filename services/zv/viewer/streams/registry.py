@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -13,7 +13,7 @@ import zenoh
 from zenoh_vision.errors import VisionError
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.stream.frame_intake import picture_limit, snapshot_of
+from zenoh_vision.stream.frame_intake import snapshot_of
 from zenoh_vision.transport.subscriber import sample_of
 from zv.viewer.streams.message_stream import MessageFeed, MessageStream
 from zv.viewer.streams.picture_stream import PictureFeed, PictureStream
@@ -72,11 +72,14 @@ class StreamRegistry:
         """Return a feed of the messages of a key; it sets ``ready`` when one can be taken."""
         return MessageFeed(self._stream(MessageStream, self._messages, key, has), ready)
 
-    async def snapshot(self, key: str, options: RenderOptions) -> EncodedPicture | None:
+    async def snapshot(
+        self, key: str, options: RenderOptions, admit: Callable[[Frame], None]
+    ) -> EncodedPicture | None:
         """Return the newest picture of a key; None if none arrives in time.
 
         It is taken from an open stream, else from the publisher's reply to a query, else from a
-        new subscription.
+        new subscription. ``admit`` is called with its frame before that is rendered, and may raise
+        an error instead.
 
         Raises:
             TooManyStreams: A subscription is needed, but the limit of keys is reached.
@@ -87,16 +90,23 @@ class StreamRegistry:
         end_s = time.monotonic() + wait_s
         stream = self._pictures.get(key)
         if stream is not None and stream.newest is not None and stream.ended_ns is None:
-            return await self._render(stream.newest[1], options)
+            return await self._render(stream.newest[1], options, admit, stream.finder)
         async with self._queries:
             time_s = min(QUERY_S, wait_s)
             ask = self.context.network.ask
             for reply in await ask(key, timeout_s=time_s, most_bytes=SNAPSHOT_BYTES):
                 if reply.ok is not None and reply.key == key:
+                    settings = self.context.settings()
+                    finder = RangeFinder((settings.depth_min, settings.depth_max))
                     with self.hold(len(reply.ok.payload)):
-                        return await self._render(self._frame(key, reply.ok), options)
+                        found = self._frame(key, reply.ok)
+                        return await self._render(found, options, admit, finder)
         feed = self.pictures(key, options)  # its publisher answers no queries
         try:
+            frame = await feed.stream.frame(max(0.05, end_s - time.monotonic()))
+            if frame is None:
+                return None
+            admit(frame)
             return await feed.next(max(0.05, end_s - time.monotonic()))
         finally:
             feed.close()
@@ -122,17 +132,20 @@ class StreamRegistry:
             stream.open()
 
     def _frame(self, key: str, sample: zenoh.Sample) -> Frame:
-        settings, raw = self.context.settings(), kind_of(key).raw
-        most = settings.max_pixels
-        finder = RangeFinder((settings.depth_min, settings.depth_max))
-        found = sample_of(sample, picture_limit(most, raw=raw))
-        return snapshot_of(found, most, raw=raw, finder=finder)
+        return snapshot_of(sample_of(sample), kind_of(key).type, self.context.settings().max_pixels)
 
-    async def _render(self, frame: Frame, options: RenderOptions) -> EncodedPicture:
+    async def _render(
+        self,
+        frame: Frame,
+        options: RenderOptions,
+        admit: Callable[[Frame], None],
+        finder: RangeFinder,
+    ) -> EncodedPicture:
+        admit(frame)
         found = original(frame, options)
         if found is None:
             quality = self.context.settings().quality
-            found = await self.context.run(render, frame, options, quality)
+            found = await self.context.run(render, frame, options, quality, finder)
         return found
 
     def _stream(self, kind: type[S], streams: dict[str, S], key: str, has: int) -> S:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Literal, cast
 
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from zenoh_vision.image import codecs
 from zenoh_vision.image.depth import RangeFinder, ValueRange, eight_bits
+from zenoh_vision.image.exif import as_stored
 from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.picture import picture_of
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Header
-from zv.viewer.topics import kind_of
 
 MAX_SIDE = 7680
 MAX_PIXELS = 4096 * 2304
 """Limit of the size of enlarged pictures, since all clients share memory and CPU time."""
 
-USUAL_PIXELS = 1920 * 1080
 DIM = 0.35
 
 
@@ -61,14 +61,6 @@ class RenderOptions:
         scale = min(1.0, (MAX_PIXELS / (wide * high)) ** 0.5, MAX_SIDE / wide, MAX_SIDE / high)
         return max(1, round(wide * scale)), max(1, round(high * scale))
 
-    @property
-    def cost(self) -> int:
-        """About how many pixels must be rendered; 0 if the original bytes are sent."""
-        if self.width is None and self.height is None:
-            return 0 if self == RenderOptions() else USUAL_PIXELS
-        wide = self.width or (self.height or 0) * 16 // 9
-        return wide * (self.height or wide * 9 // 16)
-
     def unchanged(self, mime: str, width: int, height: int) -> bool:
         """Tell whether an encoded picture of this type and size needs no change."""
         return (
@@ -94,11 +86,12 @@ class EncodedPicture:
     ended_ns: int | None = None  # when the last picture arrived, if it shows that; ns since 1970
     values: ValueRange | None = None  # of 16 bits: the values that became 1 and 255
     packed: bool = False  # whether it holds the exact values of 16 bits
+    rendered: bool = False  # whether these are other bytes than those that arrived
     _messages: dict[str, bytes] = field(default_factory=dict, repr=False)
 
     def age_ms(self, now_ns: int) -> float:
-        """Return the time from its capture to ``now_ns``, ns since 1970, in milliseconds."""
-        return (now_ns - self.header.stamp_ns) / 1e6
+        """Return its age at ``now_ns``, ns since 1970, in milliseconds."""
+        return (now_ns - self.header.age_start_ns) / 1e6
 
     def once(self, name: str, make: Callable[[EncodedPicture], bytes]) -> bytes:
         """Return the bytes that ``make`` makes of the picture, cached under a name."""
@@ -109,29 +102,44 @@ class EncodedPicture:
 
 def original(frame: Frame, options: RenderOptions) -> EncodedPicture | None:
     """Return a picture of a frame's unchanged bytes; None if it must be encoded or changed."""
-    header = frame.header
-    if kind_of(frame.key).raw or not frame.is_compressed:
-        return None
-    if not options.unchanged(frame.mime, header.width, header.height):
+    mime, size = frame.picture.form, frame.picture.size
+    if mime is None or not options.unchanged(mime, *size):
         return None
     if frame.is_deep and options.depth != "original":
         return None
-    payload = frame.compressed
-    return EncodedPicture(frame.key, header, payload, frame.mime, header.width, header.height)
+    payload = as_stored(frame.compressed) if mime == JPEG else frame.compressed
+    return EncodedPicture(frame.key, frame.header, payload, mime, *size)
 
 
-def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture:
-    """Return a frame's rendered picture; 16 bits become 8 by the range of the frame's stream.
+def cost(frame: Frame, options: RenderOptions) -> int:
+    """Return how many pixels are rendered for each picture like this frame; 0 if unchanged."""
+    if original(frame, options) is not None:
+        return 0
+    width, height = options.size(*frame.picture.size)
+    return width * height
 
-    ``quality`` is that of a JPEG, unless the options have one.
+
+def render(
+    frame: Frame, options: RenderOptions, quality: int, finder: RangeFinder | None = None
+) -> EncodedPicture:
+    """Return a frame's rendered picture.
+
+    Args:
+        frame: With a picture of its own size or a reduced one.
+        options: Size, format and depth.
+        quality: Of a JPEG, unless the options have one.
+        finder: Finds the range by which 16 bits of the frame's stream become 8, unless the frame
+            has one; None for all values.
 
     Raises:
         PayloadError: ``corrupt``: it cannot be decoded.
     """
-    header = frame.header
-    size = options.size(header.width, header.height)
-    as_png = options.format == "png" or (options.format is None and frame.mime == PNG)
-    depth = frame.depth
+    header, shape = frame.header, frame.picture.size
+    size = options.size(*shape)
+    as_png = options.format == "png" or (options.format is None and frame.picture.mime == PNG)
+    if finder is not None:
+        frame.find_range(finder)
+    depth = frame.picture.depth
     packed = depth is not None and options.depth == "values"
     if depth is not None and options.depth == "gray" and options.quality is not None:
         as_png = False  # a JPEG was requested, which is smaller
@@ -149,12 +157,11 @@ def render(frame: Frame, options: RenderOptions, quality: int) -> EncodedPicture
     if options.invert:
         pixels = cast("Pixels", np.ascontiguousarray(pixels[::-1, ::-1]))
     if as_png:
-        unmixed = size == (header.width, header.height)
-        payload = codecs.encode_png(pixels, bilevel=frame.bilevel and unmixed)
+        payload = codecs.encode_png(pixels, bilevel=frame.picture.bilevel and size == shape)
     else:
         payload = codecs.encode_jpeg(pixels, shown, options.quality or quality)
     picture = EncodedPicture(frame.key, header, payload, PNG if as_png else JPEG, *size)
-    picture.values, picture.packed = frame.value_range, packed
+    picture.values, picture.packed, picture.rendered = frame.value_range, packed, True
     return picture
 
 
@@ -182,8 +189,7 @@ def render_ended(picture: EncodedPicture, since_ns: int) -> EncodedPicture:
     Raises:
         PayloadError: ``corrupt``: it cannot be decoded.
     """
-    finder = None if picture.values is None else RangeFinder(astuple(picture.values))
-    gray = Frame(picture.header, compressed=picture.payload, finder=finder).gray
+    gray = picture_of(picture.payload).in_8_bits("mono8", picture.values)
     dim = np.asarray(gray * np.float32(DIM), np.uint8)
     clock = datetime.fromtimestamp(since_ns / 1e9, UTC).strftime("%H:%M:%S UTC")
     words = f"no picture since {clock}"

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import html
+import logging
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import contextmanager, suppress
 from email.utils import formatdate
 from urllib.parse import quote, urlencode
@@ -19,16 +20,27 @@ from zenoh_vision.errors import PayloadError
 from zv.viewer.discovery.system_state import SystemState
 from zv.viewer.streams.picture_stream import PictureFeed
 from zv.viewer.streams.registry import StreamRegistry
-from zv.viewer.streams.rendering import MAX_PIXELS, EncodedPicture, RenderOptions, render_ended
+from zv.viewer.streams.rendering import (
+    MAX_PIXELS,
+    EncodedPicture,
+    RenderOptions,
+    cost,
+    render_ended,
+)
 from zv.viewer.topics import kind_of, resolve
 from zv.viewer.web_video_server.multipart import BOUNDARY, parts_for
 from zv.viewer.web_video_server.query import NAMES, InvalidQuery, StreamQuery, parse_query
+
+log = logging.getLogger("viewer")
 
 MAX_SNAPSHOTS = 16
 """Limit of snapshots that are made or sent at once."""
 
 NEVER_CACHED = {"Cache-Control": "no-store", "Pragma": "no-cache"}
 MAX_LISTED = 20
+MAX_ON_PAGE = 64
+"""Most streams on the page without JavaScript, each with its newest picture."""
+
 ENDED_POLL_S = 0.5
 
 
@@ -42,26 +54,45 @@ class MultipartResponse(web.StreamResponse):
 
 
 class RenderBudget:
-    """Limits the pixels that are rendered at once for one address, since all share the threads."""
+    """Limits the pixels that are rendered at once for one address, since all share the threads.
+
+    A single picture may have more.
+    """
 
     def __init__(self) -> None:
-        self._taken: Counter[tuple[str | None, str, RenderOptions]] = Counter()
+        self._clients: Counter[tuple[str | None, str, RenderOptions]] = Counter()
+        self._pixels: dict[tuple[str | None, str, RenderOptions], int] = {}
 
     @contextmanager
-    def taken(self, address: str | None, key: str, options: RenderOptions) -> Iterator[None]:
-        """Count the pixels of a stream, once for each address, or raise HTTPTooManyRequests."""
+    def share(
+        self, address: str | None, key: str, options: RenderOptions
+    ) -> Iterator[Callable[[int], None]]:
+        """Yield a function that charges the pixels of a stream's newest picture.
+
+        The same stream is charged once for all clients of an address. The function raises
+        HTTPTooManyRequests if the pixels are too many.
+        """
         name = address, key, options
-        others = sum(o.cost for a, k, o in self._taken if a == address and (a, k, o) != name)
-        if options.cost and others + options.cost > MAX_PIXELS:
-            raise web.HTTPTooManyRequests(
-                text=f"{others} pixels are rendered for {address} already, {options.cost} more are "
-                f"too many; allowed: {MAX_PIXELS}; request smaller pictures, or the original\n"
+
+        def charge(pixels: int) -> None:
+            others = sum(
+                each for of, each in self._pixels.items() if of[0] == address and of != name
             )
-        self._taken[name] += 1
+            if pixels and others and others + pixels > MAX_PIXELS:
+                raise web.HTTPTooManyRequests(
+                    text=f"{others} pixels are rendered for {address} already, {pixels} more are "
+                    f"too many; allowed: {MAX_PIXELS}; request smaller pictures, or the original\n"
+                )
+            self._pixels[name] = pixels
+
+        self._clients[name] += 1
         try:
-            yield
+            yield charge
         finally:
-            self._taken -= Counter([name])
+            self._clients[name] -= 1
+            if not self._clients[name]:
+                del self._clients[name]
+                self._pixels.pop(name, None)
 
 
 class WebVideoServer:
@@ -76,18 +107,32 @@ class WebVideoServer:
     async def stream(self, request: web.Request) -> web.StreamResponse:
         """Send a stream as multipart/x-mixed-replace until the client disconnects."""
         query, key = self._parse(request)
-        with self._budget.taken(request.remote, key, query.options):
-            feed = self._registry.pictures(key, query.options)
+        options = query.options
+        with self._budget.share(request.remote, key, options) as charge:
+            feed = self._registry.pictures(key, options)
             try:
-                if key not in self._system.streams:
+                if key in self._system.streams:
+                    frame = await feed.stream.frame(self._registry.context.settings().wait)
+                    charge(cost(frame, options) if frame else 0)
+                else:
                     with suppress(PayloadError):  # data arrives, but it is not a picture
-                        if await self._registry.snapshot(key, query.options) is None:
+                        if await self._newest(key, options, charge) is None:
                             raise self._not_found(query.topic)
-                return await self._send(request, feed)
+                return await self._send(request, feed, charge)
             finally:
                 feed.close()
 
-    async def _send(self, request: web.Request, feed: PictureFeed) -> web.StreamResponse:
+    async def _newest(
+        self, key: str, options: RenderOptions, charge: Callable[[int], None]
+    ) -> EncodedPicture | None:
+        """Return the newest picture of a key, charged before it is rendered."""
+        return await self._registry.snapshot(
+            key, options, lambda frame: charge(cost(frame, options))
+        )
+
+    async def _send(
+        self, request: web.Request, feed: PictureFeed, charge: Callable[[int], None]
+    ) -> web.StreamResponse:
         parts = parts_for(request.headers)
         content_type = f"multipart/x-mixed-replace;boundary={BOUNDARY}"
         response = MultipartResponse(headers={"Content-Type": content_type, **NEVER_CACHED})
@@ -96,8 +141,12 @@ class WebVideoServer:
             await response.prepare(request)
             await response.write(parts.begin)
             async for picture in self._pictures(feed):
+                # The camera may send another size or form now.
+                charge(picture.width * picture.height if picture.rendered else 0)
                 await response.write(parts.part(picture))
                 await request.writer.drain()
+        except web.HTTPTooManyRequests as refusal:
+            log.warning("/stream of %s ends: %s", feed.stream.key, (refusal.text or "").strip())
         except ConnectionError:
             if request.transport is not None:
                 request.transport.abort()
@@ -118,8 +167,8 @@ class WebVideoServer:
     async def _snapshot(self, request: web.Request) -> web.Response:
         query, key = self._parse(request, single=True)
         try:
-            with self._budget.taken(request.remote, key, query.options):
-                picture = await self._registry.snapshot(key, query.options)
+            with self._budget.share(request.remote, key, query.options) as charge:
+                picture = await self._newest(key, query.options, charge)
         except PayloadError as error:
             raise web.HTTPBadGateway(text=f"{key}: {error}\n") from None
         if picture is None:
@@ -139,6 +188,27 @@ class WebVideoServer:
             f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
             f"<title>{name}</title></head>\n<body>\n<h1>{name}</h1>\n"
             f'<img src="{source}" alt="{html.escape(key)}">\n</body>\n</html>\n'
+        )
+        return web.Response(text=text, content_type="text/html", headers=NEVER_CACHED)
+
+    async def listing(self, _: web.Request) -> web.Response:
+        """Send a page that lists the streams of pictures, for browsers without JavaScript."""
+        found = [key for key in self._system.streams if kind_of(key).picture]
+        items = []
+        for key in found[:MAX_ON_PAGE]:
+            name = html.escape(key.partition("/")[2])
+            topic = f"topic=/{quote(key)}"
+            picture = (
+                f'<img src="snapshot?{topic}&amp;width=320" alt="" width="320" loading="lazy">'
+            )
+            items.append(f'<li><a href="stream_viewer?{topic}">{picture}<br>{name}</a></li>')
+        more = len(found) - len(items)
+        left = f"<p>{more} more are left out.</p>" if more else ""
+        body = f"<ul>{''.join(items)}</ul>{left}" if items else "<p>No stream of pictures.</p>"
+        text = (
+            '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width"><title>Streams</title></head>\n'
+            f"<body>\n<h1>Streams</h1>\n{body}\n</body>\n</html>\n"
         )
         return web.Response(text=text, content_type="text/html", headers=NEVER_CACHED)
 

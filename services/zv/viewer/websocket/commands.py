@@ -75,13 +75,17 @@ class Show(Command):
     kinds: frozenset[Literal["health", "parameters", "log", "matches"]]
 
 
+Values = dict[str, bool | int | float | str | None]
+
+
 class SetParameters(Command):
-    """Change parameters of a node."""
+    """Change parameters of a node, if those in ``expected`` still have these values."""
 
     op: Literal["set"]
     id: Number
     node: Name
-    values: Annotated[dict[str, bool | int | float | str | None], Field(min_length=1)]
+    values: Annotated[Values, Field(min_length=1)]
+    expected: Values = {}
 
 
 class DumpParameters(Command):
@@ -141,4 +145,4 @@ def _limit(times: deque[float], most: int, now_s: float) -> None:
     while times[0] < now_s - RATE_WINDOW_S:
         times.popleft()
     if len(times) > most:
-        raise PolicyViolation(f"at most {MAX_RATE_HZ} messages a second")
+        raise PolicyViolation(f"at most {most} such messages a second")

@@ -93,7 +93,7 @@ class PageSender:
         """Queue a text; a page that has not read for too long is disconnected."""
         self._outbox.put(text, replaces)
         if self._outbox.full:
-            self._abort()
+            self.abort()
 
     async def send_queued(self) -> None:
         """Send what is queued, forever; a page whose connection is broken is disconnected."""
@@ -106,7 +106,7 @@ class PageSender:
                     more = await self._send_some()
                     await asyncio.sleep(0)  # if there is much to send, and the link never waits
         except ConnectionError:
-            self._abort()
+            self.abort()
 
     async def _send_some(self) -> bool:
         """Send one picture per stream, and other things before each part; return whether any."""
@@ -175,7 +175,8 @@ class PageSender:
                     watched.ended = True
                     self.put(events.text("ended", key=key, since_ns=since_ns), ("ended", key))
 
-    def _abort(self) -> None:
+    def abort(self) -> None:
+        """Disconnect the page at once."""
         if self._request.transport is not None:
             self._request.transport.abort()
 

@@ -1,11 +1,12 @@
 """``/live``: handles the commands of one page over its WebSocket.
 
-docs/viewer.md describes the protocol.
+docs/viewer_reference.md describes the protocol.
 """
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import re
 import time
 from collections.abc import Hashable
@@ -35,6 +36,8 @@ SHOW_S = 0.1
 
 MAX_ERROR = 200
 """Most characters of a node's refusal in the log."""
+
+log = logging.getLogger("viewer")
 
 ADDRESSES = re.compile(r"[0-9A-Fa-f.:, ]{1,100}")
 
@@ -80,10 +83,16 @@ class WebSocketSession:
 
     async def serve(self) -> None:
         """Serve the page until it disconnects."""
-        work = self._sender.send_queued(), self._sender.report_ended(), self._fill_panels()
+        sender = self._sender
+        work = self._receive(), sender.send_queued(), sender.report_ended(), self._fill_panels()
         tasks = [asyncio.create_task(each) for each in work]
         try:
-            await self._receive()
+            ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in ended:
+                task.result()
+        except Exception:
+            sender.abort()  # the page connects again; the caller logs the error
+            raise
         finally:
             for task in (*tasks, *self._requests):
                 task.cancel()
@@ -173,6 +182,10 @@ class WebSocketSession:
             fields = {"ok": False, "error": refused.error, "allowed": refused.allowed}
         except Unanswered as error:
             fields = {"ok": False, "error": str(error), "allowed": None}
+        except Exception as error:
+            log.exception("parameters of %s could not be requested", command.node)
+            words = f"unexpected {type(error).__name__}: this is a bug in zv"
+            fields = {"ok": False, "error": words, "allowed": None}
         self.send(events.text("reply", id=command.id, **fields))
 
     async def _set(self, command: commands.SetParameters) -> ParameterList:
@@ -186,7 +199,7 @@ class WebSocketSession:
         refused = not known.keys() >= command.values.keys()
         outcome = "the page was gone before an answer"
         try:
-            found = await self._monitor.set(command.node, command.values)
+            found = await self._monitor.set(command.node, command.values, command.expected)
             refused, outcome = False, f"accepted (revision {found.revision})"
             return found
         except (ParameterRefused, Unanswered) as error:

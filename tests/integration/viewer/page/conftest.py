@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.listening import open_client, wait_for_nodes
 from tests.support.viewer.browser import Open, Running, Tab, running, start_chromium, tab
 
 FOLDER = Path(__file__).parent
@@ -46,15 +47,20 @@ def close() -> None:
 def system(
     browser: Any, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
 ) -> Iterator[Running]:
-    """A synthetic camera with tracker and edge detector; one for all tests of a module.
+    """A viewer and the services that a module names; one system for all its tests.
 
-    A module that needs the usual rate says so as ``RATE_HZ``: at 30 Hz, Chromium and all that it
-    shows take half of a core for as long as a page is open.
+    ``SERVICES`` are a camera, tracker and edge detector unless a module says otherwise, ``FLAGS``
+    those of the viewer. A module that needs the usual rate says so as ``RATE_HZ``: at 30 Hz,
+    Chromium and all that it shows take half of a core for as long as a page is open.
     """
-    with running(tmp_path_factory.mktemp("system")) as found:
-        found.service("camera", "--rate", getattr(request.module, "RATE_HZ", 10))
-        for service in ("tracker", "edge"):
-            found.service(service)
+    given = vars(request.module)
+    services = given.get("SERVICES", ("camera", "tracker", "edge"))
+    with running(tmp_path_factory.mktemp("system"), *given.get("FLAGS", ())) as found:
+        for service in services:
+            rate = ("--rate", given.get("RATE_HZ", 10)) if service == "camera" else ()
+            found.service(service, *rate)
+        with open_client(found.router.endpoint) as client:
+            wait_for_nodes(client, *(f"{service}_front" for service in services))
         yield found
 
 

@@ -11,33 +11,16 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.viewer.browser import CAMERA, Running, Tab, running
-from tests.support.viewer.page_server import NOW_NS, PageServer, served_page, stream
+from tests.support.viewer.browser import CAMERA, Running, Tab
+from tests.support.viewer.page_server import NOW_NS, PageServer, header, png, served_page, stream
 from tests.support.waiting import wait_until
+
+SERVICES = ()
+"""A viewer alone: of it the pages come, and from the test what they are told."""
+
 
 WIDTH, HEIGHT = 64, 48
 DEPTH = "vision/front/depth/compressed"
-
-# The grey or red value that the canvas shows at a point of the frame as it is shown, and the point.
-SEEN = """([x, y]) => {
-    const canvas = document.querySelector("canvas.picture");
-    const view = document.querySelector("canvas.overlay").dataset.view;
-    const [scale, middleX, middleY] = view.split(" ").map(Number);
-    const [left, top] = [(x - middleX) * scale + canvas.width / 2,
-        (y - middleY) * scale + canvas.height / 2];
-    const box = canvas.getBoundingClientRect();
-    const probe = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
-    probe.drawImage(canvas, -Math.floor(left), -Math.floor(top));
-    const [red, green, blue] = probe.getImageData(0, 0, 1, 1).data;
-    return { colour: [red, green, blue], at: [box.left + left, box.top + top] };
-}"""
-
-
-@pytest.fixture(scope="module")
-def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A viewer alone: of it the pages come, and from the test what they are told."""
-    with running(tmp_path_factory.mktemp("system")) as found:
-        yield found
 
 
 @pytest.fixture
@@ -55,21 +38,21 @@ def test_a_picture_is_turned_and_stretched_and_keeps_its_coordinates_and_values(
     assert server.watches(CAMERA) == [{"values": True}]
     grey = np.full((HEIGHT, WIDTH), 50, np.uint8)
     grey[:, WIDTH // 2 :] = 100  # left and right half
-    server.show(CAMERA, _png(grey), _header(7))
-    _wait_for_colour(tab, (10, 24), 50)
-    _wait_for_colour(tab, (54, 24), 100)
+    server.show(CAMERA, png(grey), header(7, CAMERA))
+    tab.wait_for_red(CAMERA, 10, 24, 50)
+    tab.wait_for_red(CAMERA, 54, 24, 100)
     tab.page.keyboard.press("r")  # a quarter clockwise: left is above
-    _wait_for_colour(tab, (24, 10), 50)
-    _wait_for_colour(tab, (24, 54), 100)
+    tab.wait_for_red(CAMERA, 24, 10, 50)
+    tab.wait_for_red(CAMERA, 24, 54, 100)
     tab.page.keyboard.press("c")
-    _wait_for_colour(tab, (24, 10), 0)
-    _wait_for_colour(tab, (24, 54), 255)
+    tab.wait_for_red(CAMERA, 24, 10, 0)
+    tab.wait_for_red(CAMERA, 24, 54, 255)
     assert tab.page.inner_text(".pane-scale").split() == ["50", "100"]
-    tab.page.mouse.move(*tab.page.evaluate(SEEN, [24, 10])["at"])
+    tab.page.mouse.move(*tab.place(CAMERA, 24, 10))
     # The point (24, 10) of what is shown is (10, 48 - 24) of the frame, give or take the pixel.
     tab.wait("/^(9|10), (23|24) = 50$/.test(document.querySelector('#pixel').textContent)")
     tab.page.keyboard.press("c")
-    _wait_for_colour(tab, (24, 54), 100)
+    tab.wait_for_red(CAMERA, 24, 54, 100)
     assert tab.page.is_hidden(".pane-scale")
 
     tab.page.click("#adjust-button")
@@ -81,9 +64,9 @@ def test_a_picture_is_turned_and_stretched_and_keeps_its_coordinates_and_values(
     assert tab.page.get_attribute("#range-high", "aria-invalid") == "true"
     tab.page.fill("#range-high", "110")
     tab.page.keyboard.press("Tab")
-    _wait_for_colour(tab, (24, 54), 128)  # 10 of 20
+    tab.wait_for_red(CAMERA, 24, 54, 128)  # 10 of 20
     assert tab.page.is_enabled("#colour-map")
-    server.show(CAMERA, _png(np.dstack([grey, grey, 0 * grey])), _header(8, encoding="bgr8"))
+    server.show(CAMERA, png(np.dstack([grey, grey, 0 * grey])), header(8, CAMERA, encoding="bgr8"))
     tab.wait("document.querySelector('#colour-map').disabled")  # of a picture in colours
     tab.page.click("#adjust-menu [data-by=mirror]")
     before = len(server.watches(CAMERA))
@@ -91,8 +74,8 @@ def test_a_picture_is_turned_and_stretched_and_keeps_its_coordinates_and_values(
     wait_until(lambda: _now(tab) and len(server.watches(CAMERA)) > before)
     kept = json.loads(tab.page.evaluate("localStorage.getItem('zv.orientations')"))
     assert kept == {"front": "270m"}
-    server.show(CAMERA, _png(grey), _header(9))
-    _wait_for_colour(tab, (24, 54), 128)
+    server.show(CAMERA, png(grey), header(9, CAMERA))
+    tab.wait_for_red(CAMERA, 24, 54, 128)
 
 
 def test_a_smaller_size_is_asked_for_and_in_the_address_which_has_no_token(
@@ -101,7 +84,7 @@ def test_a_smaller_size_is_asked_for_and_in_the_address_which_has_no_token(
     tab, server = opened
     _open(tab, server, CAMERA)
     server.show(
-        CAMERA, _png(np.zeros((HEIGHT, WIDTH), np.uint8)), _header(7, width=640, height=480)
+        CAMERA, png(np.zeros((HEIGHT, WIDTH), np.uint8)), header(7, CAMERA, width=640, height=480)
     )
     tab.wait_until_live(CAMERA)
     tab.page.evaluate("document.cookie = 'zv_token_0=a-secret'")
@@ -135,17 +118,17 @@ def test_depth_shows_true_values_with_its_scale_and_is_saved_with_16_bits(
     grey = np.where(depth > 0, 1 + (depth - 2000.0) * 254 / 1000, 0)
     rgb = np.dstack([depth >> 8, depth & 255, grey]).astype(np.uint8)
     sent = {"depth": {"min": 2000, "max": 3000, "values": True}}
-    header = _header(7, encoding="16UC1")
-    server.show(DEPTH, _png(rgb[:, :, ::-1]), header, **sent)
-    _wait_for_colour(tab, (20, 24), 0)
-    _wait_for_colour(tab, (50, 24), 88)  # 345 of 1000 of 255
+    head = header(7, DEPTH, encoding="16UC1")
+    server.show(DEPTH, png(rgb[:, :, ::-1]), head, **sent)
+    tab.wait_for_red(DEPTH, 20, 24, 0)
+    tab.wait_for_red(DEPTH, 50, 24, 88)  # 345 of 1000 of 255
     assert tab.page.inner_text(".pane-scale").split() == ["2.000", "m", "3.000", "m"]
     for place, text in (((50, 24), "2.345 m"), ((20, 24), "2.000 m"), ((2, 24), "no reading")):
-        tab.page.mouse.move(*tab.page.evaluate(SEEN, place)["at"])
+        tab.page.mouse.move(*tab.place(DEPTH, *place))
         tab.wait(f"document.querySelector('#pixel').textContent.endsWith('= {text}')")
     tab.page.click("#adjust-button")
     tab.page.select_option("#colour-map", "viridis")
-    _wait_for_colour(tab, (20, 24), 0x44)
+    tab.wait_for_red(DEPTH, 20, 24, 0x44)
     tab.page.keyboard.press("Escape")
     with tab.page.expect_download() as download:
         tab.page.keyboard.press("s")
@@ -193,6 +176,54 @@ def test_a_layout_in_the_address_says_which_streams_in_which_order_and_what_is_h
     tab.wait(f"{tiles} === '{DEPTH},{CAMERA}' && document.body.dataset.view === 'wall'")
 
 
+def test_a_stream_that_has_ended_stays_so_whatever_happens_to_others(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    _open(tab, server, "")
+    server.wait_for(CAMERA)
+    server.tell("ended", key=CAMERA, since_ns=str(NOW_NS))
+    state = f"document.querySelector('.tile[data-key=\"{CAMERA}\"] .tile-state').textContent"
+    tab.wait(f"{state}.startsWith('no picture since')")
+    other = "vision/side/image/compressed"
+    server.tell("streams", streams=[stream(CAMERA), stream(other)])
+    tab.wait(f"document.querySelector('.tile[data-key=\"{other}\"]')")
+    assert tab.page.evaluate(state).startswith("no picture since")
+    server.show_grey(CAMERA, 1, 50)
+    tab.wait(f"{state} === ''")
+
+
+def test_menus_are_below_their_buttons_in_browsers_without_css_anchors(
+    browser: Any, system: Running
+) -> None:
+    streams = stream(CAMERA), stream(DEPTH)
+    with served_page(browser, system.address, *streams, bypass_csp=True) as (tab, server):
+        for place, menus in (
+            ("", ["layout"]),
+            (CAMERA, ["overlay", "beside", "adjust", "transfer"]),
+        ):
+            _open(tab, server, place)
+            style = "[popover] { position-area: none !important; position-anchor: none !important }"
+            tab.page.add_style_tag(content=style)
+            for menu in menus:
+                button = tab.page.locator(f"[popovertarget={menu}-menu] >> visible=true")
+                button.click()
+                wait_until_below(tab.page.locator(f"#{menu}-menu"), button)
+                tab.page.keyboard.press("Escape")
+
+
+def wait_until_below(menu: Any, button: Any) -> None:
+    """Wait until a menu is right below its button, and whole: it is placed once it is open."""
+
+    def is_below() -> bool:
+        box, at = menu.bounding_box(), button.bounding_box()
+        middle, right = at["x"] + at["width"] / 2, box["x"] + box["width"]
+        distance = box["y"] - at["y"] - at["height"]
+        return bool(0 <= distance < 8 and 0 <= box["x"] <= middle < right <= 1280)
+
+    wait_until(is_below, explain=lambda: f"{menu.bounding_box()}, {button.bounding_box()}")
+
+
 def _open(tab: Tab, server: PageServer, place: str) -> None:
     tab.open(place)
     tab.wait("document.querySelector('#link').dataset.state === 'up'")
@@ -202,24 +233,3 @@ def _open(tab: Tab, server: PageServer, place: str) -> None:
 def _now(tab: Tab) -> bool:
     """Let what the page sent arrive."""
     return bool(tab.page.evaluate("true"))
-
-
-def _wait_for_colour(tab: Tab, place: tuple[int, int], red: int) -> None:
-    """Wait until the canvas shows a red or grey value at a point of the frame as it is shown."""
-    ready = "document.querySelector('canvas.overlay')?.dataset.view"
-
-    def shown() -> bool:
-        if not tab.page.evaluate(ready):
-            return False
-        return abs(int(tab.page.evaluate(SEEN, place)["colour"][0]) - red) <= 1
-
-    wait_until(shown, explain=lambda: f"{place}: {tab.page.evaluate(SEEN, place)} {tab.text}")
-
-
-def _header(seq: int, **fields: object) -> dict[str, Any]:
-    about = {"camera": "front", "epoch": "1", "seq": seq, "stamp_ns": str(NOW_NS)}
-    return about | {"width": WIDTH, "height": HEIGHT, "encoding": "mono8", "node": "x"} | fields
-
-
-def _png(pixels: Any) -> bytes:
-    return cv2.imencode(".png", pixels)[1].tobytes()

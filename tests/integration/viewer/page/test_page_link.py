@@ -8,17 +8,19 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
-import pytest
-
 from tests.support.pictures.encoded import full_hd_jpeg
 from tests.support.publishing import Paced
-from tests.support.viewer.browser import CAMERA, Running, running, tab
+from tests.support.viewer.browser import CAMERA, Running, tab
 from tests.support.viewer.slow_link import ONE_MBIT, SlowLink
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
 from zenoh_vision.node.node import Node
 from zenoh_vision.topics import COMPRESSED, RAW
 from zenoh_vision.transport.connection import Connection
+
+SERVICES = ()
+"""A viewer alone: of it the pages come, and from the test what they are told."""
+
 
 NOTE_WHEN_SHOWN = """() => {
     const picture = document.querySelector("canvas.picture");
@@ -30,13 +32,6 @@ LIVE_BETWEEN_PICTURES = (
     " && performance.now() - shownAt > 1500"
 )
 """Longer than the silence of 1 s after which a stream of a usual rate is not live."""
-
-
-@pytest.fixture(scope="module")
-def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A viewer alone; the test is its camera."""
-    with running(tmp_path_factory.mktemp("system")) as found:
-        yield found
 
 
 def test_on_a_slow_link_the_newest_pictures_are_shown_and_why_not_more(
@@ -51,7 +46,7 @@ def test_on_a_slow_link_the_newest_pictures_are_shown_and_why_not_more(
     connection = Connection(connect=system.router.endpoint)
     with (
         Node("camera", camera="front", connection=connection, publishes=[COMPRESSED, RAW]) as node,
-        Paced(30, lambda: node.publish_frame(next(frames))),
+        Paced(30, lambda: node.publish_picture("image/compressed", next(frames))),
         SlowLink(port, ONE_MBIT) as link,
         tab(browser, f"http://127.0.0.1:{link.port}/") as page,
     ):
@@ -85,4 +80,4 @@ def _frames(picture: bytes) -> Iterator[Frame]:
             encoding="bgr8",
             node="camera_front",
         )
-        yield Frame(header, compressed=picture)
+        yield Frame(header, picture)

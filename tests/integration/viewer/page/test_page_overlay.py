@@ -24,7 +24,7 @@ CHOICES = """
 SHOWN = """(() => {
     const { epoch, seq, overlay } = document.querySelector("canvas.picture")?.dataset ?? {};
     if (overlay !== "joined") return null;
-    const boxes = JSON.parse(document.querySelector("canvas.overlay").dataset.boxes);
+    const boxes = document.querySelector("canvas.overlay").drawn.marks;
     return { epoch, seq: Number(seq), boxes };
 })()"""
 
@@ -32,7 +32,7 @@ SHOWN = """(() => {
 GAPS = """([left, top, boxWidth, boxHeight]) => {
     const overlay = document.querySelector("canvas.overlay");
     const { width, height } = overlay;
-    const [scale, x, y] = overlay.dataset.view.split(" ").map(Number);
+    const { scale, x, y } = overlay.view;
     const { data } = overlay.getContext("2d").getImageData(0, 0, width, height);
     const isDrawn = (px, py) => {
         const [column, row] = [Math.round(px), Math.round(py)];

@@ -9,9 +9,13 @@ from typing import Any
 
 import pytest
 
-from tests.support.viewer.browser import Running, Tab, running
+from tests.support.viewer.browser import Running, Tab
 from tests.support.viewer.page_server import NOW_NS, PageServer, served_page, stream
 from tests.support.waiting import wait_until
+
+SERVICES = ()
+"""A viewer alone: of it the pages come, and from the test what they are told."""
+
 
 CENTROID = "vision/front/centroid"
 LINES = 1000
@@ -20,11 +24,15 @@ MINUTE_NS = 60 * 10**9
 SLACK_S = 25
 """How long a busy machine may take for a test; what is compared is two minutes apart."""
 
-# What is written on the charts and where, kept as it happens: of a canvas, only pixels are left.
+# A clock that can be put forward; and what is written on the charts and where, kept as it happens:
+# of a canvas, only pixels are left.
 KEEP_TEXTS = """
+    const now = performance.now.bind(performance);
+    performance.now = () => now() + (window.passed ?? 0);
     const write = CanvasRenderingContext2D.prototype.fillText;
     CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
         (this.canvas.texts ??= {})[text] = x;
+        (this.canvas.colours ??= new Set()).add(this.fillStyle);
         write.call(this, text, x, y);
     };
 """
@@ -47,13 +55,6 @@ AGES = """(title => {
     const { now, "\u22121": before } = canvas.texts;
     return columns.map((x) => 60 * (now - x) / (now - (before - 8)));
 })"""
-
-
-@pytest.fixture(scope="module")
-def system(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A viewer alone: of it the pages come, and from the test what they are told."""
-    with running(tmp_path_factory.mktemp("system")) as found:
-        yield found
 
 
 @pytest.fixture
@@ -87,6 +88,7 @@ def test_the_log_keeps_the_last_1000_lines_whether_it_was_open_or_not(
     tab.page.keyboard.press("l")
     tab.wait(f"{texts}.at(-1) === 'unseen'")
     assert tab.page.evaluate(texts) == [*kept[1:], "unseen"]
+    assert tab.page.evaluate(f"{from_end}(document.querySelector('#log-lines'))") < 2
 
 
 def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
@@ -100,7 +102,11 @@ def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
     assert (
         max(tab.wait(f"(() => {{ const ages = {ages}; return ages.length && ages; }})()")) < SLACK_S
     )
-    server.greet(NOW_NS + 2 * MINUTE_NS)  # as if two minutes had passed
+    server.tell("tick", now_ns=str(NOW_NS + 60 * MINUTE_NS))  # a step, which moves no point
+    server.tell("tick", now_ns=str(NOW_NS))
+    tab.page.evaluate("window.passed = 120_000")  # as if two minutes had passed
+    before = len(server.watches(CENTROID))  # nothing came for so long that the page connects again
+    wait_until(lambda: tab.page.evaluate("true") and len(server.watches(CENTROID)) > before)
     tab.wait(f"Math.min(...{ages}) > {120 - SLACK_S}")
     _tell_centroids(server)
     tab.wait(f"Math.min(...{ages}) < {SLACK_S}")
@@ -109,6 +115,7 @@ def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
     assert all(min(age % 120, -age % 120) < SLACK_S for age in found), found  # and none between
     texts = tab.page.evaluate("document.querySelector('canvas[aria-label^=\"Centroid x\"]').texts")
     places = [texts["now"], *(texts[f"{MINUS}{back}"] - 8 for back in range(1, 6))]
+    assert tab.page.evaluate("document.querySelector('canvas[aria-label^=Rate]').colours.size") == 1
     steps = [right - left for right, left in pairwise(places)]
     assert min(steps) > 20
     assert max(steps) - min(steps) < 0.01
@@ -173,7 +180,7 @@ def test_a_number_of_an_unknown_message_is_plotted_and_an_event_is_listed(
     brightness = {"regions": [{"mean": 12.5, "name": "left"}], "mean": -3.5}
     server.tell("message", key="vision/front/brightness", header=header, body=brightness)
     offered = "[...document.querySelector('#plot-field').options].map((one) => one.value).join()"
-    tab.wait(f"{offered} === ',regions.0.mean,mean,header.seq'")
+    tab.wait(f"{offered} === ',regions.0.mean,mean,header.epoch,header.seq,header.stamp_ns'")
     tab.page.select_option("#plot-field", "regions.0.mean")
     tab.page.click("#plot-add")
     server.tell("message", key="vision/front/brightness", header=header, body=brightness)
@@ -189,6 +196,7 @@ def test_a_number_of_an_unknown_message_is_plotted_and_an_event_is_listed(
 
     tab.page.keyboard.press("v")
     wait_until(lambda: tab.page.evaluate("true") and server.watches("vision/front/events"))
+    assert tab.page.get_attribute("#event-lines", "data-empty") == "No event yet."
     event = {"event": "line_crossed", "id": 7, "zone": "<b>gate</b>", "direction": "in"}
     server.tell(
         "message", key="vision/front/events", header=header, body=event | {"x": 3, "y": 4.4}

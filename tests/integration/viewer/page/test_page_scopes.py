@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
-import pytest
-
-from tests.support.viewer.browser import Running, running, tab
+from tests.support.viewer.browser import Running, tab
 
 TOKEN = "a-token-for-this-test-1"
+SERVICES = ("camera", "edge")
+FLAGS = ("--token", TOKEN)
+
 LOW = ".node-parameters[data-node=edge_front] .parameter[data-name=low] input[type=number]"
 PANEL = '[data-panel="parameters"]'
 DISABLED = f"document.querySelector('{LOW}')?.matches(':disabled')"
 
 
-@pytest.fixture(scope="module")
-def guarded(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with running(tmp_path_factory.mktemp("guarded"), "--token", TOKEN) as found:
-        found.service("camera", "--rate", 5)
-        found.service("edge")
-        yield found
-
-
 def test_the_address_bar_has_no_token_and_the_page_goes_on_after_a_reload(
-    browser: Any, guarded: Running
+    browser: Any, system: Running
 ) -> None:
-    bare = guarded.address.partition("?")[0]
-    with tab(browser, guarded.address) as shown:
+    bare = system.address.partition("?")[0]
+    with tab(browser, system.address) as shown:
         shown.page.goto("about:blank")
         place = "vision/front/image/compressed"
         shown.open(place).wait_until_live(place)
@@ -38,20 +30,20 @@ def test_the_address_bar_has_no_token_and_the_page_goes_on_after_a_reload(
         assert shown.complaints == []
 
 
-def test_a_link_on_a_page_of_another_site_opens_it(browser: Any, guarded: Running) -> None:
-    with tab(browser, guarded.address) as shown:
+def test_a_link_on_a_page_of_another_site_opens_it(browser: Any, system: Running) -> None:
+    with tab(browser, system.address) as shown:
         shown.page.route(
             "http://wiki.test/", lambda route: route.fulfill(content_type="text/html", body=text)
         )
-        for address in (guarded.address, guarded.address.partition("?")[0]):
+        for address in (system.address, system.address.partition("?")[0]):
             text = f'<a id="link" href="{address}">camera</a>'
             shown.page.goto("http://wiki.test/")
             shown.page.click("#link")
             shown.wait("document.querySelector('#link').dataset.state === 'up'")
 
 
-def test_the_address_for_control_sets_parameters(browser: Any, guarded: Running) -> None:
-    with tab(browser, guarded.address) as shown:
+def test_the_address_for_control_sets_parameters(browser: Any, system: Running) -> None:
+    with tab(browser, system.address) as shown:
         shown.open().page.click(PANEL)
         shown.wait(f"{DISABLED} === false")
         assert not shown.page.is_visible("#view-only")
@@ -61,9 +53,9 @@ def test_the_address_for_control_sets_parameters(browser: Any, guarded: Running)
 
 
 def test_the_address_for_viewing_shows_parameters_read_only_and_says_why(
-    browser: Any, guarded: Running
+    browser: Any, system: Running
 ) -> None:
-    address = guarded.viewer.lines(r"view only: (\S+)")[0][1]
+    address = system.viewer.lines(r"view only: (\S+)")[0][1]
     with tab(browser, address) as shown:
         shown.open().page.click(PANEL)
         shown.wait(f"{DISABLED} === true")

@@ -3,41 +3,29 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 
 import msgpack
 import pytest
 
-from tests.support.listening import Listener, open_client, wait_for_nodes
+from tests.support.listening import Listener, open_client
 from tests.support.typist import zv
-from tests.support.viewer.browser import CAMERA, Open, Running, Tab, running
+from tests.support.viewer.browser import CAMERA, Open, Running, Tab
 from tests.support.viewer.browser import tab as a_tab
 from tests.support.waiting import wait_until
 
+SERVICES = ("camera", "tracker")
+
 TRACKS = "vision/front/tracks"
-
-
-@pytest.fixture(scope="module")
-def system(browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A synthetic camera and its tracker."""
-    with running(tmp_path_factory.mktemp("system")) as found:
-        found.service("camera", "--rate", 10)
-        found.service("tracker")
-        with open_client(found.router.endpoint) as client:
-            wait_for_nodes(client, "camera_front", "tracker_front")
-        yield found
 
 
 @pytest.fixture
 def tab(open_tab: Open, system: Running) -> Tab:
     """The camera in the large view, while shapes are edited; there are none at first."""
-    _zv(system, "param", "set", "tracker_front", "zones=", "lines=")
+    _zv(system, "param", "set", "tracker_front", "zones=", "lines=", "regions=", "ignore=")
     opened = open_tab(CAMERA)
     opened.wait_until_live(CAMERA)
     opened.wait("!document.querySelector('#shapes-button').disabled")
-    opened.page.keyboard.press("z")
-    assert opened.page.is_visible("#shapes-bar")
-    return opened
+    return _drawing(opened)
 
 
 def test_a_zone_and_a_line_are_drawn_named_moved_and_deleted(tab: Tab, system: Running) -> None:
@@ -56,15 +44,58 @@ def test_a_zone_and_a_line_are_drawn_named_moved_and_deleted(tab: Tab, system: R
     page.keyboard.press("Enter")
     assert _shapes(system, "lines", "gate") == "gate 200,30 200,200"
     # The corner at the lower right is dragged; the picture stays where it is.
-    page.mouse.move(*_place(tab, 150, 120))
+    page.mouse.move(*tab.place(CAMERA, 150, 120))
     page.mouse.down()
-    page.mouse.move(*_place(tab, 160, 125))
-    page.mouse.move(*_place(tab, 170, 130))
+    page.mouse.move(*tab.place(CAMERA, 160, 125))
+    page.mouse.move(*tab.place(CAMERA, 170, 130))
     page.mouse.up()
     assert _shapes(system, "zones", "170,130") == "zone1 50,50 150,50 170,130 50,120"
     page.click("#shape-delete")
     wait_until(lambda: _value(system, "zones") == "")
     assert _value(system, "lines") == "gate 200,30 200,200"
+    assert tab.complaints == []
+
+
+def test_regions_are_drawn_as_zones_are(tab: Tab, system: Running) -> None:
+    for kind, name, left in (("regions", "region1", 20), ("ignore", "ignored1", 170)):
+        tab.page.click(f"#add-{kind}")
+        corners = [(left, 40), (left + 100, 40), (left + 100, 140)]
+        for corner in (*corners, corners[0]):
+            _click(tab, *corner)
+        wanted = " ".join(f"{x},{y}" for x, y in corners)
+        assert _shapes(system, kind, name) == f"{name} {wanted}"
+    tab.wait(f"{_DRAWN}.split(' | ').sort().join() === 'ignored1,region1'")
+    assert tab.complaints == []
+
+
+def test_each_change_is_taken_back_and_none_of_another(tab: Tab, system: Running) -> None:
+    page = tab.page
+    page.click("#add-zones")
+    for corner in ((50, 50), (150, 50), (300, 10)):
+        _click(tab, *corner)
+    page.keyboard.press("Control+z")  # the corner that was wrong
+    for corner in ((150, 120), (50, 50)):
+        _click(tab, *corner)
+    drawn = "zone1 50,50 150,50 150,120"
+    assert _shapes(system, "zones", "zone1") == drawn
+    page.mouse.move(*tab.place(CAMERA, 150, 120))
+    page.mouse.down()
+    page.mouse.move(*tab.place(CAMERA, 160, 130))
+    page.mouse.up()
+    moved = _shapes(system, "zones", "160,130")
+    page.click("#shape-delete")
+    wait_until(lambda: _value(system, "zones") == "")
+    page.keyboard.press("Control+z")
+    assert _shapes(system, "zones", "zone1") == moved
+    page.click("#shape-undo")
+    wait_until(lambda: _value(system, "zones") == drawn)
+    _zv(system, "param", "set", "tracker_front", "zones=theirs 10,10 90,10 90,90")
+    tab.wait(f"{_DRAWN}.includes('theirs')")
+    page.keyboard.press("Control+z")
+    words = tab.wait("document.querySelector('#shape-refusal:not([hidden])')?.textContent")
+    assert words == "zones was changed by another meanwhile"
+    assert _value(system, "zones") == "theirs 10,10 90,10 90,90"
+    assert page.is_disabled("#shape-undo")
     assert tab.complaints == []
 
 
@@ -97,6 +128,47 @@ def test_a_change_by_another_is_drawn_and_escape_gives_up_what_is_begun(
     assert _value(system, "lines") == "gate 200,30 200,200; far world 0,0 1,1"
 
 
+def test_of_two_who_draw_at_once_the_later_is_told_and_overwrites_nothing(
+    tab: Tab, system: Running
+) -> None:
+    _zv(system, "param", "set", "tracker_front", "zones=mine 50,50 150,50 150,120")
+    tab.wait(f"{_DRAWN}.includes('mine')")
+    tab.page.mouse.move(*tab.place(CAMERA, 150, 120))
+    tab.page.mouse.down()
+    tab.page.mouse.move(*tab.place(CAMERA, 160, 125))
+    both = "mine 50,50 150,50 150,120; theirs 200,10 300,10 300,90"
+    _zv(system, "param", "set", "tracker_front", f"zones={both}")
+    tab.page.mouse.up()
+    words = tab.wait("document.querySelector('#shape-refusal:not([hidden])')?.textContent")
+    assert words == "zones of tracker_front was changed meanwhile"
+    assert _value(system, "zones") == both
+    tab.wait(f"{_DRAWN}.includes('theirs')")
+    tab.page.mouse.move(*tab.place(CAMERA, 150, 120))
+    tab.page.mouse.down()
+    tab.page.mouse.move(*tab.place(CAMERA, 170, 130))
+    tab.page.mouse.up()
+    moved = both.replace("150,120", "170,130")
+    assert _shapes(system, "zones", "170,130") == moved
+    assert tab.page.is_hidden("#shape-refusal")
+
+
+def test_a_finger_drags_a_corner_downwards_while_the_whole_frame_is_shown(
+    open_tab: Open, system: Running
+) -> None:
+    _zv(system, "param", "set", "tracker_front", "zones=mine 50,50 150,50 150,120", "lines=")
+    tab = open_tab(CAMERA, has_touch=True)
+    tab.wait(f"{_DRAWN}.includes('mine')")
+    _drawing(tab)
+    touch = tab.page.context.new_cdp_session(tab.page)
+    for kind, *points in (
+        ("touchStart", (150, 120)), ("touchMove", (150, 150)), ("touchMove", (150, 180)),
+        ("touchMove", (150, 200)), ("touchEnd",),
+    ):  # fmt: skip
+        places = [dict(zip("xy", tab.place(CAMERA, *point), strict=True)) for point in points]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+    assert _shapes(system, "zones", "150,200") == "mine 50,50 150,50 150,200"
+
+
 def test_the_counts_of_the_frame_are_written_at_the_shapes(tab: Tab, system: Running) -> None:
     _zv(system, "param", "set", "tracker_front", "lines=gate 200,30 200,200", "zones=a 0,0 9,0 9,9")
     body = {
@@ -104,7 +176,7 @@ def test_the_counts_of_the_frame_are_written_at_the_shapes(tab: Tab, system: Run
         "zones": {"a": {"entered": 7, "left": 5, "dwelled": 0, "inside": 2}},
         "lines": {"gate": {"left": 3, "right": 5}},
     }
-    wanted = json.dumps(["a: 2 in", "gate: 5 ←  3 →"], ensure_ascii=False, separators=(",", ":"))
+    wanted = "a: 2 in | gate: 5 ←  3 →"
     tab.page.evaluate("localStorage.setItem('zv.overlays', '{\"tracks\": true}')")
     tab.page.reload()
     with open_client(system.router.endpoint) as session:
@@ -132,25 +204,21 @@ def test_a_page_for_viewing_shows_the_shapes_and_cannot_draw(browser, system: Ru
         assert shown.page.is_hidden("#shapes-bar")
 
 
-_DRAWN = "(document.querySelector('canvas.overlay')?.dataset.shapes ?? '')"
-
-PLACE = """([x, y]) => {
-    const overlay = document.querySelector("canvas.overlay");
-    const [scale, left, top] = overlay.dataset.view.split(" ").map(Number);
-    const box = overlay.getBoundingClientRect();
-    return [box.left + ((x - left) * scale + overlay.width / 2) / devicePixelRatio,
-        box.top + ((y - top) * scale + overlay.height / 2) / devicePixelRatio];
-}"""
+_DRAWN = "(document.querySelector('canvas.overlay')?.drawn?.shapes.join(' | ') ?? '')"
 
 
-def _place(tab: Tab, x: float, y: float) -> list[float]:
-    """Return where on the screen a point of the frame is."""
-    found: list[float] = tab.page.evaluate(PLACE, [x, y])
-    return found
+def _drawing(tab: Tab) -> Tab:
+    """Begin to draw; a frame has been painted since, as large as is left beside the bar."""
+    tab.page.keyboard.press("z")
+    assert tab.page.is_visible("#shapes-bar")
+    seq = "document.querySelector('canvas.picture').dataset.seq"
+    for _ in range(2):
+        tab.wait(f"{seq} !== '{tab.page.evaluate(seq)}'")
+    return tab
 
 
 def _click(tab: Tab, x: float, y: float) -> None:
-    tab.page.mouse.click(*_place(tab, x, y))
+    tab.page.mouse.click(*tab.place(CAMERA, x, y))
 
 
 def _value(system: Running, name: str) -> str:

@@ -38,30 +38,23 @@ class Work:
             self._turn = len(self.done)
 
 
-def test_a_mailbox_is_emptied_in_slices_and_in_order(monkeypatch):
+async def test_a_mailbox_is_emptied_in_slices_and_in_order(monkeypatch):
     work = Work(monkeypatch)
-
-    async def run() -> None:
-        mailbox = Mailbox(asyncio.get_running_loop(), lambda key, _: work.do(key[0]))
-        for number in range(ITEMS):
-            mailbox.put((f"n{number}", bool, ""), True)
-        await asyncio.wait_for(work.watch(), 10)
-
-    asyncio.run(run())
+    mailbox = Mailbox(asyncio.get_running_loop(), lambda key, _: work.do(key[0]))
+    for number in range(ITEMS):
+        mailbox.put((f"n{number}", bool, ""), True)
+    await asyncio.wait_for(work.watch(), 10)
     assert work.done == [f"n{number}" for number in range(ITEMS)]
     assert work.longest <= 5
 
 
-def test_what_is_read_in_slices_lets_the_loop_run_between_them(monkeypatch):
+async def test_what_is_read_in_slices_lets_the_loop_run_between_them(monkeypatch):
     work = Work(monkeypatch)
 
     async def read() -> None:
         async for number in in_slices(range(ITEMS)):
             work.do(number)
 
-    async def run() -> None:
-        await asyncio.wait_for(asyncio.gather(read(), work.watch()), 10)
-
-    asyncio.run(run())
+    await asyncio.wait_for(asyncio.gather(read(), work.watch()), 10)
     assert work.done == list(range(ITEMS))
     assert work.longest <= 5

@@ -9,10 +9,11 @@ from contextlib import suppress
 
 import pytest
 
+from tests.support import node_states
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.fleet import MAX_NODES
 from zenoh_vision.health.message_limits import MAX_PARAMETERS
-from zenoh_vision.messages import Diagnostics, Latency, NodeDescription, Parameter, ParameterList
+from zenoh_vision.messages import Diagnostics, NodeDescription, Parameter, ParameterList
 from zv.viewer import events
 from zv.viewer.discovery import system_state
 from zv.viewer.discovery.system_state import LINES, MAX_PUBLISHED, SystemState
@@ -47,17 +48,11 @@ def told() -> Told:
 
 
 def description(node: str = "camera_front", *publishes: str) -> NodeDescription:
-    return NodeDescription(
-        node=node, service="camera", cameras=("front",), version="1", host="h", pid=1,
-        started_ns=5, publishes=publishes, subscribes=(), stamp_ns=7,
-    )  # fmt: skip
+    return node_states.description(node=node, publishes=publishes)
 
 
 def report(level: int, message: str, node: str = "camera_front") -> Diagnostics:
-    return Diagnostics(
-        node=node, stamp_ns=9, level=level, message=message, uptime_s=1.0, counters={},
-        rate_hz=1.0, latency_ms=Latency(p50=None, p99=None),
-    )  # fmt: skip
+    return node_states.report(node=node, level=level, message=message)
 
 
 def test_streams_come_with_their_nodes_and_stay_as_gone_when_those_go(told):
@@ -163,7 +158,7 @@ def test_changes_of_health_make_lines_but_changing_numbers_do_not(told):
 def test_a_report_is_as_old_as_its_arrival_whatever_its_nodes_clock_says(told):
     told.system.take("camera_front", True)
     before_ns = time.time_ns()
-    told.health(report(0, "ok"))  # its stamp is of 1970
+    told.health(report(0, "ok"))  # its stamp is of 2025
     assert before_ns <= int(told.last("health")["at_ns"]) <= time.time_ns()
 
 

@@ -160,10 +160,10 @@ def test_without_a_token_everybody_has_control():
 @pytest.mark.parametrize(
     ("path", "place"),
     [
-        ("/?token={}", "/"),
-        ("/?a=1&token={}&b=%26%2B&token=x", "/?a=1&b=%26%2B"),
-        ("http://evil.example/?token={}", "/"),
-        ("/stream_viewer?topic=/a/b&token={}", "/stream_viewer?topic=/a/b"),
+        ("/?token={}", "./"),
+        ("/?a=1&token={}&b=%26%2B&token=x", "./?a=1&b=%26%2B"),
+        ("http://evil.example/?token={}", "./"),
+        ("/stream_viewer?topic=/a/b&token={}", "stream_viewer?topic=/a/b"),
     ],
 )
 @pytest.mark.parametrize("token", [TOKEN, view_token(TOKEN)])

@@ -21,6 +21,7 @@ class Client:
         inner: Any = SimpleNamespace(pause_writing=lambda: None, resume_writing=lambda: None)
         self.connection = Connection(inner, {})
         self.connection._transport = self  # type: ignore[assignment]
+        self.connection._layers = (self,)  # type: ignore[assignment]
         self.connection._deadline = SimpleNamespace(cancel=lambda: None)  # type: ignore[assignment]
         monkeypatch.setattr(connections, "time", SimpleNamespace(monotonic=lambda: self.at_s))
         loop = SimpleNamespace(call_later=self._call_later)

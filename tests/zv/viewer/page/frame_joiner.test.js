@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { FrameJoiner } from "./video/frame_joiner.js";
+import { Playback } from "./video/playback.js";
 
 const CAMERA = "vision/front/image/compressed";
 const MASK = "vision/front/mask/compressed";
@@ -176,4 +177,40 @@ test("what is waiting stays bounded when only messages come", () => {
   const { joiner, dropped } = practised();
   for (let seq = 10; seq < 1010; seq += 1) joiner.offer(CENTROID, header(seq), seq, 100);
   assert.ok(dropped.length >= 1000 - 128);
+});
+
+test("pictures that can never be of one frame with the leading ones are named after a while", () => {
+  const { joiner, dropped } = practised([CAMERA, MASK], []);
+  for (let at = 100; at <= 3000; at += FRAME_MS) {
+    const seq = 10 + Math.round((at - 100) / FRAME_MS);
+    joiner.offer(CAMERA, header(seq), `picture ${seq}`, at);
+    joiner.offer(MASK, header(seq, "of its own"), `mask ${seq}`, at);
+    joiner.take(at);
+    assert.deepEqual(joiner.strangers(at), at - 100 > 2000 ? [MASK] : []);
+    const held = seq - 9 - dropped.filter((one) => one.startsWith("mask")).length;
+    assert.ok(held <= 16, `${held} pictures wait`);
+  }
+  joiner.offer(CAMERA, header(0, "of its own"), "picture", 3100); // the camera has begun anew
+  assert.deepEqual(joiner.strangers(9000), []);
+});
+
+test("what was held while paused is stepped through, and of others what is nearest in time", async () => {
+  const shown = [];
+  const playback = new Playback((frame) => shown.push(frame.seq));
+  const at = (ms) => ({ stamp_ns: `1795744970${ms}000000` });
+  const frame = (seq, ms) => ({ seq, header: at(ms), items: new Map() });
+  for (const seq of [1, 2, 3]) playback.add(frame(seq, 100 * seq));
+  playback.setPaused(true);
+  playback.add(frame(4, 400));
+  assert.deepEqual([shown.splice(0), playback.header, playback.isAtEnd], [[1, 2, 3], at(300), true]);
+  await playback.step(-1);
+  await playback.step(-1);
+  await playback.step(-1);
+  assert.deepEqual([shown.splice(0), playback.header, playback.isAtEnd], [[2, 1], at(100), false]);
+  await playback.showNearest(at(249));
+  await playback.showNearest(at(251));
+  await playback.showNearest(at(999)); // which is shown already
+  playback.wantsOne = true;
+  for (const seq of [5, 6]) playback.add(frame(seq, 100 * seq));
+  assert.deepEqual([shown, playback.header], [[2, 3, 5], at(500)]);
 });

@@ -30,7 +30,7 @@ test("what is not allowed is left out and named, and the rest counts", () => {
     ["columns=1e3", "columns = 1e3 is not allowed; allowed: 1 to 8"],
     ["width=-3", "width = -3 is not allowed; allowed: 1 to 7680"],
     ["quality=", "quality =  is not allowed; allowed: 1 to 100"],
-    ["panel=__proto__", "panel = __proto__ is not allowed; allowed: parameters, plots, graph, "
+    ["panel=__proto__", "panel = __proto__ is not allowed; allowed: parameters, plots, graph, message, "
       + "events, health, log, none"],
     ["hide=all", "hide = all is not allowed; allowed: top, bars, captions"],
     ["only=<script>", "only = <script> is not a key; allowed: such as vision/front/image/compressed"],

@@ -127,6 +127,40 @@ test("of the log the last 1000 lines are kept, and none from before a new greeti
   assert.deepEqual(system.lines, []);
 });
 
+test("the clock is the server's, also after its step, and a late message is none", (t) => {
+  let now = 0;
+  t.mock.method(performance, "now", () => now);
+  const connection = new Events();
+  const system = new System(connection);
+  const tick = (ms) => connection.emit("tick", { now_ns: `${ms}000000` });
+  connection.emit("hello", { version: "0", now_ns: "1000000000000" }); // 1 000 000 ms
+  for (const [passed, server, shown] of [
+    [0, 1_002_000, 1_002_000], [2000, 1_003_700, 1_004_000], // 300 ms late
+    [2000, 4_606_000, 4_606_000], [2000, 1_008_000, 1_008_000]]) { // an hour forth, and back
+    now += passed;
+    tick(server);
+    assert.equal(system.now, shown);
+  }
+});
+
+test("a report is as old as its arrival, whatever steps the server's clock makes", (t) => {
+  let now = 50_000;
+  t.mock.method(performance, "now", () => now);
+  const connection = new Events();
+  const system = new System(connection);
+  const report = (ms) => connection.emit("health", { node: "a", diagnostics: {}, lost: 0,
+    at_ns: `${ms}000000` });
+  connection.emit("hello", { version: "0", now_ns: "9000000000000" });
+  report(8_999_000); // a second before the page was opened
+  assert.equal(system.report("a").at, 49_000);
+  now = 51_000;
+  connection.emit("tick", { now_ns: "5000000000000" }); // back by more than an hour
+  report(5_000_000);
+  assert.equal(system.report("a").at, 51_000);
+  report(9_000_000); // forth again, before the next tick
+  assert.equal(system.report("a").at, 51_000);
+});
+
 test("lost frames are those since the report a second before, and unknown after a gap", () => {
   const connection = new Events();
   const system = new System(connection);

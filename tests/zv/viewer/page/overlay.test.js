@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { marksOf, Trails } from "./video/overlay.js";
+import { drawOverlay, marksOf, Trails } from "./video/overlay.js";
 
 test("a trail ends with its frame and is two seconds long", () => {
   const trails = new Trails();
@@ -28,6 +28,13 @@ test("a centroid and tracks mark their boxes", () => {
     .map(({ id, label }) => [id, label]), [[7, "7 lost"], [8, "8"]]);
 });
 
+test("a track of a model is labelled with its class and score", () => {
+  const car = { ...TRACK, class: "car", score: 0.874 };
+  const labels = marksOf({ tracks: [car, { ...car, state: "confirmed" }, { ...car, score: "x" },
+    { ...car, class: 5 }] }).map(({ label }) => label);
+  assert.deepEqual(labels, ["7 car 87% lost", "7 car 87%", "7 car lost", "7 lost"]);
+});
+
 test("what is no place marks nothing and does not stop the rest", () => {
   for (const box of [null, 5, {}, { length: 4 }, "abcd", [1, 2, 3], [1, 2, 3, null], [1, 2, 3, "4"]]) {
     assert.deepEqual(marksOf({ x: 3, y: 4, box }), []);
@@ -35,5 +42,24 @@ test("what is no place marks nothing and does not stop the rest", () => {
   }
   for (const body of [{}, { x: 3, y: 4 }, { x: "3", y: 4, box: [1, 2, 3, 4] }, { tracks: {} }]) {
     assert.deepEqual(marksOf(body), []);
+  }
+});
+
+/** A canvas that takes everything and keeps the texts. */
+function canvasWith(texts) {
+  return new Proxy({}, { get: (_, name) => (...given) => {
+    if (name === "fillText") texts.push(given[0]);
+    return { width: 9 };
+  }, set: () => true });
+}
+
+test("states and shapes may have the names of what every object has", () => {
+  for (const name of ["constructor", "__proto__", "toString"]) {
+    const texts = [];
+    const frame = { header: { width: 640 }, items: new Map([["t", { tracks: [{ ...TRACK, state: name }] }]]) };
+    const zone = { name, world: false, points: [[0, 0], [9, 0], [9, 9]] };
+    const shapes = { zones: [zone], lines: [], counts: { zones: {} } };
+    drawOverlay(canvasWith(texts), frame, { keys: ["t"], trails: null, shapes }, (point) => point, 1);
+    assert.deepEqual(texts, [name, `7 ${name}`]);
   }
 });

@@ -1,12 +1,14 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { bend, parse, positionOf, STEPS, valueAt } from "./panels/controls.js";
+import { bend, locked, parse, positionOf, STEPS, valueAt } from "./panels/controls.js";
 import { numericFields } from "./model/fields.js";
-import { axis } from "./panels/chart.js";
+import { axis, joinedParts } from "./panels/chart.js";
 import { FieldRecorder } from "./panels/field_recorder.js";
 import { layOut } from "./panels/graph.js";
+import { condition } from "./panels/parameters.js";
 import { linesOf } from "./panels/plots.js";
+import { Watches } from "./video/watches.js";
 
 const LOW = { type: "float", minimum: 0, maximum: 100_000, default: 40 };
 const QUALITY = { type: "int", minimum: 1, maximum: 100, default: 80 };
@@ -30,6 +32,21 @@ test("a slider's place and value belong together", () => {
   }
 });
 
+test("a slider keeps to the steps of a device's control", () => {
+  const focus = { type: "int", minimum: 0, maximum: 250, default: 0, step: 5 };
+  for (let position = 0; position <= STEPS; position += 7) {
+    assert.equal(valueAt(focus, position) % 5, 0);
+  }
+  assert.equal(valueAt(focus, STEPS), 250);
+});
+
+test("what cannot be set now says why, and what changes by itself can be set", () => {
+  assert.equal(locked({ flags: ["inactive", "volatile"] }), "without effect now");
+  assert.equal(locked({ flags: ["read_only"] }), "only read");
+  assert.equal(locked({ flags: ["volatile"] }), "");
+  assert.equal(locked({}), "");
+});
+
 test("an empty field is no value, unless the parameter may be unset", () => {
   assert.equal(parse({ type: "int", default: null }, ""), null);
   assert.equal(parse({ type: "int", default: 3 }, ""), "");
@@ -41,8 +58,8 @@ const CAMERA = { node: "camera_front", publishes: ["v/front/image/compressed", "
   subscribes: [] };
 const TRACKER = { node: "tracker_front", publishes: ["v/front/centroid"],
   subscribes: ["v/front/image/compressed"] };
-const MATCHES = { "v/*/image/compressed": ["v/front/image/compressed"],
-  "v/**": ["v/front/centroid", "v/front/image/compressed", "v/front/truth"] };
+const MATCHES = new Map([["v/*/image/compressed", ["v/front/image/compressed"]],
+  ["v/**", ["v/front/centroid", "v/front/image/compressed", "v/front/truth"]]]);
 const VIEWER = { node: "viewer", publishes: [], subscribes: ["v/*/image/compressed", "v/**"] };
 
 test("the graph has a row for each key with who sends and who hears it", () => {
@@ -69,6 +86,13 @@ test("an expression that the server did not match stands for itself, however dee
     [[deep.subscribes[0], null]]);
 });
 
+test("a key may have the name of something that every object has", () => {
+  for (const name of ["constructor", "__proto__", "toString"]) {
+    const { rows } = layOut([{ ...TRACKER, subscribes: [name] }], new Map());
+    assert.deepEqual(rows.map((row) => row.key), ["v/front/centroid", name]);
+  }
+});
+
 test("a scale begins at 0 and ends at a round number above all values", () => {
   assert.deepEqual(axis([3, null, 29.9]), { low: 0, high: 30, ticks: [0, 10, 20, 30] });
   assert.deepEqual(axis([]).ticks[0], 0);
@@ -89,10 +113,12 @@ test("a scale reaches below 0, and leaves the 0 out only where values are far fr
 test("the numbers of any message have names joined by dots, and are bounded", () => {
   const header = { camera: "front", epoch: "1790", seq: 7, width: 640 };
   const body = { mean: 3.5, moving: true, name: "x", none: null, box: [1, 2],
-    tracks: [{ id: 4, vx: -0.5, world: null }] };
+    tracks: [{ id: 4, vx: -0.5, world: null }], done_ns: "1790000000000000000",
+    step_ns: ["-5", "6"], large: "9007199254740993", serial: "12", room: "7e3", time_ns: "soon" };
   assert.deepEqual([...numericFields({ header, body })], [["mean", 3.5], ["moving", 1],
     ["box.0", 1], ["box.1", 2], ["tracks.0.id", 4], ["tracks.0.vx", -0.5],
-    ["header.seq", 7], ["header.width", 640]]);
+    ["done_ns", 1.79e18], ["step_ns.0", -5], ["step_ns.1", 6], ["large", 9007199254740992],
+    ["header.epoch", 1790], ["header.seq", 7], ["header.width", 640]]);
   const wide = Object.fromEntries(Array.from({ length: 500 }, (_, index) => [`f${index}`, index]));
   assert.equal(numericFields({ body: wide }).size, 64);
   assert.equal(numericFields({ body: { list: Array(500).fill(1) } }).size, 16);
@@ -106,25 +132,54 @@ test("the numbers of any message have names joined by dots, and are bounded", ()
 
 test("only chosen numbers of the chosen camera are kept, and nothing is watched for no topic", () => {
   const watched = new Map();
-  const watches = { watchMessages: (key, receive) => {
+  const watches = { __proto__: Watches.prototype, watchMessages: (key, receive) => {
     watched.set(key, receive);
     return () => watched.delete(key);
   } };
   const message = (camera, topic) => ({ kind: "message", camera, topic, key: `v/${camera}/${topic}` });
   const streams = [message("front", "brightness"), message("front", "centroid"),
     message("rear", "brightness")];
-  const recorder = new FieldRecorder({ streams, now: 5 }, watches);
+  const recorder = new FieldRecorder({ streams }, watches);
   recorder.follow("front", ["brightness"], [["brightness", "mean"]]);
   assert.deepEqual([...watched.keys()], ["v/front/brightness"]);
   watched.get("v/front/brightness")({ header: {}, body: { mean: 9, min: 2 } });
   watched.get("v/front/brightness")({ header: {}, body: { mean: "none", min: 2 } });
-  assert.deepEqual(recorder.points("brightness", "mean"), [{ at: 5, value: 9 }]);
+  assert.deepEqual(recorder.points("brightness", "mean").map(({ value }) => value), [9]);
   assert.deepEqual(recorder.names("brightness"), ["min"]);
   recorder.follow("front", [], [["brightness", "mean"]]); // the panel is closed
   assert.deepEqual([watched.size, recorder.points("brightness", "mean").length], [0, 1]);
   recorder.follow("rear", ["brightness"], [["brightness", "mean"]]);
   assert.deepEqual([...watched.keys()], ["v/rear/brightness"]);
   assert.deepEqual(recorder.points("brightness", "mean"), []);
+});
+
+/** A recorder of `mean`, and what it keeps of these [ms, value]. */
+function recorded(points) {
+  const recorder = new FieldRecorder({ streams: [] }, Watches.prototype);
+  recorder.follow("front", [], [["brightness", "mean"]]);
+  for (const [at, mean] of points) recorder.take("brightness", { body: { mean } }, at);
+  return recorder.points("brightness", "mean").map(({ at, value }) => [at, value]);
+}
+
+test("of fast messages each spike is kept, few points are drawn, and they stay while more come", () => {
+  const fast = Array.from({ length: 36_000 }, (_, index) => [index * 10, index % 7]); // 6 min, 100 Hz
+  fast[20_001] = [200_010, -500];
+  fast[30_002] = [300_020, 900];
+  const points = recorded(fast);
+  assert.ok(points.length <= 3 * 5 * 60 * 4 + 3);
+  assert.ok(points[0][0] >= 59_700 && points.at(-1)[0] === 359_990); // of the last 5 minutes
+  for (const spike of [fast[20_001], fast[30_002]]) assert.ok(points.some((one) => `${one}` === `${spike}`));
+  const later = recorded([...fast, [360_000, 1]]);
+  assert.deepEqual(later.slice(0, -1).slice(-3000), points.slice(-3000));
+});
+
+test("points of slow messages are joined, and a line is broken where they fail to come", () => {
+  const lengths = (times) => joinedParts(times.map((at) => ({ at }))).map((part) => part.length);
+  assert.deepEqual(lengths([0, 5000, 10_000, 15_000]), [4]); // 0.2 Hz
+  assert.deepEqual(lengths([0, 60_000, 120_000]), [3]);
+  assert.deepEqual(lengths([0, 5000, 10_000, 15_000, 31_000]), [4, 1]);
+  assert.deepEqual(lengths([0, 100, 200, 3600, 7200]), [4, 1]); // 3400 ms are joined, 3600 are not
+  assert.deepEqual([lengths([7]), lengths([])], [[1], []]);
 });
 
 test("a line of a node that serves several cameras says that it is of all of them", () => {
@@ -137,4 +192,20 @@ test("a line of a node that serves several cameras says that it is of all of the
   const lines = linesOf({ nodes, histories }, "left", ["rate"], (name) => name);
   assert.deepEqual(lines.map(({ name, points }) => [name, points]),
     [["camera", []], ["tracker (all 2 cameras)", [{ at: 5, value: 60 }]]]);
+});
+
+test("a parameter of another pipeline or detector says with which it counts", () => {
+  const pipeline = { name: "pipeline", choices: ["robust", "tutorial"], value: "robust" };
+  const detector = { name: "detector", choices: ["canny", "sobel", "colour", "learned"], value: "canny" };
+  const all = [pipeline, detector, { name: "low", choices: null }];
+  const of = (description) => condition({ description }, all);
+  assert.equal(of("tutorial: number of frames"), "only with pipeline = tutorial");
+  assert.equal(of("robust: keep the background"), "");
+  assert.equal(of("of canny: gradients below it"), "");
+  assert.equal(of("of colour and learned, their only parameter: wanted share"),
+    "only with detector = colour or learned");
+  assert.equal(of("of canny and sobel: both"), "");
+  assert.equal(of("zones: polygons"), "");
+  assert.equal(of("time in a zone"), "");
+  assert.equal(of(undefined), "");
 });

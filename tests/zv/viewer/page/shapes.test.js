@@ -20,8 +20,8 @@ test("shapes are read as the tracker writes them in TOML, and written in short",
 });
 
 test("a new shape gets the first free name", () => {
-  assert.equal(freeName("zone", []), "zone1");
-  assert.equal(freeName("zone", [{ name: "zone1" }, { name: "belt" }, { name: "zone3" }]), "zone2");
+  assert.equal(freeName("zones", []), "zone1");
+  assert.equal(freeName("zones", [{ name: "zone1" }, { name: "belt" }, { name: "zone3" }]), "zone2");
 });
 
 test("the distance to an edge is that to its nearest point", () => {
@@ -34,6 +34,7 @@ const SHAPES = {
   zones: [{ name: "a", world: false, points: [[0, 0], [100, 0], [100, 100]] },
     { name: "w", world: true, points: [[50, 0], [51, 0], [51, 1]] }],
   lines: [{ name: "g", world: false, points: [[104, 0], [200, 0]] }],
+  regions: [], ignore: [],
 };
 
 test("a corner is found before an edge, the nearest first, and nothing that is too far", () => {

@@ -73,7 +73,7 @@ def test_every_file_that_is_named_is_there_and_every_file_is_named() -> None:
     named = {other for imported in IMPORTS.values() for other in imported}
     named = {f"js/{module}" for module in named} | {"index.html"}
     for path in (PAGE / "index.html", *MODULES.rglob("*.js")):
-        named |= set(re.findall(r'"/page/([^"]+)"', path.read_text()))
+        named |= set(re.findall(r'"page/([^"]+)"', path.read_text()))
     assert named == {str(path.relative_to(PAGE)) for path in PAGE.rglob("*.*")}
 
 

@@ -9,7 +9,7 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.intake import Consumer
 from zenoh_vision.stream.sample import Sample
-from zv.viewer.streams.message_stream import MessageStream, message_text
+from zv.viewer.streams.message_stream import MessageStream, large_text, message_text
 
 FRAME = {
     "camera": "front", "epoch": 5, "seq": 1, "stamp_ns": 9, "width": 64, "height": 48,
@@ -25,6 +25,7 @@ def test_a_message_is_told_with_header_and_body_apart():
     assert json.loads(text) == {
         "op": "message",
         "key": "vision/front/centroid",
+        "type": "vision.Centroid.v1",
         "header": FRAME | {"epoch": "5", "stamp_ns": "9"},
         "body": {"x": 3, "y": 4, "box": [1, 2, 5, 6], "area": 30.0, "more": str(2**60)},
     }
@@ -97,10 +98,18 @@ def test_what_is_too_large_or_a_deletion_does_not_wait_and_is_counted():
     counters = FrameCounters()
     stream = MessageStream(None, "vision/front/x", lambda _: None)  # type: ignore[arg-type]
     intake = stream._new_intake(Consumer(counters, lambda _: None))
-    intake.receive(Sample("vision/front/x", bytes((64 << 10) + 1)))
+    intake.receive(Sample("vision/front/x", bytes((1 << 20) + 1)))
     assert intake.take(0) is None
     assert counters.snapshot()["dropped.bad_message"] == 1
-    intake.receive(Sample("vision/front/x", bytes(64 << 10)))
+    intake.receive(Sample("vision/front/x", bytes(1 << 20)))
     assert intake.take(0) is not None
     intake.receive(Sample("vision/front/x", b"", deleted=True))
     assert counters.snapshot()["dropped.empty"] == 1
+
+
+def test_of_a_message_that_is_too_large_to_be_decoded_a_page_gets_size_and_header():
+    text, stamp_ns = large_text("vision/front/x", 1_000_000, msgpack.packb(FRAME))
+    said = json.loads(text)
+    assert (said["op"], said["key"], said["bytes"]) == ("large", "vision/front/x", 1_000_000)
+    assert (said["header"]["seq"], stamp_ns) == (1, 9)
+    assert json.loads(large_text("vision/front/x", 70_000, None)[0])["header"] is None

@@ -1,33 +1,14 @@
 """How many streams are subscribed to, and who may have them."""
 
 import asyncio
-from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
 
 import pytest
 
-from zenoh_vision.health.health import Health
-from zenoh_vision.stream.counters import FrameCounters
-from zv.viewer.settings import ViewerSettings
 from zv.viewer.streams.registry import MAX_KEYS, StreamRegistry, TooManyStreams
 from zv.viewer.streams.rendering import RenderOptions
-from zv.viewer.streams.shared_stream import StreamContext
 from zv.viewer.websocket.session import MAX_WATCHES
 
 SAME = RenderOptions()
-
-
-def a_registry() -> StreamRegistry:
-    """Return one that subscribes to nothing."""
-    counters = FrameCounters()
-    context = StreamContext(
-        SimpleNamespace(do=lambda work: None),  # type: ignore[arg-type]
-        ThreadPoolExecutor(1),
-        Health("viewer", counters),
-        counters,
-        ViewerSettings,
-    )
-    return StreamRegistry(context)
 
 
 def watch_all(registry: StreamRegistry, client: str) -> int:
@@ -41,19 +22,19 @@ def watch_all(registry: StreamRegistry, client: str) -> int:
     return MAX_WATCHES
 
 
-def test_clients_that_watch_all_they_can_leave_each_other_its_share():
-    registry = a_registry()
-    registry.clients = 10
-    watched = [watch_all(registry, f"c{client}") for client in range(10)]
+def test_clients_that_watch_all_they_can_leave_each_other_its_share(registry):
+    streams = StreamRegistry(registry.context)
+    streams.clients = 10
+    watched = [watch_all(streams, f"c{client}") for client in range(10)]
     assert watched[:8] == [MAX_WATCHES] * 8  # which are all 256
     assert watched[8:] == [MAX_KEYS // 10] * 2
 
 
-def test_what_somebody_watches_is_no_further_stream():
-    registry = a_registry()
-    registry.clients = 8
+def test_what_somebody_watches_is_no_further_stream(registry):
+    streams = StreamRegistry(registry.context)
+    streams.clients = 8
     for client in range(8):
-        watch_all(registry, f"c{client}")
-    registry.pictures("vision/c0/x0/compressed", SAME, has=MAX_WATCHES)
+        watch_all(streams, f"c{client}")
+    streams.pictures("vision/c0/x0/compressed", SAME, has=MAX_WATCHES)
     with pytest.raises(TooManyStreams, match="the maximum is then 32"):
-        registry.pictures("vision/c0/more/compressed", SAME, has=MAX_WATCHES)
+        streams.pictures("vision/c0/more/compressed", SAME, has=MAX_WATCHES)

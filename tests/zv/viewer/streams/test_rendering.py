@@ -4,11 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.depth import RangeFinder, ValueRange
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
+from zenoh_vision.image.picture import PixelPicture
 from zv.viewer.streams.rendering import (
     EncodedPicture,
     RenderOptions,
@@ -20,14 +21,12 @@ from zv.viewer.streams.rendering import (
 
 def frame(pixels: np.ndarray, encoding: str, mime: str | None = "image/jpeg") -> Frame:
     height, width = pixels.shape[:2]
-    header = Header(
-        camera="front", epoch=1, seq=0, stamp_ns=1, width=width, height=height, encoding=encoding
-    )
+    head = header(width=width, height=height, encoding=encoding)
     if mime is None:
-        return Frame(header, pixels=pixels)
+        return Frame(head, pixels)
     if mime == "image/png":
-        return Frame(header, compressed=codecs.encode_png(pixels))
-    return Frame(header, compressed=codecs.encode_jpeg(pixels, encoding, 95))
+        return Frame(head, codecs.encode_png(pixels))
+    return Frame(head, codecs.encode_jpeg(pixels, encoding, 95))
 
 
 def halves() -> np.ndarray:
@@ -113,11 +112,10 @@ def room(encoding: str, mime: str | None) -> Frame:
     """Return the depth as a frame that arrived, compressed or raw, with an automatic range."""
     head = frame(ROOM, "mono16", "image/png").header.model_copy(update={"encoding": encoding})
     key = "vision/front/image/compressed" if mime else "vision/front/image"
-    if mime:
-        png = codecs.encode_png(ROOM)
-        return Frame(head, compressed=png, key=key, finder=RangeFinder())
-    pixels = pixel_formats.convert(ROOM, "16UC1", encoding)
-    return Frame(head, pixels=pixels, key=key, finder=RangeFinder())
+    shown = codecs.encode_png(ROOM) if mime else pixel_formats.convert(ROOM, "16UC1", encoding)
+    found = Frame(head, shown, key=key)
+    found.find_range(RangeFinder())
+    return found
 
 
 def decoded(picture: EncodedPicture) -> np.ndarray:
@@ -196,7 +194,7 @@ def test_packed_bits_become_a_png_of_one_bit_and_only_on_a_render_thread():
     edges = np.zeros((48, 64), np.uint8)
     edges[20] = 255
     header = frame(edges, "mono8").header
-    bits = Frame(header, pixels=edges, key="vision/front/edges/compressed", bilevel=True)
+    bits = Frame(header, PixelPicture(edges, bilevel=True), key="vision/front/edges/compressed")
     assert original(bits, RenderOptions()) is None
     found = render(bits, RenderOptions(), 80)
     assert (found.mime, found.payload[24]) == ("image/png", 1)  # bit depth
@@ -208,7 +206,7 @@ def test_packed_bits_become_a_png_of_one_bit_and_only_on_a_render_thread():
 
 def test_a_broken_picture_is_refused():
     good = frame(halves(), "bgr8")
-    broken = Frame(good.header, compressed=good.compressed[:200])
+    broken = Frame(good.header, good.compressed[:-40])
     with pytest.raises(PayloadError, match="corrupt"):
         render(broken, RenderOptions(32), 80)
 
@@ -224,8 +222,9 @@ def test_the_picture_of_an_ended_stream_is_dim_grey_and_as_large(kind):
     }
     before = pictures[kind]()
     mime = "image/jpeg" if kind == "jpeg" else "image/png"
-    header = frame(white, "mono16" if kind == "depth" else "bgr8", None).header
-    last = EncodedPicture("vision/front/image/compressed", header, before, mime, 320, 240)
+    encoding = "mono16" if kind == "depth" else "bgr8"
+    head = frame(white, "bgr8", None).header.model_copy(update={"encoding": encoding})
+    last = EncodedPicture("vision/front/image/compressed", head, before, mime, 320, 240)
     after = render_ended(last, 1_790_000_000_000_000_000).payload
     assert after[:3] == before[:3]
     pixels = cv2.imdecode(np.frombuffer(after, np.uint8), cv2.IMREAD_UNCHANGED)

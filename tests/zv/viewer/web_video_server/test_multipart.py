@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from zenoh_vision.messages import Header
+from tests.support.headers import header
 from zv.viewer.streams.rendering import EncodedPicture
 from zv.viewer.web_video_server.multipart import BrowserParts, ProgramParts, parts_for
 
-HEADER = Header(camera="front", epoch=1790000000123456789, seq=7, stamp_ns=1790000000200000000,
-                width=640, height=480, encoding="bgr8")  # fmt: skip
+HEADER = header(7, 1790000000123456789, stamp_ns=1790000000200000000)
 LINE = b"--zenoh-vision-picture\r\n"
 JPEG_BEGUN = LINE + b"Content-Type: image/jpeg\r\n\r\n"
 
@@ -44,11 +45,8 @@ def test_a_program_gets_a_whole_head_and_at_once_the_boundary_behind_the_picture
         b"Content-Type: image/jpeg\r\nContent-Length: 4\r\nX-Timestamp: 1790000000.200000000\r\n"
         b"X-Epoch: 1790000000123456789\r\nX-Seq: 7\r\n\r\nJPEG\r\n" + LINE
     )
-    assert b"X-Seq: 7\r\nX-Ended-Ns: 5\r\n\r\n" in parts.part(
-        EncodedPicture(
-            "vision/front/image/compressed", HEADER, b"JPEG", "image/jpeg", 640, 480, ended_ns=5
-        )
-    )
+    ended = replace(picture(b"JPEG"), ended_ns=5)
+    assert b"X-Seq: 7\r\nX-Ended-Ns: 5\r\n\r\n" in parts.part(ended)
 
 
 def test_a_browser_gets_the_head_of_the_next_part_at_once_too() -> None:

@@ -4,14 +4,11 @@ import asyncio
 import json
 import struct
 
-from zenoh_vision.messages import Header
+from tests.support.headers import header
 from zv.viewer.streams.rendering import EncodedPicture
 from zv.viewer.websocket.sender import MAX_TEXTS, Outbox, picture_message
 
-HEADER = Header(
-    camera="front", epoch=1790000000123456789, seq=7, stamp_ns=1790000000200000000,
-    width=640, height=480, encoding="bgr8", node="camera_front",
-)  # fmt: skip
+HEADER = header(7, 1790000000123456789, stamp_ns=1790000000200000000, node="camera_front")
 
 
 def test_a_picture_is_a_length_a_head_and_the_bytes():
@@ -22,7 +19,7 @@ def test_a_picture_is_a_length_a_head_and_the_bytes():
     assert data[4 + length :] == b"JPEG"
     assert head.pop("header") == {
         "camera": "front", "epoch": "1790000000123456789", "seq": 7,
-        "stamp_ns": "1790000000200000000", "width": 640, "height": 480, "encoding": "bgr8",
+        "stamp_ns": "1790000000200000000", "width": 64, "height": 48, "encoding": "bgr8",
         "node": "camera_front", "revision": 0,
     }  # fmt: skip
     assert head == {

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from tests.support.headers import header
 from tests.support.waiting import DEADLINE_S
-from zenoh_vision.messages import Header
 from zv.viewer.credentials import Principal, Scope
 from zv.viewer.discovery.system_state import SystemState
 from zv.viewer.streams.message_stream import QUEUE, MessageFeed
@@ -100,14 +100,10 @@ class Registry:
         return feed
 
 
-HEADER = Header(
-    camera="front", epoch=1, seq=7, stamp_ns=1, width=640, height=480, encoding="bgr8",
-    node="camera_front",
-)  # fmt: skip
-A_PICTURE = EncodedPicture("v/front/image", HEADER, bytes(20 * PART_BYTES), "image/jpeg", 1, 1)
+A_PICTURE = EncodedPicture("v/front/image", header(7), bytes(20 * PART_BYTES), "image/jpeg", 1, 1)
 
 
-def test_of_many_commands_to_show_the_last_counts_and_the_others_cost_nothing(monkeypatch):
+async def test_of_many_commands_to_show_the_last_counts_and_the_others_cost_nothing(monkeypatch):
     made: list[set[str]] = []
     overview = SystemState.overview
 
@@ -116,65 +112,55 @@ def test_of_many_commands_to_show_the_last_counts_and_the_others_cost_nothing(mo
         return overview(self, kinds, **options)
 
     monkeypatch.setattr(SystemState, "overview", counted)
-
-    async def test() -> None:
-        shows = [{"op": "show", "kinds": kinds} for kinds in (["matches"], ["health"]) * 20]
-        socket = Socket(*shows, {"op": "show", "kinds": ["log", "matches"]})
-        session = a_session(socket, SystemState("vision", lambda text, replaces: None))
-        serving = asyncio.create_task(session.serve())
-        await socket.until_sent("matches")
-        assert made == [{"log", "matches"}]
-        assert session.shows == {"log", "matches"}
-        serving.cancel()
-
-    asyncio.run(test())
+    shows = [{"op": "show", "kinds": kinds} for kinds in (["matches"], ["health"]) * 20]
+    socket = Socket(*shows, {"op": "show", "kinds": ["log", "matches"]})
+    session = a_session(socket, SystemState("vision", lambda text, replaces: None))
+    serving = asyncio.create_task(session.serve())
+    await socket.until_sent("matches")
+    assert made == [{"log", "matches"}]
+    assert session.shows == {"log", "matches"}
+    serving.cancel()
 
 
 @pytest.mark.parametrize(("message_bytes", "texts"), [(64 << 10, 0), (100, 0), (500, 1000)])
-def test_between_two_parts_of_a_picture_other_things_are_as_much_as_a_part(message_bytes, texts):
+async def test_between_two_parts_of_a_picture_other_things_are_as_much_as_a_part(
+    message_bytes, texts
+):
     keys = [f"vision/c{number}/tracks" for number in range(7)]
-
-    async def test() -> None:
-        watches = [{"op": "watch", "key": key} for key in ("vision/front/image/compressed", *keys)]
-        socket = Socket(*watches)
-        system = SystemState("vision", lambda text, replaces: None)
-        session = a_session(socket, system, Registry("x" * message_bytes))
-        for number in range(texts):
-            session.send(f"text {number} {'x' * 1000}")
-        serving = asyncio.create_task(session.serve())
-        await socket.until(lambda: len(socket.parts) > 20)
-        serving.cancel()
-        parts = socket.parts
-        apart = [socket.sent[a + 1 : b] for a, b in pairwise(parts)]
-        largest = message_bytes + 1100  # what begins below the limit may go beyond it
-        assert max(sum(map(len, each)) for each in apart) < PART_BYTES + largest
-        between = [str(each).split()[0] for each in socket.sent[: parts[-1]]]
-        counts = [between.count(key) for key in keys]
-        assert max(counts) <= min(counts) + 1
-        assert min(counts) >= 2  # texts do not keep messages back
-
-    asyncio.run(test())
+    watches = [{"op": "watch", "key": key} for key in ("vision/front/image/compressed", *keys)]
+    socket = Socket(*watches)
+    system = SystemState("vision", lambda text, replaces: None)
+    session = a_session(socket, system, Registry("x" * message_bytes))
+    for number in range(texts):
+        session.send(f"text {number} {'x' * 1000}")
+    serving = asyncio.create_task(session.serve())
+    await socket.until(lambda: len(socket.parts) > 20)
+    serving.cancel()
+    parts = socket.parts
+    apart = [socket.sent[a + 1 : b] for a, b in pairwise(parts)]
+    largest = message_bytes + 1100  # what begins below the limit may go beyond it
+    assert max(sum(map(len, each)) for each in apart) < PART_BYTES + largest
+    between = [str(each).split()[0] for each in socket.sent[: parts[-1]]]
+    counts = [between.count(key) for key in keys]
+    assert max(counts) <= min(counts) + 1
+    assert min(counts) >= 2  # texts do not keep messages back
 
 
-def test_a_link_that_only_texts_wait_for_is_measured_too(monkeypatch):
+async def test_a_link_that_only_texts_wait_for_is_measured_too(monkeypatch):
     clock = SimpleNamespace(now_s=0.0, monotonic=lambda: clock.now_s, time_ns=lambda: 0)
     monkeypatch.setattr(sender, "time", clock)
+    socket = Socket()
+    send_str = socket.send_str
 
-    async def test() -> None:
-        socket = Socket()
-        send_str = socket.send_str
+    async def slow(text: str) -> None:
+        clock.now_s += WINDOW_S / 4
+        await send_str(text)
 
-        async def slow(text: str) -> None:
-            clock.now_s += WINDOW_S / 4
-            await send_str(text)
-
-        monkeypatch.setattr(socket, "send_str", slow)
-        session = a_session(socket, SystemState("vision", lambda text, replaces: None))
-        for _ in range(4):
-            session.send("x" * 1000)
-        serving = asyncio.create_task(session.serve())
-        await socket.until_sent("link")
-        assert json.loads(socket.sent[4]) == {"op": "link", "bits_per_s": 8 * 4000 / WINDOW_S}
-        serving.cancel()
-
-    asyncio.run(test())
+    monkeypatch.setattr(socket, "send_str", slow)
+    session = a_session(socket, SystemState("vision", lambda text, replaces: None))
+    for _ in range(4):
+        session.send("x" * 1000)
+    serving = asyncio.create_task(session.serve())
+    await socket.until_sent("link")
+    assert json.loads(socket.sent[4]) == {"op": "link", "bits_per_s": 8 * 4000 / WINDOW_S}
+    serving.cancel()

@@ -1,7 +1,7 @@
 // Keyboard commands: one table for the keyboard and for the help.
 
 import { byId, element } from "./ui/elements.js";
-import { toggleTheme } from "./ui/preferences.js";
+import { loadPreference, savePreference, toggleTheme } from "./ui/preferences.js";
 
 const PAN_PX = 60;
 const ARROWS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -16,6 +16,7 @@ const TABLE = {
 		["e", "parameters", "panel", "parameters"],
 		["p", "plots", "panel", "plots"],
 		["g", "graph of nodes and keys", "panel", "graph"],
+		["j", "messages", "panel", "message"],
 		["v", "events", "panel", "events"],
 		["h", "health", "panel", "health"],
 		["l", "log", "panel", "log"],
@@ -38,7 +39,8 @@ const TABLE = {
 		["n", "next stream", "neighbour", 1],
 		["b", "previous stream", "neighbour", -1],
 		["o", "overlay on or off", "toggleOverlay"],
-		["z", "draw zones and lines, or end it", "editShapes"],
+		["z", "draw zones, lines and regions, or end it", "editShapes"],
+		["Ctrl Z", "take back the last change of a zone, line or region"],
 		["r", "rotate clockwise", "change", "rotate"],
 		["m", "mirror", "change", "mirror"],
 		["c", "stretch the contrast, or not", "change", "toggleStretch"],
@@ -54,14 +56,14 @@ const ROWS = new Map(Object.values(TABLE).flat().filter((row) => row.length > 2)
 /** Run a command; returns whether it had an effect. */
 function run({ wall, inspector, dock, go }, command, argument, key) {
 	if (command === "move" && !inspector.isOpen) return wall.move(key);
-	if (command === "move") inspector.pan(...ARROWS[key].map((share) => share * PAN_PX));
+	if (command === "move") inspector.grid.pan(...ARROWS[key].map((share) => share * PAN_PX));
 	else if (command === "panel") dock.toggle(argument);
 	else if (command === "theme") toggleTheme();
 	else if (command === "help") byId("help").showModal();
 	else if (command === "wall" || command === "filter") {
 		go([]);
 		if (command === "filter") byId("filter").focus();
-	} else if (inspector.isOpen) inspector[command](argument);
+	} else if (inspector.isOpen) inspector.commands[command](argument);
 	else return false;
 	return true;
 }
@@ -69,18 +71,27 @@ function run({ wall, inspector, dock, go }, command, argument, key) {
 /** Listen to the keyboard; `parts` is {wall, inspector, dock, go, unhide}. */
 export function listenToKeyboard(parts) {
 	const help = byId("help");
+	const isBehind = () => document.querySelector("dialog[open]") !== null;
 	byId("help-keys").replaceChildren(...Object.entries(TABLE).map(helpSection));
 	byId("help-button").addEventListener("click", () => help.showModal());
 	help.addEventListener("click", (event) => event.target === help && help.close());
+	const shortcuts = byId("shortcuts");
+	shortcuts.checked = loadPreference("shortcuts", true) !== false;
+	shortcuts.addEventListener("change", () => savePreference("shortcuts", shortcuts.checked));
 
 	addEventListener("keydown", (event) => {
-		if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
-		if (event.key === "Escape") {
-			if (isTyping(event)) event.target.blur();
-			else if (!help.open) escape(parts);
+		if (event.defaultPrevented || event.altKey) return;
+		if (event.ctrlKey || event.metaKey) {
+			const isUndo = event.key === "z" && !event.shiftKey && !isTyping(event);
+			if (isUndo && parts.inspector.editor.undo()) event.preventDefault();
 			return;
 		}
-		if (help.open || isTyping(event)) return;
+		if (event.key === "Escape") {
+			if (isTyping(event)) event.target.blur();
+			else if (!isBehind()) escape(parts);
+			return;
+		}
+		if (isBehind() || isTyping(event) || moveInToolbar(event) || !shortcuts.checked) return;
 		const row = ROWS.get(event.key);
 		if (row && run(parts, row[2], row[3], event.key)) event.preventDefault();
 	});
@@ -93,6 +104,19 @@ function escape({ inspector, dock, go, unhide }) {
 	if (dock.open && byId("dock").contains(document.activeElement)) dock.show("");
 	else if (inspector.isOpen) go([]);
 	else if (dock.open) dock.show("");
+}
+
+/** Move the focus along a toolbar by an arrow key; returns whether the key was one. */
+function moveInToolbar(event) {
+	const bar = event.target.closest("[role=toolbar]");
+	const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+	if (!bar || !by || event.target.closest("[popover]")) return false;
+	const buttons = [...bar.querySelectorAll("button:enabled")]
+		.filter((button) => button.offsetParent && !button.closest("[popover]"));
+	const at = buttons.indexOf(event.target);
+	buttons[(at + by + buttons.length) % buttons.length]?.focus();
+	event.preventDefault();
+	return true;
 }
 
 /** Tell whether a key belongs to the control that has the focus. */

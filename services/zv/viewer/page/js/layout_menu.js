@@ -1,31 +1,30 @@
 // The menu of the page's layout: which streams the wall shows, in which order and size, and what is
 // hidden. Each choice is in the URL at once, so that the same view can be opened elsewhere.
 
-import { copyText } from "./export/addresses.js";
+import { copies, pageFolder } from "./export/addresses.js";
 import { HIDEABLE, MOST_COLUMNS, PANELS, writeLayout } from "./model/layout.js";
 import { pictureStreams, streamName } from "./model/streams.js";
 import { QUALITIES, WIDTHS } from "./model/transfer.js";
-import { byId, element, setText } from "./ui/elements.js";
+import { byId, checkbox, element, replaceRows, setOptions, setText } from "./ui/elements.js";
 
-const COPIED_MS = 1500;
 const HIDE_WORDS = { top: "top line", bars: "tools and figures", captions: "captions" };
+const COLUMNS = Array.from({ length: MOST_COLUMNS }, (_, index) => index + 1);
+
+// The lists: field of the layout, what stands for null, the other choices.
+const LISTS = [["columns", "as fits", COLUMNS], ["width", "as sent", WIDTHS],
+	["quality", "as sent", QUALITIES], ["panel", "as it is", ["none", ...PANELS]]];
 
 export class LayoutMenu {
 	/** `change(part)` changes some fields of the layout and shows it. */
 	constructor(system, transfer, change) {
 		Object.assign(this, { system, transfer, change, layout: null });
-		const columns = Array.from({ length: MOST_COLUMNS }, (_, index) => index + 1);
-		this.number("layout-columns", "columns", columns, "as fits");
-		this.number("layout-width", "width", WIDTHS, "as sent");
-		this.number("layout-quality", "quality", QUALITIES, "as sent");
-		const panels = ["none", ...PANELS].map((name) => element("option", {}, name));
-		byId("layout-panel").append(element("option", { value: "" }, "as it is"), ...panels);
-		byId("layout-panel").addEventListener("change", ({ target }) =>
-			this.change({ panel: target.value || null }));
-		byId("layout-hide").append(...HIDEABLE.map((part) => element("label", {},
-			element("input", { type: "checkbox", value: part, onchange: () => this.hide() }),
-			HIDE_WORDS[part])));
-		byId("layout-copy").addEventListener("click", () => this.copy());
+		for (const [name, none, choices] of LISTS) {
+			const list = byId(`layout-${name}`);
+			setOptions(list, [["", none], ...choices.map((choice) => [choice, choice])]);
+			list.addEventListener("change", ({ target: { value } }) =>
+				change({ [name]: value === "" ? null : name === "panel" ? value : Number(value) }));
+		}
+		copies(byId("layout-copy"), byId("layout-address"));
 		byId("layout-menu").addEventListener("toggle", () => this.draw());
 		system.on("streams", () => this.draw());
 	}
@@ -38,18 +37,15 @@ export class LayoutMenu {
 
 	draw() {
 		if (!byId("layout-menu").matches(":popover-open")) return;
-		const { layout } = this;
-		const { width, quality } = this.transfer.common;
-		byId("layout-columns").value = layout.columns ?? "";
-		byId("layout-width").value = width ?? "";
-		byId("layout-quality").value = quality ?? "";
-		byId("layout-panel").value = layout.panel ?? "";
-		for (const box of byId("layout-hide").querySelectorAll("input")) {
-			box.checked = layout.hide.includes(box.value);
-		}
+		const layout = { ...this.layout, ...this.transfer.common };
+		for (const [name] of LISTS) byId(`layout-${name}`).value = layout[name] ?? "";
+		const { hide } = layout;
+		replaceRows(byId("layout-hide"), HIDEABLE.map((part) =>
+			checkbox(HIDE_WORDS[part], hide.includes(part), (on) => this.change({
+				hide: HIDEABLE.filter((one) => (one === part ? on : hide.includes(one))) }))));
 		this.drawStreams();
-		const fragment = writeLayout({ ...layout, width, quality });
-		byId("layout-address").value = `${location.origin}/${fragment ? "#" : ""}${fragment}`;
+		const fragment = writeLayout(layout);
+		byId("layout-address").value = `${pageFolder()}/${fragment ? "#" : ""}${fragment}`;
 	}
 
 	/** One row for each stream: those that are chosen first, in their order. */
@@ -57,53 +53,20 @@ export class LayoutMenu {
 		const { only } = this.layout;
 		const all = pictureStreams(this.system.streams).map(({ key }) => key);
 		const keys = [...only, ...all.filter((key) => !only.includes(key))];
-		const list = byId("layout-streams");
-		const focused = list.contains(document.activeElement) && document.activeElement.dataset.choice;
-		list.replaceChildren(...keys.map((key) => this.row(key, only.indexOf(key), only.length)));
-		if (focused) list.querySelector(`[data-choice="${CSS.escape(focused)}"]`)?.focus();
+		replaceRows(byId("layout-streams"), keys.map((key) => this.row(key, only)));
 		setText(byId("layout-count"), only.length ? `${only.length} of them, in this order` : "all");
 	}
 
-	row(key, place, count) {
+	row(key, only) {
 		const stream = this.system.stream(key);
-		const isChosen = place >= 0;
-		const move = (by, word) => element("button", { type: "button", "data-choice": `${word} ${key}`,
-			"aria-label": `${key} ${word}`, disabled: !isChosen || place + by < 0 || place + by >= count,
-			onclick: () => this.move(key, by) }, by < 0 ? "▴" : "▾");
-		return element("li", {},
-			element("label", {}, element("input", { type: "checkbox", checked: isChosen,
-				"data-choice": key, onchange: ({ target }) => this.choose(key, target.checked) }),
-			stream ? streamName(stream) : key),
-			move(-1, "earlier"), move(1, "later"));
-	}
-
-	choose(key, isChosen) {
-		const rest = this.layout.only.filter((other) => other !== key);
-		this.change({ only: isChosen ? [...rest, key] : rest });
-	}
-
-	move(key, by) {
-		const only = [...this.layout.only];
 		const at = only.indexOf(key);
-		[only[at], only[at + by]] = [only[at + by], only[at]];
-		this.change({ only });
-	}
-
-	hide() {
-		const boxes = [...byId("layout-hide").querySelectorAll("input:checked")];
-		this.change({ hide: boxes.map((box) => box.value) });
-	}
-
-	number(id, name, numbers, none) {
-		byId(id).append(element("option", { value: "" }, none),
-			...numbers.map((number) => element("option", {}, number)));
-		byId(id).addEventListener("change", ({ target }) =>
-			this.change({ [name]: Number(target.value) || null }));
-	}
-
-	async copy() {
-		const isCopied = await copyText(byId("layout-address"));
-		setText(byId("layout-copy"), isCopied ? "Copied" : "Ctrl-C");
-		setTimeout(() => setText(byId("layout-copy"), "Copy"), COPIED_MS);
+		const rest = only.filter((other) => other !== key);
+		const move = (by, word) => element("button", { type: "button", "data-choice": `${word} ${key}`,
+			"aria-label": `${key} ${word}`, disabled: at < 0 || at + by < 0 || at + by >= only.length,
+			onclick: () => this.change({ only: rest.toSpliced(at + by, 0, key) }) }, by < 0 ? "▴" : "▾");
+		return element("li", {},
+			checkbox(stream ? streamName(stream) : key, at >= 0,
+				(on) => this.change({ only: on ? [...rest, key] : rest }), { "data-choice": key }),
+			move(-1, "earlier"), move(1, "later"));
 	}
 }

@@ -24,16 +24,20 @@ import { Dock } from "./panels/dock.js";
 import { EventsPanel } from "./panels/events.js";
 import { GraphPanel } from "./panels/graph.js";
 import { HealthPanel, LogPanel } from "./panels/health.js";
+import { MessagePanel } from "./panels/message.js";
 import { ParametersPanel } from "./panels/parameters.js";
 import { PlotsPanel } from "./panels/plots.js";
+import { ReplayBar } from "./panels/replay_bar.js";
 import { Connection } from "./transport/connection.js";
 import { byId, setData } from "./ui/elements.js";
+import { placeMenus } from "./ui/menus.js";
 import { startTheme } from "./ui/preferences.js";
 import { Watches } from "./video/watches.js";
 import { Wall } from "./wall/wall.js";
 
 startTheme();
-const address = new URL("/live?show=", location.href); // no panel is open yet
+placeMenus();
+const address = new URL("live?show=", location.href); // no panel is open yet
 address.protocol = address.protocol.replace("http", "ws");
 const connection = new Connection(address);
 const system = new System(connection);
@@ -48,10 +52,15 @@ const panels = {
 	parameters: new ParametersPanel(system, connection, camera),
 	plots: new PlotsPanel(system, watches, camera),
 	graph: new GraphPanel(system, camera),
+	message: new MessagePanel(system, connection, watches, camera, (key, name) => {
+		dock.show("plots");
+		panels.plots.plot(key, name);
+	}),
 	events: new EventsPanel(system, watches),
 	health: new HealthPanel(system),
 	log: new LogPanel(system),
 };
+new ReplayBar(system, watches, connection);
 const dock = new Dock(panels, (kinds) => system.show(kinds));
 const refuse = showConnection(system, connection, watches);
 
@@ -105,7 +114,7 @@ function route() {
 function show() {
 	const { keys } = layout;
 	const isLarge = keys.length > 0;
-	const before = inspector.key;
+	const before = inspector.keys[0];
 	const hadFocus = byId("wall").contains(document.activeElement);
 	setData(document.body, { view: isLarge ? "large" : "wall", hide: layout.hide.join(" ") });
 	wall.arrange(layout);
@@ -131,7 +140,7 @@ function unhide() {
 for (const button of document.querySelectorAll("[data-act]")) {
 	const { act, by } = button.dataset;
 	const argument = by === undefined || Number.isNaN(Number(by)) ? by : Number(by);
-	button.addEventListener("click", () => inspector[act](argument));
+	button.addEventListener("click", () => inspector.commands[act](argument));
 }
 for (const link of document.querySelectorAll('a[href="#"]')) {
 	link.addEventListener("click", (event) => {

@@ -1,22 +1,21 @@
 // The large view's menu of how a picture is shown: turned, mirrored, its range stretched, in colours,
 // with the histogram of the leading stream. It does not change what is sent or saved as received.
 
-import { byId, element, setText } from "../ui/elements.js";
-import { loadPreference, savePreference } from "../ui/preferences.js";
+import { byId, setOptions, setText } from "../ui/elements.js";
+import { KeptChoices } from "../ui/preferences.js";
 import { MAP_NAMES, valueText } from "../video/tone.js";
 
 const RANGES = ["sent", "auto", "fixed"];
 const AS_SENT = { range: "sent", low: 0, high: 255, map: "grey" };
-const MOST_STREAMS = 64;
 
 export class Adjust {
 	/** `changed()` is called after each choice. */
 	constructor(orientations, changed) {
 		Object.assign(this, { orientations, changed, key: null, camera: null, toned: null });
-		this.choices = new Map(Object.entries(loadPreference("tones", {})));
+		this.choices = new KeptChoices("tones");
 		this.menu = byId("adjust-menu");
 		this.menu.addEventListener("toggle", changed);
-		byId("colour-map").replaceChildren(...MAP_NAMES.map((name) => element("option", {}, name)));
+		setOptions(byId("colour-map"), MAP_NAMES.map((name) => [name, name]));
 		byId("range").addEventListener("change", ({ target }) => this.setRange(target.value));
 		byId("colour-map").addEventListener("change", ({ target }) => this.set({ map: target.value }));
 		for (const id of ["range-low", "range-high"]) {
@@ -86,10 +85,7 @@ export class Adjust {
 	}
 
 	set(change) {
-		const choice = { ...this.of(this.key), ...change };
-		this.choices.delete(this.key); // the newest are last, and the oldest are forgotten
-		this.choices.set(this.key, choice);
-		savePreference("tones", Object.fromEntries([...this.choices].slice(-MOST_STREAMS)));
+		this.choices.set(this.key, { ...this.of(this.key), ...change });
 		this.changed();
 	}
 

@@ -2,7 +2,7 @@
 
 import { milliseconds } from "../transport/connection.js";
 import { byId, setText } from "../ui/elements.js";
-import { clock, count, duration, pictureSize, rate, size } from "../ui/format.js";
+import { clock, count, duration, pictureSize, shownRate, size } from "../ui/format.js";
 
 /** Write them for a frame and its picture, both perhaps absent; the age grows if `isAging`. */
 export function writeFigures({ frame, picture, statistics, isAging }) {
@@ -11,7 +11,7 @@ export function writeFigures({ frame, picture, statistics, isAging }) {
 	const stamp = frame && milliseconds(frame.header.stamp_ns); // by the camera's clock
 	const texts = {
 		age: duration(picture && isAging ? picture.ageMs + now - picture.at : null),
-		rate: rate(statistics.rate(now)),
+		rate: shownRate(statistics?.arrivalRate(now) ?? null, statistics?.rate(now) ?? null),
 		lost: picture ? count(statistics.lost) : "–",
 		skipped: picture ? count(statistics.skipped) : "–",
 		size: picture ? `${pictureSize(picture)} · ${size(data.byteLength)}` : "–",

@@ -1,14 +1,14 @@
-// The large view: one stream, others of its camera beside it, all of the same frame, the overlay,
-// and below it age, rate, losses, size and frame number.
+// The large view: streams side by side, those of one camera always of the same frame, the overlay,
+// and below it age, rate, losses, size and frame number of the first stream, which leads.
 
 import { saveDrawn, saveOriginal } from "../export/saving.js";
 import { pictureStreams, staysBare, stepKeys, topicName } from "../model/streams.js";
 import { watchOptions } from "../model/transfer.js";
+import { between } from "../transport/connection.js";
 import { byId, setData, setText } from "../ui/elements.js";
 import { number } from "../ui/format.js";
-import { FrameFeed } from "../video/frame_joiner.js";
-import { Playback } from "../video/playback.js";
 import { Adjust } from "./adjust.js";
+import { CameraFrames } from "./camera_frames.js";
 import { writeFigures } from "./figures.js";
 import { Menus } from "./menus.js";
 import { PaneGrid } from "./pane_grid.js";
@@ -16,26 +16,52 @@ import { ShapeEditor } from "./shape_editor.js";
 import { TransferMenu } from "./transfer_menu.js";
 
 const TICK_MS = 200;
-const WINDOW_MS = 1000;
+const BARE = { keys: [], trails: null, shapes: null };
 
-export class Inspector extends PaneGrid {
+export class Inspector {
 	/**
 	 * `go(keys, part)` shows other streams, in a layout with this part changed. `orientations` and
 	 * `transfer` are the page's choices for the streams; `setTransfer(choice)` changes `transfer`
 	 * for all of them.
 	 */
 	constructor(system, watches, connection, go, { orientations, transfer, setTransfer }) {
-		super();
-		Object.assign(this, { system, connection, go, transfer });
-		this.playback = new Playback((frame, isNew) => this.display(frame, isNew));
-		this.feed = new FrameFeed(watches, connection, (frame) => this.playback.add(frame));
-		this.menus = new Menus(system, () => this.follow(), go);
-		this.adjust = new Adjust(orientations, () => this.follow());
-		this.transferMenu = new TransferMenu(transfer, setTransfer, () => this.follow());
-		this.editor = new ShapeEditor(system, connection, () => this.requestPaint());
-		this.keys = [];
-		this.reset();
+		Object.assign(this, { system, watches, connection, go, transfer, keys: [], lead: null,
+			paused: false });
+		this.cameras = new Map(); // name of a group of streams -> their CameraFrames
+		this.apart = new Set(); // keys of streams whose frames are not those of their camera
+		const follow = () => this.follow();
+		this.menus = new Menus(system, follow, go);
+		this.adjust = new Adjust(orientations, follow);
+		this.transferMenu = new TransferMenu(transfer, setTransfer, follow);
+		this.editor = new ShapeEditor(system, connection, () => this.grid?.requestPaint());
+		this.grid = new PaneGrid({
+			orientationOf: (camera) => orientations.of(camera),
+			lookOf: (pane) => ({ overlay: this.overlayOf(pane), tone: this.toneOf(pane) }),
+			painted: () => this.painted(),
+			editor: this.editor,
+		});
+		const { grid } = this;
+		this.commands = { // of keys and buttons; some take an argument
+			togglePause: () => this.setPaused(!this.paused),
+			step: (by) => this.step(by),
+			fit: () => grid.fit(),
+			actual: () => grid.actual(),
+			zoom: (factor) => grid.zoom(factor),
+			toggleOverlay: () => this.menus.set("overlayOn", !this.menus.overlayOn),
+			editShapes: () => this.editor.toggle(),
+			showSteps: () => go(stepKeys(system.streams, this.camera), { panel: "parameters" }),
+			neighbour: (by) => this.showNeighbour(by),
+			change: (how) => this.adjust[how](),
+			copyAddress: () => this.transferMenu.copyAddress(),
+			fullScreen: () => (document.fullscreenElement ? document.exitFullscreen()
+				: byId("large").requestFullscreen?.()),
+			save: () => this.picture && saveOriginal(this.frame, this.lead),
+			saveDrawn: () => this.saveDrawn(),
+		};
 		system.on("streams", () => this.isOpen && this.follow());
+		connection.on("close", () => {
+			for (const one of this.cameras.values()) one.lastFrameAt = null;
+		});
 		setInterval(() => this.tick(), TICK_MS);
 	}
 
@@ -43,123 +69,17 @@ export class Inspector extends PaneGrid {
 		return this.keys.length > 0;
 	}
 
-	get key() {
-		return this.keys[0] ?? null;
-	}
-
 	get camera() {
 		return this.lead?.camera ?? null;
 	}
 
-	open(keys) {
-		const isOther = keys[0] !== this.key;
-		this.keys = keys;
-		if (isOther) this.reset();
-		this.followed = null;
-		this.follow();
+	/** The frames of the leading stream. */
+	get frames() {
+		return this.grid.panes[0]?.frames;
 	}
 
-	close() {
-		this.keys = [];
-		this.editor.follow(null);
-		this.feed.close();
-		this.reset();
-		this.setPanes([]);
-	}
-
-	togglePause() {
-		this.playback.toggle();
-		byId("pause").setAttribute("aria-pressed", String(this.playback.paused));
-		this.tick();
-	}
-
-	/** Show the frame before (-1) or after (1), and pause. */
-	step(by) {
-		if (!this.playback.paused) this.togglePause();
-		this.playback.step(by);
-	}
-
-	/** Show all steps of the edge detector of this camera, and its parameters. */
-	showSteps() {
-		this.go(stepKeys(this.system.streams, this.camera), { panel: "parameters" });
-	}
-
-	fullScreen() {
-		if (document.fullscreenElement) document.exitFullscreen();
-		else byId("large").requestFullscreen?.();
-	}
-
-	toggleOverlay() {
-		this.menus.set("overlayOn", !this.menus.overlayOn);
-	}
-
-	editShapes() {
-		this.editor.toggle();
-	}
-
-	save() {
-		if (this.picture) saveOriginal(this.frame, this.lead);
-	}
-
-	saveDrawn() {
-		if (!this.picture) return;
-		this.paint(); // a new frame may not be painted yet
-		saveDrawn(this.frame, this.lead, this.overlayOf(this.panes[0]), this.panes[0].toned.image);
-	}
-
-	/** Change how the picture is shown: "rotate", "mirror" or "toggleStretch". */
-	change(how) {
-		this.adjust[how]();
-	}
-
-	/** Open the menu with the stream's addresses and copy the first. */
-	copyAddress() {
-		if (!byId("transfer-menu").matches(":popover-open")) byId("transfer-button").click();
-		this.transferMenu.copy("stream");
-	}
-
-	/** Show the next stream of the wall's order (1), or the one before (-1). */
-	neighbour(by) {
-		const all = pictureStreams(this.system.streams);
-		const at = all.findIndex((stream) => stream.key === this.key);
-		if (all.length) this.go([all[(at + by + all.length) % all.length].key]);
-	}
-
-	reset() {
-		this.playback.reset();
-		this.shown = []; // the frames of the last second: {now, isComplete}
-		this.frame = null;
-		this.pointer = null;
-		this.fit();
-		byId("pause").setAttribute("aria-pressed", "false");
-	}
-
-	/** Follow the chosen streams that exist; restart only if these changed. */
-	follow() {
-		const streams = this.keys.map((key) => this.system.stream(key)).filter(Boolean);
-		this.lead = this.system.stream(this.key) ?? null;
-		setText(byId("large-camera"), this.lead?.camera ?? "");
-		setText(byId("large-topic"), this.lead ? topicName(this.lead) : this.key);
-		byId("steps").hidden = !stepKeys(this.system.streams, this.camera).length;
-		if (!this.lead) return;
-		const pictures = streams.map((stream) => stream.key);
-		const messages = this.menus.overlayKeys(this.lead.camera);
-		this.menus.write(this.keys, this.lead.camera);
-		byId("overlay-toggle").setAttribute("aria-pressed", String(this.menus.overlayOn));
-		this.feed.joiner.onlyComplete = this.menus.onlyComplete;
-		this.adjust.follow(this.lead);
-		this.transferMenu.follow(this.lead, this.frame?.header);
-		this.turn(this.adjust.orientation);
-		this.editor.follow(this.camera);
-		const optionsOf = (key) => ({ ...watchOptions(this.transfer.of(key)), values: true });
-		const followed = JSON.stringify([pictures, pictures.map(optionsOf), messages]);
-		if (followed !== this.followed) {
-			this.followed = followed;
-			this.setPanes(streams);
-			this.shown = [];
-			this.feed.follow(pictures, messages, optionsOf);
-		}
-		this.requestPaint();
+	get frame() {
+		return this.frames?.frame ?? null;
 	}
 
 	/** The leading picture of the current frame, as received. */
@@ -167,84 +87,182 @@ export class Inspector extends PaneGrid {
 		return this.frame?.items.get(this.lead?.key)?.picture;
 	}
 
-	/** The messages that are missing in the current frame. */
-	get missing() {
-		return this.frame.missing.filter((key) => this.feed.messages.includes(key));
+	open(keys) {
+		if (keys[0] !== this.keys[0]) this.reset();
+		this.keys = keys;
+		this.follow();
 	}
 
-	display(frame, isNew) {
-		const before = this.frame?.header;
-		this.frame = frame;
-		for (const pane of this.panes) pane.take(frame);
-		if (isNew) {
-			const now = performance.now();
-			this.shown.push({ now, isComplete: !this.missing.length });
-			while (now - this.shown[0].now > WINDOW_MS) this.shown.shift();
+	close() {
+		this.keys = [];
+		this.editor.follow(null);
+		this.reset();
+	}
+
+	reset() {
+		this.grid.setPanes([]);
+		for (const frames of this.cameras.values()) frames.close();
+		this.cameras.clear();
+		this.apart.clear();
+		this.lead = null;
+		this.grid.pointer = null;
+		this.grid.fit();
+		this.setPaused(false);
+	}
+
+	setPaused(paused) {
+		this.paused = paused;
+		for (const frames of this.cameras.values()) frames.setPaused(paused);
+		if (paused) this.align();
+		byId("pause").setAttribute("aria-pressed", String(paused));
+		this.tick();
+	}
+
+	/** Show the frames of the other cameras that were captured nearest to that of the first one. */
+	align() {
+		const header = this.frames?.playback.header;
+		for (const { playback } of this.cameras.values()) {
+			if (header && playback !== this.frames.playback) playback.showNearest(header);
 		}
-		const { width, height } = frame.header;
-		if (before?.width !== width || before.height !== height) this.resized();
-		this.requestPaint();
 	}
 
-	paint() {
+	/** Pause, and show the frame before (-1) or after (1); of other cameras, the nearest to it. */
+	step(by) {
+		if (!this.paused) this.setPaused(true);
+		const { frames } = this;
+		if (!frames) return;
+		const isNext = by > 0 && frames.playback.isAtEnd;
+		if (isNext) for (const one of this.cameras.values()) one.next();
+		else {
+			frames.playback.step(by);
+			this.align();
+		}
+	}
+
+	saveDrawn() {
+		if (!this.picture) return;
+		this.grid.paint(); // a new frame may not be painted yet
+		const [pane] = this.grid.panes;
+		saveDrawn(this.frame, this.lead, this.overlayOf(pane), pane.toned.image);
+	}
+
+	/** Show the next stream of the wall's order (1), or the one before (-1). */
+	showNeighbour(by) {
+		const all = pictureStreams(this.system.streams);
+		const at = all.findIndex((stream) => stream.key === this.keys[0]);
+		if (all.length) this.go([all[(at + by + all.length) % all.length].key]);
+	}
+
+	/** Follow the chosen streams that exist; the first of them leads. */
+	follow() {
+		const streams = this.keys.map((key) => this.system.stream(key)).filter(Boolean);
+		this.lead = streams[0] ?? null;
+		setText(byId("large-camera"), this.lead?.camera ?? "");
+		setText(byId("large-topic"), this.lead ? topicName(this.lead) : this.keys[0]);
+		byId("steps").hidden = !stepKeys(this.system.streams, this.camera).length;
 		if (!this.lead) return;
-		super.paint();
-		if (this.panes[0].item) this.adjust.draw(this.panes[0].toned);
-		setText(this.panes[0].badge, this.overlayState());
-		setData(this.panes[0].element, { without: this.missing.length > 0 });
+		this.menus.write(this.keys, this.lead);
+		byId("overlay-toggle").setAttribute("aria-pressed", String(this.menus.overlayOn));
+		this.adjust.follow(this.lead);
+		this.editor.follow(this.camera);
+		this.followCameras(streams);
+		this.transferMenu.follow(this.lead, this.frame?.header);
+		this.grid.turnTo(this.adjust.orientation);
+		this.grid.requestPaint();
+	}
+
+	/** Follow the streams of each camera together. */
+	followCameras(streams) {
+		for (const key of this.apart) if (!streams.some((one) => one.key === key)) this.apart.delete(key);
+		const nameOf = ({ key, camera }) => (this.apart.has(key) ? key : camera);
+		const groups = Map.groupBy(streams, nameOf);
+		for (const [name, frames] of this.cameras) {
+			if (groups.has(name)) continue;
+			frames.close();
+			this.cameras.delete(name);
+		}
+		const optionsOf = (key) => ({ ...watchOptions(this.transfer.of(key)), values: true });
+		for (const [name, own] of groups) {
+			if (!this.cameras.has(name)) {
+				const made = new CameraFrames(this.watches, (one) => this.display(one));
+				made.playback.setPaused(this.paused);
+				this.cameras.set(name, made);
+			}
+			const messages = this.apart.has(name) ? [] : this.menus.overlayKeys(own[0].camera);
+			this.cameras.get(name).follow(own.map(({ key }) => key), messages, optionsOf,
+				this.menus.onlyComplete);
+		}
+		this.grid.setPanes(streams, (stream) => this.cameras.get(nameOf(stream)));
+	}
+
+	display(frames) {
+		for (const pane of this.grid.panes) if (pane.frames === frames) pane.take();
+		this.grid.requestPaint();
+	}
+
+	painted() {
+		if (this.grid.panes[0].item) this.adjust.draw(this.grid.panes[0].toned);
+		for (const pane of this.grid.panes) setText(pane.apart, this.apartness(pane));
+		for (const frames of this.cameras.values()) {
+			const pane = this.grid.panes.find((one) => one.frames === frames);
+			if (!frames.frame) continue;
+			setText(pane.badge, frames.overlayState());
+			setData(pane.element, { without: frames.missing.length > 0 });
+		}
+	}
+
+	/** How much later than the first camera's frame that of a pane was captured; while paused. */
+	apartness({ frames, frame }) {
+		if (!this.paused || frames === this.frames || !frame || !this.frame) return "";
+		const later = between(this.frame.header.stamp_ns, frame.header.stamp_ns);
+		return `${later < 0 ? "−" : "+"}${number(Math.abs(later), 1)} ms`;
 	}
 
 	/** The overlay of a pane: none on a step, and no boxes where the tracker has drawn them. */
-	overlayOf({ stream }) {
-		if (staysBare(stream, this.panes.map((pane) => pane.stream)) && !this.editor.isActive) {
-			return { keys: [], trails: null, shapes: null };
-		}
-		const keys = topicName(stream) === "tracked" ? [] : this.feed.messages;
-		const { trails, shapes, overlayOn } = this.menus;
-		const counts = this.frame.items.get(this.feed.messages.find((key) => key.endsWith("/tracks")));
-		return { keys, trails: trails ? this.feed.trails : null,
-			shapes: (overlayOn && shapes) || this.editor.isActive ? this.editor.marks(counts) : null };
+	overlayOf({ stream, frames: { frame, messages, trails } }) {
+		const isEdited = this.editor.isActive && stream.camera === this.camera;
+		const beside = this.grid.panes.map((pane) => pane.stream)
+			.filter(({ camera }) => camera === stream.camera);
+		if (staysBare(stream, beside) && !isEdited) return BARE;
+		const hasShapes = stream.camera === this.camera && this.menus.overlayOn && this.menus.shapes;
+		const counts = frame.items.get(messages.find((key) => key.endsWith("/tracks")));
+		return { keys: topicName(stream) === "tracked" ? [] : messages,
+			trails: this.menus.trails ? trails : null,
+			shapes: hasShapes || isEdited ? this.editor.marks(counts) : null };
 	}
 
 	/** How a pane's values are shown; the first pane's are measured while the menu is open. */
 	toneOf(pane) {
-		const isMeasured = this.adjust.isOpen && pane === this.panes[0];
+		const isMeasured = this.adjust.isOpen && pane === this.grid.panes[0];
 		return { choice: this.adjust.of(pane.stream.key), isMeasured };
-	}
-
-	/** Return how many of the last frames had all their messages, and why others lacked some. */
-	overlayState() {
-		const { shown, missing, feed: { joiner, messages } } = this;
-		const complete = shown.filter((one) => one.isComplete).length;
-		if (!messages.length || (complete === shown.length && !missing.length)) return "";
-		const lag = Math.max(...messages.map((key) => joiner.lag(key) ?? -1));
-		const wait = 2 * joiner.frameTime;
-		const reason = lag > wait
-			? ` – they come ${number(lag, 0)} ms after it, it waits ${number(wait, 0)} ms` : "";
-		if (complete) return `overlay on ${complete} of ${shown.length} frames${reason}`;
-		return `without ${missing.map((key) => key.split("/").at(-1)).join(" and ") || "overlay"}${reason}`;
 	}
 
 	tick() {
 		if (!this.isOpen || document.hidden) return;
-		const { lead, playback: { paused } } = this;
-		const live = this.connection.isOpen && !paused && Boolean(lead?.live)
-			&& this.feed.isLive(performance.now());
-		const text = live || paused || !lead ? "" : this.reason();
+		const { lead, paused, frame, picture } = this;
+		const now = performance.now();
+		for (const { joiner } of this.cameras.values()) {
+			for (const key of joiner.strangers(now)) this.apart.add(key);
+		}
+		if ([...this.apart].some((key) => !this.cameras.has(key))) this.follow();
+		const isLive = ({ stream, frames }) => this.connection.isOpen && !paused && stream.live
+			&& frames.isLive(now);
+		for (const pane of this.grid.panes) {
+			const live = isLive(pane);
+			pane.showState(live, live || paused ? "" : this.reason(pane, now));
+		}
+		const live = Boolean(lead) && isLive(this.grid.panes[0]);
 		setData(byId("large"), { live, paused });
 		setText(byId("large-state"), paused ? "paused" : live ? "live" : "not live");
 		byId("unknown").hidden = Boolean(lead);
-		for (const pane of this.panes) pane.showState(live, text);
-		const { frame, picture, feed: { statistics } } = this;
+		const statistics = this.frames?.statistics ?? null;
 		writeFigures({ frame, picture, statistics, isAging: paused || live });
 	}
 
-	/** Return why the leading stream is not live. */
-	reason() {
-		const { lead, feed: { statistics } } = this;
-		const now = performance.now();
+	/** Return why the stream of a pane is not live. */
+	reason({ stream, frames: { statistics } }, now) {
 		if (!this.connection.isOpen) return "not connected to the viewer's server";
-		if (statistics.isLive(now) && lead.live) return "waiting for a frame with its overlay";
-		return statistics.explainSilence(lead, now, this.system.now);
+		if (statistics.isLive(now) && stream.live) return "waiting for a frame with its overlay";
+		return statistics.explainSilence(stream, now, this.system.now);
 	}
 }

@@ -15,6 +15,7 @@ export class Pane {
 	/** `grid` is the PaneGrid that receives the pointer events of this pane. */
 	constructor(stream, grid) {
 		this.stream = stream;
+		this.frames = null; // the CameraFrames that it shows
 		this.seq = null;
 		this.item = null;
 		this.pixel = ""; // the value under the pointer
@@ -25,8 +26,11 @@ export class Pane {
 		this.overlay = element("canvas", { class: "overlay", "aria-hidden": "true" });
 		this.state = element("p", { class: "pane-state", role: "status" });
 		this.badge = element("span");
+		this.caption = element("b");
 		this.value = element("output", { class: "pane-value" });
 		this.behind = element("span", { class: "pane-behind" });
+		this.apart = element("span", { class: "pane-apart",
+			title: "how much later than the first camera's frame it was captured" });
 		this.scaleLow = element("span");
 		this.scaleBar = element("i");
 		this.scaleHigh = element("span");
@@ -36,8 +40,13 @@ export class Pane {
 			element("p", { class: "pane-badge" }, element("i", { class: "lamp" }), this.badge),
 		this.scale, this.state);
 		this.element = element("figure", { class: "pane", "data-key": stream.key }, this.surface,
-			element("figcaption", {}, element("b", {}, topicName(stream)), this.behind, this.value));
+			element("figcaption", {}, this.caption, this.behind, this.apart, this.value));
 		listenToPointer(this, grid);
+	}
+
+	/** The frame that it should show. */
+	get frame() {
+		return this.frames?.frame ?? null;
 	}
 
 	get size() {
@@ -52,8 +61,9 @@ export class Pane {
 		for (const canvas of [this.picture, this.overlay]) Object.assign(canvas, { width, height });
 	}
 
-	/** Show this pane's picture of a frame; without one, keep the previous picture, with a mark. */
-	take(frame) {
+	/** Show this pane's picture of the frame; without one, keep the previous picture, with a mark. */
+	take() {
+		const { frame } = this;
 		const item = frame.items.get(this.stream.key);
 		if (!item?.bitmap) return;
 		if (this.item !== item) release(this.item);
@@ -66,7 +76,7 @@ export class Pane {
 	 * `pointer` is a point of the frame, or null; `tone` is {choice, isMeasured}, as TonedPicture
 	 * takes them.
 	 */
-	paint(frame, { view, orientation, overlay, pointer, tone }) {
+	paint({ view, orientation, overlay, pointer, tone }) {
 		const { width, height } = this.size;
 		const picture = this.picture.getContext("2d", { alpha: false });
 		const marks = this.overlay.getContext("2d");
@@ -74,7 +84,7 @@ export class Pane {
 		picture.fillRect(0, 0, width, height);
 		marks.clearRect(0, 0, width, height);
 		if (!this.item) return;
-		const { header } = frame;
+		const { frame, frame: { header } } = this;
 		const toCanvas = (point) => view.toPane(this.size, orientation.toTurned(header, point));
 		const corner = view.toPane(this.size, { x: 0, y: 0 });
 		this.toned.prepare(this.item, tone.choice, tone.isMeasured);
@@ -87,7 +97,7 @@ export class Pane {
 		const drawn = this.seq === frame.seq
 			? drawOverlay(marks, frame, overlay, toCanvas, devicePixelRatio) : { marks: [], shapes: [] };
 		if (pointer) drawSpot(marks, toCanvas(pointer), 5 * devicePixelRatio);
-		this.describe(frame, view, overlay, drawn);
+		this.describe(view, overlay, drawn);
 		this.writeScale(tone.choice.map);
 		this.pixel = pointer ? this.valueAt(pointer, header) : "";
 		setText(this.value, this.pixel);
@@ -105,16 +115,16 @@ export class Pane {
 		setText(this.state, text);
 	}
 
-	/** Describe what is drawn in data attributes, for styles and tests. */
-	describe(frame, view, overlay, drawn) {
+	/** Describe what is drawn: in data attributes for styles, and as properties of the canvas. */
+	describe(view, overlay, drawn) {
+		const { frame } = this;
 		const isJoined = overlay.keys.length > 0 && overlay.keys.every((key) => frame.items.has(key));
 		const isBehind = this.seq !== frame.seq;
 		setData(this.element, { step: !isBehind });
 		setText(this.behind, isBehind ? `frame ${this.seq}, not ${frame.seq}` : "");
 		const { epoch } = frame;
 		setData(this.picture, { epoch, seq: this.seq, overlay: isJoined ? "joined" : "without" });
-		setData(this.overlay, { boxes: JSON.stringify(drawn.marks),
-			shapes: JSON.stringify(drawn.shapes), view: `${view.scale} ${view.x} ${view.y}` });
+		Object.assign(this.overlay, { drawn, view });
 	}
 
 	/** Show a scale of colours and values, unless a picture of 8 bits is shown unchanged. */
@@ -186,7 +196,7 @@ function listenToPointer(pane, grid) {
 			down.delete(event.pointerId);
 			if (event.pointerId !== editing) return;
 			editing = null;
-			grid.release();
+			grid.editor.release();
 		});
 	}
 	surface.addEventListener("pointerleave", (event) => {

@@ -1,6 +1,7 @@
-// The panes of the large view side by side: one zoom and one pointer for all, painted together.
+// The panes of the large view side by side: one zoom for all, one pointer for those of a camera,
+// painted together.
 
-import { Orientation } from "../model/orientation.js";
+import { streamName, topicName } from "../model/streams.js";
 import { byId, setData, setText, syncViews } from "../ui/elements.js";
 import { Pane } from "./pane.js";
 
@@ -59,40 +60,51 @@ export class View {
 }
 
 export class PaneGrid {
-	constructor() {
+	/**
+	 * `orientationOf(camera)` is how its pictures are turned, `lookOf(pane)` returns its {overlay,
+	 * tone}, as Pane takes them, `painted()` is called after each painting. The `editor` gets the
+	 * pointer first.
+	 */
+	constructor({ orientationOf, lookOf, painted, editor }) {
+		Object.assign(this, { orientationOf, lookOf, painted, editor });
 		this.views = new Map(); // key -> Pane
-		this.panes = []; // in their order
-		this.frame = null;
+		this.panes = []; // in their order; the first leads
 		this.mode = "fit"; // or "actual", or "free" as the user left it
-		this.view = new View(1, 0, 0);
-		this.orientation = new Orientation();
+		this.view = new View(1, 0, 0); // of the leading pane
+		this.pointer = null; // {camera, x, y}, a point of the camera's frame
+		this.turned = null; // the orientation of the leading pane, as text
 		new ResizeObserver(() => this.resized()).observe(byId("panes"));
 	}
 
-	/** The size of the frame as it is shown. */
-	get turnedSize() {
-		return this.orientation.size(this.frame.header);
+	/** The first pane, once it has a frame. */
+	get lead() {
+		return this.panes[0]?.frame ? this.panes[0] : null;
+	}
+
+	/** The size of a pane's frame as it is shown. */
+	sizeOf({ stream, frame }) {
+		return this.orientationOf(stream.camera).size(frame.header);
 	}
 
 	/** Zoom at a point of a pane, or at its middle. */
 	zoom(factor, at = null) {
-		if (!this.frame) return;
-		const { size } = this.panes[0];
+		if (!this.lead) return;
+		const { size } = this.lead;
 		const held = at ?? { x: size.width / 2, y: size.height / 2 };
-		this.setView("free", this.view.zoomed(this.turnedSize, size, factor, held));
+		this.setView("free", this.view.zoomed(this.sizeOf(this.lead), size, factor, held));
 	}
 
 	/** Move the picture by device pixels; a whole frame stays where it is. */
 	pan(dx, dy) {
-		if (this.frame && this.mode !== "fit") {
-			this.setView("free", this.view.panned(this.turnedSize, dx, dy));
+		if (this.lead && this.mode !== "fit") {
+			this.setView("free", this.view.panned(this.sizeOf(this.lead), dx, dy));
 		}
 	}
 
-	/** Show the frame in another orientation, whole. */
-	turn(orientation) {
-		if (orientation.text === this.orientation.text) return;
-		this.orientation = orientation;
+	/** Show the frames whole if the leading one was turned. */
+	turnTo({ text }) {
+		if (text === this.turned) return;
+		this.turned = text;
 		this.fit();
 		this.resized();
 	}
@@ -109,10 +121,13 @@ export class PaneGrid {
 	/** Show the pixel at a point of a pane one to one, or the whole frame again. */
 	toggleFit(pane, at) {
 		if (this.editor.isActive) return;
-		if (this.mode !== "fit" || !this.frame) this.fit();
+		const pixel = this.mode === "fit" && this.lead && this.pixelAt(pane, at);
+		if (this.mode !== "fit" || !this.lead) this.fit();
+		else if (!pixel) this.actual();
 		else {
-			const pixel = this.pixelAt(pane, at);
-			this.actual(pixel ? this.orientation.toTurned(this.frame.header, pixel) : this.view);
+			const { x, y } = this.orientationOf(pane.stream.camera).toTurned(pane.frame.header, pixel);
+			const [own, lead] = [this.sizeOf(pane), this.sizeOf(this.lead)];
+			this.actual({ x: x * lead.width / own.width, y: y * lead.height / own.height });
 		}
 	}
 
@@ -124,10 +139,27 @@ export class PaneGrid {
 		this.requestPaint();
 	}
 
-	setPanes(streams) {
+	/** The view of a pane; that of a frame of another size shows the same share of it. */
+	viewOf(pane) {
+		const own = this.sizeOf(pane);
+		if (this.mode === "fit" || !this.lead) return View.fit(own, pane.size);
+		const lead = this.sizeOf(this.lead);
+		const by = this.mode === "actual" ? 1
+			: View.fit(own, pane.size).scale / View.fit(lead, pane.size).scale;
+		const { scale, x, y } = this.view;
+		return new View(scale * by, x * own.width / lead.width, y * own.height / lead.height);
+	}
+
+	/** Show these streams; `framesOf(stream)` are the frames that its pane shows. */
+	setPanes(streams, framesOf) {
 		syncViews(byId("panes"), this.views, streams, (stream) => new Pane(stream, this),
 			(pane) => pane.close());
 		this.panes = streams.map((stream) => this.views.get(stream.key));
+		const isOne = new Set(streams.map(({ camera }) => camera)).size === 1;
+		this.panes.forEach((pane, index) => {
+			Object.assign(pane, { stream: streams[index], frames: framesOf(streams[index]) });
+			setText(pane.caption, isOne ? topicName(pane.stream) : streamName(pane.stream));
+		});
 		setData(byId("panes"), { count: this.panes.length });
 		this.resized();
 	}
@@ -135,28 +167,35 @@ export class PaneGrid {
 	requestPaint() {
 		this.painting ??= requestAnimationFrame(() => {
 			this.painting = null;
-			if (this.frame && this.panes.length) this.paint();
+			this.paint();
 		});
 	}
 
 	paint() {
-		if (this.mode === "fit") this.view = View.fit(this.turnedSize, this.panes[0].size);
-		const { view, orientation, pointer } = this;
-		for (const pane of this.panes) {
-			const overlay = this.overlayOf(pane);
-			pane.paint(this.frame, { view, orientation, overlay, pointer, tone: this.toneOf(pane) });
+		const shown = this.panes.filter((pane) => pane.frame);
+		if (!shown.length) return;
+		const { width, height } = this.sizeOf(shown[0]);
+		if (this.shape !== `${width}x${height}`) this.resized();
+		if (this.lead && this.mode === "fit") this.view = View.fit({ width, height }, this.lead.size);
+		const { pointer, view: { scale } } = this;
+		for (const pane of shown) {
+			const { camera } = pane.stream;
+			pane.paint({ view: this.viewOf(pane), orientation: this.orientationOf(camera),
+				pointer: pointer?.camera === camera ? pointer : null, ...this.lookOf(pane) });
 		}
-		const { pointer: point, view: { scale } } = this;
-		const place = point ? `${Math.floor(point.x)}, ${Math.floor(point.y)}` : "–";
-		const isAlone = point && this.panes.length === 1;
+		const place = pointer ? `${Math.floor(pointer.x)}, ${Math.floor(pointer.y)}` : "–";
+		const isAlone = pointer && this.panes.length === 1;
 		setText(byId("pixel"), isAlone ? `${place} = ${this.panes[0].pixel}` : place);
 		setText(byId("zoom"), `${Number(scale >= 1 ? scale.toFixed(2) : scale.toPrecision(2))}×`);
+		this.painted();
 	}
 
-	/** The number of columns with which the pictures are largest. */
+	/** Use the number of columns with which the pictures are largest. */
 	resized() {
 		const { clientWidth: width, clientHeight: height } = byId("panes");
-		const frame = this.frame ? this.turnedSize : { width: 4, height: 3 };
+		const first = this.panes.find((pane) => pane.frame);
+		const frame = first ? this.sizeOf(first) : { width: 4, height: 3 };
+		this.shape = `${frame.width}x${frame.height}`;
 		const count = this.panes.length;
 		const scale = (columns) => Math.min(width / columns / frame.width,
 			(height / Math.ceil(count / columns) - CAPTION_PX) / frame.height);
@@ -167,35 +206,34 @@ export class PaneGrid {
 	}
 
 	setPointer(pane, at) {
-		if (!this.frame) return;
-		this.pointer = at && this.pixelAt(pane, at);
+		if (!pane.frame) return;
+		const pixel = at && this.pixelAt(pane, at);
+		this.pointer = pixel && { ...pixel, camera: pane.stream.camera };
 		this.requestPaint();
 	}
 
 	/** Pass an event of the pointer on a pane to the shape editor; returns whether it used it. */
 	press(pane, at) {
-		const reach = REACH_PX * devicePixelRatio / this.view.scale;
-		return Boolean(this.frame) && this.editor.press(this.pointAt(pane, at), reach);
+		if (!this.lead || pane.stream.camera !== this.lead.stream.camera) return false;
+		const reach = REACH_PX * devicePixelRatio / this.viewOf(pane).scale;
+		return this.editor.press(this.pointAt(pane, at), reach);
 	}
 
 	drag(pane, at) {
 		this.editor.drag(this.pointAt(pane, at));
 	}
 
-	release() {
-		this.editor.release();
-	}
-
 	/** The point [x, y] of the frame at a point of a pane. */
 	pointAt(pane, at) {
-		const { x, y } = this.orientation.toFrame(this.frame.header, this.view.toFrame(pane.size, at));
+		const turned = this.viewOf(pane).toFrame(pane.size, at);
+		const { x, y } = this.orientationOf(pane.stream.camera).toFrame(pane.frame.header, turned);
 		return [x, y];
 	}
 
 	/** The middle of the frame's pixel at a point of a pane, or null outside of the frame. */
 	pixelAt(pane, at) {
-		const { width, height } = this.frame.header;
-		const { x, y } = this.orientation.toFrame({ width, height }, this.view.toFrame(pane.size, at));
+		const { width, height } = pane.frame.header;
+		const [x, y] = this.pointAt(pane, at);
 		const isInside = x >= 0 && y >= 0 && x < width && y < height;
 		return isInside ? { x: Math.floor(x) + 0.5, y: Math.floor(y) + 0.5 } : null;
 	}

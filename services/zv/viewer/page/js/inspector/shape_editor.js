@@ -1,29 +1,32 @@
-// Draws and changes the tracker's zones and lines with the mouse. Each change is sent to the tracker
-// at once; if it is refused, the reason is shown, and the shapes become those of the tracker again.
+// Draws and changes the tracker's zones, lines and regions with mouse or finger. Each change is sent
+// to the tracker at once, with the text that it is based on: if another has changed that meanwhile, or
+// the tracker refuses the new one, the reason is shown, and the shapes become those of the tracker
+// again.
 
-import { distance, freeName, readShapes, shapeAt, writeShapes } from "../model/shapes.js";
+import { distance, freeName, KINDS, readShapes, shapeAt, writeShapes } from "../model/shapes.js";
 import { hasShapes } from "../model/streams.js";
-import { byId, setText } from "../ui/elements.js";
+import { byId, setData, setText } from "../ui/elements.js";
 
-const WORDS = {
-	zones: "Click the corners; on the first or last one again to end. Esc: none.",
-	lines: "Click the two ends. Who goes to the arrow's side crosses to the right.",
-};
+const CORNERS = "Click the corners; on the first or last one again to end. Esc: none.";
+const ENDS = "Click the two ends. Who goes to the arrow's side crosses to the right.";
+const MOST_UNDONE = 100;
 
 export class ShapeEditor {
 	/** `changed()` is called when something is to be drawn again. */
 	constructor(system, connection, changed) {
 		Object.assign(this, { system, connection, changed, camera: null, isActive: false });
+		this.sending = 0;
 		this.clear();
 		system.on("parameters nodes hello", () => this.read());
-		for (const kind of ["zones", "lines"]) {
+		for (const kind of Object.keys(KINDS)) {
 			byId(`add-${kind}`).addEventListener("click", () => this.begin(kind));
 		}
+		byId("shape-undo").addEventListener("click", () => this.undo());
 		byId("shape-name").addEventListener("change", ({ target }) => this.rename(target.value.trim()));
 		byId("shape-delete").addEventListener("click", () => this.remove());
 	}
 
-	/** The node whose parameters are the zones and lines of the camera, or undefined. */
+	/** The node whose parameters are the shapes of the camera, or undefined. */
 	get node() {
 		return this.system.nodes.find(({ node, cameras, alive }) => alive !== false
 			&& cameras?.includes(this.camera) && this.system.parameters.get(node)?.has("zones"))?.node;
@@ -41,8 +44,9 @@ export class ShapeEditor {
 
 	/** Return the shapes to draw, with these counts; with corners only while they are edited. */
 	marks(counts) {
-		const { zones, lines, isActive, draft } = this;
-		return { zones, lines, counts, chosen: isActive ? this.chosen : undefined, draft: draft?.points };
+		const { zones, lines, regions, ignore, isActive, draft } = this;
+		return { zones, lines, regions, ignore, counts, chosen: isActive ? this.chosen : undefined,
+			draft: draft?.points };
 	}
 
 	/** Show and edit the shapes of this camera; null ends it. */
@@ -57,15 +61,28 @@ export class ShapeEditor {
 	}
 
 	clear() {
-		Object.assign(this, { zones: [], lines: [], draft: null, choice: null, held: null });
+		for (const kind of Object.keys(KINDS)) this[kind] = [];
+		Object.assign(this, { draft: null, choice: null, held: null });
+		this.done = []; // own changes: {kind, before, after}, as texts
+		this.base = {}; // kind -> the tracker's text that the shapes are, or a change is based on
+		this.seen = {}; // kind -> the tracker's text that was read last
 	}
 
-	/** Take the shapes of the tracker, unless one is being moved. */
+	/** Take the shapes of the tracker where they are new, unless one is being moved or sent. */
 	read() {
-		if (this.held !== null) return;
+		if (this.held !== null || this.sending) return;
 		const parameters = this.system.parameters.get(this.node);
-		for (const kind of ["zones", "lines"]) {
-			this[kind] = readShapes(String(parameters?.get(kind)?.value ?? ""));
+		for (const kind of Object.keys(KINDS)) {
+			const text = String(parameters?.get(kind)?.value ?? "");
+			if (text === this.seen[kind]) continue;
+			this.seen[kind] = text;
+			if (text === this.base[kind]) continue; // as sent from here
+			const name = this.choice?.kind === kind ? this.chosen?.name : undefined;
+			this.base[kind] = text;
+			this[kind] = readShapes(text);
+			if (name === undefined) continue;
+			const index = this[kind].findIndex((shape) => shape.name === name);
+			this.choice = index < 0 ? null : { kind, index, corner: null };
 		}
 		if (!this.canEdit) this.isActive = false;
 		this.draw();
@@ -76,10 +93,12 @@ export class ShapeEditor {
 		byId("shapes-button").disabled = !this.canEdit;
 		byId("shapes-button").setAttribute("aria-pressed", String(isActive));
 		byId("shapes-bar").hidden = !isActive;
+		setData(byId("large"), { editing: isActive });
 		const name = byId("shape-name");
 		name.disabled = byId("shape-delete").disabled = !chosen;
+		byId("shape-undo").disabled = !draft?.points.length && !this.done.length;
 		if (document.activeElement !== name || !chosen) name.value = chosen?.name ?? "";
-		setText(byId("shape-words"), draft ? WORDS[draft.kind]
+		setText(byId("shape-words"), draft ? (draft.kind === "lines" ? ENDS : CORNERS)
 			: chosen ? "Drag a corner to move it." : "Click a shape to choose it.");
 		this.changed();
 	}
@@ -123,14 +142,14 @@ export class ShapeEditor {
 	add(at, reach) {
 		const { kind, points } = this.draft;
 		const isAgain = [points[0], points.at(-1)].map((end) => end && distance(end, at) <= reach);
-		if (kind === "zones" && points.length > 2 && isAgain.includes(true)) this.finish();
+		if (kind !== "lines" && points.length > 2 && isAgain.includes(true)) this.finish();
 		else if (!isAgain[1]) points.push(at);
 		if (kind === "lines" && points.length === 2) this.finish();
 	}
 
 	finish() {
 		const { kind, points } = this.draft;
-		const name = freeName(kind.slice(0, -1), this[kind]);
+		const name = freeName(kind, this[kind]);
 		this[kind] = [...this[kind], { name, world: false, points }];
 		Object.assign(this, { draft: null, choice: { kind, index: this[kind].length - 1 } });
 		this.send(kind);
@@ -148,6 +167,7 @@ export class ShapeEditor {
 		if (this.held === null) return;
 		this.held = null;
 		if (this.moved) this.send(this.choice.kind);
+		else this.read();
 	}
 
 	rename(name) {
@@ -165,12 +185,43 @@ export class ShapeEditor {
 		this.draw();
 	}
 
-	async send(kind) {
-		const values = { [kind]: writeShapes(this[kind]) };
-		const reply = await this.connection.request({ op: "set", node: this.node, values });
+	/**
+	 * Take back the last corner of an unfinished shape, else the last change of this page; what another
+	 * has changed since is not overwritten. Returns whether shapes are edited.
+	 */
+	undo() {
+		if (!this.isActive || this.held !== null) return this.isActive;
+		if (this.draft) this.draft.points.pop();
+		else if (this.done.length) {
+			const { kind, before, after } = this.done.pop();
+			if (this.base[kind] !== after) this.refuse(`${kind} was changed by another meanwhile`);
+			else {
+				this[kind] = readShapes(before);
+				this.choice = null;
+				this.send(kind, before, false);
+			}
+		}
+		this.draw();
+		return true;
+	}
+
+	async send(kind, text = writeShapes(this[kind]), isNew = true) {
+		const before = this.base[kind] ?? "";
+		const expected = { [kind]: before };
+		const change = { kind, before, after: text };
+		if (isNew) this.done = [...this.done.slice(1 - MOST_UNDONE), change];
+		this.base[kind] = text; // of the next change
+		this.sending += 1;
+		const reply = await this.connection.request({ op: "set", node: this.node,
+			values: { [kind]: text }, expected });
+		this.sending -= 1;
 		// The refused text may be long; the reason is in the last brackets.
 		this.refuse(reply.ok ? "" : /\((.*)\)$/s.exec(reply.error)?.[1] ?? reply.error);
-		if (!reply.ok) this.read();
+		if (!reply.ok) {
+			this.base[kind] = this.seen[kind] = null;
+			this.done = this.done.filter((one) => one !== change);
+		}
+		this.read();
 	}
 
 	refuse(text) {

@@ -1,29 +1,30 @@
 // The large view's menu of the size and quality in which the server sends a stream, and of the
 // stream's addresses for other pages and programs.
 
-import { copyText, streamAddress } from "../export/addresses.js";
+import { copies, copyText, pageFolder, streamAddress } from "../export/addresses.js";
 import { RAW, topicName } from "../model/streams.js";
-import { AS_SENT, QUALITIES, WIDTHS } from "../model/transfer.js";
-import { byId, element, setText } from "../ui/elements.js";
+import { QUALITIES, WIDTHS } from "../model/transfer.js";
+import { byId, setOptions } from "../ui/elements.js";
 
-const COPIED_MS = 1500;
+const PATHS = ["stream", "snapshot"];
 
 export class TransferMenu {
 	/** `setCommon(choice)` sets that of all streams; `changed()` is called after other choices. */
 	constructor(transfer, setCommon, changed) {
 		Object.assign(this, { transfer, setCommon, changed, stream: null });
-		offer(byId("transfer-width"), WIDTHS, (width) => `at most ${width} pixels wide`);
-		offer(byId("transfer-quality"), QUALITIES, (quality) => `JPEG ${quality}`);
-		for (const id of ["transfer-width", "transfer-quality"]) {
-			byId(id).addEventListener("change", () => this.choose());
+		for (const [name, numbers, words] of [
+			["width", WIDTHS, (width) => `at most ${width} pixels wide`],
+			["quality", QUALITIES, (quality) => `JPEG ${quality}`],
+		]) {
+			const list = byId(`transfer-${name}`);
+			setOptions(list, [["", "as sent"], ...numbers.map((number) => [number, words(number)])]);
+			list.addEventListener("change", () => this.choose());
 		}
 		byId("transfer-own").addEventListener("change", ({ target }) => {
 			this.transfer.setOwn(this.stream.key, target.checked ? this.chosen : null);
 			this.changed();
 		});
-		for (const name of ["stream", "snapshot"]) {
-			byId(`copy-${name}`).addEventListener("click", () => this.copy(name));
-		}
+		for (const path of PATHS) copies(byId(`copy-${path}`), byId(`address-${path}`));
 	}
 
 	get chosen() {
@@ -43,33 +44,24 @@ export class TransferMenu {
 	/** The menu is now about this stream, whose frames have this size, or null while unknown. */
 	follow(stream, frameSize) {
 		this.stream = stream;
-		const choice = this.transfer.of(stream.key);
-		byId("transfer-width").value = choice.width ?? "";
-		byId("transfer-quality").value = choice.quality ?? "";
+		const { width, quality } = this.transfer.of(stream.key);
+		byId("transfer-width").value = width ?? "";
+		byId("transfer-quality").value = quality ?? "";
 		byId("transfer-own").checked = this.transfer.hasOwn(stream.key);
 		byId("transfer-own").disabled = Boolean(this.transfer.fixed);
-		byId("transfer-button").setAttribute("aria-pressed",
-			String(Boolean(choice.width || choice.quality)));
+		byId("transfer-button").setAttribute("aria-pressed", String(Boolean(width || quality)));
 		// In an address, a width also enlarges.
-		const isSmaller = choice.width && !(frameSize && frameSize.width <= choice.width);
-		const rendered = { ...AS_SENT, ...choice, width: isSmaller ? choice.width : null };
-		const isRaw = topicName(stream) === RAW;
-		for (const path of ["stream", "snapshot"]) {
-			byId(`address-${path}`).value =
-				streamAddress(location.origin, stream.key, rendered, isRaw, path);
+		const isSmaller = width && !(frameSize && frameSize.width <= width);
+		const rendered = { quality, width: isSmaller ? width : null };
+		for (const path of PATHS) {
+			byId(`address-${path}`).value = streamAddress(pageFolder(), stream.key, rendered,
+				topicName(stream) === RAW, path);
 		}
 	}
 
-	/** Copy the address of the "stream" or of a "snapshot"; it has no token. */
-	async copy(name) {
-		const isCopied = await copyText(byId(`address-${name}`));
-		const button = byId(`copy-${name}`);
-		setText(button, isCopied ? "Copied" : "Ctrl-C");
-		setTimeout(() => setText(button, "Copy"), COPIED_MS);
+	/** Open the menu and copy the stream's address. */
+	copyAddress() {
+		if (!byId("transfer-menu").matches(":popover-open")) byId("transfer-button").click();
+		copyText(byId("copy-stream"), byId("address-stream"));
 	}
-}
-
-function offer(list, numbers, words) {
-	list.replaceChildren(element("option", { value: "" }, "as sent"),
-		...numbers.map((number) => element("option", { value: number }, words(number))));
 }

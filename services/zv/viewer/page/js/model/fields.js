@@ -6,7 +6,7 @@ const DEEPEST = 4;
 
 /**
  * Return the numbers of a message as a Map of names to values. Nested fields are joined by dots:
- * "box.2", "tracks.0.vx", "header.seq"; true and false are 1 and 0. A field that is not a number
+ * "box.2", "tracks.0.vx", "header.stamp_ns"; true and false are 1 and 0. A field that is not a number
  * now is left out, as is what is beyond 64 fields, 16 items of a list or 4 levels.
  */
 export function numericFields({ header, body }) {
@@ -16,14 +16,36 @@ export function numericFields({ header, body }) {
 	return found;
 }
 
-function collect(found, prefix, fields, depth) {
+/** A number of a message by its name, also one beyond those limits; null if it is none. */
+export function numberAt({ header, body }, name) {
+	const names = name.split(".");
+	let value = { ...body, header };
+	for (const one of names) {
+		if (typeof value !== "object" || value === null || !Object.hasOwn(value, one)) return null;
+		value = value[one];
+	}
+	return numberOf(value, names.at(-1));
+}
+
+/** A value as a number, also an integer that the server sends as text for its size or its name. */
+function numberOf(value, name) {
+	if (Number.isFinite(value) || typeof value === "boolean") return Number(value);
+	if (typeof value !== "string" || !/^-?\d{1,20}$/.test(value)) return null;
+	const isSentAsText = name === "epoch" || name.endsWith("_ns")
+		|| Math.abs(Number(value)) > Number.MAX_SAFE_INTEGER;
+	return isSentAsText ? Number(value) : null;
+}
+
+/** Collect the numbers of fields; the items of a list have the name of their list. */
+function collect(found, prefix, fields, depth, listName = null) {
 	if (depth > DEEPEST || typeof fields !== "object" || fields === null) return;
 	const entries = Array.isArray(fields)
 		? fields.slice(0, MOST_ITEMS).map((value, index) => [index, value]) : Object.entries(fields);
 	for (const [name, value] of entries) {
 		if (found.size >= MOST_FIELDS) return;
-		const isNumber = Number.isFinite(value) || typeof value === "boolean";
-		if (isNumber) found.set(prefix + name, Number(value));
-		else collect(found, `${prefix}${name}.`, value, depth + 1);
+		const own = listName ?? name;
+		const number = numberOf(value, own);
+		if (number !== null) found.set(prefix + name, number);
+		else collect(found, `${prefix}${name}.`, value, depth + 1, Array.isArray(value) ? own : null);
 	}
 }

@@ -9,7 +9,7 @@
 //   &panel=plots                the open panel; "none" for none
 //   &hide=top+bars+captions     parts that are hidden
 
-export const PANELS = ["parameters", "plots", "graph", "events", "health", "log"];
+export const PANELS = ["parameters", "plots", "graph", "message", "events", "health", "log"];
 export const HIDEABLE = ["top", "bars", "captions"];
 export const MOST_COLUMNS = 8;
 const LARGEST_WIDTH = 7680;

@@ -1,10 +1,9 @@
 // How the pictures of a camera are turned and mirrored on this page. Boxes, points and values keep
 // the coordinates of the frame, which are those of the messages.
 
-import { loadPreference, savePreference } from "../ui/preferences.js";
+import { KeptChoices } from "../ui/preferences.js";
 
 const TEXT = /^(0|90|180|270)(m?)$/;
-const MOST_CAMERAS = 64;
 
 /** Mirrored first, left to right, then turned clockwise by a number of quarters. */
 export class Orientation {
@@ -68,7 +67,7 @@ export class Orientation {
 /** The orientation of each camera's pictures, kept in the browser. */
 export class Orientations {
 	constructor() {
-		this.texts = new Map(Object.entries(loadPreference("orientations", {})));
+		this.texts = new KeptChoices("orientations");
 	}
 
 	of(camera) {
@@ -76,8 +75,6 @@ export class Orientations {
 	}
 
 	set(camera, { text }) {
-		this.texts.delete(camera); // the newest are last, and the oldest are forgotten
-		if (text !== "0") this.texts.set(camera, text);
-		savePreference("orientations", Object.fromEntries([...this.texts].slice(-MOST_CAMERAS)));
+		this.texts.set(camera, text === "0" ? null : text);
 	}
 }

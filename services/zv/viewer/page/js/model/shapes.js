@@ -1,5 +1,9 @@
-// Zones and lines: reads and writes them as the tracker's texts, and finds the one near a point. A
-// shape is {name, world, points}; points are [x, y], in pixels of the frame unless `world` is true.
+// Zones, lines and regions: reads and writes them as the tracker's texts, and finds the one near a
+// point. A shape is {name, world, points}; points are [x, y], in pixels of the frame unless `world`
+// is true.
+
+/** What one shape of each kind is called. Each kind is a parameter of the tracker. */
+export const KINDS = { zones: "zone", lines: "line", regions: "region", ignore: "ignored" };
 
 /** Read the shapes of a text that the tracker has accepted; what cannot be drawn is left out. */
 export function readShapes(text) {
@@ -15,11 +19,11 @@ export function writeShapes(shapes) {
 		[name, ...(world ? ["world"] : []), ...points.map((point) => point.join())].join(" ")).join("; ");
 }
 
-/** The first of "zone1", "zone2", ... that no shape has. */
+/** The first of "zone1", "zone2", ... that no shape of its kind has. */
 export function freeName(kind, shapes) {
 	let number = 1;
-	while (shapes.some(({ name }) => name === `${kind}${number}`)) number += 1;
-	return `${kind}${number}`;
+	while (shapes.some(({ name }) => name === `${KINDS[kind]}${number}`)) number += 1;
+	return `${KINDS[kind]}${number}`;
 }
 
 export function distance([ax, ay], [bx, by]) {
@@ -36,7 +40,7 @@ export function distanceToEdge([x, y], [ax, ay], [bx, by]) {
 
 /**
  * Find the corner within `reach` of a point, or else the edge: {kind, index, corner}, where
- * `corner` is null for an edge. Null if there is neither. `shapes` is {zones, lines}.
+ * `corner` is null for an edge. Null if there is neither. `shapes` has a list for each kind.
  */
 export function shapeAt(shapes, point, reach) {
 	let best = null;
@@ -44,7 +48,7 @@ export function shapeAt(shapes, point, reach) {
 		if (away <= reach && !(best && best.away <= away)) best = { away, found };
 	};
 	for (const isCorner of [true, false]) {
-		for (const kind of ["zones", "lines"]) {
+		for (const kind of Object.keys(KINDS)) {
 			shapes[kind].forEach(({ world, points }, index) => points.forEach((at, corner) => {
 				if (world) return;
 				const next = points[(corner + 1) % points.length];

@@ -149,7 +149,7 @@ export class StreamStatistics {
 		const since = stream.live ? this.endedSince : stream.since;
 		if (since !== null) {
 			const passed = duration(Math.max(0, serverNow - since));
-			return `${stream.live ? "no picture" : "gone"} since ${clock(since)}\n${passed}`;
+			return `${stream.live ? "no picture" : "node gone"} since ${clock(since)}\n${passed}`;
 		}
 		if (this.lastAt === null) return "waiting for a picture";
 		return `no picture for ${duration(now - this.lastAt)}`;

@@ -5,7 +5,8 @@
 import { Events, milliseconds } from "../transport/connection.js";
 
 const LINES_KEPT = 1000;
-const HISTORY_MS = 5 * 60 * 1000;
+export const HISTORY_MS = 5 * 60 * 1000;
+const LATE_MS = 500; // a message that says the time may be this late, on a slow link
 const GAP_MS = 3000; // reports come once a second, but not while the page is hidden
 
 export class System extends Events {
@@ -15,21 +16,30 @@ export class System extends Events {
 		this.shown = new Map(); // part of the page -> the kinds that it shows
 		this.hello = null;
 		this.streams = [];
+		this.misnamed = []; // cameras of other programs that cannot be shown, by their names
 		this.nodes = [];
-		this.matches = {}; // key expression with wildcards -> the keys of streams that it matches
-		this.histories = new Map(); // node -> [{at, diagnostics, lost, rate, p50, p99, drops|null}]
+		this.matches = new Map(); // key expression with wildcards -> the keys of streams that it matches
+		// node -> [{at, diagnostics, lost, rate, p50, p99, drops|null}], `at` by the page's own clock,
+		// which makes no steps.
+		this.histories = new Map();
 		this.parameters = new Map(); // node -> (name -> parameter)
 		this.lines = [];
+		this.made = 0; // lines
 		this.routerConnected = null;
 		this.clockOffset = performance.timeOrigin;
 		connection.on("open", () => this.sendShown());
 		connection.on("hello", (hello) => this.onHello(hello));
+		connection.on("tick", ({ now_ns: now }) => this.setClock(milliseconds(now)));
 		connection.on("streams", ({ streams }) => {
 			this.streams = streams.map((stream) => ({ ...stream, since: milliseconds(stream.since_ns) }));
 			this.emit("streams");
 		});
+		connection.on("misnamed", ({ cameras }) => {
+			this.misnamed = cameras;
+			this.emit("streams");
+		});
 		connection.on("matches", ({ expressions }) => {
-			this.matches = expressions;
+			this.matches = new Map(Object.entries(expressions));
 			this.emit("matches");
 		});
 		connection.on("nodes", ({ nodes }) => this.onNodes(nodes));
@@ -60,9 +70,21 @@ export class System extends Events {
 		this.connection.send({ op: "show", kinds: [...new Set([...this.shown.values()].flat())] });
 	}
 
+	/** Follow the server's clock, also in a step; a message that was late on its way is none. */
+	setClock(serverNow) {
+		const offset = serverNow - performance.now();
+		const behind = this.clockOffset - offset;
+		if (behind < 0 || behind > LATE_MS) this.clockOffset = offset;
+	}
+
 	/** Milliseconds since 1970 by the server's clock, which all times of streams refer to. */
 	get now() {
 		return performance.now() + this.clockOffset;
+	}
+
+	/** Whether the way to the nodes is cut: between page and viewer, or viewer and router. */
+	get isLinkLost() {
+		return this.routerConnected === false || (this.hello !== null && !this.connection.isOpen);
 	}
 
 	get cameras() {
@@ -95,7 +117,7 @@ export class System extends Events {
 	}
 
 	onHealth({ node, diagnostics, lost: total, at_ns: at }) {
-		const now = milliseconds(at);
+		const now = performance.now() - Math.max(0, this.now - milliseconds(at));
 		const history = this.histories.get(node) ?? [];
 		const lost = Number(total); // a text if it is very large
 		const before = history.at(-1) ?? { at: now, lost };
@@ -115,12 +137,13 @@ export class System extends Events {
 	}
 
 	onLog(fields) {
-		const line = { ...fields, at: milliseconds(fields.at_ns) };
+		const line = { ...fields, key: this.made, at: milliseconds(fields.at_ns) };
 		// When the panel is opened again, the server sends its last lines again.
 		if (this.lines.some(({ at_ns: at, text }) => at === line.at_ns && text === line.text)) return;
+		this.made += 1;
 		this.lines.push(line);
 		if (this.lines.length > LINES_KEPT) this.lines.shift();
-		this.emit("log", line);
+		this.emit("log");
 	}
 
 	setRouter(connected) {

@@ -1,17 +1,16 @@
 // The size and quality in which the server sends pictures to this page: a choice for all streams,
 // and choices for single ones. Without a choice, the pictures arrive as their node sent them.
 
-import { loadPreference, savePreference } from "../ui/preferences.js";
+import { KeptChoices, loadPreference, savePreference } from "../ui/preferences.js";
 
 export const WIDTHS = [1280, 640, 320, 160];
 export const QUALITIES = [80, 60, 40, 20];
-export const AS_SENT = { width: null, quality: null };
-const MOST_STREAMS = 64;
+const AS_SENT = { width: null, quality: null };
 
 export class Transfer {
 	constructor() {
 		this.page = valid(loadPreference("transfer", AS_SENT));
-		this.streams = new Map(Object.entries(loadPreference("transfers", {})));
+		this.streams = new KeptChoices("transfers");
 		this.fixed = null; // of the URL, for all streams
 	}
 
@@ -41,9 +40,7 @@ export class Transfer {
 
 	/** Set the choice for one stream; with null, it has that of all streams again. */
 	setOwn(key, choice) {
-		this.streams.delete(key); // the newest are last, and the oldest are forgotten
-		if (choice) this.streams.set(key, choice);
-		savePreference("transfers", Object.fromEntries([...this.streams].slice(-MOST_STREAMS)));
+		this.streams.set(key, choice);
 	}
 }
 

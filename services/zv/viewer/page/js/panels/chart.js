@@ -1,12 +1,15 @@
 // Draws lines over the last minutes on a canvas, with their names and newest values below it.
 
+import { median } from "../model/streams.js";
+import { HISTORY_MS } from "../model/system.js";
 import { element } from "../ui/elements.js";
 import { number } from "../ui/format.js";
 
-const SPAN_MS = 5 * 60_000;
 const MINUTE_MS = 60_000;
 const FONT = '11px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace';
 const GAP_MS = 3500;
+const GAP_STEPS = 3; // a line is broken where points are further apart, and GAP_MS
+const DOT = 3;
 const LEFT = 46;
 const RIGHT = 8;
 const TOP = 6;
@@ -52,7 +55,7 @@ function drawLines(canvas, lines, now, colour) {
 	context.scale(devicePixelRatio, devicePixelRatio);
 	const values = lines.flatMap((line) => line.points.map(({ value }) => value));
 	const { low, high, ticks } = axis(values);
-	const x = (at) => LEFT + (1 - (now - at) / SPAN_MS) * (width - LEFT - RIGHT);
+	const x = (at) => LEFT + (1 - (now - at) / HISTORY_MS) * (width - LEFT - RIGHT);
 	const y = (value) => TOP + (high - value) / (high - low) * (height - TOP - BOTTOM);
 	context.font = FONT;
 	context.fillStyle = colour("dim");
@@ -61,14 +64,16 @@ function drawLines(canvas, lines, now, colour) {
 		context.fillText(tickText(tick), LEFT - 6, y(tick) + 4);
 		stroke(context, colour("line"), 1, [[LEFT, y(tick)], [width - RIGHT, y(tick)]]);
 	}
-	for (let back = 0; back <= SPAN_MS / MINUTE_MS; back += 1) {
+	for (let back = 0; back <= HISTORY_MS / MINUTE_MS; back += 1) {
 		const text = back === 0 ? "now" : `−${back}`;
 		context.fillText(text, x(now - back * MINUTE_MS) + (back ? 8 : 0), height - 4);
 	}
 	for (const { dash, points, ...line } of lines) {
 		context.setLineDash(dash);
-		const seen = points.filter(({ at, value }) => at >= now - SPAN_MS && value !== null);
-		stroke(context, line.colour, 1.5, seen.map(({ at, value }) => [x(at), y(value), at]));
+		const seen = points.filter(({ at, value }) => at >= now - HISTORY_MS && value !== null);
+		for (const part of joinedParts(seen)) {
+			stroke(context, line.colour, 1.5, part.map(({ at, value }) => [x(at), y(value)]));
+		}
 	}
 }
 
@@ -98,15 +103,27 @@ function tickText(tick) {
 	return text.length <= 6 ? text : tick.toExponential(1).replace("e+", "e");
 }
 
-/** Draw a line through points [x, y, at], broken where `at` jumps. */
+/** The parts of a line whose points {at} follow one another as usual, however slow that is. */
+export function joinedParts(points) {
+	const steps = points.slice(1).map(({ at }, index) => at - points[index].at);
+	const longest = Math.max(GAP_MS, GAP_STEPS * (median(steps) ?? 0));
+	const parts = [];
+	points.forEach((point, index) => {
+		if (!index || steps[index - 1] > longest) parts.push([]);
+		parts.at(-1).push(point);
+	});
+	return parts;
+}
+
+/** Draw a line through points [x, y], or a dot if there is but one. */
 function stroke(context, colour, width, points) {
 	context.strokeStyle = colour;
 	context.lineWidth = width;
 	context.beginPath();
-	points.forEach(([x, y, at], index) => {
-		const isJoined = index && !(at - points[index - 1][2] > GAP_MS);
-		if (isJoined) context.lineTo(x, y);
-		else context.moveTo(x, y);
-	});
+	for (const [x, y] of points) context.lineTo(x, y);
 	context.stroke();
+	if (points.length > 1) return;
+	const [[x, y]] = points;
+	context.fillStyle = colour;
+	context.fillRect(x - DOT / 2, y - DOT / 2, DOT, DOT);
 }

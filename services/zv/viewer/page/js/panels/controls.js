@@ -24,7 +24,10 @@ export function bend({ minimum, maximum, default: usual }) {
 export function valueAt(parameter, position) {
 	const { minimum, maximum, type } = parameter;
 	const value = minimum + (maximum - minimum) * (position / STEPS) ** bend(parameter);
-	if (type === "int") return Math.round(value);
+	if (type === "int") {
+		const step = parameter.step ?? 1;
+		return Math.min(maximum, minimum + Math.round((value - minimum) / step) * step);
+	}
 	const fine = Number(value.toPrecision(3));
 	return Math.min(maximum, Math.max(minimum, fine));
 }
@@ -43,6 +46,12 @@ export function parse(parameter, text) {
 		return text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text);
 	}
 	return text;
+}
+
+/** Why a parameter cannot be set now, by its flags; empty if it can. */
+export function locked({ flags }) {
+	const words = { read_only: "only read", inactive: "without effect now", grabbed: "locked now" };
+	return (flags ?? []).map((flag) => words[flag]).filter(Boolean).join(", ");
 }
 
 /** Show why a change was refused and what is allowed, or nothing if it was not. */
@@ -66,6 +75,7 @@ export class Control {
 					target.type === "checkbox" ? target.checked : parse(this.parameter, target.value));
 			} });
 		this.slider = this.makeSlider();
+		this.condition = element("p", { class: "condition" });
 		this.error = element("p", { class: "refusal", id: `${id}-error`, role: "alert", hidden: true });
 		this.reset = element("button", { type: "button", class: "reset", title: "Back to the default",
 			"aria-label": `${name} back to the default`,
@@ -74,6 +84,7 @@ export class Control {
 			element("label", { for: id }, name, unit ? element("small", {}, unit) : null),
 			element("div", { class: "inputs" }, this.slider, this.field),
 			this.reset,
+			this.condition,
 			element("p", { class: "description", id: `${id}-words` }, description),
 			this.error);
 		this.draw();
@@ -83,14 +94,27 @@ export class Control {
 	endEdit() {
 		if (!this.edited) return;
 		this.edited = false;
-		if (!this.busy) this.draw();
+		if (!this.busy) this.showValue();
+	}
+
+	/** Show the value that the node has, which no longer is the one that it refused. */
+	showValue() {
+		showRefusal(this.error, { ok: true });
+		this.field.setAttribute("aria-invalid", "false");
+		this.draw();
 	}
 
 	/** Show a new value, unless it is the known one, or a change is pending. */
 	update(parameter) {
 		if (parameter === this.parameter) return;
 		this.parameter = parameter;
-		if (!this.busy) this.draw();
+		if (!this.busy) this.showValue();
+	}
+
+	/** Say on which choice of another parameter this one depends, if it has no effect now. */
+	showCondition(words) {
+		setText(this.condition, words);
+		setData(this.element, { unused: words !== "" });
 	}
 
 	makeField(common) {
@@ -100,12 +124,16 @@ export class Control {
 			return element("select", common,
 				...listed.map((choice) => element("option", { value: choice }, choice || "not set")));
 		}
+		if (this.parameter.flags?.includes("write_only")) {
+			return element("button", { ...common, type: "button", onchange: null,
+				onclick: () => this.send(true) }, "Do");
+		}
 		if (type === "bool") return element("input", { ...common, type: "checkbox" });
 		if (type === "str") {
 			return element("input", { ...common, type: "text", autocomplete: "off", spellcheck: "false" });
 		}
 		return element("input", { ...common, type: "number", inputmode: "decimal", min: minimum,
-			max: maximum, step: type === "int" ? 1 : "any",
+			max: maximum, step: type === "int" ? this.parameter.step ?? 1 : "any",
 			placeholder: usual === null ? "not set" : "" });
 	}
 
@@ -125,6 +153,7 @@ export class Control {
 	/** Show a value; the field keeps a text that is being typed. */
 	show(value) {
 		const { field, slider, parameter } = this;
+		if (field.type === "button") return;
 		if (field.type === "checkbox") field.checked = Boolean(value);
 		else if (!this.edited) field.value = String(value ?? "");
 		// Several positions may mean the same value; then the slider stays where it is.
@@ -153,7 +182,11 @@ export class Control {
 	draw() {
 		const { value, default: usual } = this.parameter;
 		this.show(value);
-		this.reset.disabled = value === usual;
+		const words = locked(this.parameter);
+		for (const input of [this.field, this.slider]) if (input) input.disabled = words !== "";
+		this.element.title = this.tooltip();
+		setData(this.element, { locked: words });
+		this.reset.disabled = value === usual || words !== "";
 		setData(this.element, { changed: value !== usual, value });
 	}
 
@@ -162,6 +195,6 @@ export class Control {
 		const range = choices ? choices.join(", ")
 			: minimum !== null && maximum !== null ? `${minimum} to ${maximum}` : "";
 		return [description, range && `allowed: ${range}${unit ? ` ${unit}` : ""}`,
-			`default: ${usual === null ? "not set" : usual}`].filter(Boolean).join("\n");
+			locked(this.parameter), `default: ${usual === null ? "not set" : usual}`].filter(Boolean).join("\n");
 	}
 }

@@ -1,6 +1,6 @@
 // The dock beside the main view: which panel is open. Also the list of cameras that panels share.
 
-import { byId, element, setData, setText } from "../ui/elements.js";
+import { byId, setData, setOptions, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 
 // Kinds of text that each panel needs besides the lists. The count of health is always visible.
@@ -32,7 +32,7 @@ export class Dock {
 	 */
 	show(name, { isKept = true } = {}) {
 		const closed = this.open;
-		this.open = name in this.panels ? name : "";
+		this.open = Object.hasOwn(this.panels, name) ? name : "";
 		const hadFocus = byId("dock").contains(document.activeElement);
 		byId("dock").hidden = !this.open;
 		setData(document.body, { panel: this.open });
@@ -74,15 +74,16 @@ export class CameraList {
 		return this.list.value;
 	}
 
+	choose(camera) {
+		this.list.value = camera;
+	}
+
 	/** Offer the present cameras; choose the one in the large view if that changed. */
 	update() {
 		const cameras = [...this.system.cameras, ...(this.withAll ? [""] : [])];
 		const current = this.current();
 		const wanted = current && current !== this.before ? current : this.list.value;
-		if ([...this.list.options].map((option) => option.value).join() !== cameras.join()) {
-			this.list.replaceChildren(...cameras.map((camera) =>
-				element("option", { value: camera }, camera || "all cameras")));
-		}
+		setOptions(this.list, cameras.map((camera) => [camera, camera || "all cameras"]));
 		this.before = current;
 		const value = cameras.includes(wanted) ? wanted : cameras[0];
 		if (this.list.value !== value) this.list.value = value;

@@ -1,61 +1,98 @@
 // The panel of events: tracks that started or ended, entered or left a zone, or crossed a line, of
-// all cameras, newest last. Only events that arrive while the panel is open are listed.
+// all cameras, newest last. They are those that the viewer keeps; of one that keeps none, those that
+// arrive while the panel is open.
 
-import { byId, element, syncViews } from "../ui/elements.js";
-import { clock, number } from "../ui/format.js";
+import { byId, element, setText, svg } from "../ui/elements.js";
+import { clock, dayAndClock, number } from "../ui/format.js";
+import { KeptEvents, momentOf } from "./kept_events.js";
+import { LineList } from "./line_list.js";
 
 const TYPE = "vision.TrackEvent.v1";
 const MOST_CAMERAS = 8;
 const ROWS_KEPT = 500;
 const LONGEST_TEXT = 60;
-const AT_END_PX = 24;
-const DRAW_MS = 200; // one drawing for the events of a busy scene
+const CHOSEN_BY = ["camera", "kind", "zone", "since", "until"];
 
 export class EventsPanel {
 	constructor(system, watches) {
 		Object.assign(this, { system, watches, rows: [], made: 0 });
 		this.stops = new Map(); // key of a stream -> the function that ends its watch
-		this.views = new Map();
+		const fields = Object.fromEntries(CHOSEN_BY.map((name) => [name, byId(`event-${name}`)]));
+		this.kept = new KeptEvents(fields, () => this.draw());
+		this.list = new LineList("event-lines", () => this.kept.isKept ? this.kept.rows : this.rows,
+			(row) => "message" in row ? liveRow(row) : keptRow(row));
+		byId("event-older").addEventListener("click", () => this.kept.ask(true));
+		const dialog = byId("event-dialog");
+		dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
 		system.on("streams", () => this.draw());
+		system.on("hello", () => this.kept.restart()); // of a viewer that may keep others
 	}
 
 	draw() {
-		const streams = this.visible ? this.system.streams.filter(({ type }) => type === TYPE) : [];
-		const keys = streams.slice(0, MOST_CAMERAS).map(({ key }) => key);
-		for (const [key, stop] of this.stops) {
-			if (keys.includes(key)) continue;
-			stop();
-			this.stops.delete(key);
-		}
-		for (const key of keys) {
-			if (this.stops.has(key)) continue;
-			this.stops.set(key, this.watches.watchMessages(key, (message) => this.take(message)));
-		}
-		if (!this.visible) return;
-		const list = byId("event-lines");
-		list.dataset.empty = keys.length ? "No event yet." : "No node publishes events.";
-		const atEnd = list.scrollHeight - list.scrollTop - list.clientHeight < AT_END_PX;
-		syncViews(list, this.views, this.rows, ({ message, at }) => ({ element: makeRow(message, at) }));
-		if (atEnd) list.scrollTop = list.scrollHeight;
+		const { isKept, words, hasEarlier, query } = this.kept;
+		this.kept.show(Boolean(this.visible));
+		const isLive = this.visible && isKept === false;
+		const streams = this.system.streams.filter(({ type }) => isLive && type === TYPE);
+		const wanted = streams.slice(0, MOST_CAMERAS).map(({ key }) => [key, (one) => this.take(one)]);
+		this.watches.syncMessages(this.stops, new Map(wanted));
+		byId("event-lines").dataset.empty = isKept || wanted.length ? "No event yet."
+			: "No node publishes events.";
+		byId("event-filters").hidden = !isKept;
+		byId("event-older").hidden = !isKept || !hasEarlier;
+		byId("event-table").href = `events.csv?${query}`;
+		setText(byId("event-words"), words || (isKept === false
+			? "While this is open: the viewer keeps none, --events-dir makes it." : ""));
+		this.list.draw();
 	}
 
 	take(message) {
 		this.made += 1;
 		this.rows.push({ key: this.made, message, at: this.system.now });
 		if (this.rows.length > ROWS_KEPT) this.rows.shift();
-		this.timer ??= setTimeout(() => {
-			this.timer = null;
-			this.draw();
-		}, DRAW_MS);
+		this.list.drawSoon();
 	}
 }
 
-function makeRow({ key, header, body }, at) {
-	const { event, id, zone, direction, x, y } = body;
-	const place = Number.isFinite(x) && Number.isFinite(y) ? `at ${number(x, 0)}, ${number(y, 0)}` : "";
+function liveRow({ message: { key, header, body }, at }) {
 	const [, camera] = key.split("/");
-	const words = [`${String(event ?? "?").replaceAll("_", " ")} ${id ?? ""}`, zone, direction, place];
 	const title = header ? `frame ${header.seq}, epoch ${header.epoch}` : null;
 	return element("li", { title }, element("time", {}, clock(at)), element("b", {}, camera),
-		words.filter(Boolean).map((word) => String(word).slice(0, LONGEST_TEXT)).join(", "));
+		wordsOf(body));
+}
+
+function keptRow(row) {
+	const picture = row.picture === null ? null
+		: element("img", { src: pictureOf(row), alt: "", loading: "lazy" });
+	return element("li", {}, element("button", { type: "button", onclick: () => open(row) }, picture,
+		element("span", {}, element("time", {}, dayAndClock(row.at)), element("b", {}, row.camera),
+			wordsOf(row))));
+}
+
+function wordsOf({ event, id, zone, direction, x, y, class: name }) {
+	const place = Number.isFinite(x) && Number.isFinite(y) ? `at ${number(x, 0)}, ${number(y, 0)}` : "";
+	const words = [`${String(event ?? "?").replaceAll("_", " ")} ${id ?? ""}`, name, zone, direction, place];
+	return words.filter(Boolean).map((word) => String(word).slice(0, LONGEST_TEXT)).join(", ");
+}
+
+/** A number may have another picture once the viewer has begun a new file. */
+function pictureOf({ picture, at }) {
+	return `events/${picture}.jpg?at=${at}`;
+}
+
+/** Show the picture of an event with the box of its track, and where it happened. */
+function open(row) {
+	const { width, height, box, x, y } = row;
+	const shapes = [];
+	if (row.picture !== null) shapes.push(svg("image", { href: pictureOf(row), width, height }));
+	if (box) shapes.push(svg("rect", { x: box[0], y: box[1], width: box[2], height: box[3] }));
+	if (Number.isFinite(x) && Number.isFinite(y)) {
+		shapes.push(svg("circle", { cx: x, cy: y, r: Math.max(width, height) / 120 }));
+	}
+	const view = byId("event-view");
+	view.setAttribute("viewBox", `0 0 ${width} ${height}`);
+	view.replaceChildren(...shapes);
+	setText(byId("event-title"), `${row.camera}: ${wordsOf(row)}`);
+	setText(byId("event-about"), `${new Date(row.at).toLocaleString()}, ${momentOf(row)}`
+		+ `${box ? "" : ", no box"}, frame ${row.seq}, epoch ${row.epoch}`);
+	byId("event-dialog").showModal();
 }

@@ -1,15 +1,17 @@
 // Keeps the values of chosen numbers in the messages of one camera, over the last minutes.
 
-import { numericFields } from "../model/fields.js";
+import { numberAt, numericFields } from "../model/fields.js";
+import { HISTORY_MS } from "../model/system.js";
 
-const POINTS_KEPT = 9000; // five minutes at 30 Hz
-const POINTS_DRAWN = 1200;
+const SLOT_MS = 250;
 
 export class FieldRecorder {
 	constructor(system, watches) {
 		Object.assign(this, { system, watches, camera: null });
 		this.stops = new Map(); // key of a stream -> the function that ends its watch
-		this.series = new Map(); // topic and name -> [{at, value}]
+		// Topic and name -> [{low, high, newest}], the points {at, value} of each quarter of a second
+		// that has any: few enough to be drawn however fast they come, and no spike is lost.
+		this.series = new Map();
 		this.known = new Map(); // topic -> the names of the numbers in its newest message
 	}
 
@@ -22,37 +24,37 @@ export class FieldRecorder {
 		Object.assign(this, { camera, fields });
 		const kept = fields.map((field) => field.join(" "));
 		for (const name of this.series.keys()) if (!kept.includes(name)) this.series.delete(name);
-		const wanted = new Map(this.system.streams
+		this.watches.syncMessages(this.stops, new Map(this.system.streams
 			.filter((one) => one.camera === camera && one.kind === "message" && topics.includes(one.topic))
-			.map((one) => [one.key, one.topic]));
-		for (const [key, stop] of this.stops) {
-			if (wanted.has(key)) continue;
-			stop();
-			this.stops.delete(key);
-		}
-		for (const [key, topic] of wanted) {
-			if (this.stops.has(key)) continue;
-			this.stops.set(key, this.watches.watchMessages(key, (message) => this.take(topic, message)));
-		}
+			.map(({ key, topic }) => [key, (message) => this.take(topic, message)])));
 	}
 
-	take(topic, message) {
+	take(topic, message, now = performance.now()) { // the clocks of camera and server may differ
 		const found = numericFields(message);
 		this.known.set(topic, [...found.keys()]);
 		for (const [of, name] of this.fields) {
-			if (of !== topic || !found.has(name)) continue;
+			if (of !== topic) continue;
+			const value = found.get(name) ?? numberAt(message, name);
+			if (value === null) continue;
 			const kept = this.series.get(`${topic} ${name}`) ?? [];
-			kept.push({ at: this.system.now, value: found.get(name) }); // the camera's clock may differ
-			if (kept.length > POINTS_KEPT) kept.shift();
+			const point = { at: now, value };
+			const slot = kept.at(-1);
+			if (!slot || Math.floor(slot.newest.at / SLOT_MS) !== Math.floor(now / SLOT_MS)) {
+				kept.push({ low: point, high: point, newest: point });
+			} else {
+				slot.newest = point;
+				if (point.value < slot.low.value) slot.low = point;
+				if (point.value > slot.high.value) slot.high = point;
+			}
+			while (now - kept[0].newest.at > HISTORY_MS) kept.shift();
 			this.series.set(`${topic} ${name}`, kept);
 		}
 	}
 
-	/** The values of a number, few enough to be drawn, oldest first. */
+	/** The points of a number that are to be drawn, oldest first. */
 	points(topic, name) {
-		const kept = this.series.get(`${topic} ${name}`) ?? [];
-		const step = Math.ceil(kept.length / POINTS_DRAWN);
-		return kept.filter((_, index) => index % step === 0);
+		return (this.series.get(`${topic} ${name}`) ?? []).flatMap(({ low, high, newest }) =>
+			[...new Set([low, high, newest])].sort((a, b) => a.at - b.at));
 	}
 
 	/** The names of the numbers in the newest message of a topic. */

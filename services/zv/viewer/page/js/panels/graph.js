@@ -36,7 +36,9 @@ export class GraphPanel {
 			.map((node) => ({ node: node.node, alive: node.alive,
 				publishes: ofCamera(node.publishes), subscribes: ofCamera(node.subscribes) }));
 		const width = Math.min(WIDEST, Math.max(NARROWEST, byId("graph").clientWidth - 28));
-		const state = JSON.stringify([camera, width, nodes, this.system.matches]);
+		const keys = nodes.flatMap((node) => [...node.publishes, ...node.subscribes]);
+		const kinds = keys.map((key) => this.system.stream(key)?.kind);
+		const state = JSON.stringify([camera, width, nodes, kinds, ...this.system.matches]);
 		if (state === this.state) return;
 		this.state = state;
 		const layout = layOut(nodes, this.system.matches);
@@ -48,7 +50,7 @@ export class GraphPanel {
 		const right = width - NODE_WIDTH - 1;
 		const middles = new Map(receivers.map((one) => [one.node, one.y + ROW / 2]));
 		return svg("svg", { viewBox: `0 -2 ${width} ${height + 4}`, width, height: height + 4,
-			role: "img", "aria-label": "Graph of nodes and keys", class: "graph-drawing" },
+			role: "group", "aria-label": "Graph of nodes and keys", class: "graph-drawing" },
 		rows.flatMap((row) => wires(row, middles, this.nameOf(row.key), right)),
 		rows.map((row) => this.keyText(row)),
 		senders.map((one) => nodeBox(one, 1)),
@@ -101,12 +103,12 @@ function nodeBox({ node, alive, y, height }, x) {
 
 /**
  * Lay out nodes ({node, alive, publishes, subscribes}) in columns; a node that publishes and
- * subscribes is in both. `matches` maps an expression with wildcards to the streams that it matches.
+ * subscribes is in both. `matches`, a Map, has the streams that an expression with wildcards matches.
  * Returns {rows, senders, receivers, height}: rows [{key, y, sender, receivers}], senders and
  * receivers [{node, alive, y, height}].
  */
-export function layOut(nodes, matches = {}) {
-	const keysOf = (expression) => matches[expression] ?? [expression];
+export function layOut(nodes, matches = new Map()) {
+	const keysOf = (expression) => matches.get(expression) ?? [expression];
 	const heard = new Map(); // key or expression -> names of the nodes that subscribe to it
 	for (const { node, subscribes } of nodes) {
 		for (const key of new Set([...subscribes, ...subscribes.flatMap(keysOf)])) {

@@ -2,11 +2,11 @@
 
 import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
 import { clock, count, duration, number, rate } from "../ui/format.js";
+import { LineList } from "./line_list.js";
 
 const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
 const STALE_MS = 3500;
 const CELLS = ["level", "rate", "p50", "p99", "lost"];
-const AT_END_PX = 24;
 const SETTLE_MS = 100; // one drawing for the reports of many nodes
 
 export class HealthPanel {
@@ -38,7 +38,7 @@ export class HealthPanel {
 		const report = this.system.report(node.node);
 		if (node.alive === false) return { level: "GONE", message: "its liveliness token is gone" };
 		if (!report) return { level: "–", message: "no report yet" };
-		const silence = this.system.now - report.at;
+		const silence = performance.now() - report.at;
 		if (silence > STALE_MS) return { level: "STALE", message: `no report for ${duration(silence)}` };
 		const { level, message } = report.diagnostics;
 		return { level: LEVELS[level] ?? String(level), message };
@@ -47,7 +47,8 @@ export class HealthPanel {
 	fill(row, node) {
 		const { level, message } = this.stateOf(node);
 		const { diagnostics, rate: hz, p50, p99, lost } = this.system.report(node.node) ?? {};
-		const way = diagnostics?.transport ? `, transport: ${diagnostics.transport}` : "";
+		const taken = Object.entries(diagnostics?.routes ?? {}).map(([key, way]) => `${key} by ${way}`);
+		const way = taken.length ? `, takes ${taken.join(", ")}` : "";
 		const uptime = diagnostics ? `, up ${duration(1000 * diagnostics.uptime_s)}` : "";
 		const texts = {
 			level,
@@ -67,11 +68,13 @@ export class HealthPanel {
 }
 
 function makeHealthRow(node) {
-	const cells = CELLS.map((name) => [name, element("span", { class: `cell-${name}` })]);
-	const row = { ...Object.fromEntries(cells), message: element("p", { class: "message" }),
+	const values = CELLS.map((name) => [name, element("span")]);
+	const cells = values.map(([name, value]) => element("span", { class: `cell-${name}` },
+		element("span", { class: "only-read" }, `${name} `), value));
+	const row = { ...Object.fromEntries(values), message: element("p", { class: "message" }),
 		about: element("p", { class: "about" }), counters: element("dl", { class: "counters" }) };
 	row.element = element("details", { "data-node": node }, element("summary", {},
-		element("i", { class: "lamp" }), element("b", {}, node), ...cells.map(([, cell]) => cell)),
+		element("i", { class: "lamp" }), element("b", {}, node), ...cells),
 	row.message, row.about, row.counters);
 	return row;
 }
@@ -79,20 +82,12 @@ function makeHealthRow(node) {
 /** The log of changes of the system, newest last. */
 export class LogPanel {
 	constructor(system) {
-		this.system = system;
-		system.on("log", (line) => this.draw(line));
+		this.list = new LineList("log-lines", () => system.lines, makeLogRow);
+		system.on("log", () => this.list.drawSoon());
 	}
 
-	/** Add a line, or draw all again; the list scrolls along only if its end was visible. */
-	draw(added = null) {
-		if (!this.visible) return;
-		const list = byId("log-lines");
-		const { lines } = this.system;
-		const atEnd = !added || list.scrollHeight - list.scrollTop - list.clientHeight < AT_END_PX;
-		if (added) list.append(makeLogRow(added));
-		else list.replaceChildren(...lines.map(makeLogRow));
-		while (list.children.length > lines.length) list.firstChild.remove();
-		if (atEnd) list.scrollTop = list.scrollHeight;
+	draw() {
+		this.list.draw();
 	}
 }
 

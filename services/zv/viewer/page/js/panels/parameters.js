@@ -3,7 +3,23 @@
 import { offer } from "../export/saving.js";
 import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
-import { Control, showRefusal } from "./controls.js";
+import { Control, locked, showRefusal } from "./controls.js";
+
+/** Whether a text has no default that could be set: one of a device. */
+const isKeptElsewhere = ({ name, default: usual }) => name.includes(".") && usual === null;
+
+/**
+ * Why a parameter has no effect now: its description begins with the choices of another one to which
+ * it belongs, as in "robust: ..." or "of canny and sobel: ...", and that one is not among them. Empty
+ * if it has.
+ */
+export function condition({ description }, parameters) {
+	const words = /^(?:of )?([\w, ]{1,100}?)(?:, (?:their|its) [\w ]+)?:/.exec(description ?? "")?.[1];
+	const values = words?.split(/, | and /) ?? [];
+	const other = parameters.find(({ choices }) => choices && values.every((one) => choices.includes(one)));
+	if (!words || !other || values.includes(other.value)) return "";
+	return `only with ${other.name} = ${values.join(" or ")}`;
+}
 
 export class ParametersPanel {
 	/** `current()` returns the camera in the large view, or null. */
@@ -36,9 +52,11 @@ export class ParametersPanel {
 		return [...this.system.parameters.get(node)?.values() ?? []];
 	}
 
-	/** The parameters that do not have their default values. */
+	/** The parameters that do not have their default values, and can be set. */
 	changed(node) {
-		return this.of(node).filter((parameter) => parameter.value !== parameter.default);
+		return this.of(node).filter((parameter) =>
+			parameter.value !== parameter.default && parameter.default !== undefined
+				&& !locked(parameter) && !isKeptElsewhere(parameter));
 	}
 
 	/** Make a node's section: its element, and `update()`, which shows new values. */
@@ -65,7 +83,11 @@ export class ParametersPanel {
 			setData(details, { alive: isAlive });
 			fields.disabled = reset.disabled = this.isViewOnly;
 			setText(state, !isAlive ? "gone" : changed ? `${changed} changed` : "");
-			this.of(node).forEach((parameter, index) => controls[index].update(parameter));
+			const all = this.of(node);
+			all.forEach((parameter, index) => {
+				controls[index].update(parameter);
+				controls[index].showCondition(condition(parameter, all));
+			});
 		} };
 	}
 

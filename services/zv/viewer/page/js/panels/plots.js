@@ -1,7 +1,7 @@
 // The panel of plots over the last minutes: rate, latency and losses of each node, and any number
 // in any message of the chosen camera, also of a schema that this page does not know.
 
-import { byId, element, syncViews } from "../ui/elements.js";
+import { byId, setOptions, syncViews } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Chart } from "./chart.js";
 import { CameraList } from "./dock.js";
@@ -48,7 +48,7 @@ export class PlotsPanel {
 		this.drawMenu(camera);
 		const style = getComputedStyle(document.documentElement);
 		const colour = (name) => style.getPropertyValue(`--${name}`);
-		const { now } = this.system;
+		const now = performance.now();
 		const lines = (fields) => linesOf(this.system, camera, fields, colour);
 		for (const { fields, view } of this.charts) view.draw(lines(fields), now, colour);
 		syncViews(byId("field-plots"), this.views, this.fields.map((field) => field.join(" ")),
@@ -70,6 +70,8 @@ export class PlotsPanel {
 	drawMenu(camera) {
 		const topics = this.system.streams.filter((one) => one.camera === camera
 			&& one.kind === "message").map((one) => one.topic);
+		const offer = (list, names, title) =>
+			setOptions(list, [["", title], ...names.map((name) => [name, name])]);
 		offer(byId("plot-topic"), topics, "stream …");
 		const topic = byId("plot-topic").value;
 		const names = this.recorder.names(topic).filter((name) =>
@@ -81,6 +83,15 @@ export class PlotsPanel {
 	add() {
 		const [topic, name] = [byId("plot-topic").value, byId("plot-field").value];
 		if (topic && name) this.setFields([...this.fields, [topic, name]]);
+	}
+
+	/** Plot a number of a stream of messages; of more plots than there may be, the oldest goes. */
+	plot(key, name) {
+		const stream = this.system.stream(key);
+		if (!stream) return;
+		this.cameras.choose(stream.camera);
+		const others = this.fields.filter((field) => field.join(" ") !== `${stream.topic} ${name}`);
+		this.setFields([...others.slice(1 - MOST_FIELDS), [stream.topic, name]]);
 	}
 
 	setFields(fields) {
@@ -111,14 +122,4 @@ function loadFields() {
 	const kept = loadPreference("plots", FIELDS_AT_FIRST);
 	return (Array.isArray(kept) ? kept : FIELDS_AT_FIRST).slice(0, MOST_FIELDS)
 		.filter((field) => Array.isArray(field) && field.length === 2 && field.every(isName));
-}
-
-/** Offer the names in a list, after one that says what it is for; touch it only if they differ. */
-function offer(list, names, title) {
-	const [first, ...others] = [...list.options].map((option) => option.text);
-	if (first === title && others.join("\n") === names.join("\n")) return;
-	const { value } = list;
-	list.replaceChildren(element("option", { value: "" }, title),
-		...names.map((name) => element("option", { value: name }, name)));
-	list.value = names.includes(value) ? value : "";
 }

@@ -29,14 +29,10 @@ export class Connection extends Events {
 		this.address = address;
 		this.delay = FIRST_DELAY_MS;
 		this.queue = [];
-		this.credit = BURST;
+		Object.assign(this, { credit: BURST, creditAt: 0 });
 		this.requests = new Map(); // id -> function that takes the reply
 		this.nextId = 1;
 		this.on("reply", (reply) => this.resolve(reply));
-		setInterval(() => {
-			this.credit = Math.min(BURST, this.credit + 1);
-			this.flush();
-		}, 1000 / TEXTS_PER_SECOND);
 		setInterval(() => this.closeIfSilent(), 1000);
 		document.addEventListener("visibilitychange", () => {
 			if (!document.hidden && this.timer) this.open();
@@ -52,10 +48,15 @@ export class Connection extends Events {
 	}
 
 	flush() {
+		clearTimeout(this.flushing);
+		const now = performance.now();
+		this.credit = Math.min(BURST, this.credit + (now - this.creditAt) * TEXTS_PER_SECOND / 1000);
+		this.creditAt = now;
 		while (this.queue.length && this.credit >= 1) {
 			this.credit -= 1;
 			this.socket.send(JSON.stringify(this.queue.shift()));
 		}
+		if (this.queue.length) this.flushing = setTimeout(() => this.flush(), 1000 / TEXTS_PER_SECOND);
 	}
 
 	/** Tell the server that a picture was taken. Not rate-limited: one is sent per picture. */

@@ -45,18 +45,44 @@ export function byId(id) {
  * Items are keys or have a `key`. `views` maps keys to objects with an `element`: `make(item)` adds
  * those that are missing, `close(view)` is called for those that are removed.
  */
-export function syncViews(list, views, items, make, close = () => {}) {
+export function syncViews(list, views, items, make, close = (_view) => {}) {
 	const keys = items.map((item) => item.key ?? item);
+	const wanted = new Set(keys);
 	for (const [key, view] of views) {
-		if (keys.includes(key)) continue;
+		if (wanted.has(key)) continue;
 		views.delete(key);
 		view.element.remove();
 		close(view);
 	}
 	keys.forEach((key, index) => {
 		if (!views.has(key)) views.set(key, make(items[index]));
-		const wanted = views.get(key).element;
+		const { element: shown } = views.get(key);
 		const present = list.children[index];
-		if (present !== wanted) list.insertBefore(wanted, present ?? null);
+		if (present !== shown) list.insertBefore(shown, present ?? null);
 	});
+}
+
+/** Replace the rows of a list; the control that has the focus keeps it, by its `data-choice`. */
+export function replaceRows(list, rows) {
+	const focused = list.contains(document.activeElement) && document.activeElement.dataset.choice;
+	list.replaceChildren(...rows.filter(Boolean));
+	if (focused) list.querySelector(`[data-choice="${CSS.escape(focused)}"]`)?.focus();
+}
+
+/** A labelled checkbox; `chosen(on)` is called when it is changed. */
+export function checkbox(label, checked, chosen, attributes = {}) {
+	const { title, ...others } = attributes;
+	return element("label", { title }, element("input", { type: "checkbox", checked,
+		"data-choice": label, onchange: ({ target }) => chosen(target.checked), ...others }),
+	element("span", {}, label));
+}
+
+/** Offer [value, text] in a list, which keeps its choice; it is touched only if they differ. */
+export function setOptions(list, options) {
+	const made = JSON.stringify(options);
+	if (list.made === made) return;
+	const { value } = list;
+	list.made = made;
+	list.replaceChildren(...options.map(([each, text]) => element("option", { value: each }, text)));
+	if (options.some(([each]) => String(each) === value)) list.value = value;
 }

@@ -22,6 +22,14 @@ export function rate(hz) {
 	return `${hz.toFixed(hz < 1 && hz > 0 ? 2 : 1)} Hz`;
 }
 
+const CLEARLY_FEWER = 0.8;
+
+/** The rate of a stream; "1.3 of 8.0 Hz" if clearly fewer pictures a second arrive here. */
+export function shownRate(arriving, all) {
+	const isLess = arriving !== null && all !== null && arriving < CLEARLY_FEWER * all;
+	return isLess ? `${rate(arriving).replace(" Hz", "")} of ${rate(all)}` : rate(all);
+}
+
 /** "1 240", with thin spaces, so that long counters can be read. */
 export function count(number) {
 	return String(number).replace(/\B(?=(\d{3})+(?!\d))/g, "\u2009");
@@ -42,6 +50,12 @@ export function bitRate(bitsPerSecond) {
 /** "14:03:22" in this browser's time zone, from milliseconds since 1970. */
 export function clock(ms) {
 	return ms === null ? UNKNOWN : new Date(ms).toTimeString().slice(0, 8);
+}
+
+/** The clock, after the day if that is not today. */
+export function dayAndClock(ms) {
+	const day = new Date(ms).toLocaleDateString();
+	return day === new Date().toLocaleDateString() ? clock(ms) : `${day} ${clock(ms)}`;
 }
 
 /** A number with as many digits as it needs, at most `digits` after the point. */

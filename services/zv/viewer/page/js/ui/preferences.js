@@ -4,6 +4,7 @@
 import { byId, setText } from "./elements.js";
 
 const PREFIX = "zv.";
+const MOST_CHOICES = 64;
 const PREFERS_LIGHT = "(prefers-color-scheme: light)";
 
 export function loadPreference(name, fallback) {
@@ -20,6 +21,29 @@ export function savePreference(name, value) {
 		localStorage.setItem(PREFIX + name, JSON.stringify(value));
 	} catch {
 		// In private windows or on a full disk, the choice is kept until the page is closed.
+	}
+}
+
+/** Choices by key, kept in the browser; of very many, the newest. */
+export class KeptChoices {
+	constructor(name) {
+		this.name = name;
+		this.choices = new Map(Object.entries(loadPreference(name, {}) ?? {}));
+	}
+
+	has(key) {
+		return this.choices.has(key);
+	}
+
+	get(key) {
+		return this.choices.get(key);
+	}
+
+	/** Set the choice for a key; null for none. */
+	set(key, choice) {
+		this.choices.delete(key); // the newest are last
+		if (choice !== null) this.choices.set(key, choice);
+		savePreference(this.name, Object.fromEntries([...this.choices].slice(-MOST_CHOICES)));
 	}
 }
 

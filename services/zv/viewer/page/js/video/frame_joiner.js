@@ -1,5 +1,5 @@
-// Watches the pictures and messages of the large view, and joins those of the same epoch and
-// sequence number into frames.
+// Joins the pictures and messages of one camera that have the same epoch and sequence number into
+// frames.
 //
 // The first picture stream leads. A frame is complete when all its parts have arrived. Two frame
 // times after the arrival of its leading picture, it is released without the missing messages. It
@@ -7,78 +7,16 @@
 // arrive because their stream has sent a later part or is silent. Frames are released in order. A
 // complete frame is released before older incomplete ones, which are dropped.
 
-import { longestSilence, median, StreamStatistics } from "../model/streams.js";
+import { longestSilence, median } from "../model/streams.js";
 import { between } from "../transport/connection.js";
-import { Trails } from "./overlay.js";
-import { release } from "./watches.js";
 
 const PATIENCE_FRAMES = 2;
 const PATIENCE_TOGETHER_FRAMES = 12; // if showing the same frame matters more than a low delay
 const FIRST_GUESS_MS = 50;
 const INTERVALS = 15;
 const FRAMES_KEPT = 128;
-
-export class FrameFeed {
-	/** `display({epoch, seq, header, items, missing})` owns the bitmaps of a frame. */
-	constructor(watches, connection, display) {
-		Object.assign(this, { watches, display, stops: [] });
-		this.joiner = new FrameJoiner(release);
-		this.close();
-		connection.on("close", () => {
-			this.lastFrameAt = null;
-		});
-	}
-
-	/**
-	 * Follow these streams instead; the first of `pictures` leads. `optionsOf(key)` says how one is
-	 * to be rendered.
-	 */
-	follow(pictures, messages, optionsOf) {
-		this.close();
-		this.messages = messages;
-		this.joiner.follow(pictures, messages, performance.now());
-		this.stops = [...pictures.map((key, index) => this.watches.watchPictures(key, optionsOf(key),
-			index ? new StreamStatistics() : this.statistics,
-			(picture, bitmap) => this.offer(key, picture.header, { picture, bitmap })),
-		), ...messages.map((key) => this.watches.watchMessages(key, ({ header, body }) => {
-			this.trails.add(key, header, body);
-			this.offer(key, header, body);
-		}))];
-	}
-
-	close() {
-		for (const stop of this.stops) stop();
-		clearTimeout(this.timer);
-		this.joiner.follow([], [], 0);
-		this.trails = new Trails();
-		this.statistics = new StreamStatistics(); // of the leading stream
-		Object.assign(this, { stops: [], messages: [], lastFrameAt: null });
-	}
-
-	isLive(now) {
-		// On a slow link, pictures arrive less often than the camera makes them.
-		const silence = Math.max(longestSilence(this.joiner.frameTime), this.statistics.longestSilence);
-		return this.lastFrameAt !== null && this.statistics.isLive(now)
-			&& now - this.lastFrameAt <= silence;
-	}
-
-	offer(key, header, item) {
-		this.joiner.offer(key, header, item, performance.now());
-		this.advance();
-	}
-
-	advance() {
-		clearTimeout(this.timer);
-		const now = performance.now();
-		const frame = this.joiner.take(now);
-		if (frame) {
-			this.lastFrameAt = now;
-			this.display(frame);
-		}
-		const due = this.joiner.due();
-		if (due !== null) this.timer = setTimeout(() => this.advance(), Math.max(1, due - now));
-	}
-}
+const EARLY_KEPT = 16; // frames of which the leading picture has not come: each may take 8 MB
+const APART_MS = 2000;
 
 export class FrameJoiner {
 	/** `discard(item)` is called for each item that will never be released. */
@@ -96,7 +34,7 @@ export class FrameJoiner {
 		this.pictures = pictures;
 		this.togetherAt = now; // when a frame with all pictures was last taken
 		this.parts = new Map([...pictures.slice(1), ...messages].map((key) =>
-			[key, { at: now, epoch: null, seq: -1, lag: null }]));
+			[key, { at: now, epoch: null, seq: -1, lag: null, apartSince: null }]));
 		this.arrivals = new Map(); // id of a frame -> when its leading picture came
 		this.epoch = null;
 		this.taken = -1;
@@ -122,13 +60,15 @@ export class FrameJoiner {
 		const part = this.parts.get(key);
 		// The server sends the pictures of a stream in order, so a lower number is a valid restart.
 		if (isLead && (epoch !== this.epoch || seq < this.taken)) {
+			if (epoch !== this.epoch) for (const each of this.parts.values()) each.apartSince = null;
 			Object.assign(this, { epoch, taken: -1, last: null });
 			this.drop((frame) => frame.epoch !== epoch || frame.seq > seq);
 		}
 		if (part) {
 			const arrival = this.arrivals.get(id);
 			const lag = arrival === undefined ? part.lag : now - arrival;
-			Object.assign(part, { at: now, epoch, seq, lag });
+			const apartSince = [epoch, null].includes(this.epoch) ? null : part.apartSince ?? now;
+			Object.assign(part, { at: now, epoch, seq, lag, apartSince });
 		}
 		const isTooLate = epoch === this.epoch && seq <= this.taken;
 		if (isTooLate || (!isLead && !part)) {
@@ -144,10 +84,26 @@ export class FrameJoiner {
 			Object.assign(frame, { header, at: now });
 			this.arrivals.set(id, now);
 		}
-		const [oldest] = this.frames.keys();
-		if (this.frames.size > FRAMES_KEPT) this.drop((other) => other.id === oldest);
+		this.limit();
 		const [first] = this.arrivals.keys();
 		if (this.arrivals.size > FRAMES_KEPT) this.arrivals.delete(first);
+	}
+
+	/** Drop the oldest frames where there are too many, and soonest those of pictures without a lead. */
+	limit() {
+		const [oldest] = this.frames.keys();
+		if (this.frames.size > FRAMES_KEPT) this.drop((other) => other.id === oldest);
+		const early = [...this.frames.values()].filter((frame) => frame.at === null
+			&& this.pictures.some((key) => frame.items.has(key)));
+		if (early.length > EARLY_KEPT) this.drop((other) => other === early[0]);
+	}
+
+	/** The pictures that are of another epoch than the leading ones for long, so never of one frame. */
+	strangers(now) {
+		return this.pictures.slice(1).filter((key) => {
+			const { apartSince } = this.parts.get(key);
+			return apartSince !== null && now - apartSince > APART_MS;
+		});
 	}
 
 	measure(header) {

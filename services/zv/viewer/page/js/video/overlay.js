@@ -9,7 +9,7 @@ const CENTROID_COLOUR = "#00ff00"; // the tutorial's green
 const TRACK_COLOURS = ["#ffd400", "#ff6ad5", "#36c5ff", "#ff8a3c", "#b48cff", "#8affc1"];
 const OUTLINE = "rgba(0, 0, 0, 0.65)";
 const LONGEST_STEP = 0.06; // of the frame's width
-const DASHES = { lost: [4, 4], tentative: [2, 3] };
+const DASHES = new Map([["lost", [4, 4]], ["tentative", [2, 3]]]);
 
 /** The positions of objects in the last seconds, by stream and id. */
 export class Trails {
@@ -42,10 +42,21 @@ export class Trails {
 	}
 }
 
+/** The words at a track's box: its id, its class and score if a model says them, and its state. */
+function labelOf(track) {
+	const words = [`${track?.id}`];
+	if (typeof track?.class === "string") {
+		words.push(track.class);
+		if (Number.isFinite(track.score)) words.push(`${Math.round(100 * track.score)}%`);
+	}
+	if (track?.state !== "confirmed") words.push(`${track?.state}`);
+	return words.join(" ");
+}
+
 /** The objects of a message: [{id, label, x, y, box, state}]; id "" is a centroid. */
 export function marksOf({ tracks, x, y, box }) {
 	const marks = Array.isArray(tracks) ? tracks.map((track) => ({ ...track,
-		label: track?.state === "confirmed" ? `${track.id}` : `${track?.id} ${track?.state}` }))
+		label: labelOf(track) }))
 		: [{ id: "", label: `${x}, ${y}`, x, y, box, state: "confirmed" }];
 	// Fields unknown to the server are passed on unchanged, and may have any value.
 	return marks.filter((mark) => Array.isArray(mark.box) && mark.box.length === 4
@@ -93,7 +104,7 @@ function drawMark(context, mark, toCanvas, ratio) {
 	for (const [style, line] of [[OUTLINE, 4], [colour, 2]]) {
 		context.strokeStyle = style;
 		context.lineWidth = line * ratio;
-		context.setLineDash((style === colour ? DASHES[mark.state] ?? [] : []).map((d) => d * ratio));
+		context.setLineDash((style === colour ? DASHES.get(mark.state) ?? [] : []).map((d) => d * ratio));
 		context.strokeRect(from.x, from.y, to.x - from.x, to.y - from.y);
 	}
 	context.setLineDash([]);

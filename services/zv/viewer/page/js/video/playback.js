@@ -1,5 +1,6 @@
 // Pause and step: passes frames on or holds them back, and can show the last ones again.
 
+import { between } from "../transport/connection.js";
 import { decode, release } from "./watches.js";
 
 const MOST_BYTES = 32_000_000;
@@ -15,13 +16,30 @@ export class Playback {
 	reset() {
 		this.frames = []; // the last ones, not decoded, each with its `bytes`
 		this.bytes = 0;
-		this.paused = false;
-		this.index = null;
-		this.wantsOne = false;
+		this.setPaused(false);
+	}
+
+	setPaused(paused) {
+		Object.assign(this, { paused, index: paused ? this.frames.length - 1 : null, wantsOne: false });
+	}
+
+	/** Whether no further frame is to be shown now. */
+	get isHolding() {
+		return this.paused && !this.wantsOne;
+	}
+
+	/** Whether the frame that is shown while paused is the last of those that are kept. */
+	get isAtEnd() {
+		return this.index >= this.frames.length - 1;
+	}
+
+	/** The header of the frame that is shown while paused; null without one. */
+	get header() {
+		return this.frames[this.index]?.header ?? null;
 	}
 
 	add(frame) {
-		if (this.paused && !this.wantsOne) {
+		if (this.isHolding) {
 			frame.items.forEach(release);
 			return;
 		}
@@ -31,20 +49,19 @@ export class Playback {
 		this.display(frame, true);
 	}
 
-	toggle() {
-		this.paused = !this.paused;
-		this.index = this.paused ? this.frames.length - 1 : null;
-		this.wantsOne = false;
+	/** Show the frame before (-1) or after (1) the current one, if it is kept. */
+	step(by) {
+		return this.show(this.index + by);
 	}
 
-	/** Show the frame before (-1) or after (1) the current one; after the newest, the next. */
-	async step(by) {
-		const index = this.index + by;
-		if (index < 0) return;
-		if (index >= this.frames.length) {
-			this.wantsOne = true;
-			return;
-		}
+	/** Show the frame whose stamp is nearest to that of a header. */
+	showNearest({ stamp_ns: stamp }) {
+		const away = this.frames.map(({ header }) => Math.abs(between(stamp, header.stamp_ns)));
+		return this.show(away.lastIndexOf(Math.min(...away)));
+	}
+
+	async show(index) {
+		if (index === this.index || !this.frames[index]) return;
 		this.index = index;
 		const kept = this.frames[index];
 		const items = new Map(kept.items);

@@ -1,7 +1,6 @@
-// Draws zones and lines with their names and counts.
+// Draws zones, lines and regions with their names and counts.
 
-const ZONE_COLOUR = "#7ad3ff";
-const LINE_COLOUR = "#ffb347";
+const COLOURS = { ignore: "#ff7a90", regions: "#8fe388", zones: "#7ad3ff", lines: "#ffb347" };
 const CHOSEN_COLOUR = "#ffffff";
 const CORNER = 4;
 const ARROW = 9;
@@ -20,11 +19,11 @@ export function shapeLabel({ name }, count, toRight) {
 }
 
 /**
- * Draw `shapes`: {zones, lines, counts, chosen, draft}; `counts` is {zones, lines} of a Tracks message,
- * `chosen` a shape whose corners are drawn, `draft` the points of a new one. Returns the labels to
+ * Draw `shapes`: a list for each kind, and {counts, chosen, draft}; `counts` is {zones, lines} of a
+ * Tracks message, `chosen` a shape whose corners are drawn, `draft` the points of a new one. Returns the labels to
  * draw above all: [text, corner, colour].
  */
-export function drawShapes(context, { zones, lines, counts, chosen, draft }, toCanvas, ratio) {
+export function drawShapes(context, { counts, chosen, draft, ...shapes }, toCanvas, ratio) {
 	const labels = [];
 	const at = ([x, y]) => toCanvas({ x, y });
 	const stroke = (points, colour, isClosed) => {
@@ -48,16 +47,18 @@ export function drawShapes(context, { zones, lines, counts, chosen, draft }, toC
 		const half = CORNER * ratio;
 		for (const { x, y } of points) context.fillRect(x - half, y - half, 2 * half, 2 * half);
 	};
-	for (const [all, plain, isZone] of [[zones, ZONE_COLOUR, true], [lines, LINE_COLOUR, false]]) {
-		for (const shape of all.filter(({ world }) => !world)) {
+	for (const [kind, plain] of Object.entries(COLOURS)) {
+		const isLine = kind === "lines";
+		for (const shape of shapes[kind]?.filter(({ world }) => !world) ?? []) {
 			const colour = shape === chosen ? CHOSEN_COLOUR : plain;
 			const points = shape.points.map(at);
-			stroke(points, colour, isZone);
-			const toRight = isZone ? null : rightSide(shape.points, at);
+			stroke(points, colour, !isLine);
+			const toRight = isLine ? rightSide(shape.points, at) : null;
 			if (toRight) drawArrow(context, toRight, colour, ratio);
 			if (chosen !== undefined) mark(points, colour);
 			const top = points.reduce((best, point) => (point.y < best.y ? point : best));
-			const count = counts?.[isZone ? "zones" : "lines"]?.[shape.name];
+			const own = counts?.[kind] ?? {};
+			const count = Object.hasOwn(own, shape.name) ? own[shape.name] : undefined;
 			labels.push([shapeLabel(shape, count, toRight), top, colour]);
 		}
 	}

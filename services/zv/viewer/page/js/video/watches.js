@@ -92,6 +92,18 @@ export class Watches {
 		};
 	}
 
+	/** Watch the streams of a Map, key -> function, and no others of those in `stops`. */
+	syncMessages(stops, wanted) {
+		for (const [key, stop] of stops) {
+			if (wanted.has(key)) continue;
+			stop();
+			stops.delete(key);
+		}
+		for (const [key, receive] of wanted) {
+			if (!stops.has(key)) stops.set(key, this.watchMessages(key, receive));
+		}
+	}
+
 	/** The pictures a second that arrive, and those of all watched streams: {arriving, all}. */
 	rates(now) {
 		const sum = (rateOf) => [...this.pictures.values()]

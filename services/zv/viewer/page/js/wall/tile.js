@@ -2,7 +2,7 @@
 
 import { StreamStatistics, streamName, topicName } from "../model/streams.js";
 import { element, setData, setText } from "../ui/elements.js";
-import { duration, rate } from "../ui/format.js";
+import { duration, shownRate } from "../ui/format.js";
 
 const WIDTHS = [160, 240, 320, 480, 640];
 const QUALITY = 70;
@@ -32,7 +32,6 @@ export class Tile {
 	update(stream) {
 		this.stream = stream;
 		this.link.href = `#${this.wall.linkTo(this.key)}`;
-		if (stream.live) this.statistics.endedSince = null;
 		this.tick(performance.now());
 	}
 
@@ -65,11 +64,19 @@ export class Tile {
 		const isWaiting = stream.live && statistics.endedSince === null && statistics.lastAt === null;
 		setData(this.canvas, { live });
 		setData(this.element, { state: live ? "live" : isWaiting ? "waiting" : "stopped" });
+		this.describe(live ? "live" : this.state.textContent);
 		setText(this.state, live ? ""
+			: this.wall.system.isLinkLost ? "link lost"
 			: this.watches.isLeftOut(this.key) ? "too many are in view at once"
 				: statistics.explainSilence(stream, now, this.wall.system.now));
-		setText(this.rate, live ? rate(statistics.rate(now)) : "");
+		setText(this.rate, live ? shownRate(statistics.arrivalRate(now), statistics.rate(now)) : "");
 		setText(this.age, live && picture ? duration(picture.ageMs + now - picture.at) : "");
+	}
+
+	/** Name the link for those who cannot see the picture, with the state of its stream. */
+	describe(state) {
+		const label = `Show ${streamName(this.stream)} large, ${state.replace("\n", ", ")}`;
+		if (this.link.getAttribute("aria-label") !== label) this.link.setAttribute("aria-label", label);
 	}
 
 	/** The displayed size, unless a smaller one is chosen, and the quality. */

@@ -87,6 +87,10 @@ export class Wall {
 		const cameras = new Set(shown.map((stream) => stream.camera)).size;
 		setText(byId("wall-count"), all.length
 			? `${shown.length} of ${all.length} streams, ${cameras} camera${cameras === 1 ? "" : "s"}` : "");
+		const { misnamed } = this.system;
+		byId("wall-misnamed").hidden = !misnamed.length;
+		setText(byId("wall-misnamed"), misnamed.length ? `Not shown: ${misnamed.join(", ")}. `
+			+ "The name of a camera has only letters a-z, digits and _, such as cam_1." : "");
 		byId("wall-empty").hidden = all.length > 0 || this.chosen.length > 0;
 		byId("wall-none").hidden = shown.length > 0 || !byId("wall-empty").hidden;
 		this.setSize();

@@ -1,0 +1,28 @@
+// A list of lines, newest last, which scrolls along only while its end is visible.
+
+import { byId, syncViews } from "../ui/elements.js";
+
+const AT_END_PX = 24;
+const DRAW_MS = 200; // one drawing for the lines of a busy system
+
+export class LineList {
+	/** `lines()` returns them, each with a `key`; `make(line)` makes the element of one. */
+	constructor(id, lines, make) {
+		Object.assign(this, { list: byId(id), lines, make, views: new Map(), isClosed: true });
+	}
+
+	drawSoon() {
+		this.timer ??= setTimeout(() => this.draw(), DRAW_MS);
+	}
+
+	draw() {
+		clearTimeout(this.timer);
+		this.timer = null;
+		const { list, isClosed } = this;
+		this.isClosed = !list.clientHeight;
+		if (this.isClosed) return; // with its panel
+		const atEnd = isClosed || list.scrollHeight - list.scrollTop - list.clientHeight < AT_END_PX;
+		syncViews(list, this.views, this.lines(), (line) => ({ element: this.make(line) }));
+		if (atEnd) list.scrollTop = list.scrollHeight;
+	}
+}

@@ -1,0 +1,157 @@
+// The panel of messages: the newest of a stream as a tree, live, with what its schema says of each
+// field; a search, copy as JSON, and a click on a number plots it.
+
+import { copyText } from "../export/addresses.js";
+import { describe, rowsOf } from "../model/message_tree.js";
+import { byId, element, setOptions, setText, syncViews } from "../ui/elements.js";
+import { size } from "../ui/format.js";
+
+const DRAW_MS = 250;
+const ROWS = 300;
+const INDENT_PX = 14;
+const SCHEMA = /^[A-Za-z0-9_.-]{1,100}$/;
+const MOST_SCHEMAS = 50;
+
+export class MessagePanel {
+	/** `current()` returns the camera in the large view; `plot(topic, name)` plots a number. */
+	constructor(system, connection, watches, current, plot) {
+		Object.assign(this, { system, watches, current, plot, message: null, isHeld: false,
+			toggled: new Set(), most: ROWS, stops: new Map(), views: new Map(), schemas: new Map() });
+		this.list = byId("message-stream");
+		this.list.addEventListener("change", () => this.draw());
+		byId("message-search").addEventListener("input", () => this.drawRows());
+		byId("message-hold").addEventListener("click", () => this.hold(!this.isHeld));
+		byId("message-copy").addEventListener("click", () => this.copy());
+		byId("message-more").addEventListener("click", () => {
+			this.most += ROWS;
+			this.drawRows();
+		});
+		system.on("streams", () => this.draw());
+		connection.on("large", ({ key, bytes, header }) => {
+			if (key === this.key) this.take({ key, header, body: {}, bytes });
+		});
+	}
+
+	get key() {
+		return this.list.value;
+	}
+
+	/** Follow the chosen stream while the panel is open. */
+	draw() {
+		const streams = this.system.streams.filter(({ kind }) => kind === "message");
+		if (this.visible) {
+			const camera = this.current();
+			const order = [...streams].sort((a, b) => (b.camera === camera) - (a.camera === camera));
+			setOptions(this.list, order.map(({ key, camera: of, topic }) => [key, `${of} / ${topic}`]));
+		}
+		const wanted = this.visible && this.key && !this.isHeld
+			? [[this.key, (message) => this.take(message)]] : [];
+		if (this.message && this.message.key !== this.key) this.forget();
+		this.watches.syncMessages(this.stops, new Map(wanted));
+		if (this.visible) this.drawRows();
+	}
+
+	forget() {
+		Object.assign(this, { message: null, most: ROWS });
+		this.toggled.clear();
+	}
+
+	take(message) {
+		this.message = message;
+		this.timer ??= setTimeout(() => this.drawRows(), DRAW_MS);
+	}
+
+	/** Hold the message that is shown, and let the server send no more; or go on. */
+	hold(isHeld) {
+		this.isHeld = isHeld;
+		byId("message-hold").setAttribute("aria-pressed", String(isHeld));
+		this.draw();
+	}
+
+	/** The fields as they were sent, the header first. */
+	get fields() {
+		const { header, body } = this.message;
+		return header ? { header, ...body } : body;
+	}
+
+	drawRows() {
+		clearTimeout(this.timer);
+		this.timer = null;
+		if (!this.visible) return;
+		const { message } = this;
+		const query = byId("message-search").value;
+		const { rows, left, isCut } = message
+			? rowsOf(this.fields, { toggled: this.toggled, query, most: this.most })
+			: { rows: [], left: 0 };
+		const schema = message?.type ? this.schemaOf(message.type) : null;
+		syncViews(byId("message-rows"), this.views, rows, (row) => this.makeRow(row));
+		for (const row of rows) this.views.get(row.key).update(row, schema);
+		setText(byId("message-words"), this.words(rows.length, query));
+		byId("message-more").hidden = !left;
+		setText(byId("message-more"), `Show more of ${left}${isCut ? " or more" : ""} other fields`);
+		byId("message-copy").disabled = !message;
+	}
+
+	words(shown, query) {
+		const { message, system } = this;
+		if (!system.streams.some(({ kind }) => kind === "message")) return "No stream of messages is here.";
+		if (!message) return "No message yet.";
+		if (message.bytes) {
+			return `This message has ${size(message.bytes)}, too many to be shown here. `
+				+ `zv topic echo ${message.key} shows it.`;
+		}
+		return shown || !query ? "" : "No field matches the search.";
+	}
+
+	makeRow({ names, key }) {
+		const name = element("span", { class: "field-name" });
+		const value = element("button", { type: "button", class: "quiet field-value", onclick: () => {
+			const { row } = view;
+			if (row.canOpen) this.toggle(key);
+			else if (row.kind === "number") this.plot(this.message.key, names.join("."));
+		} });
+		const about = element("small", { class: "dim" });
+		const view = {
+			element: element("li", {}, name, value, about),
+			update: (row, schema) => {
+				view.row = row;
+				view.element.style.paddingLeft = `${14 + row.depth * INDENT_PX}px`;
+				const sign = row.isOpen ? "▾ " : "▸ ";
+				setText(name, row.name);
+				setText(value, `${row.canOpen ? sign : ""}${row.text}`);
+				value.dataset.kind = row.kind;
+				value.disabled = !row.canOpen && row.kind !== "number";
+				if (row.canOpen) value.setAttribute("aria-expanded", String(row.isOpen));
+				else value.removeAttribute("aria-expanded");
+				value.setAttribute("aria-label", `${row.name}: ${row.text}`
+					+ `${row.kind === "number" ? ", plot it" : ""}`);
+				setText(about, schema ? describe(schema, row.names) : "");
+			},
+		};
+		return view;
+	}
+
+	toggle(key) {
+		if (!this.toggled.delete(key)) this.toggled.add(key);
+		this.drawRows();
+	}
+
+	/** The schema of a type of message; null until the server has answered, or if there is none. */
+	schemaOf(type) {
+		if (!this.schemas.has(type) && SCHEMA.test(type) && this.schemas.size < MOST_SCHEMAS) {
+			this.schemas.set(type, null);
+			fetch(`schema?name=${encodeURIComponent(type)}`)
+				.then((answer) => (answer.ok ? answer.json() : null))
+				.then((schema) => this.schemas.set(type, schema), () => null);
+		}
+		return this.schemas.get(type) ?? null;
+	}
+
+	copy() {
+		const field = byId("message-json");
+		field.hidden = false;
+		field.value = JSON.stringify(this.fields, null, 2);
+		copyText(byId("message-copy"), field, "Copy as JSON");
+		field.hidden = true;
+	}
+}

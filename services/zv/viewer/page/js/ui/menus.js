@@ -1,0 +1,25 @@
+// Places each menu below the button that opens it, which CSS alone cannot do in all browsers.
+
+const GAP_PX = 4;
+const EDGE_PX = 6;
+const WIDEST_PX = 360;
+
+export function placeMenus() {
+	for (const menu of document.querySelectorAll("[popover]")) {
+		menu.addEventListener("beforetoggle", ({ newState }) => newState === "open" && place(menu));
+	}
+	addEventListener("resize", () => {
+		const open = document.querySelector(":popover-open");
+		if (open) place(open);
+	});
+}
+
+/** Put the upper right corner of a menu below that of its button, so that it stays in the window. */
+function place(menu) {
+	const buttons = [...document.querySelectorAll(`[popovertarget="${menu.id}"]`)];
+	const button = buttons.find((one) => one.checkVisibility()) ?? buttons[0];
+	const { bottom, right } = button.getBoundingClientRect();
+	const fromRight = Math.min(innerWidth - right, innerWidth - WIDEST_PX - EDGE_PX);
+	menu.style.setProperty("--menu-top", `${bottom + GAP_PX}px`);
+	menu.style.setProperty("--menu-right", `${Math.max(EDGE_PX, fromRight)}px`);
+}

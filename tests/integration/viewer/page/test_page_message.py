@@ -1,0 +1,127 @@
+"""The panel of messages: any message as a tree, also one that is meant to harm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgpack
+import pytest
+
+from tests.support.listening import open_client
+from tests.support.viewer.browser import CAMERA, Running, Tab, tab
+from tests.support.viewer.page_server import PageServer, header, served_page, stream
+from tests.support.waiting import wait_until
+
+SERVICES = ()
+"""A viewer alone: of it the pages come, and from the test what they are told."""
+
+KEY = "vision/front/robot"
+ROWS = "[...document.querySelectorAll('#message-rows li')].map((one) => one.innerText)"
+
+
+@pytest.fixture
+def panel(browser: Any, system: Running) -> Iterator[tuple[Tab, PageServer]]:
+    """The panel beside the wall."""
+    streams = stream(CAMERA), stream(KEY, "my.Robot.v1")
+    with served_page(browser, system.address, *streams) as (opened, server):
+        opened.page.route("**/schema?name=my.Robot.v1", lambda route: route.fulfill(json=SCHEMA))
+        opened.open("?panel=message")
+        server.wait_for(KEY)
+        yield opened, server
+
+
+SCHEMA = {
+    "properties": {
+        "pose": {"$ref": "#/$defs/Pose"},
+        "battery": {"type": "number", "description": "charge, percent"},
+    },
+    "$defs": {"Pose": {"properties": {"x": {"description": "to the right, metres"}}}},
+}
+
+
+def tell(server: PageServer, seq: int = 1, **body: object) -> None:
+    about = header(seq, KEY)
+    server.tell("message", key=KEY, type="my.Robot.v1", header=about, body=body)
+
+
+def rows(opened: Tab) -> list[str]:
+    return [" ".join(row.split()) for row in opened.page.evaluate(ROWS)]
+
+
+def test_a_message_is_a_tree_with_what_its_schema_says_and_follows_the_stream(panel) -> None:
+    opened, server = panel
+    tell(server, pose={"x": 1.5, "y": 2}, battery=80, label="cup")
+    wait_until(lambda: "battery 80 charge, percent" in rows(opened), explain=lambda: rows(opened))
+    assert rows(opened)[-5:] == [
+        "pose ▾ {2 items}",
+        "x 1.5 to the right, metres",
+        "y 2",
+        "battery 80 charge, percent",
+        'label "cup"',
+    ]
+    tell(server, seq=2, pose={"x": 9, "y": 2}, battery=79, label="cup")
+    wait_until(lambda: "x 9 to the right, metres" in rows(opened))
+    opened.page.fill("#message-search", "batt")
+    wait_until(lambda: rows(opened) == ["battery 79 charge, percent"])
+    opened.page.click("#message-hold")
+    server.wait_for(KEY, watched=False)
+
+
+def test_a_click_on_a_number_plots_it(panel) -> None:
+    opened, server = panel
+    tell(server, list=[{"v": n} for n in range(30)])
+    opened.page.fill("#message-search", "29")
+    opened.page.click("#message-rows button[data-kind=list]", timeout=5000)
+    opened.page.fill("#message-search", "v")
+    opened.page.click("#message-rows li:has-text('29') >> nth=-1 >> button[data-kind=number]")
+    opened.page.wait_for_selector("#field-plots h3:has-text('Robot list.29.v')")
+    server.wait_for(KEY)
+    tell(server, seq=2, list=[{"v": n} for n in range(30)])
+    legend = "#field-plots .plot:has(h3:has-text('list.29.v')) .legend"
+    wait_until(lambda: "29" in opened.page.inner_text(legend).split())
+
+
+def test_hostile_messages_are_shown_cut_and_neither_run_nor_hang(panel) -> None:
+    opened, server = panel
+    fields: dict[str, object] = {f"f{n}": n for n in range(10_000)}
+    tell(server, **fields)
+    wait_until(lambda: len(rows(opened)) == 300)
+    assert "other fields" in opened.page.inner_text("#message-more")
+    opened.page.click("#message-more")
+    wait_until(lambda: len(rows(opened)) == 600)
+    tell(
+        server,
+        seq=2,
+        text="x" * 1_000_000,
+        big=str(2**60),
+        __proto__={"polluted": 1},
+        constructor=5,
+        html="<img src=x onerror=alert(1)>",
+    )
+    wait_until(lambda: "constructor 5" in rows(opened), explain=lambda: rows(opened))
+    shown = rows(opened)
+    assert any("(cut, 1000000 characters)" in row for row in shown)
+    assert f"big {2**60}" in shown
+    assert 'html "<img src=x onerror=alert(1)>"' in shown
+    assert opened.page.evaluate("({}).polluted === undefined")
+    assert opened.page.evaluate("document.querySelectorAll('#message-rows img').length") == 0
+
+
+def test_a_message_of_a_megabyte_is_said_to_be_too_large(browser: Any, system: Running) -> None:
+    with (
+        tab(browser, system.address) as opened,
+        open_client(system.router.endpoint) as session,
+    ):
+        publisher = session.declare_publisher(KEY, encoding="application/msgpack;my.Robot.v1")
+        opened.open("?panel=message")
+
+        def is_said() -> bool:
+            publisher.put(msgpack.packb({"text": "x" * 1_000_000}))
+            return "too many to be shown here" in opened.page.inner_text("#message-words")
+
+        wait_until(is_said, poll_s=0.2)
+        assert "1.0 MB" in opened.page.inner_text("#message-words")
+        publisher.put(msgpack.packb({"speed": 3}))
+        wait_until(lambda: "speed 3" in rows(opened))
+        assert not opened.complaints
