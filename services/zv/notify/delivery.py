@@ -1,0 +1,152 @@
+"""Delivers notices to their receivers, in order, again until it works or they are too old.
+
+All receivers run on one event loop, on a thread of its own: a receiver that hangs delays neither
+the others nor the node.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol, Self
+
+from zenoh_vision.error_text import without_password
+from zv.notify.notice import Notice
+
+log = logging.getLogger("notify")
+
+MOST_WAITING: Final = 100
+"""Notices that wait for one receiver; when there are more, the oldest is given up."""
+
+FIRST_DELAY_S: Final = 1.0
+LONGEST_DELAY_S: Final = 30.0
+STOP_S: Final = 1.0
+
+
+class NotTaken(Exception):
+    """A receiver did not take a notice; it may take it later."""
+
+
+class Refused(Exception):
+    """A receiver will never take a notice."""
+
+
+class Receiver(Protocol):
+    """Where notices go."""
+
+    name: str
+
+    async def send(self, notice: Notice) -> None:
+        """Send a notice; return once the receiver has taken it.
+
+        Raises:
+            NotTaken: It may take it later.
+            Refused: It will not.
+        """
+
+    async def close(self) -> None:
+        """Disconnect."""
+
+
+class Delivery:
+    """Sends notices to receivers within the ``with`` block.
+
+    Args:
+        receivers: Each gets every notice.
+        keep_trying_s: Returns how old a notice may become.
+        lost: Called for each notice that a receiver did not get; from another thread.
+    """
+
+    def __init__(
+        self,
+        receivers: Sequence[Receiver],
+        keep_trying_s: Callable[[], float],
+        lost: Callable[[], None],
+    ) -> None:
+        self._receivers = receivers
+        self._keep_trying_s = keep_trying_s
+        self._lost = lost
+        self._queues: list[asyncio.Queue[tuple[float, Notice]]] = []
+        self._faults: dict[str, str] = {}
+        self._loop = asyncio.new_event_loop()
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="delivery", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._ready.wait()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give up what waits, and disconnect, in bounded time."""
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(2 * STOP_S)
+
+    @property
+    def fault(self) -> str:
+        """Why notices wait; empty if none does. From any thread."""
+        return "; ".join(f"{name}: {why}" for name, why in sorted(dict(self._faults).items()))
+
+    def put(self, notice: Notice) -> None:
+        """Send a notice to each receiver; returns at once. From any thread."""
+        self._loop.call_soon_threadsafe(self._put, time.monotonic(), notice)
+
+    def _put(self, at_s: float, notice: Notice) -> None:
+        for queue in self._queues:
+            if queue.full():
+                queue.get_nowait()
+                self._lost()
+            queue.put_nowait((at_s, notice))
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_until_complete(self._serve())
+        self._loop.close()
+
+    async def _serve(self) -> None:
+        self._stop = asyncio.Event()
+        self._queues = [asyncio.Queue(MOST_WAITING) for _ in self._receivers]
+        pairs = zip(self._receivers, self._queues, strict=True)
+        tasks = [asyncio.create_task(self._deliver(*pair)) for pair in pairs]
+        self._ready.set()
+        await self._stop.wait()
+        for task in tasks:
+            task.cancel()
+        closing = [receiver.close() for receiver in self._receivers]
+        ending = asyncio.gather(*tasks, *closing, return_exceptions=True)
+        await asyncio.wait([ending], timeout=STOP_S)
+
+    async def _deliver(
+        self, receiver: Receiver, queue: asyncio.Queue[tuple[float, Notice]]
+    ) -> None:
+        while True:
+            at_s, notice = await queue.get()
+            delay_s = FIRST_DELAY_S
+            while True:
+                try:
+                    await receiver.send(notice)
+                    self._faults.pop(receiver.name, None)
+                    break
+                except Refused as error:
+                    self._give_up(receiver, notice, str(error))
+                    break
+                except Exception as error:
+                    # A library's own error, as of a host that no name server takes, ends no task.
+                    known = isinstance(error, NotTaken)
+                    said = str(error) if known else f"{type(error).__name__}: {error}"
+                    why = without_password(said)
+                    if receiver.name not in self._faults:
+                        log.warning("%s does not take events: %s", receiver.name, why)
+                    self._faults[receiver.name] = why
+                if time.monotonic() - at_s + delay_s > self._keep_trying_s():
+                    self._give_up(receiver, notice, "it is too old")
+                    break
+                await asyncio.sleep(delay_s)
+                delay_s = min(2 * delay_s, LONGEST_DELAY_S)
+
+    def _give_up(self, receiver: Receiver, notice: Notice, why: str) -> None:
+        log.warning("%s did not get %s: %s", receiver.name, notice.id, without_password(why))
+        self._lost()

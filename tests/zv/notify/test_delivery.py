@@ -1,0 +1,141 @@
+"""Notices reach their receivers again until they are taken, and are given up when too old."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+
+import pytest
+
+from tests.support.waiting import wait_until
+from zv.notify import delivery
+from zv.notify.delivery import MOST_WAITING, Delivery, NotTaken, Receiver, Refused
+from zv.notify.mqtt import Mqtt
+from zv.notify.notice import Notice
+from zv.notify.webhook import Webhook
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delivery, "FIRST_DELAY_S", 0.02)
+
+
+class Listed:
+    """A receiver that does what it is told with each notice."""
+
+    def __init__(self, name: str, take: Callable[[int], None]) -> None:
+        self.name = name
+        self.taken: list[str] = []
+        self.tried = 0
+        self._take = take
+
+    async def send(self, notice: Notice) -> None:
+        self.tried += 1
+        self._take(self.tried)
+        self.taken.append(notice.id)
+
+    async def close(self) -> None:
+        pass
+
+
+def notice(number: int) -> Notice:
+    return Notice({"uid": str(number), "camera": "front"})
+
+
+def fails_first(times: int) -> Callable[[int], None]:
+    def take(tried: int) -> None:
+        if tried <= times:
+            raise NotTaken("busy at http://me:secret@host/")
+
+    return take
+
+
+def test_a_receiver_that_fails_gets_it_again_in_order_and_delays_no_other():
+    slow, quick = Listed("slow", fails_first(3)), Listed("quick", lambda _: None)
+    lost: list[None] = []
+    with Delivery([slow, quick], lambda: 60, lambda: lost.append(None)) as sending:
+        for number in range(3):
+            sending.put(notice(number))
+        wait_until(lambda: quick.taken == ["0", "1", "2"])
+        wait_until(lambda: slow.taken == ["0", "1", "2"])
+        assert slow.tried == 6
+        assert (sending.fault, lost) == ("", [])
+
+
+def test_why_it_waits_is_told_without_the_password():
+    never = Listed("webhook", fails_first(10**6))
+    with Delivery([never], lambda: 60, lambda: None) as sending:
+        sending.put(notice(1))
+        wait_until(lambda: sending.fault)
+        assert sending.fault.startswith("webhook: busy at http://***@host")
+
+
+@pytest.mark.parametrize("keep_trying_s", [0.0, 0.1])
+def test_what_is_too_old_is_given_up_and_counted_and_the_next_one_is_sent(keep_trying_s: float):
+    receiver = Listed("webhook", fails_first(2 if not keep_trying_s else 10**6))
+    lost: list[None] = []
+    with Delivery([receiver], lambda: keep_trying_s, lambda: lost.append(None)) as sending:
+        for number in range(3):
+            sending.put(notice(number))
+        wait_until(lambda: len(lost) + len(receiver.taken) == 3)
+        assert receiver.taken == (["2"] if not keep_trying_s else [])
+
+
+def test_what_is_refused_is_not_sent_again():
+    def refuse(_: int) -> None:
+        raise Refused("it answers 404 Not Found")
+
+    receiver = Listed("webhook", refuse)
+    lost: list[None] = []
+    with Delivery([receiver], lambda: 60, lambda: lost.append(None)) as sending:
+        sending.put(notice(1))
+        wait_until(lambda: lost)
+    assert receiver.tried == 1
+
+
+def test_the_newest_are_kept_while_a_receiver_hangs_and_the_end_is_in_bounded_time():
+    hanging = asyncio.Event()
+
+    class Hanging(Listed):
+        async def send(self, notice: Notice) -> None:
+            await hanging.wait()
+
+    lost: list[None] = []
+    with Delivery(
+        [Hanging("webhook", lambda _: None)], lambda: 60, lambda: lost.append(None)
+    ) as one:
+        for number in range(MOST_WAITING + 31):
+            one.put(notice(number))
+        wait_until(lambda: len(lost) >= 30)
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < 2.5
+
+
+def test_an_error_that_no_receiver_foresees_is_told_and_it_is_sent_again():
+    def take(tried: int) -> None:
+        if tried <= 2:
+            raise LookupError("at http://me:secret@host/")
+
+    receiver = Listed("webhook", take)
+    with Delivery([receiver], lambda: 60, lambda: None) as sending:
+        sending.put(notice(0))
+        wait_until(lambda: sending.fault)
+        assert sending.fault.startswith("webhook: LookupError: at http://***@host")
+        wait_until(lambda: receiver.taken == ["0"])
+        sending.put(notice(1))
+        wait_until(lambda: receiver.taken == ["0", "1"])
+
+
+@pytest.mark.parametrize(
+    "receiver",
+    [Webhook("http://a..b/"), Mqtt("mqtt://a..b", "zv", "", "notify_front")],
+    ids=["webhook", "mqtt"],
+)
+def test_a_host_that_cannot_exist_is_told_and_its_events_are_given_up_in_time(receiver: Receiver):
+    lost: list[None] = []
+    with Delivery([receiver], lambda: 0.1, lambda: lost.append(None)) as sending:
+        for number in range(2):
+            sending.put(notice(number))
+        wait_until(lambda: len(lost) == 2)
+        assert sending.fault.startswith(f"{receiver.name}: ")
