@@ -16,20 +16,22 @@ import click
 from zenoh_vision.cli.command import Command, Group
 from zenoh_vision.cli.errors import leave_on_signals, log_to_stderr
 from zenoh_vision.cli.flags import (
+    CONFIG,
+    DEBUG,
     JSON,
     ConnectionSettings,
     ToolConnectionSettings,
-    completer,
     connection_from,
     parameters_of,
     sections,
 )
+from zenoh_vision.cli.processors import ProcessorSettings
 from zenoh_vision.cli.service import service_command
 from zenoh_vision.config.settings import Settings, load_settings
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host.signals import SIGNALS
 from zenoh_vision.transport.connection import Connection
-from zv.registry import BY_COMMAND, SERVICES, imported, model_of
+from zv.registry import BY_COMMAND, FILE_COMMANDS, SERVICES, imported, model_of
 from zv.tools.registry import GROUPS, TOOLS
 from zv.tools.shared.options import ToolOptions
 from zv.tools.shared.output import Output
@@ -37,7 +39,8 @@ from zv.tools.shared.output import Output
 UP_TEXT = """Start a whole system from one file: the router and every node, each in its own process.
 
 Checks the options of all nodes first. Shows a table of the nodes on a terminal, else plain lines.
-A node that dies is restarted; Ctrl-C ends everything."""
+A node that dies is restarted; Ctrl-C ends everything. Ends too when all nodes have ended, or one
+that the file calls required: with status 0, or that of the node that did not end with 0."""
 
 
 def load(name: str) -> click.Command:
@@ -46,6 +49,8 @@ def load(name: str) -> click.Command:
         return _up()
     if name in BY_COMMAND:
         return _service(name)
+    if name in FILE_COMMANDS:
+        return _on_files(name)
     return _group(name) if name in GROUPS else _tool(name)
 
 
@@ -56,11 +61,14 @@ def _service(name: str) -> Command:
     def loop() -> Callable[[Settings, Connection], object]:
         run: Callable[..., object] = importlib.import_module(f"zv.{service}.service").run
         if service == "router":
-            return lambda settings, connection: run(settings, connection.zenoh_config)
+            return lambda settings, connection: run(
+                settings, connection.zenoh_config, connection.credentials
+            )
         return run
 
-    def run_on_files(settings: Settings, options: Settings) -> None:
-        importlib.import_module(f"zv.{service}.files").run(settings, options)
+    def run_alone(settings: Settings, options: Settings) -> None:
+        assert entry.alone is not None
+        imported(entry.alone[1])(settings, options)
 
     return service_command(
         name,
@@ -68,59 +76,55 @@ def _service(name: str) -> Command:
         loop,
         entry.summary,
         entry.example.splitlines(),
-        files=(imported(entry.files), run_on_files) if entry.files else None,
+        alone=(imported(entry.alone[0]), run_alone) if entry.alone else None,
     )
+
+
+def _on_files(name: str) -> Command:
+    entry = FILE_COMMANDS[name]
+    model, options_model = model_of(entry.service), imported(entry.options)
+
+    def call(*, debug: bool, config: str | None, **flags: Any) -> None:
+        leave_on_signals()
+        log_to_stderr(debug)
+        limits = {each: flags.pop(each) for each in ProcessorSettings.model_fields}
+        load_settings(ProcessorSettings, flags=limits).apply()
+        given = {each: flags.pop(each) for each in options_model.model_fields}
+        options = load_settings(options_model, flags=given)
+        settings = load_settings(model, flags=flags, config=config)
+        importlib.import_module(f"zv.{entry.service}.files").run(settings, options)
+
+    headings = {
+        "Files": [*parameters_of(options_model), DEBUG],
+        "Options": [*parameters_of(model), CONFIG],
+        "Processors": parameters_of(ProcessorSettings),
+    }
+    text = "\n\n".join(filter(None, (entry.summary, entry.details)))
+    return Command(name, call, headings, text, entry.example.splitlines())
 
 
 def _up() -> Command:
-    options = [
-        click.Argument(
-            ["file"],
-            metavar="[FILE.toml]",
-            shell_complete=completer(),
-            required=False,
-            help="launch file; default: configs/up.toml of this folder, or else the built-in one",
-        ),
-        click.Option(
-            ["--listen"],
-            metavar="ENDPOINT",
-            help="endpoint on which the router listens; overrides the file",
-        ),
-        click.Option(
-            ["--remap"],
-            metavar="OLD=NEW",
-            multiple=True,
-            help="run the nodes of camera OLD for camera NEW; may be repeated",
-        ),
-        click.Option(["--plain"], is_flag=True, help="plain lines, on a terminal too"),
-    ]
+    model = imported("zv.launcher.options:UpOptions")
     examples = ["zv up", "zv up my-system.toml", "zv up --remap front=left --namespace robot1"]
-    return Command("up", _run_up, sections(options), UP_TEXT, examples)
+    return Command("up", _run_up, sections(parameters_of(model)), UP_TEXT, examples)
 
 
-def _run_up(
-    *,
-    file: str | None,
-    listen: str | None,
-    remap: tuple[str, ...],
-    plain: bool,
-    debug: bool,
-    **flags: Any,
-) -> int:
+def _run_up(*, debug: bool, **flags: Any) -> int:
     from zv.launcher.launch_file import read_launch_file, remapped_cameras
+    from zv.launcher.options import UpOptions
     from zv.launcher.starting import launch_file, start
 
     log_to_stderr(debug)
-    if flags["connect"] and listen:
+    own = {name: flags.pop(name) for name in UpOptions.model_fields}
+    options = load_settings(UpOptions, flags=own)
+    if flags["connect"] and options.listen:
         raise ConfigurationError("--connect uses a running router, --listen starts one: give one")
-    plan = read_launch_file(launch_file(file), remapped_cameras(remap))
+    plan = read_launch_file(launch_file(options.file), remapped_cameras(options.remap))
     given = load_settings(
         ConnectionSettings, flags=flags, inline=plan.connection, inline_place=plan.place
     )
-    own_router = bool(listen) or "connect" not in given.model_fields_set
-    return start(
-        plan, given.connection(), listen=listen, own_router=own_router, plain=plain, debug=debug
-    )
+    own_router = bool(options.listen) or "connect" not in given.model_fields_set
+    return start(plan, given.connection(), options, own_router=own_router, debug=debug)
 
 
 def _group(name: str) -> Group:

@@ -13,12 +13,13 @@ from click.shell_completion import get_completion_class
 
 from zenoh_vision.cli.command import Command, Group, run_command
 from zenoh_vision.cli.errors import exit_with_status
-from zv.registry import BY_COMMAND, SERVICES
+from zv.registry import BY_COMMAND, FILE_COMMANDS, SERVICES
 from zv.tools.registry import GROUPS, TOOLS
 
 COMMANDS = {
     "up": "Start and supervise a whole system from one file.",
     **{command: SERVICES[name].summary for command, name in BY_COMMAND.items()},
+    **{command: entry.summary for command, entry in FILE_COMMANDS.items()},
     **GROUPS,
     **{words: tool.summary for words, tool in TOOLS.items() if " " not in words},
     "completion": "Print the completion script of a shell.",
@@ -66,6 +67,8 @@ def example(name: str) -> str:
     """Return an example of a command; for a group, of its first command."""
     if name in BY_COMMAND:
         return SERVICES[BY_COMMAND[name]].example.splitlines()[0]
+    if name in FILE_COMMANDS:
+        return FILE_COMMANDS[name].example.splitlines()[0]
     tools = [tool for words, tool in TOOLS.items() if words.split()[0] == name]
     return tools[0].example.splitlines()[0] if tools else f"zv {name}"
 
@@ -78,11 +81,15 @@ def _examples() -> list[str]:
 def _print_version(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
     if wanted and not context.resilient_parsing:
         from importlib.metadata import PackageNotFoundError, version
+        from importlib.resources import files
 
         try:
             click.echo(f"zv {version('zenoh-vision')}")
         except PackageNotFoundError:
             click.echo("zv of a checkout that is not installed")
+        weights = files("zv") / "edge" / "detectors" / "learned.onnx"
+        more = ", except the weights of the edge detector learned (LicenseRef-BSDS500-weights)"
+        click.echo(f"licence: Apache-2.0{more if weights.is_file() else ''}")
         context.exit()
 
 
@@ -92,7 +99,7 @@ VERSION = click.Option(
     is_eager=True,
     expose_value=False,
     callback=_print_version,
-    help="show the version and exit",
+    help="show the version and the licence, and exit",
 )
 
 app = Group(

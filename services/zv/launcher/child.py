@@ -13,8 +13,8 @@ from typing import IO
 
 from zenoh_vision.host import lifeline
 from zenoh_vision.host.backoff import Backoff
+from zenoh_vision.host.group_guard import GroupGuard, end_group, signal_group
 from zv.launcher.command_line import CommandLine
-from zv.launcher.group_guard import GroupGuard, end_group, signal_group
 
 FIRST_DELAY_S = 1.0
 LONGEST_DELAY_S = 30.0
@@ -42,7 +42,7 @@ class Child:
 
     ``state`` is ``starting``, ``running``, ``running, no node`` (it runs, but announces no node),
     ``restarting in N s``, ``finished``, ``failed`` (not started again) or ``stopped`` (by ``zv
-    up``).
+    up``, or for ``zv node stop``). ``ended_s`` is the monotonic time of its last end.
 
     Args:
         name: Name of the node.
@@ -50,6 +50,7 @@ class Child:
         restart: Whether to start it again when it dies.
         finishes: Whether exit status 0 means that its work is done, such as for a camera at the
             end of its file. Any other process with status 0 was stopped by someone else.
+        required: Whether ``zv up`` ends when it has ended.
         say: Called with a line to show the user; from any thread.
         guard: Ends the group of a program when ``zv up`` is gone. None for a command of ``zv``,
             which watches its parent itself, and whose standard output is discarded.
@@ -62,10 +63,12 @@ class Child:
         *,
         restart: bool = True,
         finishes: bool = False,
+        required: bool = False,
         say: Callable[[str], None],
         guard: GroupGuard | None = None,
     ) -> None:
         self.name = name
+        self.required = required
         self.state = "starting"
         self.pid: int | None = None
         self.exit_status: int | None = None
@@ -79,7 +82,10 @@ class Child:
         self._group: int | None = None
         self._lifeline: int | None = None
         self._has_run = False
+        self._held = False
+        self._kill_s = float("inf")
         self._started_s = 0.0
+        self.ended_s = 0.0
         self._backoff = Backoff(FIRST_DELAY_S, LONGEST_DELAY_S)
         self._again_s: float | None = None
 
@@ -89,11 +95,13 @@ class Child:
         A program that can no longer be executed counts as ended with status 127, as in a shell.
         """
         self.state, self.exit_status, self._again_s = "starting", None, None
+        self._held, self._kill_s = False, float("inf")
         self._started_s = time.monotonic()
         try:
             self._process = self._started()
         except OSError as error:
             self._say(f"{self.name}: {self._command_line.words[0]}: {error.strerror}")
+            self.exit_status = CANNOT_EXECUTE
             self._plan_restart(CANNOT_EXECUTE)
             return
         self.pid = self._group = self._process.pid
@@ -120,7 +128,11 @@ class Child:
         try:
             process = subprocess.Popen(  # noqa: S603 - what the launch file names
                 line.words,
-                env={**line.environment, **({lifeline.VARIABLE: str(reading)} if service else {})},
+                env={
+                    **line.environment,
+                    lifeline.SUPERVISED_VARIABLE: "1",
+                    **({lifeline.VARIABLE: str(reading)} if service else {}),
+                },
                 cwd=line.folder,
                 pass_fds=(reading,) if service else (),
                 stdin=subprocess.DEVNULL,
@@ -144,6 +156,11 @@ class Child:
         return self._process is not None and self._process.poll() is None
 
     @property
+    def ended(self) -> bool:
+        """Whether the process has ended and will not be started again, by anybody."""
+        return self.state in ("finished", "failed", "stopped") and not self._held
+
+    @property
     def age_s(self) -> float:
         """Seconds since its start."""
         return time.monotonic() - self._started_s
@@ -164,11 +181,31 @@ class Child:
         elif self.pid is not None and not self.alive:
             assert self._process is not None
             self.pid, self.exit_status = None, self._process.returncode
+            self.ended_s = time.monotonic()
             self._end_group(time.monotonic())  # end the processes that it has started, too
             self._close_lifeline()
             self._plan_restart(self.exit_status)
+        elif self.pid is not None and time.monotonic() > self._kill_s and self._group is not None:
+            self._say(f"{self.name} did not end in time: killed")
+            self._kill_s = float("inf")
+            signal_group(self._group, signal.SIGKILL)
+
+    def hold(self, deadline_s: float) -> None:
+        """End the process until ``start``, by SIGKILL after a monotonic time; ``check`` goes on.
+
+        This does not count as its end: ``zv up`` goes on, since it may be started again.
+        """
+        self.terminate()
+        self._held, self._kill_s = True, deadline_s
+        self._backoff.reset()
+        if not self.alive:
+            self.state = "stopped"
 
     def _plan_restart(self, status: int) -> None:
+        if self._held:
+            self.state = "stopped"
+            self._say(f"{self.name} was stopped")
+            return
         how = ended_how(status, MEANING if self._guard is None else {})
         if status == 0 and self._finishes:
             self.state = "finished"
@@ -185,11 +222,11 @@ class Child:
             self.state = f"restarting in {delay_s:.0f} s"
             self._say(f"{self.name} {how}, starting again in {delay_s:g} s")
 
-    def terminate(self) -> None:
-        """Ask the process to end, and do not start it again."""
+    def terminate(self, number: int = signal.SIGTERM) -> None:
+        """Send a signal to end the process, and do not start it again; safe in a signal handler."""
         self._again_s = None
         if self._group is not None:
-            signal_group(self._group, signal.SIGTERM)
+            signal_group(self._group, number)
 
     def finish(self, deadline_s: float) -> None:
         """Wait for the process to end until a monotonic time, then kill it."""

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import urlsplit
 
-from zenoh_vision.config.settings import Secret, Settings, flag_of
-from zenoh_vision.error_text import shortened
+from zenoh_vision.config.settings import Secret, Settings, flag_of, from_environment
+from zenoh_vision.error_text import shortened, without_password
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host import health_file
 from zenoh_vision.transport.connection import Connection
 from zv.registry import command_of
 
-RESOLVED = ("ZV_CONNECT", "ZV_NAMESPACE", "ZV_ZENOH_CONFIG", "ZV_TIMEOUT", health_file.VARIABLE)
+CREDENTIALS = "ZV_CREDENTIALS"
+RESOLVED = (
+    "ZV_CONNECT",
+    "ZV_NAMESPACE",
+    "ZV_ZENOH_CONFIG",
+    CREDENTIALS,
+    "ZV_TIMEOUT",
+    health_file.VARIABLE,
+)
 """Variables that children do not inherit: services get their values as flags if needed.
 
 Only ``zv up`` itself writes the health file, for all of them.
@@ -66,20 +74,23 @@ def zv_command_line(
 def service_flags(service: str, settings: Settings) -> tuple[list[str], dict[str, str]]:
     """Return the arguments of ``zv`` that give a service its settings, and its secret variables.
 
-    Defaults are left out. Secrets are passed in the environment, since everyone on a machine can
-    read the command lines of all processes.
+    Defaults are left out unless the inherited environment has another value. Secrets are passed in
+    the environment, since everyone on a machine can read the command lines of all processes.
     """
     flags = [command_of(service)]
     secrets: dict[str, str] = {}
     model = type(settings)
+    inherited = from_environment(model)
     for name, option in model.model_fields.items():
         value = getattr(settings, name)
-        if value == option.default and name != "camera":
+        if value is None or (value == option.default and name not in ("camera", *inherited)):
             continue
         flag = flag_of(name)
         if isinstance(value, bool):
             flags.append(flag if value else f"--no-{flag[2:]}")
-        elif Secret in map(type, option.metadata) or _has_user(str(value)):
+        elif isinstance(value, Mapping):
+            flags += [flag, json.dumps(dict(value))]
+        elif Secret in map(type, option.metadata) or without_password(str(value)) != str(value):
             secrets[f"{model.env_prefix}{name.upper()}"] = str(value)
         else:
             flags += [flag, str(value)]
@@ -165,11 +176,3 @@ def found_program(word: str, path: str, folder: Path) -> str:
 
 def _without_resolved() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name not in RESOLVED}
-
-
-def _has_user(text: str) -> bool:
-    """Tell whether a setting is a URL with a user's name, and so perhaps a password."""
-    try:
-        return "://" in text and urlsplit(text).username is not None
-    except ValueError:
-        return False

@@ -11,17 +11,20 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from zenoh_vision.config.settings import (
+    CONNECTION,
     NAME_FORM,
     CameraName,
     Settings,
     cameras_of,
     load_settings,
+    read_config,
 )
 from zenoh_vision.error_text import shortened, suggestion
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import NAME
 from zv.launcher.command_line import found_program, program_flags, search_path
-from zv.launcher.launch_tables import NODE_SERVICES, LaunchTables, NodeTable, read_tables
+from zv.launcher.launch_paths import beside, check_paths
+from zv.launcher.launch_tables import GRACE_S, NODE_SERVICES, LaunchTables, NodeTable, read_tables
 from zv.registry import SERVICES, model_of
 
 ONLY_WITH_COMMAND = ("env", "cwd")
@@ -36,6 +39,7 @@ class PlannedNode:
 
     Attributes:
         name: ``{service}_{camera}``, or ``{service}`` if it serves several or all cameras.
+        required: Whether its end ends all nodes; it is not restarted then.
         variables: Environment variables that the launch file sets.
     """
 
@@ -43,6 +47,7 @@ class PlannedNode:
     service: str
     settings: Settings
     restart: bool
+    required: bool = False
     variables: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -62,6 +67,7 @@ class PlannedProgram:
     variables: Mapping[str, str] = field(repr=False)
     folder: Path
     restart: bool
+    required: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +78,7 @@ class Plan:
         place: The file, as errors name it.
         connection: ``namespace`` and ``connect``, if the file sets them.
         listen: Where its router listens; None if the file does not set it.
+        grace_s: How long nodes may take to end before they are killed.
     """
 
     place: str
@@ -79,12 +86,14 @@ class Plan:
     listen: str | None
     router_config: str | None
     nodes: tuple[PlannedNode | PlannedProgram, ...]
+    grace_s: float = GRACE_S
 
 
 def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan:
     """Read a launch file and check the options of every node in it.
 
-    The environment overrides the file: ``ZV_CAMERA_SOURCE`` is the source of every camera in it.
+    A node's ``settings`` are as its flags: they override the environment, which overrides its
+    ``config``. ``ZV_CAMERA_SOURCE`` is thus the source of every camera that has none there.
 
     Args:
         path: The file.
@@ -109,8 +118,9 @@ def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan
         place=str(path),
         connection={name: value for name, value in stated.items() if value is not None},
         listen=tables.router.listen,
-        router_config=_beside(path, f"{path}: router.zenoh_config", tables.router.zenoh_config),
+        router_config=beside(path, f"{path}: router.zenoh_config", tables.router.zenoh_config),
         nodes=tuple(nodes),
+        grace_s=tables.grace,
     )
 
 
@@ -123,6 +133,7 @@ def _check_two(
         and isinstance(other, PlannedNode)
         and node.service == other.service
         and SERVICES[node.service].of_camera
+        and not hasattr(node.settings, "node_name")  # then the names of the nodes differ
     ):
         ours, theirs = (cameras_of(getattr(each.settings, "camera")) for each in (node, other))  # noqa: B009 - of these services
         if not ours or not theirs or set(ours) & set(theirs):
@@ -211,17 +222,28 @@ def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
         )
     if not service.of_several:
         _check_one_camera(place, table)
+    config = beside(path, f"{place}.config", table.config)
+    if config is not None and read_config(config)[1]:
+        raise ConfigurationError(
+            f"{config}: [{CONNECTION}] is not allowed for a node of zv up, which connects all its "
+            "nodes; allowed: namespace and router.connect in the launch file, and --secure DIR"
+        )
     settings = load_settings(
         model_of(table.service),
         flags={"camera": table.camera} if of_camera else {},
-        config=_beside(path, f"{place}.config", table.config),
+        config=config,
         inline=table.settings,
         inline_place=f"{place}.settings",
+        inline_folder=path.parent,
+        inline_wins=True,
     )
+    check_paths(place, settings)
     cameras = _cameras_of(table)
     name = f"{table.service}_{cameras[0]}" if len(cameras) == 1 else table.service
+    name = getattr(settings, "node_name", name)
     variables = table.processor_variables()
-    return PlannedNode(name, table.service, settings, table.restart, variables)
+    restart = table.restart and not table.required
+    return PlannedNode(name, table.service, settings, restart, table.required, variables)
 
 
 def _program(path: Path, place: str, table: NodeTable) -> PlannedProgram:
@@ -249,7 +271,7 @@ def _program(path: Path, place: str, table: NodeTable) -> PlannedProgram:
             f"{place}.command = {shortened(list(table.command))} is not allowed: {name}: {error}; "
             f"allowed: a program on PATH, or its path relative to {folder}, and its arguments"
         ) from None
-    config = _beside(path, f"{place}.config", table.config)
+    config = beside(path, f"{place}.config", table.config)
     options = {} if camera is None else {"camera": camera}
     options |= {} if config is None else {"config": str(Path(config).absolute())}
     options |= {key: _option(place, key, value) for key, value in table.settings.items()}
@@ -258,7 +280,8 @@ def _program(path: Path, place: str, table: NodeTable) -> PlannedProgram:
         (program, *table.command[1:], *program_flags(options)),
         {**table.processor_variables(), **table.env},
         folder,
-        table.restart,
+        table.restart and not table.required,
+        table.required,
     )
 
 
@@ -294,13 +317,3 @@ def _check_one_camera(place: str, table: NodeTable) -> None:
             f"{place}.camera = {shortened(table.camera)} is not allowed: {table.service} serves "
             f"one camera; allowed: {NAME_FORM.words}, at most 64 characters"
         ) from None
-
-
-def _beside(path: Path, place: str, name: str | None) -> str | None:
-    """Return the path of a file that the launch file names, relative to itself."""
-    if name is None:
-        return None
-    found = path.parent / name
-    if not found.is_file():
-        raise ConfigurationError(f"{place} = {name!r} is not allowed: there is no file {found}")
-    return str(found)

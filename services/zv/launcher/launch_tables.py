@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from zenoh_vision.cli.processors import Affinity, JpegThreads, Nice, ProcessorSettings, Threads
 from zenoh_vision.config.constraints import allowed_and_default, unknown_key, wrong_value
+from zenoh_vision.config.durations import SECONDS
 from zenoh_vision.config.settings import CameraName, CameraNames, Text, read_toml
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
@@ -110,6 +111,13 @@ class NodeTable(Table):
         ),
     ] = None
     restart: Annotated[bool, Field(description="restart the process when it dies")] = True
+    required: Annotated[
+        bool,
+        Field(
+            description="end all nodes, and zv up with this node's exit status, when the process "
+            "ends for any reason; it is never restarted then"
+        ),
+    ] = False
     threads: Threads = 1
     jpeg_threads: JpegThreads = 0
     nice: Nice = 0
@@ -120,6 +128,21 @@ class NodeTable(Table):
         limits = self.model_fields_set & ProcessorSettings.model_fields.keys()
         prefix = ProcessorSettings.env_prefix
         return {f"{prefix}{name.upper()}": str(getattr(self, name)) for name in sorted(limits)}
+
+
+GRACE_S = 5.0
+"""As in docker-compose.yml."""
+
+Grace = Annotated[
+    float,
+    Field(
+        ge=0,
+        le=3600,
+        description="how long nodes may take to end after SIGTERM before they are killed, such as "
+        "10s; overridden by zv up --grace",
+    ),
+    SECONDS,
+]
 
 
 class LaunchTables(Table):
@@ -136,6 +159,7 @@ class LaunchTables(Table):
             "of NEW; overridden by zv up --remap OLD=NEW"
         ),
     ] = {}
+    grace: Grace = GRACE_S
     router: Annotated[RouterTable, Field(description="table [router]")] = RouterTable()
     node: Annotated[list[NodeTable], Field(min_length=1, description="one or more [[node]]")]
 
@@ -170,7 +194,7 @@ def _refuse(path: Path, error: ValidationError) -> NoReturn:
     message = f"{place} is missing" if missing else wrong_value(place, first["input"], first)
     if name in model.model_fields:
         # A table or a list has no range to show.
-        only_described = missing or model is LaunchTables or name in ("command", "env")
+        only_described = missing or name in ("namespace", "remap", "node", "command", "env")
         words = model.model_fields[name].description
         message += f"; allowed: {words if only_described else allowed_and_default(model, name)}"
     raise ConfigurationError(message)

@@ -18,18 +18,20 @@ from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.endpoints import MAX_PORT, local_endpoint, tcp_endpoint
 from zenoh_vision.transport.zenoh_config import client_config, listen_endpoints, router_config
 from zv.launcher.launch_file import Plan, PlannedNode, PlannedProgram
+from zv.launcher.options import UpOptions
+from zv.launcher.secure import SecureFiles
 from zv.launcher.supervisor import System, run
 from zv.router.settings import RouterSettings
 from zv.status.display import display_on
 from zv.viewer.credentials import view_token
 from zv.viewer.http.listener import free_port, url
-from zv.viewer.http.token_store import token_for
+from zv.viewer.http.token_store import state_folder, token_of
 from zv.viewer.settings import ViewerSettings
 
 DEFAULT_FILE = Path("configs/up.toml")
 LINES_PERIOD_S = 5.0
 
-WAY_OUT = "ZV_VIEWER_PORT=PORT, or port = PORT in the settings of its [[node]]"
+WAY_OUT = "port = PORT in the settings of its [[node]], or ZV_VIEWER_PORT=PORT if they have none"
 """Options that set another port, for errors; both override the config file of the node."""
 
 SHOWN = {"camera": COMPRESSED, "tracker": CENTROID, "edge": EDGES}
@@ -51,20 +53,19 @@ def launch_file(given: str | None) -> Path:
 def start(
     plan: Plan,
     connection: Connection,
+    options: UpOptions,
     *,
-    listen: str | None,
     own_router: bool,
-    plain: bool,
     debug: bool,
 ) -> int:
-    """Run the system of a launch file until a signal; return the exit status.
+    """Run the system of a launch file until it is over; return the exit status.
 
     Args:
         plan: The checked launch file.
         connection: How its nodes connect; the endpoint only if another router is used.
-        listen: Endpoint of its router; overrides environment and launch file.
+        options: Those of the command line; its router's endpoint overrides environment and
+            launch file.
         own_router: Whether to start a router instead of using a running one.
-        plain: Whether to print plain lines on a terminal too.
         debug: Whether the nodes log more.
 
     Raises:
@@ -72,7 +73,19 @@ def start(
             was started.
         RouterUnreachable: No router within the time allowed; everything was ended again.
     """
-    listens = router_endpoint(plan, listen) if own_router else None
+    secure = None
+    if options.secure is not None:
+        names = [node.name for node in plan.nodes]
+        secure = SecureFiles.of(options.secure, names, connection.namespace)
+        plan = replace(plan, router_config=str(secure.router) if own_router else None)
+        connection = replace(connection, credentials=str(secure.launcher))
+    elif connection.credentials is not None:
+        raise ConfigurationError(
+            "--credentials are one node's; allowed: --secure DIR, where each node has its own"
+        )
+    listens = router_endpoint(plan, options.listen) if own_router else None
+    if options.grace is not None:
+        plan = replace(plan, grace_s=options.grace)
     if listens is not None:
         connection = replace(connection, connect=local_endpoint(listens))
     plan = with_ports(plan)
@@ -80,8 +93,10 @@ def start(
     if listens is not None:
         router_config(listens, plan.router_config)
     greeting = how_to_subscribe(plan, connection, own_router=own_router)
-    display = display_on(Console(highlight=False), plain=plain, lines_period_s=LINES_PERIOD_S)
-    return run(System(plan, connection, listens, greeting, display, debug=debug))
+    display = display_on(
+        Console(highlight=False), plain=options.plain, lines_period_s=LINES_PERIOD_S
+    )
+    return run(System(plan, connection, listens, greeting, display, secure=secure, debug=debug))
 
 
 def router_endpoint(plan: Plan, listen: str | None) -> str:
@@ -146,7 +161,7 @@ def free(listen: str) -> str:
 
 
 def with_ports(plan: Plan) -> Plan:
-    """Return a plan in which every viewer has a free port and its token.
+    """Return a plan in which every viewer has a free port, its token, and a folder for events.
 
     Raises:
         ConfigurationError: A port cannot be used; the text has the reason and a remedy.
@@ -162,7 +177,10 @@ def _with_port(plan: Plan, node: PlannedNode | PlannedProgram) -> PlannedNode | 
         port = free_port(settings.host, settings.port, WAY_OUT)
     except ConfigurationError as error:
         raise ConfigurationError(f"{plan.place}: {node.name}: {error}") from None
-    known = {"port": port, "token": token_for(settings.host, settings.token, names=settings.names)}
+    events_dir = settings.events_dir
+    if events_dir is None and settings.recording is None:
+        events_dir = str(state_folder() / "events")
+    known = {"port": port, "token": token_of(settings), "events_dir": events_dir}
     return replace(node, settings=settings.model_copy(update=known))
 
 
@@ -177,7 +195,7 @@ def addresses(plan: Plan, *, view_only: bool = False) -> list[str]:
         if isinstance(node, PlannedNode) and isinstance(node.settings, ViewerSettings)
     ]
     return [
-        url(each.host, each.port, token, each.address)
+        url(each.host, each.port, token, each.address, encrypted=each.tls_certificate is not None)
         for each in found
         for token in [view_token(each.token) if view_only and each.token else each.token]
         if token or not view_only
@@ -201,7 +219,13 @@ def how_to_subscribe(plan: Plan, connection: Connection, *, own_router: bool) ->
         # Prefer a key without wildcards, which a shell would expand, and one of messages, which
         # are easier to read than pictures.
         told = max(keys, key=lambda key: ("*" not in key, key.endswith(CENTROID.name)))
-        example = shlex.join(["zv", "topic", "echo", told, "--connect", connection.connect])
+        words = ["zv", "topic", "echo", told]
+        if connection.credentials is None:
+            words += ["--connect", connection.connect]
+        else:
+            guest = Path(connection.credentials).with_name("guest.json5")
+            words += ["--credentials", str(guest if guest.is_file() else connection.credentials)]
+        example = shlex.join(words)
         lines.append(f"for example: {example}")
     lines += (f"viewer, view only: {address}" for address in addresses(plan, view_only=True))
     return [*lines, *(f"viewer: {address}" for address in addresses(plan))]

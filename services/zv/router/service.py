@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import time
+from functools import partial
 from typing import NoReturn
 
 import zenoh
@@ -22,6 +23,7 @@ from zenoh_vision.transport.zenoh_config import (
     router_config,
     zenoh_error_text,
 )
+from zv.router.rules import RouterRules
 from zv.router.settings import RouterSettings
 from zv.router.watchdog import HUNG_S, Watchdog
 
@@ -30,18 +32,24 @@ POLL_S = 0.1
 HUNG_STATUS = 1
 
 
-def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
+def run(
+    settings: RouterSettings, zenoh_config: str | None = None, credentials: str | None = None
+) -> None:
     """Route until SIGINT or SIGTERM.
 
-    A router that has locked up ends its process with status 1, so that it is started again.
+    A router that has locked up ends its process with status 1, so that it is started again. One
+    with credentials takes new ones when their file changes: connections are closed, and those that
+    are still allowed come back within a second.
 
     Args:
         settings: Where to listen.
         zenoh_config: Zenoh's own JSON5 file; its endpoints take precedence over the settings'.
+        credentials: The same from ``zv security``, with certificates and access rules.
 
     Raises:
-        ConfigurationError: The router cannot listen on an endpoint; the text says why and what
-            to do.
+        ConfigurationError: The router cannot listen on an endpoint, the text says why and what
+            to do; or its credentials cannot be used.
+        SourceError: There is no such file.
     """
     stopping = False
 
@@ -52,29 +60,47 @@ def run(settings: RouterSettings, zenoh_config: str | None = None) -> None:
     StopSignals(stop).catch()
     os.environ.setdefault(RUNTIME, ROUTER_RUNTIME)
     use_one_arena()
-    config = router_config(settings.listen, zenoh_config)
+    rules = None if credentials is None else RouterRules(credentials)
+    path = zenoh_config if rules is None else str(rules.path)
+    if rules is not None and zenoh_config is not None:
+        raise ConfigurationError("--credentials and --zenoh-config are both given; allowed: one")
+    health_file = HealthFile()
+    while not stopping:
+        with _opened(settings, path) as session:
+            watchdog = Watchdog(partial(ask, session))
+            while not stopping and not (rules is not None and rules.changed()):
+                health_file.beat("" if rules is None else rules.fault)
+                if watchdog.hangs():
+                    log.error(
+                        "Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S
+                    )
+                    _exit_at_once(HUNG_STATUS)
+                time.sleep(POLL_S)
+            if not watchdog.end():
+                _exit_at_once(0 if stopping else HUNG_STATUS)
+        if not stopping:
+            log.warning("took the new rules in %s; all connections were closed", path)
+
+
+def _opened(settings: RouterSettings, path: str | None) -> zenoh.Session:
+    """Open the router, and log where it listens.
+
+    Raises:
+        ConfigurationError: It cannot listen there.
+    """
+    config = router_config(settings.listen, path)
     endpoints = listen_endpoints(config)
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
-        setting = "listen" if zenoh_config is None else f"{zenoh_config}: listen/endpoints"
+        setting = "listen" if path is None else f"{path}: listen/endpoints"
         value = endpoints[0] if len(endpoints) == 1 else endpoints
         raise ConfigurationError(
             cannot_listen(f"{setting} = {value!r}", zenoh_error_text(error))
         ) from None
-    with session:
-        listening = listening_endpoints(session, endpoints)
-        log.info("router listens on %s", ", ".join(listening) or "nothing")
-        health_file = HealthFile()
-        watchdog = Watchdog(lambda: ask(session))
-        while not stopping:
-            health_file.beat()
-            if watchdog.hangs():
-                log.error("Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S)
-                _exit_at_once(HUNG_STATUS)
-            time.sleep(POLL_S)
-        if not watchdog.end():
-            _exit_at_once(0)
+    listening = listening_endpoints(session, endpoints)
+    log.info("router listens on %s", ", ".join(listening) or "nothing")
+    return session
 
 
 def _exit_at_once(status: int) -> NoReturn:

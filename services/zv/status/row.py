@@ -22,6 +22,7 @@ STATES = ("", "warn", "ERROR", "stale")
 STYLES = {
     "running": "green",
     "running, no node": "green",
+    "running, by hand": "green",
     "ERROR": "bold red",
     "failed": "bold red",
     "finished": "dim",
@@ -35,7 +36,7 @@ NUMBERS = {"rate": "Hz", "p50": "ms", "p99": "ms", "lost": "%", "cpu": "%", "mem
 TITLES = {"cpu": "CPU %", "memory": "MB"}
 """Titles of columns, where they are not made of field and unit."""
 
-OPTIONAL = ("lost", "host")
+OPTIONAL = ("lost", "route", "host")
 """Columns that are shown only if at least one row has a value."""
 
 
@@ -53,6 +54,7 @@ class Row:
     unwanted: str = ""
     cpu: str = ""
     memory: str = ""
+    route: str = ""
     host: str = ""
     message: str = ""
 
@@ -91,6 +93,7 @@ def row_of(
         unwanted=unwanted,
         cpu=number(cpu),
         memory=number(memory_mb),
+        route=",".join(sorted(set((report.routes or {}).values()))),
         host=host,
         message="" if report.message == "ok" else report.message,
     )
@@ -139,8 +142,9 @@ def table_of(rows: Sequence[Row]) -> Group:
     for name in numbers:
         title = TITLES.get(name, f"{name} {NUMBERS[name]}")
         table.add_column(title, justify="right", no_wrap=True)
-    if "host" in shown:
-        table.add_column("host", no_wrap=True)
+    texts = [name for name in ("route", "host") if name in shown]
+    for name in texts:
+        table.add_column(name, no_wrap=True)
     table.add_column("dropped", overflow="fold")
     for row in rows:
         dropped = Text(" ").join(filter(None, (Text(row.dropped), Text(row.unwanted, "dim"))))
@@ -148,7 +152,7 @@ def table_of(rows: Sequence[Row]) -> Group:
             Text(row.node),
             Text(row.state, STYLES.get(row.state, TRANSIENT_STYLE)),
             *(getattr(row, name) for name in numbers),
-            *([Text(row.host)] if "host" in shown else []),
+            *(Text(getattr(row, name)) for name in texts),
             dropped,
         )
     messages = [Text(f"{row.node}: {row.message}") for row in rows if row.message]
@@ -163,6 +167,8 @@ def line_of(row: Row) -> str:
             words.append(f"{name} {value} {unit}")
     if row.rate:
         words.append(f"dropped {' '.join(filter(None, (row.dropped, row.unwanted))) or 'none'}")
+    if row.route:
+        words.append(f"by {row.route}")
     if row.host:
         words.append(f"on {row.host}")
     if row.message:

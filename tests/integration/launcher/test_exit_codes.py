@@ -76,11 +76,6 @@ def test_a_source_that_cannot_be_opened_is_3_and_named(router, tmp_path, source)
     assert source in said
 
 
-def test_a_configuration_file_that_cannot_be_opened_is_3_and_named():
-    said = failure("tracker", "--config", "/no/such.toml", status=3)
-    assert "/no/such.toml: No such file" in said
-
-
 @pytest.mark.parametrize("name", ["camera", "tracker", "edge"])
 def test_no_router_within_the_timeout_is_4_and_says_how_to_start_one(tmp_path, name):
     endpoint = Router(tmp_path).endpoint  # nobody listens there

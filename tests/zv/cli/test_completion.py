@@ -1,12 +1,16 @@
-"""Shell completion: what the shells ask, what they are told, and that it loads nothing heavy."""
+"""Shell completion: what the shells ask, what they are told, that it loads nothing heavy."""
 
 from __future__ import annotations
 
+import ast
+import re
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from tests.support.processes import run_program
+from tests.support.processes import ROOT, run_program
 from tests.support.typist import type_zv
 from zv.cli.main import COMMANDS
 from zv.registry import SERVICES
@@ -42,7 +46,7 @@ def in_bash(typed: str) -> list[str]:
     ("typed", "expected"),
     [
         pytest.param("zv ", list(COMMANDS), id="all commands"),
-        pytest.param("zv tra", ["tracker"], id="a command begun"),
+        pytest.param("zv tracke", ["tracker"], id="a command begun"),
         pytest.param("zv xyz", [], id="no such command"),
         pytest.param("zv tracker --hist", ["--history"], id="an option"),
         pytest.param("zv camera --no-l", ["--no-loop"], id="the other half of a switch"),
@@ -65,7 +69,7 @@ def test_all_options_of_a_command_are_offered():
 
 def test_zsh_is_told_with_descriptions():
     summary = SERVICES["tracker"].summary
-    assert completions("zsh", "zv tra").splitlines() == ["plain", "tracker", summary]
+    assert completions("zsh", "zv tracke").splitlines() == ["plain", "tracker", summary]
 
 
 def test_fish_is_told_one_completion_a_line_however_long_its_description():
@@ -93,3 +97,42 @@ def test_the_script_of_a_shell_is_printed_and_begins_with_what_it_must(shell: st
     first = {"bash": "_zv_completion() {", "zsh": "#compdef zv", "fish": "function _zv_completion;"}
     assert done.stdout.startswith(first[shell])
     assert f"_ZV_COMPLETE={shell}_complete" in done.stdout
+
+
+OF_THE_REPOSITORY = re.compile(
+    r"\b(docs|examples|tests|benchmarks|configs|services|common)/|\.md\b"
+)
+OF_THE_USER = {
+    "configs/up.toml",  # used if it is there; named with "of this folder" otherwise
+    "launch file; default: configs/up.toml of this folder, or else the built-in one",
+    "no folder configs/ here and no file given: nothing to check",
+    "configuration files to check: of a service, launch files (.toml), of Zenoh (.json5); "
+    "default: those in the folder configs/ here, if there is one",
+}
+"""What a user may have in the folder that a command is called in."""
+
+FILES = sorted(path for folder in ("services", "common") for path in (ROOT / folder).rglob("*.py"))
+
+
+def texts(path: Path) -> Iterator[str]:
+    """Yield the texts in a file's code, which may be printed: all but docstrings."""
+    tree = ast.parse(path.read_text())
+    alone = {
+        id(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
+            yield node.value
+
+
+def test_no_text_names_a_file_of_the_repository():
+    assert FILES
+    found = [
+        (str(path.relative_to(ROOT)), text)
+        for path in FILES
+        for text in texts(path)
+        if OF_THE_REPOSITORY.search(text) and text not in OF_THE_USER
+    ]
+    assert found == []

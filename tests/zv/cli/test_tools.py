@@ -1,4 +1,4 @@
-"""The frame that all tools share: flags from a model, streams, signals, pipes, statuses."""
+"""The frame that all tools share: flags from a model, streams, signals, statuses, completion."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from tests.support.typist import type_zv
 from tests.support.waiting import wait_until
 from zenoh_vision.host.signals import SIGNALS
 from zenoh_vision.transport.connection import Connection
+from zv.cli.completion import typed_so_far
 from zv.cli.loading import run_tool
 from zv.cli.main import COMMANDS
 from zv.tools import registry
@@ -97,25 +98,6 @@ def test_an_expectation_that_is_not_met_is_1_and_one_line():
     )
 
 
-def test_a_surprise_is_70_and_one_line_and_a_traceback_only_with_debug():
-    done = zv("count", "up", "surprise")
-    line = (
-        "zv: unexpected RuntimeError: never seen before; "
-        "this is a bug in zv, --debug shows the traceback\n"
-    )
-    assert (done.returncode, done.stderr) == (70, line)
-    debugged = zv("count", "up", "surprise", "--debug")
-    assert debugged.returncode == 70
-    assert "Traceback" in debugged.stderr
-    assert debugged.stderr.endswith(line)
-
-
-def test_no_router_is_4_after_the_timeout():
-    done = zv("count", "up", "x", "--connect", "tcp/127.0.0.1:1", "--timeout", "0.3")
-    assert (done.returncode, done.stdout) == (4, "")
-    assert "within 0.3 s" in done.stderr
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
 def test_a_signal_ends_a_tool_with_0(endpoint, tmp_path, number):
     with Program([TOOL, "count", "up", "sheep", "--connect", endpoint], tmp_path, "t") as program:
@@ -181,3 +163,52 @@ def test_of_many_names_the_nearest_dozen_is_shown():
     said = nothing_matches("vision/front/image", [f"k{n}" for n in range(30)] + ["vision/front/i"])
     assert "did you mean vision/front/i?" in said
     assert said.endswith("and 19 more")
+
+
+@pytest.mark.parametrize(
+    ("typed", "kind"),
+    [
+        ("topic echo", "key"),
+        ("topic echo --once", "key"),
+        ("topic echo --field x", "key"),
+        ("topic echo --field=x", "key"),
+        ("topic hz a/b", "key"),
+        ("topic echo a/b", ""),
+        ("topic pub", "key"),
+        ("topic pub a/b", ""),
+        ("snapshot", "key"),
+        ("node info", "node"),
+        ("param get", "node"),
+        ("param get camera_front", "parameter"),
+        ("param get camera_front rate flip", "parameter"),
+        ("param set camera_front", "parameter"),
+        ("param set camera_front flip", "value"),
+        ("param set camera_front flip=none", "parameter"),
+        ("param set camera_front flip=none loop", "value"),
+        ("param set camera_front flip none", "parameter"),
+        ("param set camera_front flip none loop", "value"),
+        ("param dump camera_front", ""),
+        ("param load camera_front", ""),
+        ("--connect X param get", "node"),
+        ("param --connect X get --namespace=lab", "node"),
+        ("schema", ""),
+    ],
+)
+def test_the_next_argument_of_a_line_is_known(typed: str, kind: str):
+    found = typed_so_far(typed.split())
+    assert found is not None
+    assert found.kind() == kind
+
+
+@pytest.mark.parametrize(
+    "typed", ["", "topic", "camera", "topic echo --field", "--connect", "--bogus topic echo"]
+)
+def test_other_lines_are_completed_by_their_commands(typed: str):
+    assert typed_so_far(typed.split()) is None
+
+
+def test_the_connection_is_taken_from_the_line():
+    found = typed_so_far(["--connect", "X", "param", "get", "--namespace=lab", "n"])
+    assert found is not None
+    assert found.connection == {"--connect": "X", "--namespace": "lab"}
+    assert found.arguments == ["n"]

@@ -134,6 +134,7 @@ def test_the_keys_of_each_camera_of_a_tracker_are_shown(
         ('[[node]]\nservice = "camra"\n', ["node[0].service = 'camra'", "mean 'camera'?"]),
         ('[[node]]\nservice = "router"\n', ["node[0]", "'router'"]),
         (NODE + "restart = 1\n", ["node[0].restart", "1"]),
+        ("grace = -1\n" + NODE, ["grace = -1", "a duration", "from 0s to 1h", "default 5s"]),
         (NODE + NODE, ["node[1]", "already a camera for front"]),
         (NODE + "settings = { qualty = 3 }\n", ["settings", "'qualty'", "did you mean 'quality'"]),
         (NODE + "settings = { quality = 300 }\n", ["quality = 300", "1 to 100"]),
@@ -164,25 +165,70 @@ def test_a_wrong_value_in_a_config_file_is_blamed_on_that_file(tmp_path):
     assert "quality = 0" in message
 
 
-def test_the_environment_goes_over_the_files(tmp_path, monkeypatch):
+def test_the_environment_goes_over_config_and_settings_go_over_both(tmp_path, monkeypatch):
     monkeypatch.setenv("ZV_CAMERA_SOURCE", "0")
-    path = launch(tmp_path, NODE + 'settings = { source = "synthetic", loop = true }\n')
-    (node,) = read_launch_file(path).nodes
-    assert command_of(node)[0][1:] == ["--camera", "front", "--source", "0", "--loop"]
+    monkeypatch.setenv("ZV_CAMERA_QUALITY", "9")
+    (tmp_path / "mine.toml").write_text('quality = 30\nsource = "walk.avi"\n')
+    text = NODE + 'config = "mine.toml"\nsettings = { source = "synthetic", loop = true }\n'
+    (node,) = read_launch_file(launch(tmp_path, text)).nodes
+    # The default is a flag too, since the process inherits the variable.
+    assert command_of(node)[0][1:] == [
+        *("--camera", "front", "--source", "synthetic", "--loop", "--quality", "9")
+    ]
+    (node,) = read_launch_file(launch(tmp_path, NODE)).nodes
+    assert command_of(node)[0][1:] == ["--camera", "front", "--source", "0", "--quality", "9"]
 
 
-def test_a_secret_in_a_url_goes_by_environment_where_other_users_cannot_read_it(tmp_path):
-    url = "rtsp://me:secret@10.0.0.9/1"
+def test_a_variable_of_one_node_does_not_change_the_two_cameras(monkeypatch):
+    monkeypatch.setenv("ZV_CAMERA_SOURCE", "0")
+    plan = read_launch_file(ROOT / "configs" / "two-cameras.toml")
+    assert [node.settings.source for node in plan.nodes[:2]] == ["synthetic"] * 2
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "rtsp://me:secret@10.0.0.9/1",
+        "http://10.0.0.9/mjpg?user=a&pwd=secret",
+        "rtsp://admin:se/cret@10.0.0.9/",
+        "rtsp://admin:se[cret@10.0.0.9/",
+        "rtsp://10.0.0.9/user=admin_password=secret_channel=1",
+        "rtsp://admin:secret",
+        "admin:secret@10.0.0.9/1",
+    ],
+)
+def test_a_secret_in_a_url_goes_by_environment_where_other_users_cannot_read_it(tmp_path, url):
     (node,) = read_launch_file(
         launch(tmp_path, NODE + f'settings = {{ source = "{url}" }}\n')
     ).nodes
     assert command_of(node) == (["camera", "--camera", "front"], {"ZV_CAMERA_SOURCE": url})
 
 
-@pytest.mark.parametrize("source", ["rtsp://10.0.0.9/1", "user@host.avi", "http://[broken"])
-def test_what_holds_no_secret_can_be_seen_and_repeated(tmp_path, source):
+def test_a_password_of_its_own_goes_by_environment_too(tmp_path):
+    text = 'settings = { source = "rtsp://10.0.0.9/1", username = "admin", password = "p/w#?" }\n'
+    (node,) = read_launch_file(launch(tmp_path, NODE + text)).nodes
+    arguments, secrets = command_of(node)
+    assert secrets == {"ZV_CAMERA_PASSWORD": "p/w#?"}
+    assert arguments[3:] == ["--source", "rtsp://10.0.0.9/1", "--username", "admin"]
+
+
+def test_a_program_as_source_is_started_by_its_camera_and_its_secrets_are_not_shown(tmp_path):
+    for command, shown in (("ffmpeg -i rtsp://10.0.0.9/1 -", True), ("cat rtsp://a:b@c/1", False)):
+        text = f'settings = {{ source = "command:{command}" }}\n'
+        (node,) = read_launch_file(launch(tmp_path, NODE + text)).nodes
+        arguments, secrets = command_of(node)
+        assert ("--source" in arguments) is shown
+        assert ("ZV_CAMERA_SOURCE" in secrets) is not shown
+
+
+@pytest.mark.parametrize(
+    "source", ["rtsp://10.0.0.9/1", "user@host.avi", "http://[broken", "rtsp://[fe80::1]:554/1"]
+)
+def test_what_holds_no_secret_can_be_seen_and_repeated(tmp_path, monkeypatch, source):
+    monkeypatch.chdir(tmp_path)
+    Path("user@host.avi").touch()
     text = NODE + f'settings = {{ source = "{source}" }}\n'
-    (node,) = read_launch_file(launch(tmp_path, text)).nodes
+    (node,) = read_launch_file(launch(Path(), text)).nodes
     assert command_of(node) == (["camera", "--camera", "front", "--source", source], {})
 
 
@@ -194,7 +240,9 @@ def test_what_holds_no_secret_can_be_seen_and_repeated(tmp_path, source):
     ],
 )
 def test_the_command_line_of_a_node_means_the_same_settings(tmp_path, monkeypatch, settings):
-    (node,) = read_launch_file(launch(tmp_path, NODE + f"settings = {settings}\n")).nodes
+    monkeypatch.chdir(tmp_path)
+    Path("-1.avi").touch()
+    (node,) = read_launch_file(launch(Path(), NODE + f"settings = {settings}\n")).nodes
     understood = []
     monkeypatch.setattr("zv.camera.service.run", lambda found, _: understood.append(found))
     monkeypatch.setattr("signal.signal", lambda *_: None)
@@ -203,7 +251,8 @@ def test_the_command_line_of_a_node_means_the_same_settings(tmp_path, monkeypatc
     assert understood == [node.settings]
 
 
-def test_a_viewer_belongs_to_no_camera(tmp_path):
+def test_a_viewer_belongs_to_no_camera(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     path = launch(tmp_path, '[[node]]\nservice = "viewer"\ncamera = "front"\n')
     with pytest.raises(ConfigurationError, match=r"node\[0\]\.camera = 'front' is not allowed"):
         read_launch_file(path)
@@ -211,7 +260,9 @@ def test_a_viewer_belongs_to_no_camera(tmp_path):
     (node,) = with_ports(read_launch_file(path)).nodes
     assert node.name == "viewer"
     assert node.settings.port > 0
-    assert command_of(node) == (["view", "--port", str(node.settings.port)], {})
+    events = tmp_path / "zenoh-vision" / "events"  # of the user's state
+    words = ["view", "--port", str(node.settings.port), "--events-dir", str(events)]
+    assert command_of(node) == (words, {})
 
 
 def test_a_token_goes_by_the_environment_and_into_the_address(tmp_path, monkeypatch):
@@ -254,12 +305,12 @@ def test_a_viewers_port_that_is_taken_is_named_with_the_ways_out_that_there_are(
             with_ports(read_launch_file(path))
         assert str(refused.value) == (
             f"{path}: viewer: port {port} on 127.0.0.1 is in use, perhaps by another viewer; "
-            "choose another with ZV_VIEWER_PORT=PORT, "
-            "or port = PORT in the settings of its [[node]]"
+            "choose another with port = PORT in the settings of its [[node]], "
+            "or ZV_VIEWER_PORT=PORT if they have none"
         )
         assert with_ports(read_launch_file(launch(tmp_path, table % 0)))  # one way out
         monkeypatch.setenv("ZV_VIEWER_PORT", "0")  # the other
-        assert with_ports(read_launch_file(launch(tmp_path, table % port)))
+        assert with_ports(read_launch_file(launch(tmp_path, '[[node]]\nservice = "viewer"\n')))
 
 
 def test_without_a_file_of_this_folder_the_standard_one_is_found(tmp_path, monkeypatch):

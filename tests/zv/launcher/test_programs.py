@@ -12,11 +12,11 @@ import psutil
 import pytest
 
 from tests.support.waiting import wait_until
+from zenoh_vision.host import group_guard
+from zenoh_vision.host.group_guard import GroupGuard
 from zenoh_vision.transport.connection import Connection
-from zv.launcher import group_guard
 from zv.launcher.child import Child
 from zv.launcher.command_line import program_command_line
-from zv.launcher.group_guard import GroupGuard
 from zv.status.process_usage import ProcessUsage
 
 Start = Callable[..., Child]
@@ -30,7 +30,7 @@ def said() -> list[str]:
 @pytest.fixture
 def start(tmp_path: Path, said: list[str]) -> Iterator[Start]:
     """Starts a program that ``sh`` runs as node ``mine_front``."""
-    guard = GroupGuard()
+    guard = GroupGuard(1.5)
     started = []
 
     def begin(script: str, **variables: str) -> Child:
@@ -147,7 +147,7 @@ def test_what_a_program_has_started_ends_when_the_program_dies(start, said):
 
 def test_a_program_that_is_gone_when_it_is_started_again_is_tried_later(tmp_path, said):
     line = program_command_line("x", [str(tmp_path / "gone")], {}, tmp_path, Connection())
-    child = Child("x", line, say=said.append, guard=GroupGuard())
+    child = Child("x", line, say=said.append, guard=GroupGuard(1.5))
     child.start()
     assert said == [
         f"x: {tmp_path / 'gone'}: No such file or directory",
@@ -171,14 +171,14 @@ from pathlib import Path
 from zenoh_vision.transport.connection import Connection
 from zv.launcher.child import Child
 from zv.launcher.command_line import program_command_line
-from zv.launcher.group_guard import GroupGuard
+from zenoh_vision.host.group_guard import GroupGuard
 
 def print_line(line):
     print(line, flush=True)
 
 script = "trap '' TERM; sleep 60 & echo pid $!; echo pid $$; wait; sleep 60"
 line = program_command_line("mine_front", ["/bin/sh", "-c", script], {}, Path("/"), Connection())
-child = Child("mine_front", line, say=print_line, guard=GroupGuard())
+child = Child("mine_front", line, say=print_line, guard=GroupGuard(1.5))
 child.start()
 time.sleep(60)
 """

@@ -8,6 +8,7 @@ import unicodedata
 import pytest
 from rich.console import Console
 
+from tests.support.node_states import report
 from zenoh_vision.health.node_state import NodeState, S
 from zenoh_vision.messages import Diagnostics, Latency
 from zv.launcher.child import Child, ended_how
@@ -19,19 +20,9 @@ from zv.status.row import line_of, row_of, view_of
 
 
 def health(**fields: object) -> Diagnostics:
-    return Diagnostics.model_validate(
-        {
-            "node": "tracker_front",
-            "stamp_ns": 1,
-            "level": 0,
-            "message": "ok",
-            "uptime_s": 1.0,
-            "counters": {"received": 5, "processed": 4, "dropped.stale": 1, "pending": 0},
-            "rate_hz": 29.97,
-            "latency_ms": Latency(p50=7.04, p99=None),
-            **fields,
-        }
-    )
+    counters = {"received": 5, "processed": 4, "dropped.stale": 1, "pending": 0}
+    known = {"counters": counters, "rate_hz": 29.97, "latency_ms": Latency(p50=7.04, p99=None)}
+    return report(**known | fields)
 
 
 def node(silent_s: float = 0.0, **fields: object) -> NodeState:

@@ -42,6 +42,13 @@ def test_columns_that_no_node_has_anything_for_are_left_out():
     assert line_of(top[0]).endswith("lost 1.5 %  dropped none  on roof")
 
 
+def test_the_routes_of_a_nodes_frames_have_a_column_if_it_has_any():
+    rows = [Row("tracker_front", "running", rate="30.0", route="jpeg,shm"), Row("edge", "running")]
+    assert "jpeg,shm" in rendered(view_of(rows).table())
+    assert "route" not in rendered(view_of(rows[1:]).table())
+    assert line_of(rows[0]).endswith("by jpeg,shm")
+
+
 def test_what_a_node_says_is_text_and_no_markup():
     row = Row("[red]x[/red]", "running", host="[b]roof", message="[blink]hello")
     shown = rendered(view_of([row]).table())

@@ -1,0 +1,1 @@
+"""``zv relay``: a second stream of pictures, slower, smaller, cropped or rectified."""

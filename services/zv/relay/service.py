@@ -1,0 +1,117 @@
+"""The relay's loop."""
+
+from __future__ import annotations
+
+from zenoh_vision import Connection, Frame, Level, Node
+from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.config.revisions import Revision
+from zenoh_vision.errors import ParameterRefused, PayloadError
+from zenoh_vision.keys import JPEG
+from zenoh_vision.topics import COMPRESSED, TOPICS, Topic
+from zv.relay.calibration_source import CalibrationSource
+from zv.relay.settings import RELAYED, RelaySettings
+from zv.relay.transform import RateLimit, Transform, Transformer, calibration_after
+
+INFO = "camera_info"
+USUAL_QUALITY = 80
+
+
+def run(settings: RelaySettings, connection: Connection) -> None:
+    """Publish pictures of a stream again, changed as the settings say, until told to stop.
+
+    Raises:
+        ConfigurationError: The stream is none of this namespace, or the relay's own.
+    """
+    camera, topic = settings.stream(connection.namespace)
+    to = settings.to or camera
+    is_camera = bool(settings.to)
+    outputs = (COMPRESSED.name, INFO) if is_camera else (RELAYED,)
+    with Node(
+        "relay",
+        name=settings.node_name,
+        camera=list(dict.fromkeys((camera, to))),
+        connection=connection,
+        publishes={to: outputs} if to == camera else {camera: (), to: outputs},
+        parameters=settings,
+        counts=("received", "processed"),
+    ) as node:
+        source = TOPICS.get(topic, Topic(topic, JPEG))
+        frames = node.frames(source, camera=camera, want=lambda _: None)
+        relay = Relay(node, camera, to, is_camera=is_camera)
+        for frame in frames:
+            try:
+                relay.take(frame)
+            except PayloadError as error:
+                node.counters.note(error.reason)
+                node.health.log_drop(error)
+            except ParameterRefused as refused:
+                node.report("region", Level.WARN, str(refused))
+
+
+class Relay:
+    """Publishes each frame in its new form.
+
+    Args:
+        node: Open.
+        camera: The camera of the frames.
+        to: The camera as which they are published.
+        is_camera: Whether that is another camera, with its own coordinates.
+    """
+
+    def __init__(self, node: Node, camera: str, to: str, *, is_camera: bool) -> None:
+        self._node = node
+        self._to = to
+        self._is_camera = is_camera
+        self._calibrations = CalibrationSource(node, camera)
+        self._limit = RateLimit()
+        self._transformer = Transformer()
+        self._told: tuple[Calibration, Transform, int] | None = None
+
+    def take(self, frame: Frame) -> None:
+        """Publish a frame, unless it is over the rate or cannot be rectified.
+
+        Raises:
+            ParameterRefused: The region is not within the picture.
+            PayloadError: The picture cannot be decoded.
+        """
+        revision: Revision[RelaySettings] = frame.revision
+        settings = revision.settings
+        if not self._limit.allow(frame.header, settings.rate):
+            return
+        known = self._calibrations.of_frame(frame.header)
+        if settings.rectify and known is None:
+            self._node.report("rectify", Level.WARN, "rectify: there is no camera_info that fits")
+            return
+        self._node.report("rectify", Level.OK)
+        transform = Transform(known if settings.rectify else None, settings.box, settings.scale)
+        picture, (width, height) = self._transformer.apply(frame, transform)
+        self._node.report("region", Level.OK)
+        quality = settings.quality or USUAL_QUALITY
+        if settings.quality is not None and picture is frame.picture and not picture.is_deep:
+            picture = picture.scaled(*picture.size)  # so that it is encoded again
+        if not self._is_camera:
+            self._node.publish_picture(RELAYED, picture, frame=frame, quality=quality)
+            return
+        header = frame.header.model_copy(
+            update={
+                "camera": self._to,
+                "width": width,
+                "height": height,
+                "encoding": picture.encoding,
+                "node": self._node.name,
+                "revision": revision.number,
+                "assumed": None,
+            }
+        )
+        result = Frame(header, picture, quality=quality)
+        if known is not None:
+            self._tell(result, known, transform)
+        self._node.publish_picture(COMPRESSED, result)
+
+    def _tell(self, frame: Frame, known: Calibration, transform: Transform) -> None:
+        """Publish the calibration of the result, once for each epoch and change."""
+        told = (known, transform, frame.header.epoch)
+        if told != self._told:
+            self._told = told
+            found = calibration_after(known, transform)
+            self._node.publish(INFO, found.message(frame.header))
