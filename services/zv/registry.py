@@ -29,8 +29,11 @@ class Service:
         of_several: Whether it can belong to several cameras: ``front,left``, or ``*`` for all.
         publishes: Topics that it may publish, by suffix (``image/compressed``), the main one first.
         consumes: Topics that it subscribes to, by suffix, or ``EVERY_TOPIC``.
-        files: Module and class of further flags. With one of them, the service works on files,
-            without a router, by ``zv.{name}.files.run``.
+        sets: Whether it sets parameters of other nodes.
+        records: Whether it writes recordings, and answers who has it write one.
+        alone: Module and class of further flags, and module and name of the function that is
+            called with the settings and these if one of them is given: it does something else than
+            the service, without a router.
     """
 
     model: str
@@ -41,7 +44,9 @@ class Service:
     of_several: bool = False
     publishes: tuple[str, ...] = ()
     consumes: tuple[str, ...] = ()
-    files: str = ""
+    sets: bool = False
+    records: bool = False
+    alone: tuple[str, str] | None = None
 
 
 SERVICES = {
@@ -54,9 +59,10 @@ SERVICES = {
     "camera": Service(
         "zv.camera.settings:CameraSettings",
         "Publish a camera, a video, a folder or a synthetic scene.",
-        "zv camera --camera front --source walk.avi --rate 10 --loop",
+        "zv camera --camera front --source walk.avi --rate 10 --loop\nzv camera --list",
         # ``camera_info`` only with a calibration file, ``truth`` only of the synthetic scene.
         publishes=("image/compressed", "image", "camera_info", "truth"),
+        alone=("zv.camera.list_options:ListOptions", "zv.camera.list_devices:run"),
     ),
     "tracker": Service(
         "zv.tracker.settings:TrackerSettings",
@@ -72,7 +78,8 @@ SERVICES = {
             "mask/compressed",
             "background/compressed",
         ),
-        consumes=("image/compressed", "image"),  # one of them, by the setting transport
+        # One of the two images, by the setting transport.
+        consumes=("image/compressed", "image", "camera_info"),
     ),
     "edge": Service(
         "zv.edge.settings:EdgeSettings",
@@ -88,15 +95,78 @@ SERVICES = {
             "edges/contours",
         ),
         consumes=("image/compressed", "image"),  # one of them, by the setting transport
-        files="zv.edge.file_options:FileOptions",
+        alone=("zv.edge.file_options:FileOptions", "zv.edge.files:run"),
+    ),
+    "notify": Service(
+        "zv.notify.settings:NotifySettings",
+        "Send events with their picture to a webhook and to an MQTT broker.",
+        "zv notify --webhook http://127.0.0.1:9000/event\n"
+        "zv notify --mqtt mqtt://127.0.0.1 --events zone_entered,line_crossed",
+        of_several=True,
+        consumes=("events", "tracked/compressed", "image/compressed"),
+    ),
+    "relay": Service(
+        "zv.relay.settings:RelaySettings",
+        "Publish a stream of pictures again: slower, smaller, cropped or rectified.",
+        "zv relay vision/front/image/compressed --rate 2 --scale 0.5 --quality 60\n"
+        "zv relay --camera front --rectify --to front_flat",
+        # The first by default, the others as the camera ``to``.
+        publishes=("relayed/compressed", "image/compressed", "camera_info"),
+        consumes=("image/compressed", "image", "camera_info"),
     ),
     "viewer": Service(
         "zv.viewer.settings:ViewerSettings",
         "Show all cameras in the browser, and serve their streams under URLs.",
-        "zv view --port 8081",
+        "zv view --port 8081\nzv view run.mcap",
         command="view",
         of_camera=False,
         consumes=(EVERY_TOPIC,),
+        sets=True,
+    ),
+    "recorder": Service(
+        "zv.recorder.settings:RecorderSettings",
+        "Record what is on the network, all the time or around events.",
+        "zv recorder --output recordings/run.mcap --total-mb 10000\n"
+        "zv recorder --last 30s --on-event line_crossed",
+        of_camera=False,
+        consumes=(EVERY_TOPIC,),
+        records=True,
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FileCommand:
+    """A command that does on files what a service does on frames, without a router.
+
+    Attributes:
+        service: The service, whose settings are flags too; it is run by ``zv.{service}.files.run``.
+        options: Module and class of the further flags.
+        summary: What it does, for ``zv --help``.
+        example: Command lines, one a line.
+        details: The help text below the summary.
+    """
+
+    service: str
+    options: str
+    summary: str
+    example: str
+    details: str = ""
+
+
+FILE_COMMANDS = {
+    "track": FileCommand(
+        "tracker",
+        "zv.tracker.file_options:FileOptions",
+        "Write the tracks of a video, a recording or a folder; or find the objects of an image.",
+        "zv track walk.avi -o tracks.csv\n"
+        "zv track run.mcap -o tracks.txt --learning-time 5s\n"
+        "zv track --image street.jpg --model yolo11n.onnx\n"
+        "zv track --image street.jpg --model yolo11n.onnx --classes person,car -o boxes.png",
+        "Of a FILE, every frame is processed, the next when the last is done, so the result is the "
+        "same each time; a row of the CSV is an object of a frame. With --image, a line is printed "
+        "for each object: class, score, box as x,y WIDTHxHEIGHT in pixels. The flags "
+        "of the tracker apply. Needs no router.",
     ),
 }
 

@@ -33,12 +33,19 @@ class Tool:
 
 GROUPS: Final[dict[str, str]] = {
     "topic": "Inspect, measure and publish data on key expressions.",
-    "node": "List running nodes and show their details.",
+    "node": "List running nodes, show their details, stop and start those of zv up.",
     "param": "Read, set, save and load the parameters of running nodes.",
+    "bag": "Record what is on the network, play it again, and verify results.",
     "calibrate": "Calibrate a camera: its lens, and the plane that it looks at.",
     "new": "Write the files of a service of your own.",
+    "security": "Certificates and rights: who may see, publish and set what.",
 }
 """Commands that have commands of their own, with their summaries."""
+
+PLAYER_KEYS: Final = (
+    "space pauses, s steps, left and right move by 5 s, up and down double and halve the speed, "
+    "0 goes to the beginning, q quits."
+)
 
 TOOLS: Final[dict[str, Tool]] = {
     "topic list": Tool(
@@ -62,10 +69,12 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv.tools.topic.echo:run",
         "Print messages as they arrive; for a picture its header, size and format.",
         "zv topic echo vision/front/centroid --once\n"
-        "zv topic echo vision/front/centroid --field header.seq --field x --csv > x.csv",
+        "zv topic echo vision/front/centroid --field header.seq --field x --csv > x.csv\n"
+        "zv topic echo vision/front/tracked/compressed --image",
         "Nested fields have dotted names: header.seq, box.2, tracks.id. --field may be given "
         "several times; a message without such a field is skipped and counted. If nothing arrives "
-        "for a second, the newest message is shown.",
+        "for a second, the newest message is shown. --image draws pictures in the terminal, also "
+        "over ssh: by Kitty's protocol, as Sixel, or with block characters.",
         completes=("key",),
     ),
     "topic hz": Tool(
@@ -120,6 +129,28 @@ TOOLS: Final[dict[str, Tool]] = {
         "Show the description of a node.",
         "zv node info tracker_front\nzv node info 'camera_*' --json",
         "Shows its keys, parameters, version, host, process, uptime and health.",
+        completes=("node",),
+    ),
+    "node stop": Tool(
+        "zv.tools.node.options:ControlOptions",
+        "zv.tools.node.control:stop",
+        "Stop a node that zv up runs.",
+        "zv node stop edge_front",
+        "It gets SIGTERM, and SIGKILL after the launch file's grace; zv up then leaves it stopped.",
+        completes=("node",),
+    ),
+    "node start": Tool(
+        "zv.tools.node.options:ControlOptions",
+        "zv.tools.node.control:start",
+        "Start a node of zv up that was stopped, has finished or failed.",
+        "zv node start edge_front",
+        completes=("node",),
+    ),
+    "node restart": Tool(
+        "zv.tools.node.options:ControlOptions",
+        "zv.tools.node.control:restart",
+        "Stop a node that zv up runs, and start it again.",
+        "zv node restart camera_front",
         completes=("node",),
     ),
     "param list": Tool(
@@ -194,6 +225,173 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv new service brightness",
         "Writes a folder with NAME.py, launch.toml and test_NAME.py, a complete service to change. "
         "Needs no router; nothing is overwritten.",
+    ),
+    "bag record": Tool(
+        "zv.tools.bag.options:RecordOptions",
+        "zv.tools.bag.record:run",
+        "Record what is on the network into a file.",
+        "zv bag record -o run.mcap\n"
+        "zv bag record 'vision/front/**' -o front.mcap --for 60s\n"
+        "zv bag record --last 30s --on-event line_crossed -o crash.mcap",
+        "Without KEY: all of the cameras' data that is not made for display only. Descriptions, "
+        "parameters and health of the nodes are always recorded, unless --exclude names them. With "
+        "--split-mb, --split, --total-mb or --last there are several files, with the time in their "
+        "names. --last writes nothing until it is triggered: by --on-event, --on-level, zv bag "
+        "trigger, SIGUSR1, or Enter on a terminal.",
+        completes=("key", "..."),
+    ),
+    "bag trigger": Tool(
+        "zv.tools.bag.options:TriggerOptions",
+        "zv.tools.bag.record:trigger",
+        "Have recorders with --last write their last seconds.",
+        "zv bag trigger --reason jam",
+        "Exit status 1 if none answers.",
+    ),
+    "bag info": Tool(
+        "zv.tools.bag.options:InfoOptions",
+        "zv.tools.bag.info:run",
+        "Show what is in a recording, and what is missing in it.",
+        "zv bag info run.mcap\nzv bag info run.mcap --minutes --json",
+        "complete: sequence numbers prove that nothing between the first and the last message was "
+        "missed. Exit status 1 if the file is damaged or was not closed. Needs no router.",
+    ),
+    "bag repair": Tool(
+        "zv.tools.bag.options:RepairOptions",
+        "zv.tools.bag.edit:repair",
+        "Complete a recording that was cut off, by a crash or a full disk.",
+        "zv bag repair run.mcap.partial\nzv bag repair damaged.mcap -o readable.mcap",
+        "Writes the index in place, which takes little space; with -o into a copy of all that is "
+        "readable, which a damaged file needs. Needs no router.",
+    ),
+    "bag play": Tool(
+        "zv.tools.bag.play_options:PlayOptions",
+        "zv.tools.bag.play:run",
+        "Play a recording: the same keys, bytes and pace.",
+        "zv bag play run.mcap\n"
+        "zv bag play run.mcap --as left --speed 0.5 --loop\n"
+        "zv bag play run.mcap --lockstep tracker_front",
+        "Original stamps are kept and marked as a replay, so that consumers judge the age of a "
+        "frame by when it was sent. It is a node: zv param set player_front paused true, speed, "
+        "step, position, loop. What another node publishes now is not played; beside a live camera "
+        "of the same name it does not play. On a terminal, keys: " + PLAYER_KEYS,
+        waits=True,
+    ),
+    "bag verify": Tool(
+        "zv.tools.bag.verify_options:VerifyOptions",
+        "zv.tools.bag.verify:run",
+        "Run a service on recorded frames and compare its results with the recorded ones.",
+        "zv bag verify run.mcap --node tracker --update golden.mcap\n"
+        "zv bag verify golden.mcap --node tracker\n"
+        "zv bag verify golden.mcap --node tracker --set learning_time=5s --tolerance tracks.x=0.5",
+        "Every frame that the node answered when it was recorded is sent again, the next when it "
+        "has answered all of the last, so nothing is dropped and nothing depends on the speed of "
+        "the machine. The settings are the recorded ones, and follow their recorded changes. The "
+        "first difference ends it with exit status 1: frame, field, both values, and a picture. "
+        "Needs no router.",
+    ),
+    "bag cut": Tool(
+        "zv.tools.bag.options:CutOptions",
+        "zv.tools.bag.edit:cut",
+        "Write the part of a recording between two times.",
+        "zv bag cut run.mcap --start 10s --end 25s -o part.mcap",
+        "The new file begins with the descriptions, parameters and latched messages of its start. "
+        "Needs no router.",
+    ),
+    "bag merge": Tool(
+        "zv.tools.bag.options:MergeOptions",
+        "zv.tools.bag.edit:merge",
+        "Write several recordings into one, in the order of arrival.",
+        "zv bag merge front.mcap left.mcap -o both.mcap",
+        "Needs no router.",
+    ),
+    "bag filter": Tool(
+        "zv.tools.bag.options:FilterOptions",
+        "zv.tools.bag.edit:filter_",
+        "Write some keys of a recording into another.",
+        "zv bag filter run.mcap 'vision/front/**' -o front.mcap\n"
+        "zv bag filter run.mcap --exclude 'vision/*/edges/**' -o small.mcap",
+        "@ keys are kept if they are named, or if no KEY is. Needs no router.",
+    ),
+    "bag convert": Tool(
+        "zv.tools.bag.options:ConvertOptions",
+        "zv.tools.bag.edit:convert",
+        "Write a recording for ROS 2.",
+        "zv bag convert run.mcap --profile ros2 -o ros.mcap",
+        "Pictures become CompressedImage and Image, calibrations CameraInfo, centroids "
+        "PointStamped, tracks Detection2DArray and Foxglove's ImageAnnotations. What ROS has no "
+        "message for is left out. Needs no router.",
+    ),
+    "bag export": Tool(
+        "zv.tools.bag.options:ExportOptions",
+        "zv.tools.bag.export:run",
+        "Write frames, a video, tracks or fields of a recording.",
+        "zv bag export run.mcap -o frames/\n"
+        "zv bag export run.mcap --draw -o run.mp4\n"
+        "zv bag export run.mcap -o tracks.txt\n"
+        "zv bag export run.mcap --key vision/front/centroid --field header.seq --field x -o x.csv",
+        "Frames are written as they were recorded. Needs no router.",
+    ),
+    "bag import": Tool(
+        "zv.tools.bag.options:ImportOptions",
+        "zv.tools.bag.import_:run",
+        "Make a recording of a video, a folder of images, or a recording of ROS.",
+        "zv bag import walk.avi -o walk.mcap\nzv bag import drive.bag -o drive.mcap",
+        "JPEG and PNG are taken as they are. Recordings of ROS 1 and ROS 2 need the extra bags: "
+        "images, compressed images and camera_info become streams of a camera for each topic. "
+        "Needs no router.",
+    ),
+    "security init": Tool(
+        "zv.tools.security.options:InitOptions",
+        "zv.tools.security.commands:init",
+        "Make a certificate authority, and a certificate for every node, user and router.",
+        "zv security init security --camera front --camera back --host vision.example.com",
+        "Writes a folder with one file per node, which --credentials points at, and the router's "
+        "configuration: certificates required, everything denied that a role does not need. Needs "
+        "no router; nothing is overwritten.",
+    ),
+    "security add": Tool(
+        "zv.tools.security.options:AddOptions",
+        "zv.tools.security.commands:add",
+        "Give certificates to further cameras, users, routers and nodes of your own.",
+        "zv security add --camera left\n"
+        "zv security add --node brightness_front --publishes vision/front/brightness "
+        "--subscribes vision/front/image/compressed",
+        "Somebody who was revoked gets a certificate under another number.",
+    ),
+    "security renew": Tool(
+        "zv.tools.security.options:RenewOptions",
+        "zv.tools.security.commands:renew",
+        "Give holders new certificates before the former ones end.",
+        "zv security renew camera_front\nzv security renew --all",
+        "The former certificate stays valid until its end; revoke withdraws it.",
+    ),
+    "security revoke": Tool(
+        "zv.tools.security.options:RevokeOptions",
+        "zv.tools.security.commands:revoke",
+        "Withdraw the rights of somebody's certificates, such as those of a stolen camera.",
+        "zv security revoke camera_front",
+        "The routers stop them when they have the new rules; others go on.",
+    ),
+    "security web": Tool(
+        "zv.tools.security.options:WebOptions",
+        "zv.tools.security.web:web",
+        "Write a certificate for the viewer's own TLS, and those of people for their browsers.",
+        "zv security web --host cam.example",
+        "web.pem is the viewer's, for --tls-certificate of zv view; NAME.p12 is the certificate of "
+        "an operator or guest, as browsers import it. Who has such a file needs no password.",
+    ),
+    "security show": Tool(
+        "zv.tools.security.options:ShowOptions",
+        "zv.tools.security.showing:show",
+        "List the holders of certificates and until when these are valid, or one's rights.",
+        "zv security show\nzv security show camera_front",
+    ),
+    "security check": Tool(
+        "zv.tools.security.options:CheckOptions",
+        "zv.tools.security.showing:check",
+        "Say whether a node may do something on a key, and by which rule.",
+        "zv security check camera_front vision/front/image/compressed publish",
+        "Judges by the rules in the router's configuration. Exit status 1 if it is denied.",
     ),
     "calibrate camera": Tool(
         "zv.tools.calibrate.options:CameraOptions",

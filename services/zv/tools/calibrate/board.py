@@ -93,7 +93,8 @@ class Board:
         return grid.astype(np.float64), np.asarray(corners, np.float64).reshape(-1, 2)
 
     def _charuco(self, gray: Gray) -> tuple[Points, Points] | None:
-        corners, ids, _, _ = self._detector.detectBoard(gray)
+        found = [detector.detectBoard(gray)[:2] for detector in self._detectors]
+        corners, ids = max(found, key=lambda each: 0 if each[1] is None else len(each[1]))
         if ids is None or len(ids) < LEAST_CORNERS:
             return None
         chosen = np.asarray(ids).ravel()
@@ -104,17 +105,30 @@ class Board:
             return None
         return points, np.asarray(corners, np.float64).reshape(-1, 2)
 
-    @cached_property
+    @property
     def drawing(self) -> Any:
         """OpenCV's ChArUco board, which draws it too."""
+        return self._drawings[0]
+
+    @cached_property
+    def _drawings(self) -> list[Any]:
+        """The board as OpenCV draws it, and as it did before 4.6.
+
+        With an even number of rows the older one has its markers in the other squares; calib.io
+        and boards that were printed then have it.
+        """
         number = getattr(cv2.aruco, f"DICT_{self.dictionary}")
         dictionary = cv2.aruco.getPredefinedDictionary(number)
         size = (self.columns, self.rows)
-        return cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)
+        drawings = [cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)]
+        if self.rows % 2 == 0:
+            drawings.append(cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary))
+            drawings[1].setLegacyPattern(True)
+        return drawings
 
     @cached_property
-    def _detector(self) -> Any:
-        return cv2.aruco.CharucoDetector(self.drawing)
+    def _detectors(self) -> list[Any]:
+        return [cv2.aruco.CharucoDetector(drawing) for drawing in self._drawings]
 
 
 def _on_a_line(points: Points) -> bool:

@@ -22,6 +22,12 @@ from zv.tools.shared.session import ToolSession
 STILL_SHARE: Final = 0.004
 """Share of the picture's width. A board that moved by more since the last picture is blurred."""
 
+COUNTED: Final = {
+    "chessboard": "the inner corners of a chessboard",
+    "charuco": "the squares of a charuco, whose markers must be of --dictionary",
+}
+"""What may be wrong with the options if no picture shows the board."""
+
 MOST_VIEWS: Final = 40
 MAX_FOCAL_SIGMA: Final = 0.01
 
@@ -41,20 +47,17 @@ class Collection:
     names: list[str] = field(default_factory=list)
     searched: int = 0
 
-    def consider(self, name: str, gray: Gray, before: BoardView | None = None) -> str:
-        """Add the view in a picture if it is new enough; return the outcome as text.
-
-        Args:
-            name: Of the picture.
-            gray: The picture.
-            before: The view in the previous picture of a stream; a moved board is not taken.
-        """
+    def consider(self, name: str, gray: Gray) -> str:
+        """Add the view in a picture if it is new enough; return the outcome as text."""
         self.searched += 1
         view = self.board.find(gray)
-        return f"{name}: no board found" if view is None else self.take(name, view, before)
+        return f"{name}: no board found" if view is None else self.take(name, view)
 
     def take(self, name: str, view: BoardView, before: BoardView | None = None) -> str:
-        """Add a view if it is new enough; return the outcome as text."""
+        """Add a view if it is new enough; return the outcome as text.
+
+        ``before``: The view in the previous picture of a stream; a moved board is not taken.
+        """
         if self.views and (view.width, view.height) != (self.views[0].width, self.views[0].height):
             first = self.views[0]
             return f"{name}: {view.width}x{view.height}, not {first.width}x{first.height}: left out"
@@ -134,7 +137,7 @@ def checked_fit(collection: Collection, options: CameraOptions) -> LensFit:
     if not collection.views:
         raise ExpectationNotMet(
             f"no {board.kind} of {board.columns}x{board.rows} found in {collection.searched} "
-            "pictures; --size counts the inner corners of a chessboard, the squares of a charuco"
+            f"pictures; --size counts {COUNTED[board.kind]}"
         )
     lacking = missing(collection.poses)
     if lacking:

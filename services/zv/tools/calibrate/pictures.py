@@ -72,7 +72,10 @@ def from_folder(folder: str, skipped: Callable[[str], None]) -> Iterator[tuple[s
 
 
 def read_gray(path: str | Path) -> Gray:
-    """Read an image file as grey, (height, width), upright by its Exif orientation.
+    """Read an image file as grey, (height, width), as the sensor saw it.
+
+    Its Exif orientation is ignored: how the camera was held does not turn the lens before the
+    sensor.
 
     Raises:
         SourceError: It cannot be opened, or is not an image.
@@ -84,7 +87,8 @@ def read_gray(path: str | Path) -> Gray:
     try:
         if data.startswith((codecs.JPEG_START, codecs.PNG_START)):
             codecs.picture_size(data)  # a forged size would ask for gigabytes
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except (cv2.error, PayloadError) as error:
         raise SourceError(f"{path}: {error}") from None
     if pixels is None:

@@ -155,7 +155,7 @@ def read_pairs(path: str) -> tuple[str, ...]:
     """
     try:
         with Path(path).open("rb") as file:
-            text = file.read(MAX_BYTES + 1).decode()
+            text = file.read(MAX_BYTES + 1).decode("utf-8-sig")
     except OSError as error:
         raise SourceError(f"{path}: {error.strerror or error}") from None
     except UnicodeDecodeError:

@@ -9,7 +9,8 @@ from zenoh_vision.errors import (
     SourceError,
 )
 from zenoh_vision.transport.connection import Connection
-from zv.tools.doctor import network, streams
+from zenoh_vision.transport.zenoh_config import where
+from zv.tools.doctor import access, network, streams
 from zv.tools.doctor.expected import Expectation, expectation
 from zv.tools.doctor.finding import Diagnosis, Finding
 from zv.tools.doctor.machine import device_findings, file_findings
@@ -66,9 +67,15 @@ def check_network(
     seen = observe(session, for_s)
     if session.stopping:
         return
-    diagnosis.add(network.router_findings(seen, session.connection.connect))
+    diagnosis.add(network.router_findings(seen, where(session.connection)))
     diagnosis.add(network.memory_findings(seen))
+    denied: list[Finding] = []
+    if session.credentials is not None:
+        diagnosis.add(access.certificate_findings(session, session.credentials))
+        denied = access.access_findings(session, session.credentials, seen)
+        diagnosis.add(denied)
     diagnosis.add(network.namespace_findings(session, seen))
+    diagnosis.add(network.misnamed_findings(session, seen))
     if expected is not None:
         diagnosis.add(expected.findings(seen))
     if not seen.nodes:
@@ -80,7 +87,7 @@ def check_network(
     diagnosis.add(network.answer_findings(seen))
     diagnosis.add(network.version_findings(seen))
     diagnosis.add(network.clock_findings(seen))
-    explained = {name for each in names for name in each.nodes}
+    explained = {name for each in (*names, *denied) for name in each.nodes}
     for check in (streams.camera_findings, streams.loss_findings, streams.speed_findings):
         findings = list(check(seen))
         explained |= {name for each in findings if each.level != "OK" for name in each.nodes}

@@ -11,10 +11,11 @@ from typing import Any
 
 import zenoh
 
-from zenoh_vision.config.settings import load_settings, read_toml
+from zenoh_vision.cli.flags import connection_from
+from zenoh_vision.config.settings import CONNECTION, load_settings, read_config
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.host.video_devices import GIVE_ACCESS, describe, device_nodes
-from zenoh_vision.transport.zenoh_config import zenoh_error_text
+from zenoh_vision.transport.zenoh_config import credentials_of, zenoh_error_text
 from zv.launcher.launch_file import read_launch_file
 from zv.registry import SERVICES, model_of
 from zv.tools.doctor.finding import Finding
@@ -54,15 +55,25 @@ def file_findings(given: Sequence[str], zenoh_config: str | None = None) -> Iter
 def toml_findings(path: Path) -> Iterator[Finding]:
     """Check a TOML file; yield nothing if it is valid."""
     try:
-        values = read_toml(path)
+        values, connection = read_config(path)
         kind = kind_of(path, values)
         if kind == LAUNCH:
             read_launch_file(path)
-        else:
-            load_settings(model_of(kind), config=path)
+            return
+        load_settings(model_of(kind), config=path)
+        if connection:
+            _check_connection(path)
     except (ConfigurationError, SourceError) as error:
         if not str(error).startswith("environment: "):  # reported once for all files
             yield Finding("FAIL", "files", str(error), CORRECT)
+
+
+def _check_connection(path: Path) -> None:
+    connection = connection_from({}, config=path)
+    try:
+        credentials_of(connection)
+    except (ConfigurationError, SourceError) as error:
+        raise ConfigurationError(f"{path}: [{CONNECTION}]: {error}") from None
 
 
 def kind_of(path: Path, values: dict[str, Any]) -> str:
@@ -115,7 +126,7 @@ def explained(error: zenoh.ZError, path: Path) -> str:
     if found is None:
         return said
     number = int(found["line"])
-    line = path.read_text(errors="replace").splitlines()[number - 1].strip()
+    line = path.read_text(encoding="utf-8", errors="replace").splitlines()[number - 1].strip()
     return f"line {number}, {line[:80]!r}: {found['message']}"
 
 

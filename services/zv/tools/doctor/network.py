@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from importlib.metadata import version as installed
 from itertools import groupby
 
-from zenoh_vision.error_text import joined, similar_names
+from zenoh_vision.error_text import joined, shortened, similar_names
 from zenoh_vision.health.fleet import SILENT_S
 from zenoh_vision.health.node_state import ClockOffset, NodeState
+from zenoh_vision.keys import camera_of, is_name, suffix_of
 from zenoh_vision.node.announcement import installed_version
+from zenoh_vision.topics import COMPRESSED, RAW
 from zv.tools.doctor.finding import Finding, or_ok
 from zv.tools.doctor.observation import Observation
 from zv.tools.shared.discovery import other_namespaces
 from zv.tools.shared.nodes import NO_ANSWER, duration, place
 from zv.tools.shared.session import ToolSession
 
+MAX_KEYS = 2000
 FEW_NAMES = 12
 """More tokens without nodes are combined into one finding."""
 
@@ -100,6 +104,21 @@ def name_findings(seen: Observation) -> list[Finding]:
     count = len(seen.nodes)
     nodes = f"{count} node{'s' if count > 1 else ''}"
     return or_ok(problems, "names", f"{nodes}, all with different names")
+
+
+def misnamed_findings(session: ToolSession, seen: Observation) -> Iterator[Finding]:
+    """Find streams of frames whose camera's name is none: nothing of zv shows or takes them."""
+    for key in sorted(seen.publishers)[:MAX_KEYS]:
+        camera = camera_of(key)
+        is_frames = suffix_of(key) in (COMPRESSED.name, RAW.name) and "*" not in key
+        if key.startswith(f"{session.namespace}/") and is_frames and not is_name(camera):
+            said = f"someone publishes {key}, but {shortened(camera)} is no name of a camera"
+            remedy = f"rename it: letters a-z, digits and _ are allowed, such as {_as_name(camera)}"
+            yield Finding("FAIL", "names", said, remedy)
+
+
+def _as_name(text: str) -> str:
+    return re.sub(r"[^a-z0-9_]", "_", text.lower())[:64]
 
 
 def answer_findings(seen: Observation) -> list[Finding]:

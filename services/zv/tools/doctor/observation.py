@@ -141,6 +141,7 @@ def observe(session: ToolSession, for_s: float) -> Observation:
         if now_s >= end_s:
             break
         session.wait(PERIOD_S)
+        arrivals.update()
     return Observation(
         routers={router.zid: router for router in routers},
         reached=tuple(map(str, session.link.session.info.routers_zid())),

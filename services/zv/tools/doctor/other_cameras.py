@@ -5,13 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-import zenoh
-
 from zenoh_vision.keys import camera_of, is_name
 from zenoh_vision.topics import COMPRESSED, RAW, topic_of
-from zenoh_vision.transport.link import Declaration
 from zv.tools.shared.discovery import Discovery
 from zv.tools.shared.session import ToolSession
+from zv.tools.shared.statistics import StreamMonitor, rate_of_parts
 
 MAX_CAMERAS = 20
 """Most streams that are counted, since raw pixels may be a heavy load."""
@@ -46,6 +44,8 @@ class ArrivalCounter:
 
     Streams without a declared publisher are found if someone else subscribes to them.
 
+    ``update`` must be called about once a second.
+
     Attributes:
         left_out: How many declared cameras are not counted, since there are too many.
     """
@@ -58,36 +58,26 @@ class ArrivalCounter:
         counted = [*sorted(declared), *sorted(undeclared)]
         self.left_out = max(0, len(declared) - MAX_CAMERAS)
         self._declared = declared
-        self._times_s: dict[str, list[float]] = {key: [] for key in counted[:MAX_CAMERAS]}
+        self._keys = counted[:MAX_CAMERAS]
         self._begun_s = time.monotonic()
-        self._subscriptions = [self._count(session, key) for key in self._times_s]
+        self._monitor = StreamMonitor(session, self._keys)
+        self.update = self._monitor.update
 
     def close(self) -> tuple[OtherCamera, ...]:
         """Unsubscribe, and return the cameras that declared a publisher or sent frames."""
-        span_s = time.monotonic() - self._begun_s
-        for each in self._subscriptions:
-            each.undeclare()
-        return tuple(
-            OtherCamera(key, len(times_s), span_s, _rate_hz(times_s))
-            for key, times_s in sorted(self._times_s.items())
-            if times_s or key in self._declared
-        )
-
-    def _count(self, session: ToolSession, key: str) -> Declaration[zenoh.Subscriber[None]]:
-        times_s = self._times_s[key]
-
-        def count(sample: zenoh.Sample) -> None:
-            if sample.kind == zenoh.SampleKind.PUT:
-                times_s.append(time.monotonic())
-
-        return session.subscribe(key, count)
+        now_s = time.monotonic()
+        self._monitor.close()
+        self.update()
+        found = []
+        for key in sorted(self._keys):
+            parts = [each.samples for each in self._monitor.streams if each.key == key]
+            if parts or key in self._declared:
+                count = sum(part.count for part in parts)
+                rate_hz = rate_of_parts(parts, self._begun_s, now_s) if parts else None
+                found.append(OtherCamera(key, count, now_s - self._begun_s, rate_hz))
+        return tuple(found)
 
 
 def _is_of_frames(key: str) -> bool:
     """Tell whether a key is that of a camera's frames; anyone can declare any key."""
     return topic_of(key) in (COMPRESSED, RAW) and is_name(camera_of(key)) and len(key) <= MAX_KEY
-
-
-def _rate_hz(times_s: list[float]) -> float | None:
-    span_s = times_s[-1] - times_s[0] if times_s else 0.0
-    return (len(times_s) - 1) / span_s if span_s > 0 else None

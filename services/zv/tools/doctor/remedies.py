@@ -13,7 +13,6 @@ from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.keys import suffix_of
 from zenoh_vision.messages import NodeDescription
 from zenoh_vision.topics import RAW
-from zv.registry import SERVICES, model_of
 from zv.tools.doctor.observation import Observation, other_form
 
 
@@ -51,7 +50,22 @@ REMEDIES: Final = {
         "frames arrive late: the link or the machine is too slow; allow more age", "max_age", 2.0
     ),
     "repeated": Remedy(
-        "the source repeats each picture: set the rate no higher than the source's own", "rate"
+        "the source repeats its picture, and skip_repeats leaves repeats out: set it to false",
+        "skip_repeats",
+    ),
+    "lagging": Remedy(
+        "pictures of the source waited too long and were skipped: decoding or the network is too "
+        "slow; use a smaller stream, a lower rate or hwaccel, or allow more lag",
+        "max_lag",
+        2.0,
+    ),
+    "at_source": Remedy(
+        "the device took pictures that were not read in time, or sent damaged ones: check its "
+        "cable, or give the camera more processor time"
+    ),
+    "live": Remedy(
+        "a node publishes on keys of the recording: stop it, or play under other names with --as "
+        "or --namespace"
     ),
     "given_up": Remedy(
         "the source stalls: check its cable or network, or wait longer", "stall_after", 2.0
@@ -72,14 +86,24 @@ REMEDIES: Final = {
         "one of its two cameras is silent, slower, or has another clock: compare their rates and "
         "stamps"
     ),
+    "not_kept": Remedy("its disk takes no more events: its health and its log have the reason"),
     "too_many_keys": Remedy("its wildcard matches too many keys: name the cameras to follow"),
     "unknown_message": Remedy("their encoding names no known message: " + SENDER),
     "bad_stamp": Remedy("the camera's clock is wrong: set it by NTP"),
-    "no_header": Remedy("a second publisher sends no headers: " + SENDER),
+    "no_header": Remedy(
+        "a second publisher sends no headers, or a camera's name has other characters than a-z, "
+        "0-9 and _: " + SENDER
+    ),
     "wrong_camera": Remedy("their header names another camera than the key: " + SENDER),
     "corrupt": Remedy("the source or another publisher damages them: " + SENDER),
+    "failed": Remedy("see the log of the camera for the error, and report it"),
     "not_rendered": Remedy("see the viewer's log for the pictures that it cannot convert, and why"),
-    "too_large": Remedy("make the pictures smaller: width and height", "width", of_camera=True),
+    "too_large": Remedy(
+        "its max_pixels is lower than the pictures, of its camera or of another publisher (zv "
+        "topic info): start it with a higher one, or make them smaller, with width and height",
+        "width",
+        of_camera=True,
+    ),
     "unsupported_encoding": Remedy("choose a supported encoding", "encoding", of_camera=True),
     **{
         reason: Remedy("a publisher violates the format of such messages: " + SENDER)
@@ -88,14 +112,6 @@ REMEDIES: Final = {
 }
 """Remedies by reason, except for the reasons that are not losses."""
 
-OVER_MAX_PIXELS: Final = Remedy(
-    "its max_pixels is lower than the camera's pictures: start it with a higher one, and memory "
-    "for it, or make the pictures smaller, with width and height",
-    "width",
-    of_camera=True,
-)
-TOO_LARGE_FROM_OTHERS: Final = Remedy("another publisher sends larger pictures: " + SENDER)
-
 CHEAPER: Final = {"tracker": ("closing", "median"), "edge": ("sigma",)}
 """Parameters that cost a service the most time: smaller is cheaper."""
 
@@ -103,11 +119,9 @@ CHEAPER: Final = {"tracker": ("closing", "median"), "edge": ("sigma",)}
 def remedy_for(reason: str, node: NodeState, seen: Observation) -> str:
     """Return what to do about frames that a node loses for a reason."""
     about, report = node.description, node.report
-    if reason == MISSED and report is not None and report.transport == "shm":
+    if reason == MISSED and report is not None and set((report.routes or {}).values()) == {"shm"}:
         reason = "overwritten"  # only the newest frame waits in shared memory
     remedy = REMEDIES.get(reason)
-    if reason == "too_large" and about is not None:
-        remedy = _too_large(about, seen)
     if remedy is None or about is None:
         return "see the log of the node"
     if reason in ("out_of_order", "overwritten") and (name := _twins(seen, about)):
@@ -173,24 +187,6 @@ def _twins(seen: Observation, node: NodeDescription) -> str:
     names = Counter(each.name for each in seen.nodes)
     publishing = (name for key in node.subscribes for name in seen.publishers_of(key))
     return next((name for name in publishing if names[name] > 1), "")
-
-
-def _too_large(about: NodeDescription, seen: Observation) -> Remedy:
-    """Return the remedy for frames that a node finds too large.
-
-    Its limit is not a parameter; for a service of ``zv``, the default is assumed.
-    """
-    fields = model_of(about.service).model_fields if about.service in SERVICES else {}
-    most = fields["max_pixels"].default if "max_pixels" in fields else None
-    if most is None:
-        return REMEDIES["too_large"]
-    cameras = [name for key in about.subscribes for name in seen.publishers_of(key)]
-    sizes = [
-        (seen.value(name, "width") or 0) * (seen.value(name, "height") or 0) for name in cameras
-    ]
-    # 0: not set, so it is the source's own size
-    fit = sizes and all(0 < pixels <= most for pixels in sizes)
-    return TOO_LARGE_FROM_OTHERS if fit else OVER_MAX_PIXELS
 
 
 def setting(seen: Observation, node: str, parameter: str, factor: float = 0.0) -> str:

@@ -40,7 +40,8 @@ class Scrape:
             if name.startswith(DROPPED):
                 self.add(families.DROPPED, count, node, name.removeprefix(DROPPED))
             elif name in families.COUNTERS:
-                self.add(families.COUNTERS[name], count, node)
+                value = count / 1e6 if name in families.MICROSECONDS else count
+                self.add(families.COUNTERS[name], value, node)
             else:
                 self.add(families.OTHER, count, node, name)
         if report.latency_histogram_ms is not None:

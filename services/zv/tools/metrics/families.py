@@ -78,6 +78,11 @@ COUNTERS = {
     "missed": _counter(
         "frames_missed", "Frames that never arrived, from gaps in sequence numbers.", "node"
     ),
+    "model_frames": _counter("model_frames", "Frames that a tracker's model has seen.", "node"),
+    "model_us": _counter("model_seconds", "Time that a tracker's model took for frames.", "node"),
+    "model_wait_us": _counter(
+        "model_wait_seconds", "Time that frames waited for a tracker's model.", "node"
+    ),
     "assumed_headers": _counter(
         "frames_without_header",
         "Frames without a header, for which the receiver assumed one.",
@@ -85,6 +90,9 @@ COUNTERS = {
     ),
 }
 """Counters of ``Diagnostics`` that have a metric of their own."""
+
+MICROSECONDS = ("model_us", "model_wait_us")
+"""Those of them that count microseconds."""
 
 FAMILIES = (
     *(ROUTER_UP, NODE_UP, NODE_INFO, LEVEL, UPTIME, REPORT_AGE, RATE),

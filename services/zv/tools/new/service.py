@@ -18,6 +18,9 @@ from zv.registry import SERVICES
 from zv.tools.new.options import ServiceOptions
 from zv.tools.shared.output import Output
 
+MOST_WIDTH = 40
+"""Longer commands do not widen the column."""
+
 FILES = {
     "service.py.template": "$name.py",
     "launch.toml.template": "launch.toml",
@@ -26,7 +29,7 @@ FILES = {
 """The files of the folder ``template``, and their names in the new folder."""
 
 
-def run(options: ServiceOptions, _connection: Connection, output: Output) -> None:
+def run(options: ServiceOptions, connection: Connection, output: Output) -> None:
     """Write the folder; print its files and the next steps.
 
     Raises:
@@ -50,8 +53,11 @@ def run(options: ServiceOptions, _connection: Connection, output: Output) -> Non
         f"{python} -m pytest": "runs its test",
         "zv up launch.toml": "starts it, with a router, a camera and the viewer",
         f"{python} {name}.py --help": "shows its options",
+        f"zv security add --node {name}_front --publishes {connection.namespace}/front/{name} "
+        f"--subscribes {connection.namespace}/front/image/compressed": "gives it a certificate, "
+        "in a system that has some",
     }
-    width = max(map(len, commands))
+    width = max(len(command) for command in commands if len(command) < MOST_WIDTH)
     output.result(
         {"folder": str(folder), "files": [path.name for path in written]},
         f"wrote {', '.join(map(str, written))}",
@@ -96,7 +102,8 @@ def write(name: str, folder: Path) -> list[Path]:
     written = []
     for template, named in FILES.items():
         path = folder / Template(named).substitute(words)
-        path.write_text(Template((templates / template).read_text()).substitute(words))
+        text = (templates / template).read_text(encoding="utf-8")
+        path.write_text(Template(text).substitute(words), encoding="utf-8")
         written.append(path)
     return written
 

@@ -78,7 +78,9 @@ def lines(node: NodeState, own: Sequence[Parameter]) -> Iterator[str]:
         yield named("latency", latency)
         yield from several("counters", [f"{name} {n}" for name, n in report.counters.items()])
     yield from several("publishes", about["publishes"])
-    yield from several("subscribes", about["subscribes"])
+    routes = (report.routes if report else None) or {}
+    taken = [f"{key} ({routes[key]})" if key in routes else key for key in about["subscribes"]]
+    yield from several("subscribes", taken)
     if own:
         yield from several("parameters", list(map(spelled, own)))
 

@@ -1,4 +1,4 @@
-"""The options of ``zv node list`` and ``zv node info``."""
+"""The options of the commands of ``zv node``."""
 
 from __future__ import annotations
 
@@ -17,6 +17,17 @@ class ListOptions(ToolOptions):
     watch: Annotated[bool, Field(description="print nodes that start and end, until Ctrl-C")] = (
         False
     )
+
+
+class ControlOptions(ToolOptions):
+    """Options of ``zv node stop``, ``start`` and ``restart``."""
+
+    node: Annotated[
+        str,
+        Argument("NODE"),
+        Field(pattern=r"^[a-z0-9_]+$", max_length=200, description="name of a node of zv up"),
+        Form("letters a-z, digits and _"),
+    ]
 
 
 class InfoOptions(ToolOptions):

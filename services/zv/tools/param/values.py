@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 
 from zenoh_vision.config.constraints import limits, plain, toml_line
+from zenoh_vision.config.parameter_groups import table_of
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.messages import Parameter
 
@@ -43,7 +44,7 @@ def value_of(parameter: Parameter, text: str) -> object:
 
     A text that is not such a value is returned unchanged, so that the node reports the error.
     """
-    if text in ("", NIL) and parameter.default is None:
+    if text in ("", NIL) and parameter.default is None and table_of(parameter.name) is None:
         return None
     if parameter.type == "bool" and text.lower() in TRUE | FALSE:
         return text.lower() in TRUE
@@ -57,7 +58,7 @@ def value_of(parameter: Parameter, text: str) -> object:
 
 def described(parameter: Parameter) -> list[str]:
     """Return a parameter's value, meaning, type, range, unit and default as lines of text."""
-    facts = [parameter.type, limits(parameter), parameter.unit or ""]
+    facts = [parameter.type, limits(parameter), parameter.unit or "", *(parameter.flags or ())]
     return [
         toml_line(parameter.name, parameter.value),
         f"    {parameter.description}",

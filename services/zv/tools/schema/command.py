@@ -34,7 +34,7 @@ OTHER_KEYS = {
     "vision.Diagnostics.v1": "@{ns}/diagnostics/{node}",
     "vision.Parameter.v1": "@{ns}/param/{node}/{name}",
     "vision.ParameterList.v1": "@{ns}/param/{node}",
-    "vision.Refusal.v1": "error reply on @{ns}/param/{node}",
+    "vision.Refusal.v1": "error reply on @{ns}/param/{node}, @{ns}/set/{node}",
     "vision.Node.v1": "@{ns}/node/{node}",
 }
 """Keys of the messages that belong to no camera's topic."""

@@ -17,7 +17,7 @@ from zenoh_vision import keys
 from zenoh_vision.error_text import did_you_mean, joined, similar_names
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.fleet import MAX_NODES
-from zenoh_vision.health.message_limits import check_description
+from zenoh_vision.health.message_limits import check
 from zenoh_vision.messages import NodeDescription
 from zenoh_vision.topics import CENTROID, COMPRESSED, EDGES, TOPICS, topic_of
 from zenoh_vision.transport.declarations import (
@@ -152,7 +152,7 @@ def discover(session: ToolSession) -> Discovery:
     nodes, refused = [], 0
     for reply, node in messages_in(described, NodeDescription):
         try:
-            check_description(reply.name, node)
+            check(reply.name, node)
             nodes.append(node)
         except PayloadError:
             refused += 1

@@ -1,47 +1,38 @@
-"""Turns a JSON Schema from the network into a validator of bounded cost.
+"""Checks messages against a JSON Schema from the network, in bounded time.
 
-The validation is pydantic's own, so errors read as those of known messages. A node's schema is
-that of a pydantic model. Keywords that pydantic does not write are ignored, so a message that
-violates only those is accepted. Recursive parts accept anything: together with alternatives, their
-validation could take time that grows exponentially with the depth of a message.
+It checks what pydantic writes of a message's fields: types, choices, alternatives, limits of
+numbers and of lengths. Other keywords, such as patterns, are ignored, so a message that violates
+only those is accepted. A schema may be hostile, so the steps of each check are counted.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import re
+import operator
 import reprlib
-from collections.abc import Callable
 from typing import Any
 
-from pydantic_core import CoreSchema, SchemaError, SchemaValidator, core_schema
-
 MAX_BYTES = 64 << 10
-MAX_PARTS = 2000
-MAX_DEPTH = 16
-MAX_ALTERNATIVES = 16
-"""Limit of the product of alternatives on any path, and so of the cost of checking a value."""
-
-MAX_VALUES = 1000
-MAX_PATTERNS = 20
-MAX_PATTERN = 100
-"""Longer patterns, and those beyond the first 20, are ignored, since compiling takes time."""
-
-MAX_PATTERNS_COST = 25_000
-"""Limit of the cost of all patterns by ``pattern_cost``, some 0.2 s; those beyond are ignored."""
-
-MAX_PATTERN_COST = 1_000_000
-"""A schema with a pattern that costs more is refused."""
-
-CLASS_COST, FLAG_COST = 100, 300
-"""Cost of a Unicode class, and of a group with flags, in characters."""
-
-UNICODE_CLASS = re.compile(r"\\[wWdDsSpPbB]")
-COUNTED = re.compile(r"(.?)\{\s*([0-9]*)[\s,]*([0-9]*)", re.DOTALL)
+MAX_STEPS = 50_000
+"""Most values, fields and choices that are compared for one message: some 0.1 s."""
 
 REFERENCE = "#/$defs/"
-SCALARS = (str, int, bool, type(None))
+LIMITS = (
+    ("minimum", operator.ge, "greater than or equal to"),
+    ("maximum", operator.le, "less than or equal to"),
+    ("exclusiveMinimum", operator.gt, "greater than"),
+    ("exclusiveMaximum", operator.lt, "less than"),
+)
+KINDS: dict[str, tuple[type, ...]] = {
+    "object": (dict,),
+    "array": (tuple, list),
+    "string": (str,),
+    "integer": (int,),
+    "number": (int, float),
+    "boolean": (bool,),
+    "null": (type(None),),
+}
 
 Schema = dict[str, Any]
 
@@ -67,232 +58,161 @@ def parsed(text: bytes) -> Schema:
     return schema
 
 
-def validator_of(schema: Schema) -> SchemaValidator:
-    """Return the validator of maps that are decoded with tuples for arrays; use it with strict.
-
-    Raises:
-        UnusableSchema: A part of it is not a schema, or it is too large.
-    """
-    try:
-        made = _Conversion(schema).schema(schema, MAX_DEPTH, 1)
-        return SchemaValidator(made)
-    except (SchemaError, ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise UnusableSchema(str(error).partition("\n")[0][:200]) from None
-
-
 def resolved(schema: Schema, part: object) -> Schema:
     """Return a part of a schema, or the one that it refers to; empty if there is none."""
     name = part.get("$ref") if isinstance(part, dict) else None
     if isinstance(name, str):
         definitions = schema.get("$defs")
-        part = (
-            definitions.get(name.removeprefix(REFERENCE)) if isinstance(definitions, dict) else {}
-        )
+        known = definitions if isinstance(definitions, dict) else {}
+        part = known.get(name.removeprefix(REFERENCE))
     return part if isinstance(part, dict) else {}
 
 
-def pattern_cost(pattern: str) -> int:
-    """Return an upper limit of the cost of compiling a regular expression, in plain characters.
+def error_in(schema: Schema, value: object, name: str) -> str:
+    """Return the first error in a value: its place, what is wrong, and a part of the value.
 
-    Counted repetitions are compiled as copies. Those of groups multiply the others.
+    Empty if there is none.
+
+    Args:
+        schema: A schema that ``parsed`` returned.
+        value: The value; the arrays in it are tuples or lists.
+        name: The name of the value, with which its place begins.
+
+    Raises:
+        UnusableSchema: A part that is needed for the check is no schema, or it takes too long.
     """
-    flags = pattern.count("(?")
-    added, factor = 0, 1
-    for before, low, high in COUNTED.findall(pattern):
-        times = max(1, int(low or 0), int(high or 0))
-        if flags or before in {*")}*+?"}:  # a flag may allow spaces before the braces
-            factor *= times
-        else:
-            added += times
-    classes = len(UNICODE_CLASS.findall(pattern))
-    return (len(pattern) + classes * CLASS_COST + flags * FLAG_COST) * max(1, added) * factor
+    try:
+        return _Check(schema).error(schema, value, name)
+    except RecursionError:
+        raise UnusableSchema("its references have no end") from None
 
 
-class _Conversion:
-    """Converts one schema, and counts its parts."""
+class _Check:
+    """One check of a value, which counts its steps."""
 
     def __init__(self, document: Schema) -> None:
-        definitions = document.get("$defs", {})
+        definitions = document.get("$defs")
         self._definitions = definitions if isinstance(definitions, dict) else {}
-        self._open: list[str] = []
-        self._parts = 0
-        self._patterns = 0
-        self._patterns_cost = 0
-        self._by_type: dict[str, Callable[[Schema, int, int], CoreSchema]] = {
-            "object": self._object,
-            "array": self._array,
-            "string": self._text,
-            "integer": self._integer,
-            "number": self._number,
-            "boolean": lambda *_: core_schema.bool_schema(),
-            "null": lambda *_: core_schema.none_schema(),
-        }
+        self._left = MAX_STEPS
 
-    def schema(self, part: object, depth: int, alternatives: int) -> CoreSchema:
-        """Return the schema for pydantic of a part.
-
-        Args:
-            part: A JSON Schema.
-            depth: How deep it may be nested.
-            alternatives: Product of the alternatives around it.
-        """
-        self._parts += 1
-        if self._parts > MAX_PARTS or depth == 0:
-            raise UnusableSchema(
-                f"it is too large: at most {MAX_PARTS} parts, {MAX_DEPTH} levels deep, are allowed"
-            )
+    def error(self, part: Any, value: Any, place: str) -> str:
+        """Return the first error in a value; empty if there is none."""
+        self._count(1)
         if part is True:
-            return core_schema.any_schema()
+            return ""
         if not isinstance(part, dict):
             raise UnusableSchema(f"{reprlib.repr(part)} is no schema")
         if "$ref" in part:
-            return self._referred(part["$ref"], depth, alternatives)
+            return self.error(self._referred(part["$ref"]), value, place)
         if "const" in part or "enum" in part:
-            return _choice(part.get("enum", [part.get("const")]))
+            choices = _list(part, "enum") if "enum" in part else [part["const"]]
+            self._count(len(choices))
+            if any(type(each) is type(value) and each == value for each in choices):
+                return ""
+            return wrong(place, f"one of {reprlib.repr(choices)}", value)
         for name in ("anyOf", "oneOf"):
             if name in part:
-                return self._either(_items(part, name), depth, alternatives)
-        return self._of_type(part, depth, alternatives)
-
-    def _of_type(self, part: Schema, depth: int, alternatives: int) -> CoreSchema:
+                return self._error_in_all(_list(part, name), value, place)
         kind = part.get("type", "object" if "properties" in part else None)
         if isinstance(kind, list):
-            return self._either([{**part, "type": each} for each in kind], depth, alternatives)
-        if kind is None:
-            return core_schema.any_schema()
-        if not isinstance(kind, str) or kind not in self._by_type:
-            raise UnusableSchema(f"type = {reprlib.repr(kind)} is none of JSON Schema")
-        return self._by_type[kind](part, depth, alternatives)
+            return self._error_in_all([{**part, "type": each} for each in kind], value, place)
+        return "" if kind is None else self._error_of_kind(part, kind, value, place)
 
-    def _referred(self, name: object, depth: int, alternatives: int) -> CoreSchema:
+    def _count(self, steps: int) -> None:
+        self._left -= steps
+        if self._left < 0:
+            raise UnusableSchema(f"checking a message takes more than {MAX_STEPS} steps")
+
+    def _referred(self, name: object) -> Any:
         if not isinstance(name, str) or name.removeprefix(REFERENCE) not in self._definitions:
             raise UnusableSchema(f"it refers to {reprlib.repr(name)}, which it does not define")
-        if name in self._open:
-            return core_schema.any_schema()
-        self._open.append(name)
-        made = self.schema(self._definitions[name.removeprefix(REFERENCE)], depth - 1, alternatives)
-        self._open.pop()
-        return made
+        return self._definitions[name.removeprefix(REFERENCE)]
 
-    def _either(self, parts: list[Any], depth: int, alternatives: int) -> CoreSchema:
-        alternatives *= len([part for part in parts if part != {"type": "null"}]) or 1
-        if alternatives > MAX_ALTERNATIVES:
-            raise UnusableSchema(f"it allows more than {MAX_ALTERNATIVES} alternatives at a place")
-        return core_schema.union_schema(
-            [self.schema(part, depth - 1, alternatives) for part in parts]
-        )
+    def _error_in_all(self, parts: list[Any], value: Any, place: str) -> str:
+        """Return the error by the first of the alternatives; empty if one of them has none."""
+        first = ""
+        for part in parts:
+            error = self.error(part, value, place)
+            if not error:
+                return ""
+            first = first or error
+        return first
 
-    def _object(self, part: Schema, depth: int, alternatives: int) -> CoreSchema:
-        properties = part.get("properties")
-        if properties is None:
+    def _error_of_kind(self, part: Schema, kind: Any, value: Any, place: str) -> str:
+        if not isinstance(kind, str) or kind not in KINDS:
+            raise UnusableSchema(f"type = {reprlib.repr(kind)} is none of JSON Schema")
+        binary = kind == "string" and part.get("format") == "binary" and isinstance(value, bytes)
+        right = isinstance(value, KINDS[kind]) and (kind == "boolean") == isinstance(value, bool)
+        if not (right or binary) or (isinstance(value, float) and not math.isfinite(value)):
+            return wrong(place, f"a valid {kind}", value)
+        if kind == "object":
+            return self._error_in_fields(part, value, place)
+        if kind == "array":
+            return self._error_in_items(part, value, place)
+        if kind == "string":
+            return _length_error(part, ("minLength", "maxLength"), value, place)
+        if kind in ("integer", "number"):
+            for name, fits, words in LIMITS:
+                limit = _number(part, name)
+                if limit is not None and not fits(value, limit):
+                    return wrong(place, f"{words} {limit:g}", value)
+        return ""
+
+    def _error_in_fields(self, part: Schema, value: dict[Any, Any], place: str) -> str:
+        if "properties" not in part:  # a map from any names to values of one type
             values = part.get("additionalProperties", True)
-            return core_schema.dict_schema(
-                core_schema.str_schema(),
-                self.schema(values, depth - 1, alternatives) if values is not False else None,
-                max_length=0 if values is False else None,
-            )
-        if not isinstance(properties, dict):
-            raise UnusableSchema(f"properties = {reprlib.repr(properties)} is no object")
-        required = _items(part, "required") if "required" in part else []
-        return core_schema.typed_dict_schema(
-            {
-                name: core_schema.typed_dict_field(
-                    self.schema(each, depth - 1, alternatives), required=name in required
-                )
-                for name, each in properties.items()
-            },
-            extra_behavior="ignore",
-        )
+            fields = dict.fromkeys(value, values)
+            if value and values is False:
+                return wrong(place, "empty", value)
+        else:
+            fields = part["properties"]
+        if not isinstance(fields, dict):
+            raise UnusableSchema(f"properties = {reprlib.repr(fields)} is no object")
+        required = _list(part, "required") if "required" in part else []
+        self._count(len(fields) + len(required))
+        for name in required:
+            if name not in value:
+                return f"{place}.{name}: Field required"
+        for name, each in fields.items():
+            if name in value and (error := self.error(each, value[name], f"{place}.{name}")):
+                return error
+        return ""
 
-    def _array(self, part: Schema, depth: int, alternatives: int) -> CoreSchema:
-        low, high = _length(part, "minItems"), _length(part, "maxItems")
-        if "prefixItems" in part:
-            items = _items(part, "prefixItems")
-            return core_schema.tuple_schema(
-                [self.schema(each, depth - 1, alternatives) for each in items]
-            )
-        return core_schema.tuple_schema(
-            [self.schema(part.get("items", True), depth - 1, alternatives)],
-            variadic_item_index=0,
-            min_length=low,
-            max_length=high,
-            fail_fast=True,
-        )
-
-    def _text(self, part: Schema, _depth: int, _alternatives: int) -> CoreSchema:
-        text = core_schema.str_schema(
-            pattern=self._pattern(part.get("pattern")),
-            min_length=_length(part, "minLength"),
-            max_length=_length(part, "maxLength"),
-        )
-        if part.get("format") == "binary":
-            return core_schema.union_schema([core_schema.bytes_schema(), text])
-        return text
-
-    def _pattern(self, pattern: object) -> str | None:
-        """Return a pattern; None if it is not valid, or is ignored because of its cost."""
-        if not isinstance(pattern, str) or len(pattern) > MAX_PATTERN:
-            return None
-        cost = pattern_cost(pattern)
-        if cost > MAX_PATTERN_COST:
-            raise UnusableSchema(f"pattern = {reprlib.repr(pattern)} is too large when compiled")
-        fits = self._patterns_cost + cost <= MAX_PATTERNS_COST
-        if not fits or self._patterns == MAX_PATTERNS:
-            return None
-        self._patterns += 1
-        self._patterns_cost += cost
-        return pattern
-
-    def _integer(self, part: Schema, _depth: int, _alternatives: int) -> CoreSchema:
-        low, high = _number(part, "minimum"), _number(part, "maximum")
-        above, below = _number(part, "exclusiveMinimum"), _number(part, "exclusiveMaximum")
-        return core_schema.int_schema(
-            ge=None if low is None else math.ceil(low),
-            le=None if high is None else math.floor(high),
-            gt=None if above is None else math.floor(above),
-            lt=None if below is None else math.ceil(below),
-        )
-
-    def _number(self, part: Schema, _depth: int, _alternatives: int) -> CoreSchema:
-        return core_schema.float_schema(
-            ge=_number(part, "minimum"),
-            le=_number(part, "maximum"),
-            gt=_number(part, "exclusiveMinimum"),
-            lt=_number(part, "exclusiveMaximum"),
-            allow_inf_nan=False,
-        )
+    def _error_in_items(self, part: Schema, value: Any, place: str) -> str:
+        parts = _list(part, "prefixItems") if "prefixItems" in part else None
+        if parts is not None and len(parts) != len(value):
+            return wrong(place, f"a list of {len(parts)} items", value)
+        if parts is None and (error := _length_error(part, ("minItems", "maxItems"), value, place)):
+            return error
+        parts = parts or [part.get("items", True)] * len(value)
+        for index, (each, item) in enumerate(zip(parts, value, strict=True)):
+            if error := self.error(each, item, f"{place}.{index}"):
+                return error
+        return ""
 
 
-def _choice(values: object) -> CoreSchema:
-    if not isinstance(values, list) or not values or len(values) > MAX_VALUES:
-        raise UnusableSchema(
-            f"enum = {reprlib.repr(values)} is no list of 1 to {MAX_VALUES} values"
-        )
-    if not all(isinstance(each, SCALARS) for each in values):
-        return core_schema.any_schema()
-    return core_schema.literal_schema(values)
+def wrong(place: str, allowed: str, value: object) -> str:
+    """Return an error text in the words of pydantic, which checks the messages of this project."""
+    return f"{place}: Input should be {allowed}, got {reprlib.repr(value):.80}"
 
 
-def _items(part: Schema, name: str) -> list[Any]:
+def _length_error(part: Schema, names: tuple[str, str], value: Any, place: str) -> str:
+    low, high = (_number(part, name) for name in names)
+    if (low is not None and len(value) < low) or (high is not None and len(value) > high):
+        limits = f"{'any' if low is None else low:} to {'any' if high is None else high}"
+        return wrong(place, f"of {limits} items or characters", value)
+    return ""
+
+
+def _list(part: Schema, name: str) -> list[Any]:
     items = part[name]
-    if not isinstance(items, list) or len(items) > MAX_VALUES:
-        raise UnusableSchema(f"{name} = {reprlib.repr(items)} is no list of at most {MAX_VALUES}")
+    if not isinstance(items, list) or not (items or name in ("required", "prefixItems")):
+        raise UnusableSchema(f"{name} = {reprlib.repr(items)} is no list of values")
     return items
 
 
 def _number(part: Schema, name: str) -> float | None:
     value = part.get(name)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise UnusableSchema(f"{name} = {reprlib.repr(value)} is no number")
-    return value
-
-
-def _length(part: Schema, name: str) -> int | None:
-    value = _number(part, name)
-    if value is None:
-        return None
-    if not isinstance(value, int) or not 0 <= value < 2**31:
-        raise UnusableSchema(f"{name} = {reprlib.repr(value)} is no length")
-    return value
+    if value is None or (type(value) in (int, float) and math.isfinite(value)):
+        return value
+    raise UnusableSchema(f"{name} = {reprlib.repr(value)} is no number")

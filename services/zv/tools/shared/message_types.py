@@ -8,19 +8,15 @@ an error text, never an unexpected exception.
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
-
-from pydantic import ValidationError
-from pydantic_core import SchemaValidator
 
 from zenoh_vision import keys
 from zenoh_vision.error_text import did_you_mean, joined, printable, similar_names
 from zenoh_vision.errors import ConfigurationError, PayloadError
-from zenoh_vision.message_codec import Message, first_error
+from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES, Header, NodeDescription, known_message
 from zenoh_vision.topics import topic_of
 from zenoh_vision.transport.query import Query, Reply, messages_in
@@ -36,16 +32,10 @@ MAX_TYPES = 200
 MAX_TEXTS = 2
 """Most different schemas of one name that are kept: two are already the problem."""
 
-COMPILE_S = 0.5
-"""Time limit for compiling the schemas of all answers; the rest are compiled on use."""
-
 PICTURES = "/compressed"
 
 MAX_COLUMNS = 200
 MAX_COLUMN_DEPTH = 4
-
-MAX_ERRORS = 1000
-"""If more values of a message are wrong, only their number is given."""
 
 SCHEMA_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 HEADER_FIELDS = {"camera", "epoch", "seq", "stamp_ns"}
@@ -58,15 +48,13 @@ class MessageType:
     Attributes:
         schema_name: The versioned name in the Zenoh encoding: ``my.Brightness.v1``.
         schema: Its JSON Schema.
-        checked: Returns the map to send for a map of fields; raises ``PayloadError``, and
-            ``UnusableSchema`` as ``compiled`` does.
-        compiled: Makes ``checked`` ready, which may take long; raises ``UnusableSchema``.
+        checked: Returns the map to send for a map of fields; raises ``PayloadError`` if it is not
+            of this type, or the schema cannot be used.
     """
 
     schema_name: str
     schema: Schema = field(repr=False)
     checked: Callable[[dict[str, Any]], dict[str, Any]] = field(repr=False)
-    compiled: Callable[[], object] = field(default=lambda: None, repr=False)
 
     @property
     def short_name(self) -> str:
@@ -131,32 +119,23 @@ def known_type(message: type[Message]) -> MessageType:
 
 
 def foreign_type(schema_name: str, text: bytes) -> MessageType:
-    """Return the type of a message whose schema a node has answered, not compiled yet.
+    """Return the type of a message whose schema a node has answered.
 
     Raises:
         UnusableSchema: The text is too large, or is not the schema of an object.
     """
     schema = json_schema.parsed(text)
 
-    @cache
-    def validator() -> SchemaValidator:
-        return json_schema.validator_of(schema)
-
     def checked(fields: dict[str, Any]) -> dict[str, Any]:
         try:
-            validator().validate_python(fields, strict=True)
-        except ValidationError as error:
-            short_name = keys.short_name_of(schema_name)
-            count = error.error_count()
-            detail = (
-                f"{short_name}: {count} values are wrong"
-                if count > MAX_ERRORS  # listing them takes a kilobyte each
-                else printable(first_error(short_name, error))
-            )
-            raise PayloadError("bad_message", detail) from None
+            error = json_schema.error_in(schema, fields, keys.short_name_of(schema_name))
+        except UnusableSchema as unsuited:
+            error = unusable(schema_name, unsuited)
+        if error:
+            raise PayloadError("bad_message", printable(error))
         return fields
 
-    return MessageType(schema_name, schema, checked, validator)
+    return MessageType(schema_name, schema, checked)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,43 +154,15 @@ class Answers:
     sessions: Mapping[str, frozenset[str]]
 
 
-def foreign_types(session: ToolSession, name: str = "*") -> Answers:
-    """Query the nodes for the schemas of their own messages, of all or of one versioned name."""
-    query = Query(keys.schema_key(session.namespace, name), most_bytes=MAX_REPLIES_BYTES)
+def foreign_types(session: ToolSession) -> Answers:
+    """Query the nodes for the schemas of their own messages."""
+    query = Query(keys.schema_key(session.namespace, "*"), most_bytes=MAX_REPLIES_BYTES)
     return answers_of(session.ask_all(query)[0])
 
 
 def answers_of(replies: Iterable[Reply]) -> Answers:
-    """Return the types that replies to a query for schemas describe.
-
-    Some schemas prove unusable only when they are compiled. Those that are not compiled within
-    ``COMPILE_S`` count as usable until they are used.
-    """
-    parsed, problems, sessions = _parsed(replies)
-    types = {}
-    end_s = time.monotonic() + COMPILE_S
-    for name, by_text in parsed.items():
-        usable = []
-        for found in by_text.values():
-            try:
-                if time.monotonic() < end_s:
-                    found.compiled()
-                usable.append(found)
-            except UnusableSchema as error:
-                problems[name] = unusable(name, error)
-        if len(usable) > 1:
-            problems[name] = f"{len(usable)} different schemas of {name} are answered by nodes"
-        elif usable:
-            (types[name],) = usable
-            problems.pop(name, None)
-    return Answers(types, problems, {name: frozenset(ids) for name, ids in sessions.items()})
-
-
-def _parsed(
-    replies: Iterable[Reply],
-) -> tuple[dict[str, dict[bytes, MessageType]], dict[str, str], dict[str, set[str]]]:
-    """Return types by schema text, the errors of the others, and the sessions, each by name."""
-    parsed: dict[str, dict[bytes, MessageType]] = {}
+    """Return the types that replies to a query for schemas describe."""
+    found: dict[str, dict[bytes, MessageType]] = {}
     problems: dict[str, str] = {}
     sessions: dict[str, set[str]] = {}
     for reply in replies:
@@ -219,10 +170,10 @@ def _parsed(
         if reply.ok is None or "." not in reply.name or reply.name in MESSAGES:
             continue
         name = reply.name
-        if not SCHEMA_NAME.fullmatch(name) or (name not in parsed and len(parsed) == MAX_TYPES):
+        if not SCHEMA_NAME.fullmatch(name) or (name not in found and len(found) == MAX_TYPES):
             continue
         sessions.setdefault(name, set()).add(reply.session)
-        of_name = parsed.setdefault(name, {})
+        of_name = found.setdefault(name, {})
         if len(of_name) == MAX_TEXTS:
             continue
         text = reply.ok.payload.to_bytes()
@@ -230,7 +181,14 @@ def _parsed(
             of_name.setdefault(text, foreign_type(name, text))
         except UnusableSchema as error:
             problems[name] = unusable(name, error)
-    return parsed, problems, sessions
+    types = {}
+    for name, by_text in found.items():
+        if len(by_text) > 1:
+            problems[name] = f"{len(by_text)} different schemas of {name} are answered by nodes"
+        elif by_text:
+            (types[name],) = by_text.values()
+            problems.pop(name, None)
+    return Answers(types, problems, {name: frozenset(ids) for name, ids in sessions.items()})
 
 
 def unusable(name: str, error: UnusableSchema) -> str:
@@ -321,10 +279,6 @@ def type_named(name: str, answers: Callable[[], Answers]) -> MessageType:
     if names:
         if names[0] in found.problems:
             raise ConfigurationError(found.problems[names[0]])
-        try:
-            found.types[names[0]].compiled()
-        except UnusableSchema as error:
-            raise ConfigurationError(unusable(names[0], error)) from None
         return found.types[names[0]]
     known = sorted(message.short_name() for message in MESSAGES.values())
     others = sorted(found.types)

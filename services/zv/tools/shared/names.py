@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from threading import Thread
 from typing import Any
 
@@ -15,10 +16,10 @@ import msgpack
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.errors import ConfigurationError, SourceError
+from zenoh_vision.errors import VisionError
 from zenoh_vision.transport.connection import DEFAULT_ENDPOINT, Connection
 from zenoh_vision.transport.declarations import declared_expression, declared_key
-from zenoh_vision.transport.session import open_at_once
+from zenoh_vision.transport.session import open_session
 
 OPEN_S = 0.1
 REPLY_S = 0.1
@@ -55,10 +56,8 @@ def names(kind: str, connection: Connection, node: str = "", parameter: str = ""
         if not keys.is_name(text):
             return []
     try:
-        session = open_at_once(connection, OPEN_S)
-    except (ConfigurationError, SourceError):
-        return []
-    if session is None:
+        session = open_session(replace(connection, timeout_s=OPEN_S))
+    except VisionError:
         return []
     try:
         found = set(_names(session, kind, connection, node, parameter))

@@ -16,7 +16,7 @@ from zenoh_vision import keys
 from zenoh_vision.error_text import joined
 from zenoh_vision.errors import ExpectationNotMet, PayloadError, ToldToStop, VisionError
 from zenoh_vision.health.fleet import MAX_NODES, bounded
-from zenoh_vision.health.message_limits import MAX_NAME, check_description, check_report
+from zenoh_vision.health.message_limits import MAX_NAME, check
 from zenoh_vision.health.node_state import ClockOffset, NodeState
 from zenoh_vision.messages import Diagnostics, Level, NodeDescription, Parameter
 from zenoh_vision.transport.query import Query, Reply, messages_in
@@ -53,12 +53,12 @@ def running_nodes(
     health: dict[tuple[str, str], tuple[Diagnostics]] = {}
     for reply, report in messages_in(reports, Diagnostics):
         with suppress(PayloadError):
-            check_report(reply.name, report)
+            check(reply.name, report)
             health[reply.name, reply.session] = (report,)
     found: dict[tuple[str, str], NodeState] = {}
     for reply, description in messages_in(described, NodeDescription):
         with suppress(PayloadError):
-            check_description(reply.name, description)
+            check(reply.name, description)
             if len(reply.name) <= MAX_NAME:
                 found[reply.name, reply.session] = NodeState(
                     reply.name,
@@ -88,18 +88,6 @@ def parameters_by_session(session: ToolSession, node: str) -> dict[str, list[Par
     return {who: sorted(those, key=lambda one: one.name) for who, those in found.items()}
 
 
-def places_by_session(session: ToolSession, node: str) -> dict[str, str]:
-    """Return where the nodes of a name run, ``pid 812 on host``, by the session of each."""
-    found = {}
-    for reply, about in messages_in(
-        session.ask(keys.node_key(session.namespace, node)), NodeDescription
-    ):
-        with suppress(PayloadError):
-            check_description(reply.name, about)
-            found[reply.session] = place(about)
-    return found
-
-
 def place(about: NodeDescription) -> str:
     """Return where a node runs: ``pid 812 on host``."""
     return f"pid {about.pid} on {about.host}"
@@ -121,19 +109,19 @@ def matching_nodes(session: ToolSession, pattern: str) -> tuple[list[str], int]:
     (tokens,) = session.ask_all(tokens_query(session.namespace))
     found = sorted({token.name for token in tokens if fnmatchcase(token.name, pattern)})
     if not found:
-        raise missing_node(session, pattern, "parameters")
+        raise missing_node(session, pattern)
     return found[:MAX_NODES], max(0, len(found) - MAX_NODES)
 
 
-def missing_node(session: ToolSession, node: str, asked_for: str) -> VisionError:
-    """Return the error for a node, or a pattern, that got no answer for ``parameters``."""
+def missing_node(session: ToolSession, node: str) -> VisionError:
+    """Return the error for a node, or a pattern, that has not answered for parameters."""
     (tokens,) = session.ask_all(tokens_query(session.namespace))
     if session.stopping:
         return ToldToStop("told to stop while waiting for an answer")
     living = {token.name for token in tokens}
     if silent := sorted(name for name in living if fnmatchcase(name, node)):
         verbs = "runs, but does" if len(silent) == 1 else "run, but do"
-        return ExpectationNotMet(f"{joined(silent)} {verbs} not answer for {asked_for}")
+        return ExpectationNotMet(f"{joined(silent)} {verbs} not answer for parameters")
     return ExpectationNotMet(nothing_matches(node, living, kind="node"))
 
 

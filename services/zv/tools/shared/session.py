@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Self
 
 import zenoh
 
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.host.signals import StopSignals
+from zenoh_vision.security.rights import Action
+from zenoh_vision.transport.access import declare_holder
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.query import POLL_S, REPLY_S, Query, Replies, ask
 from zenoh_vision.transport.session import direct
-from zenoh_vision.transport.zenoh_config import zenoh_error_text
+from zenoh_vision.transport.zenoh_config import credentials_of, zenoh_error_text
 
+log = logging.getLogger(__name__)
 CONDITION_POLL_S = 0.02
 
 
 class ToolSession:
     """A session that is open within the ``with`` block and whose waits end on SIGINT or SIGTERM.
+
+    Attributes:
+        clock: Returns monotonic seconds, by which tools measure.
 
     Raises:
         RouterUnreachable: On entering, if there is no router in time.
@@ -30,9 +37,13 @@ class ToolSession:
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
         self.namespace = connection.namespace
+        self.clock = time.monotonic
         self.stopping = False
         """Whether SIGINT or SIGTERM came, or ``stop()`` was called."""
         self._signals = StopSignals(self.stop)
+        self.credentials = credentials_of(connection)
+        """Whose certificate this is, if it has one."""
+        self._warned: set[str] = set()
 
     def __enter__(self) -> Self:
         self._signals.catch()
@@ -41,6 +52,8 @@ class ToolSession:
         except BaseException:
             self._signals.release()
             raise
+        if self.credentials is not None:
+            declare_holder(self.link, self.credentials)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -73,15 +86,50 @@ class ToolSession:
         """Subscribe; the callback runs on Zenoh's thread and must be quick.
 
         The subscription ends with the session, or when the returned object is undeclared.
+
+        Raises:
+            ExpectationNotMet: The credentials do not allow it.
         """
+        self.require("subscribe", key)
         return self.link.declare(lambda session: session.declare_subscriber(key, direct(on_sample)))
+
+    def require(self, action: Action, key: str) -> None:
+        """Check that the credentials, if there are some, allow an action; Zenoh would be silent.
+
+        Raises:
+            ExpectationNotMet: They do not; says what they allow.
+        """
+        if (denial := self._denial(action, key)) is not None:
+            raise ExpectationNotMet(denial)
+
+    def _warn_denied(self, action: Action, key: str) -> None:
+        denial = self._denial(action, key)
+        if denial is not None and denial not in self._warned:
+            self._warned.add(denial)
+            log.warning("%s; so nothing is known of it", denial)
+
+    def _denial(self, action: Action, key: str) -> str | None:
+        known = self.credentials
+        if known is None or known.rights.granting(action, key) is not None:
+            return None
+        check = f"zv security check {known.name} {key} {action} --dir {known.path.parent}"
+        return f"{known.name} may not {action} {key}: {check}"
 
     def ask(self, key: str, payload: bytes | None = None, *, timeout_s: float = REPLY_S) -> Replies:
         """Return all replies to a query, errors included; see ``Query`` for the arguments."""
         return self.ask_all(Query(key, payload, timeout_s))[0]
 
     def ask_all(self, *queries: Query) -> list[Replies]:
-        """Send queries together and return the replies to each; none when told to stop."""
+        """Send queries together and return the replies to each; none when told to stop.
+
+        Raises:
+            ExpectationNotMet: The credentials do not allow one that has a payload.
+        """
+        for query in queries:
+            if query.payload is not None:
+                self.require("query", query.key)
+            elif not query.tokens:
+                self._warn_denied("query", query.key)
         return ask(self.link.session, queries, lambda: self.stopping)
 
 

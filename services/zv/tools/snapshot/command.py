@@ -14,11 +14,12 @@ from zenoh_vision.messages import Centroid, Tracks
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.subscriber import sample_of
 from zv.tools.shared.discovery import MOST_SHOWN, discover
+from zv.tools.shared.drawing import draw
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.snapshot.joining import join
 from zv.tools.snapshot.options import STDOUT, SnapshotOptions
-from zv.tools.snapshot.picture import Picture, checked, draw, encoded, form_of
+from zv.tools.snapshot.picture import Picture, checked, encoded, form_of
 
 ANSWER_S = 2.0
 PATIENCE_S = 5.0
@@ -124,7 +125,7 @@ def _drawn(picture: Picture, result: Centroid | Tracks, options: SnapshotOptions
         bgr = draw(picture.frame.bgr, result)
     except PayloadError as error:
         raise ExpectationNotMet(f"{picture.sample.key}: {error}") from None
-    form = form_of(options.output, default=JPEG if picture.frame.mime == JPEG else PNG)
+    form = form_of(options.output, default=JPEG if picture.form.encoding == JPEG else PNG)
     return encoded(bgr, "bgr8", form, options.quality)
 
 

@@ -62,7 +62,7 @@ class Join:
         """Add the pictures and results that have arrived."""
         while (arrival := pictures.arrival(0)) is not None:
             if frame := pictures.accept(arrival, None):
-                self.add(frame.header, Picture(arrival.sample, frame))
+                self.add(frame.header, Picture(arrival.sample, arrival.form, frame))
         for intake in results:
             while intake.buffer.filled:
                 message = intake.take(0)
@@ -106,7 +106,7 @@ def join(
     joined = Join(camera, {each.message for each in published if each.message})
     # Skip a damaged sample: the next one may be valid.
     consumer = Consumer(FrameCounters(), dropped=lambda _: None)
-    pictures = FrameIntake(key, consumer, queue(MAX_FRAMES), raw=topic.raw)
+    pictures = FrameIntake(key, consumer, queue(MAX_FRAMES), encoding=topic.encoding)
     results = [
         MessageIntake(result, consumer, queue(MAX_FRAMES), message=each.message)
         for each, result in keys.items()

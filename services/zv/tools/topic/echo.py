@@ -17,21 +17,19 @@ from zenoh_vision.stream.buffer import Buffer, queue
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.query import POLL_S
 from zv.tools.shared.discovery import discover, waiting_for
-from zv.tools.shared.message_types import MessageType, foreign_types, known_type
-from zv.tools.shared.output import Output
-from zv.tools.shared.session import ToolSession, key_expression
-from zv.tools.topic.message_fields import (
+from zv.tools.shared.message_fields import (
     NoSuchField,
-    Received,
     csv_line,
     fields_of,
     flat,
-    header_of,
     lines_of,
     pick,
-    received,
     text_of,
 )
+from zv.tools.shared.message_types import MessageType, foreign_types, known_type
+from zv.tools.shared.output import Output
+from zv.tools.shared.received import Received, header_of, received
+from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.topic.options import EchoOptions
 
 MAX_WAITING = 1000
@@ -50,6 +48,15 @@ def run(options: EchoOptions, connection: Connection, output: Output) -> None:
         ExpectationNotMet: Fewer messages than requested arrived in the given time, or none, or
             none of them has a wanted field.
     """
+    if options.image:
+        if options.csv or output.as_json or options.field:
+            raise ConfigurationError(
+                "--image prints no fields: give it without --csv, --json, --field"
+            )
+        from zv.tools.topic import echo_image  # loads OpenCV, which messages do not need
+
+        echo_image.run(options, connection, output)
+        return
     if options.csv and output.as_json:
         raise ConfigurationError("--csv and --json are two formats: give one of them")
     pattern = key_expression(options.key)
@@ -249,7 +256,8 @@ def _age(sample: Received) -> str:
     header = header_of(sample.attachment)
     if header is None:
         return ""
-    return f"  {(sample.received_ns - header.stamp_ns) / 1e6:.1f} ms after capture"
+    begun = "capture" if header.replayed_ns is None else "replay"
+    return f"  {(sample.received_ns - header.age_start_ns) / 1e6:.1f} ms after {begun}"
 
 
 def _field(sample: Received, fields: dict[str, Any], name: str) -> Any:

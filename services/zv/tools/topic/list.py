@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
@@ -14,8 +13,8 @@ from zenoh_vision.transport.connection import Connection
 from zv.tools.shared.discovery import MAX_KEYS, Discovery, discover, intersect
 from zv.tools.shared.output import Output, view_of
 from zv.tools.shared.session import ToolSession, key_expression
+from zv.tools.shared.statistics import TOO_MANY, StreamMonitor, StreamStatistics, rate_of_parts
 from zv.tools.topic.options import ListOptions
-from zv.tools.topic.statistics import StreamMonitor, StreamStatistics, rate_of
 
 COLUMNS = ("key", "type", "encoding", "publishers", "subscribers", "rate Hz")
 
@@ -33,7 +32,7 @@ def run(options: ListOptions, connection: Connection, output: Output) -> None:
         if options.watch:
             with output.display() as display:
                 while not session.stopping:
-                    entries, _ = _entries(session, discover(session), pattern, options)
+                    entries = _entries(session, discover(session), pattern, options, None)
                     rows = [entry.row() for entry in entries]
                     lines = [
                         "  ".join("-" if cell is None else str(cell) for cell in row)
@@ -43,14 +42,12 @@ def run(options: ListOptions, connection: Connection, output: Output) -> None:
                         display.show(view_of(COLUMNS, rows, lines, list(map(asdict, entries))))
             return
         found = discover(session)
-        entries, left_out = _entries(session, found, pattern, options)
+        entries = _entries(session, found, pattern, options, output)
         if session.stopping:
             return
         if not entries:
             raise ExpectationNotMet(found.nothing_on(pattern))
         output.table(COLUMNS, [entry.row() for entry in entries], map(asdict, entries))
-        if left_out:
-            output.note(f"{left_out} more keys are left out; name a narrower key expression")
         if found.refused:
             output.note(
                 f"{found.refused} nodes describe themselves at too great a length: left out"
@@ -87,11 +84,14 @@ class Entry:
 
 
 def _entries(
-    session: ToolSession, found: Discovery, pattern: str, options: ListOptions
-) -> tuple[list[Entry], int]:
-    entries, left_out = observe(session, found, pattern, options.window, everything=options.all_)
-    shown = [each for each in entries if each.state == "flowing" or not options.flowing]
-    return shown, left_out
+    session: ToolSession,
+    found: Discovery,
+    pattern: str,
+    options: ListOptions,
+    output: Output | None,
+) -> list[Entry]:
+    entries = observe(session, found, pattern, options.window, output, everything=options.all_)
+    return [each for each in entries if each.state == "flowing" or not options.flowing]
 
 
 def observe(
@@ -99,20 +99,18 @@ def observe(
     found: Discovery,
     pattern: str,
     window_s: float,
+    output: Output | None,
     *,
     everything: bool = False,
-) -> tuple[list[Entry], int]:
+) -> list[Entry]:
     """Measure streams for a while, and return all keys that are known or were seen, in order.
 
-    The second value is the number of keys that are left out, since there are too many.
-
-    With ``everything`` subscribe to the pattern itself, even if that starts streams.
+    With ``everything`` subscribe to the pattern itself, even if that starts streams. Keys and
+    messages that are left out, since there are too many, are noted in ``output``.
     """
     patterns = [pattern] if everything else _harmless(found, pattern, session.namespace)
     monitor = StreamMonitor(session, patterns)
-    begin_s = time.monotonic()
-    session.wait(window_s)
-    window = begin_s, time.monotonic()
+    window = monitor.measure(window_s)
     monitor.close()
     monitor.update()
     seen: dict[str, list[StreamStatistics]] = {}
@@ -127,7 +125,11 @@ def observe(
             break
         watched = key in exact or any(intersect(each, key) for each in wild)
         entries.append(_entry(key, found, seen.get(key, []), watched, window))
-    return entries, left_out
+    if output is not None and left_out:
+        output.note(f"{left_out} more keys are left out; name a narrower key expression")
+    if output is not None and monitor.left_out:
+        output.note(TOO_MANY)
+    return entries
 
 
 def _harmless(found: Discovery, pattern: str, namespace: str) -> list[str]:
@@ -160,9 +162,8 @@ def _entry(
     rate_hz = None
     if streams:
         state = "flowing"
-        times_s = sorted(time_s for stream in streams for time_s in stream.times_s)
-        if len(times_s) > 1:
-            rate_hz = round(rate_of(times_s, *window), 3)
+        rate_hz = rate_of_parts([stream.samples for stream in streams], *window)
+        rate_hz = None if rate_hz is None else round(rate_hz, 3)
     elif watched:
         state, rate_hz = "silent", 0.0
     return Entry(

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
-from statistics import fmean
 from typing import Any
 
 from zenoh_vision.errors import ExpectationNotMet
@@ -17,15 +14,20 @@ from zv.status.display import Display
 from zv.tools.shared.discovery import discover, intersect, waiting_for
 from zv.tools.shared.output import Output, view_of
 from zv.tools.shared.session import ToolSession, key_expression
+from zv.tools.shared.statistics import (
+    SPREAD,
+    TOO_MANY,
+    Distribution,
+    Samples,
+    StreamMonitor,
+    StreamStatistics,
+)
 from zv.tools.topic.options import BwOptions, DelayOptions, HzOptions
-from zv.tools.topic.statistics import SPREAD, StreamMonitor, StreamStatistics, rate_of, spread
 
 PERIOD_S = 1.0
 SILENT_S = 2.0
 FORGET_S = 10.0
 """A stream that is silent for this long is no longer shown."""
-
-TOO_MANY = "more streams or messages come than can be kept: some are left out"
 
 PLACES = 2
 JSON_PLACES = 6
@@ -42,14 +44,16 @@ class Measure:
             value's unit.
         spread_unit: Unit of the samples and their spread.
         value: Returns the value between two times; None if there is none.
-        samples: Returns the samples of the spread.
+        spread: Returns the distribution whose spread is shown.
+        spread_scale: Factor from its unit to ``spread_unit``.
     """
 
     title: str
     scale: float
     spread_unit: str
-    value: Callable[[StreamStatistics, float, float], float | None]
-    samples: Callable[[StreamStatistics], Sequence[float]]
+    value: Callable[[Samples, float, float], float | None]
+    spread: Callable[[Samples], Distribution]
+    spread_scale: float = 1.0
 
     @property
     def columns(self) -> list[str]:
@@ -62,50 +66,55 @@ class Measure:
         return f"{value:.2f} {self.title.rpartition(' ')[2]}"
 
 
-def _bandwidth(stream: StreamStatistics, begin_s: float, end_s: float) -> float:
-    mean_size = sum(stream.sizes) / max(1, len(stream.sizes))
-    return rate_of(stream.times_s, begin_s, end_s) * mean_size / 1e3
-
-
 HZ = Measure(
     title="rate Hz",
     scale=1.0,
     spread_unit="ms",
-    value=lambda stream, begin_s, end_s: rate_of(stream.times_s, begin_s, end_s),
-    samples=lambda stream: [(b - a) * 1e3 for a, b in pairwise(stream.times_s)],
+    value=Samples.rate_hz,
+    spread=lambda samples: samples.periods_ms,
 )
 BANDWIDTH = Measure(
     title="kB/s",
     scale=1e-3,
     spread_unit="kB",
-    value=_bandwidth,
-    samples=lambda stream: [size / 1e3 for size in stream.sizes],
+    value=lambda samples, *times_s: samples.rate_hz(*times_s) * samples.sizes.mean / 1e3,
+    spread=lambda samples: samples.sizes,
+    spread_scale=1e-3,
 )
 DELAY = Measure(
     title="mean ms",
     scale=1e3,
     spread_unit="ms",
-    value=lambda stream, *_: fmean(stream.delays_ms) if stream.delays_ms else None,
-    samples=lambda stream: stream.delays_ms,
+    value=lambda samples, *_: samples.delays_ms.mean if samples.delays_ms.count else None,
+    spread=lambda samples: samples.delays_ms,
 )
 
 
 class Measurement:
-    """A stream measured between two monotonic times."""
+    """Samples of a stream, measured between two monotonic times."""
 
     def __init__(
-        self, measure: Measure, stream: StreamStatistics, begin_s: float, end_s: float
+        self,
+        measure: Measure,
+        stream: StreamStatistics,
+        samples: Samples,
+        begin_s: float,
+        end_s: float,
     ) -> None:
         self.stream = stream
         self._measure = measure
+        self._messages = samples.count
         self._seconds = end_s - begin_s
-        self._value = measure.value(stream, begin_s, end_s)
-        self._spread = spread(measure.samples(stream))
+        self._value = measure.value(samples, begin_s, end_s)
+        self._spread = {
+            name: value * measure.spread_scale
+            for name, value in measure.spread(samples).spread().items()
+        }
 
     def row(self) -> list[object]:
         """Return the row of the table."""
         stream = self.stream
-        return [stream.key, stream.node, *self._values(PLACES), len(stream.times_s), stream.lost]
+        return [stream.key, stream.node, *self._values(PLACES), self._messages, stream.lost]
 
     def line(self) -> str:
         """Return the measurement as one line of text."""
@@ -116,7 +125,7 @@ class Measurement:
             named = " ".join(f"{name} {value:g}" for name, value in figures)
             words.append(f"({named} {measure.spread_unit})")
         lost = "" if stream.lost is None else f", {stream.lost} lost"
-        return f"{' '.join(words)} {len(stream.times_s)} messages{lost}"
+        return f"{' '.join(words)} {self._messages} messages{lost}"
 
     def record(self) -> dict[str, Any]:
         """Return the measurement for JSON; names carry their unit."""
@@ -127,7 +136,7 @@ class Measurement:
             "key": stream.key,
             "node": stream.node,
             **dict(zip(names, self._values(JSON_PLACES), strict=True)),
-            "messages": len(stream.times_s),
+            "messages": self._messages,
             "seconds": round(self._seconds, 3),
             "lost": stream.lost,
             "repeated": gaps.repeated,
@@ -181,7 +190,7 @@ def _run(
     checked = options.expect is not None or at_most is not None
     duration_s = options.for_ or (options.window if checked else None)
     with ToolSession(connection) as session:
-        monitor = StreamMonitor(session, patterns)
+        monitor = StreamMonitor(session, patterns, moving=duration_s is None)
         if duration_s is None:
             _watch(measure, options.window, session, monitor, patterns, output)
             return
@@ -214,11 +223,11 @@ def _watch(
     output: Output,
 ) -> None:
     """Show measurements once a second until told to stop."""
-    begun_s = time.monotonic()
+    begun_s = session.clock()
     connected, explained, cut = True, False, False
     with output.display() as display:
         while session.wait(PERIOD_S):
-            now_s = time.monotonic()
+            now_s = session.clock()
             monitor.update()
             if monitor.left_out and not cut:
                 cut = True
@@ -244,15 +253,15 @@ def _within(
     Streams that have ended are skipped.
     """
     found = []
+    recent, begin_s = monitor.within(begin_s)
     for stream in monitor.streams:
-        newest_s = stream.times_s[-1]
-        if now_s - newest_s > max(FORGET_S, now_s - begin_s):
+        total = stream.samples
+        if now_s - total.last_s > max(FORGET_S, now_s - begin_s):
             monitor.forget(stream)
             continue
-        stream.drop_before(min(begin_s, newest_s))
-        is_older = stream.total > len(stream.times_s)
-        since_s = begin_s if is_older else stream.times_s[0]
-        found.append(Measurement(measure, stream, since_s, now_s))
+        samples = recent.get(stream, Samples())
+        since_s = max(begin_s, total.first_s)
+        found.append(Measurement(measure, stream, samples, since_s, now_s))
     return found
 
 
@@ -269,13 +278,12 @@ def _measure_once(
     if longest_s > SILENT_S and not monitor.received_any() and not session.stopping:
         output.note(f"nothing arrived yet; waiting up to {longest_s:g} s")
         session.wait(longest_s - SILENT_S, until=monitor.received_any)
-    begin_s = time.monotonic()
-    if monitor.received_any():
-        session.wait(duration_s)
-    now_s = time.monotonic()
+    begin_s, now_s = monitor.measure(duration_s if monitor.received_any() else 0.0)
     monitor.update()
-    begin_s = min([begin_s, *(stream.times_s[0] for stream in monitor.streams)])
-    found = [Measurement(measure, stream, begin_s, now_s) for stream in monitor.streams]
+    begin_s = min([begin_s, *(stream.samples.first_s for stream in monitor.streams)])
+    found = [
+        Measurement(measure, stream, stream.samples, begin_s, now_s) for stream in monitor.streams
+    ]
     return found, now_s - begin_s
 
 

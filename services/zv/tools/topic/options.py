@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -72,6 +72,14 @@ class EchoOptions(ToolOptions):
     ] = None
     header: Annotated[bool, Field(description="leave the header out")] = True
     csv: Annotated[bool, Field(description="comma-separated values, titles first")] = False
+    image: Annotated[bool, Field(description="draw the pictures in the terminal")] = False
+    image_form: Annotated[
+        Literal["auto", "kitty", "sixel", "blocks"],
+        Field(
+            description="how --image draws; auto: the best that the terminal says it can, else "
+            "characters in 24-bit colours"
+        ),
+    ] = "auto"
 
 
 class MeasureOptions(ToolOptions):

@@ -23,7 +23,7 @@ from zenoh_vision.error_text import did_you_mean, joined, similar_names
 from zenoh_vision.errors import ConfigurationError, PayloadError, SourceError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.pixel_formats import Pixels
-from zenoh_vision.keys import JPEG, PNG, camera_of, is_name, msgpack_of
+from zenoh_vision.keys import JPEG, PNG, RAW_IMAGE, camera_of, is_name, msgpack_of
 from zenoh_vision.messages import Header
 from zenoh_vision.topics import TOPICS, Topic, topic_of
 from zenoh_vision.transport.publisher import Outgoing
@@ -192,7 +192,7 @@ def _picture_payload(key: str, topic: Topic, file: bytes) -> Payload:
     except (PayloadError, cv2.error) as error:
         why = error.detail if isinstance(error, PayloadError) else "it cannot be decoded"
         raise ConfigurationError(f"DATA is not a picture for {key}: {why}") from None
-    if topic.raw:
+    if topic.encoding == RAW_IMAGE:
         payload, mime = pixel_formats.to_raw(pixels, encoding), topic.encoding
     elif kind := codecs.picture_type(file):
         payload, mime = file, kind

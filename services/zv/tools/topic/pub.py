@@ -22,8 +22,8 @@ from zv.tools.shared.message_types import (
     type_on,
 )
 from zv.tools.shared.output import Output
+from zv.tools.shared.received import header_of, received
 from zv.tools.shared.session import ToolSession, key_expression
-from zv.tools.topic.message_fields import header_of, received
 from zv.tools.topic.options import PubOptions
 from zv.tools.topic.payloads import Payload, payload_for
 
@@ -41,6 +41,7 @@ def run(options: PubOptions, connection: Connection, output: Output) -> None:
     Raises:
         ConfigurationError: The key does not accept such data, or it does not match the type.
         SourceError: The file cannot be read.
+        ExpectationNotMet: The credentials do not allow it.
     """
     key = key_expression(options.key)
     if "*" in key:
@@ -51,6 +52,7 @@ def run(options: PubOptions, connection: Connection, output: Output) -> None:
         # Errors in it need no router.
         payload = payload_for(key, options.data, None if known is None else known_type(known))
     with ToolSession(connection) as session:
+        session.require("publish", key)
         if payload is None:
             payload = payload_for(key, options.data, _type(session, key, options.type_))
         if options.size is not None:

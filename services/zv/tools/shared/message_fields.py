@@ -6,19 +6,14 @@ import csv
 import io
 import json
 import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
 
-import zenoh
-
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.keys import JSON, UNCOMPRESSED, schema_name_of
-from zenoh_vision.message_codec import MAX_MESSAGE_BYTES, unpack
-from zenoh_vision.messages import Header
-from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES
+from zenoh_vision.keys import JSON, UNCOMPRESSED
+from zenoh_vision.message_codec import unpack
+from zv.tools.shared.received import Received
 
 MSGPACK = "application/msgpack"
 TEXTS = ("text/", "zenoh/string", JSON)
@@ -31,71 +26,6 @@ MAX_DEPTH = 32
 INDENT = "  "
 INLINE_VALUES = 8
 """A list of at most this many plain values is shown on one line."""
-
-
-@dataclass(frozen=True, slots=True)
-class Received:
-    """A sample, copied out of Zenoh, with the times of its arrival.
-
-    Attributes:
-        payload: None where only its size is of interest.
-        size: Bytes of the payload.
-        arrived_ns: Monotonic time of arrival.
-        received_ns: Wall-clock time of arrival, since 1970.
-    """
-
-    key: str
-    encoding: str
-    attachment: bytes | None
-    payload: bytes | None
-    size: int
-    deleted: bool = False
-    arrived_ns: int = field(default_factory=time.monotonic_ns)
-    received_ns: int = field(default_factory=time.time_ns)
-
-    @property
-    def is_picture(self) -> bool:
-        """Whether it is a picture, compressed or raw."""
-        return self.encoding.startswith("image/") or self.encoding in UNCOMPRESSED
-
-    @property
-    def kind(self) -> str:
-        """The schema name of a message, or else the encoding."""
-        return schema_name_of(self.encoding) or self.encoding
-
-
-def received(sample: zenoh.Sample, *, payload: bool = True) -> Received:
-    """Copy a sample out of Zenoh; quick enough for Zenoh's own thread.
-
-    Args:
-        sample: Any sample.
-        payload: Copy the payload too, unless it is that of a picture with a header, or larger
-            than a message may be.
-    """
-    attachment = sample.attachment
-    if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
-        attachment = None
-    encoding, size = str(sample.encoding), len(sample.payload)
-    picture = encoding.startswith("image/") or encoding in UNCOMPRESSED
-    whole = payload and size <= MAX_MESSAGE_BYTES and not (picture and attachment is not None)
-    return Received(
-        str(sample.key_expr),
-        encoding,
-        None if attachment is None else attachment.to_bytes(),
-        sample.payload.to_bytes() if whole else None,
-        size,
-        deleted=sample.kind == zenoh.SampleKind.DELETE,
-    )
-
-
-def header_of(attachment: bytes | None) -> Header | None:
-    """Return the header in an attachment; None if there is none, or it is something else."""
-    if attachment is None or len(attachment) > MAX_ATTACHMENT_BYTES:
-        return None
-    try:
-        return Header.from_bytes(attachment)
-    except PayloadError:
-        return None
 
 
 # Samples to fields
