@@ -15,12 +15,15 @@ from contextlib import suppress
 import msgpack
 import zenoh
 
+# A client is back 0.2 s after its router; by Zenoh's default after seconds.
+RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
+
 try:
     line, pick_x = sys.argv[1], float(sys.argv[2])
 except (IndexError, ValueError):
     sys.exit("usage: python examples/pick_from_belt.py LINE PICK_X [tcp/127.0.0.1:7447]")
 endpoint = sys.argv[3] if len(sys.argv) > 3 else "tcp/127.0.0.1:7447"
-config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+config = {"mode": "client", "connect": {"endpoints": [endpoint], "retry": RETRY}}
 
 
 def ask(session: zenoh.Session, track: int, at_ns: int) -> dict | None:

@@ -17,6 +17,9 @@ import msgpack
 import numpy as np
 import zenoh
 
+# A client is back 0.2 s after its router; by Zenoh's default after seconds.
+RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
+
 RATE_HZ = 10.0
 
 
@@ -47,7 +50,7 @@ except OSError as error:
 jpegs = itertools.cycle(given) if given else drawn_pictures()
 config = {
     "mode": "client",
-    "connect": {"endpoints": [endpoint]},
+    "connect": {"endpoints": [endpoint], "retry": RETRY},
     "transport": {"shared_memory": {"enabled": False}},
 }
 try:

@@ -9,10 +9,13 @@ from pathlib import Path
 
 import zenoh
 
+# A client is back 0.2 s after its router; by Zenoh's default after seconds.
+RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
+
 given = sys.argv[1:] + [None] * 3
 endpoint = given[1] or "tcp/127.0.0.1:7447"
 key = given[2] or "vision/front/image/compressed"
-config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+config = {"mode": "client", "connect": {"endpoints": [endpoint], "retry": RETRY}}
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:

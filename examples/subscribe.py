@@ -12,8 +12,11 @@ import msgpack
 import zenoh
 from zenoh.handlers import RingChannel
 
+# A client is back 0.2 s after its router; by Zenoh's default after seconds.
+RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2}
+
 endpoint = sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"
-config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+config = {"mode": "client", "connect": {"endpoints": [endpoint], "retry": RETRY}}
 try:
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 except zenoh.ZError:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tests.support.pictures.analytic_edges import Step, judge
 from zv.camera.settings import CameraSettings
-from zv.camera.source_policy import open_source
+from zv.camera.source_policy import SourceOpener
 from zv.edge.detectors.available import DETECTORS
 from zv.edge.detectors.canny import Canny
 from zv.edge.detectors.rendering import as_hue
@@ -67,7 +67,7 @@ def main() -> None:
 def scene() -> Picture:
     """Return the part of the synthetic scene, (240, 320, 3) uint8."""
     settings = CameraSettings()
-    source = open_source(settings, lambda: settings)
+    source = SourceOpener()(settings, lambda: settings)
     for _ in range(SHOWN_FRAME + 1):
         picture = source.read()
     assert picture is not None

@@ -11,12 +11,18 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.memory import SIZES
 from tests.support.fork_server import ZV
 from tests.support.listening import newest, open_client
 from tests.support.processes import ROOT, START_S, Program
 from tests.support.routing import free_endpoint
 from tests.support.systems import service
 from tests.support.viewer.pages import Page, begins, run_as_written
+from zenoh_vision.transport.zenoh_config import (
+    WAIT_BEFORE_CLOSE,
+    WAIT_BEFORE_CLOSE_US,
+    router_config,
+)
 
 PAGE = Page("docs/deploy.md")
 SITE = "tcp/192.0.2.10:7447"
@@ -62,20 +68,10 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def test_every_command_is_run_here_or_it_is_said_why_not():
-    run = {
-        ROUTER,
-        *TOOLS,
-        *COPIES,
-        *PAGE.commands("zv camera", "zv tracker", "zv edge", "python -m benchmarks.bandwidth"),
-    }
-    left = [
-        line
-        for line in PAGE.commands()
-        if line not in run and not line.startswith(tuple(NOT_RUN_HERE))
-    ]
-    assert not left
-    unused = [start for start in NOT_RUN_HERE if not PAGE.commands(start)]
-    assert not unused
+    starts = (*NOT_RUN_HERE, "zv camera", "zv tracker", "zv edge", "python -m benchmarks.bandwidth")
+    run = {ROUTER, *TOOLS, *COPIES, *PAGE.commands(*starts)}
+    assert set(PAGE.commands()) == run
+    assert all(PAGE.commands(start) for start in NOT_RUN_HERE)
 
 
 @pytest.mark.parametrize("line", TOOLS)
@@ -113,12 +109,12 @@ def test_the_units_are_copied_to_where_they_look_for_their_files(tmp_path):
     assert {path.name for path in (tmp_path / "etc/zenoh-vision").iterdir()} == {
         path.name for path in UNITS.glob("*.env")
     }
-    for line in PAGE.commands("sudo systemctl"):
-        for unit in re.findall(r"zv-\w+@?", line):
-            assert f"{unit}.service" in names
+    lines = "".join(PAGE.commands("sudo systemctl"))
+    assert {f"{unit}.service" for unit in re.findall(r"zv-\w+@?", lines)} <= names
     (clone,) = PAGE.commands("sudo cp -r")
     installed = clone.split()[-1]
-    assert all(f"ExecStart={installed}/.venv/bin/zv " in p.read_text() for p in UNITS.glob("*.s*"))
+    programs = tuple(f"ExecStart={installed}/.venv/bin/{name} " for name in ("zv", "python"))
+    assert all(any(map(p.read_text().__contains__, programs)) for p in UNITS.glob("*.s*"))
 
 
 def test_the_override_of_the_second_site_adds_to_the_routers_command():
@@ -133,7 +129,32 @@ def test_the_override_of_the_second_site_adds_to_the_routers_command():
     assert not [word for word in words if re.search(r"\s", word)]
 
 
-def test_the_addresses_are_those_kept_free_for_documentation():
-    addresses = set(re.findall(r"\b\d+\.\d+\.\d+\.\d+\b", PAGE.text))
-    allowed = ("192.0.2.", "127.0.0.1", "0.0.0.0")
-    assert all(address.startswith(allowed) for address in addresses)
+# Limits
+
+
+def test_the_limits_of_memory_are_enough_for_the_sizes_said():
+    limits = {
+        re.search(r"MemoryMax=(\d+)M", unit.read_text())[1]
+        for unit in UNITS.glob("*.service")
+        if "zv-up" not in unit.name  # of a whole system
+    }
+    compose = (ROOT / "docker-compose.yml").read_text()
+    limits.add(re.search(r"\$\{ZV_MEMORY:-(\d+)m\}", compose)[1])
+    assert limits == {"512"}
+    raised = re.findall(r"(?:ZV_MEMORY=|MemoryMax=)(\d+)[mM]", PAGE.text)
+    measured = PAGE.text.partition("| frame | router |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| (\d+x\d+) \|(.*)\|$", measured, re.MULTILINE)
+    most = {size: max(map(int, row.split("|"))) * 1e6 / 1024**2 for size, row in rows}
+    assert list(most) == list(SIZES)
+    *up_to_full_hd, largest = SIZES
+    assert all(most[size] < 0.8 * 512 for size in up_to_full_hd)
+    assert 512 < most[largest] < 0.9 * min(map(int, raised))
+
+
+def test_the_file_for_slow_links_sets_what_the_page_says(tmp_path):
+    (shown,) = [text for text in PAGE.blocks("json5") if "wait_before" in text]
+    (tmp_path / "router.json5").write_text(shown)
+    config = router_config("tcp/127.0.0.1:0", str(tmp_path / "router.json5"))
+    assert config.get_json(WAIT_BEFORE_CLOSE) == "4000000"
+    assert "must pass within a second" in PAGE.text
+    assert WAIT_BEFORE_CLOSE_US == 1_000_000

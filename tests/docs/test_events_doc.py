@@ -1,45 +1,41 @@
-"""docs/events.md is true: its commands and programs run as written, its shapes are read."""
+"""docs/events.md and docs/index.md are true: commands and programs run, shapes are read."""
 
 from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from tests.support.processes import run_program
-from tests.support.systems import system
+from tests.support.processes import Program, run_program
 from tests.support.typist import zv
-from tests.support.viewer.pages import Page, run_as_written
+from tests.support.viewer.pages import Page, begins, run_as_written
 from zv.tracker.events.event import Kind
 from zv.tracker.settings import TrackerSettings
 from zv.tracker.shapes import lines, polygons
 
-PAGE = Page("docs/events.md")
+PAGE, INDEX = Page("docs/events.md"), Page("docs/index.md")
 
 
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Of a router, the synthetic camera and a tracker."""
-    with system(tmp_path_factory.mktemp("system"), "tracker") as endpoint:
-        yield endpoint
+@pytest.mark.parametrize("page", [PAGE, INDEX], ids=lambda page: page.name)
+def test_the_commands_run_as_written_one_after_the_other(page: Page, endpoint: str, tmp_path: Path):
+    for command in page.commands():
+        once = " --once" if begins(command, "zv", "topic") and "--once" not in command else ""
+        done = run_as_written(command + once, tmp_path, ZV_CONNECT=endpoint)
+        assert done.returncode == 0, (command, done.stdout, done.stderr)
+        assert done.stdout or "at revision" in done.stderr
+    name, _, shape = page.commands("zv param set")[0].split('"')[1].partition("=")
+    assert shape in zv(endpoint, "param", "get", "tracker_front", name).stdout
 
 
-def test_the_line_is_set_as_written(endpoint: str, tmp_path: Path):
-    (command,) = PAGE.commands("zv param set")
-    done = run_as_written(command, tmp_path, ZV_CONNECT=endpoint)
-    assert done.returncode == 0, done.stderr
-    assert "gate 320,60 320,480" in zv(endpoint, "param", "get", "tracker_front", "lines").stdout
-
-
-def test_the_events_of_the_synthetic_scene_are_printed(endpoint: str, tmp_path: Path):
-    (command,) = PAGE.commands("zv topic echo")
-    done = run_as_written(f"{command} --once", tmp_path, ZV_CONNECT=endpoint)
-    assert done.returncode == 0, done.stderr
-    assert "event" in done.stdout
+def test_the_first_program_prints_events(endpoint: str, tmp_path: Path):
+    program = tmp_path / "watch.py"
+    program.write_text(INDEX.blocks("python")[0].replace("tcp/127.0.0.1:7447", endpoint))
+    with Program([program], tmp_path, "watch") as running:
+        running.lines(r"(started|confirmed|zone_entered) \d+ (None|middle)", count=2)
+        assert running.interrupt() == 0
 
 
 def test_the_refusal_is_as_shown(endpoint: str):

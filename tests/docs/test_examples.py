@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,9 +15,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from tests.support import processes, systems
+from tests.support import systems
 from tests.support.listening import Listener, newest, open_client
-from tests.support.processes import HEIGHT, ROOT, START_S, WIDTH, Program, run_program
+from tests.support.processes import HEIGHT, ROOT, START_S, WIDTH, Program, catches, run_program
 from tests.support.routing import free_endpoint
 from tests.support.systems import running_router, service
 from tests.support.waiting import wait_until
@@ -59,16 +61,10 @@ def test_subscribe_prints_centroids_and_ends_with_ctrl_c(system: str, tmp_path: 
 
 
 def test_subscribe_ends_silently_when_nobody_reads_its_output_any_more(system: str):
-    with subprocess.Popen(
-        [sys.executable, EXAMPLES / "subscribe.py", system],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as program:
-        assert program.stdout is not None
-        assert program.stderr is not None
-        assert program.stdout.readline().startswith(b"front ")
-        program.stdout.close()  # as `| head -1` does
-        assert (program.wait(START_S), program.stderr.read()) == (0, b"")
+    line = f"{sys.executable} {EXAMPLES / 'subscribe.py'} {system} | head -1; echo $PIPESTATUS"
+    done = run_program(["bash", "-c", line])
+    assert re.fullmatch(r"front .*\n0\n", done.stdout)
+    assert done.stderr == ""
 
 
 ENDPOINTS = ("tcp/127.0.0.1:1", "tcp/nonsense", "foo")
@@ -93,20 +89,6 @@ def test_without_a_router_an_example_says_so_in_one_line(
         assert (done.returncode, done.stdout) == (1, "")
 
 
-def test_publish_from_anything_names_a_file_that_it_cannot_read(tmp_path: Path):
-    done = run_once("publish_from_anything.py", tmp_path / "none.jpg")
-    assert done.stderr == f"{tmp_path / 'none.jpg'}: No such file or directory\n"
-    assert done.returncode == 1
-
-
-def test_subscribe_is_about_ten_lines_and_imports_nothing_of_ours():
-    text = (EXAMPLES / "subscribe.py").read_text()
-    code = text.split('"""')[2].strip().splitlines()
-    work = [line for line in code if line and not line.startswith(("import ", "from "))]
-    assert len(work) <= 13
-    assert "zenoh_vision" not in text
-
-
 def test_save_frame_writes_the_newest_picture(system: str, tmp_path: Path):
     picture = tmp_path / "frame.jpg"
     done = run_once("save_frame.py", picture, system)
@@ -114,16 +96,22 @@ def test_save_frame_writes_the_newest_picture(system: str, tmp_path: Path):
     assert cv2.imread(str(picture)).shape == (HEIGHT, WIDTH, 3)
 
 
-def test_save_frame_names_a_file_that_it_cannot_write(system: str, tmp_path: Path):
-    done = run_once("save_frame.py", tmp_path / "none" / "x.jpg", system)
-    assert done.stderr == f"{tmp_path / 'none' / 'x.jpg'}: No such file or directory\n"
-    assert done.returncode == 1
+NOWHERE = "vision/nowhere/image/compressed"
 
 
-def test_save_frame_says_when_nobody_answers(system: str, tmp_path: Path):
-    done = run_once("save_frame.py", tmp_path / "x.jpg", system, "vision/nowhere/image/compressed")
-    assert done.returncode == 1
-    assert done.stderr == "nobody answered on vision/nowhere/image/compressed\n"
+@pytest.mark.parametrize(
+    ("name", "file", "arguments", "says"),
+    [
+        ("publish_from_anything.py", "none.jpg", [], "{file}: No such file or directory"),
+        ("save_frame.py", "none/x.jpg", ["{system}"], "{file}: No such file or directory"),
+        ("save_frame.py", "x.jpg", ["{system}", NOWHERE], f"nobody answered on {NOWHERE}"),
+    ],
+)
+def test_what_an_example_cannot_do_is_one_line(
+    system: str, tmp_path: Path, name: str, file: str, arguments: list[str], says: str
+):
+    done = run_once(name, tmp_path / file, *(each.format(system=system) for each in arguments))
+    assert (done.returncode, done.stderr) == (1, says.format(file=tmp_path / file) + "\n")
 
 
 def test_own_service_publishes_its_message_and_answers_its_schema(system: str, tmp_path: Path):
@@ -148,56 +136,35 @@ def test_own_service_ends_with_ctrl_c_while_it_waits_for_a_router(tmp_path: Path
     with Program(
         [EXAMPLES / "own_service.py", "--connect", free_endpoint()], tmp_path, "own"
     ) as program:
-        wait_until(lambda: catches_sigint(program), START_S, lambda: program.complaints)
+        wait_until(lambda: catches_sigterm(program), START_S, lambda: program.complaints)
         assert program.interrupt() == 0
         assert not program.complaints
 
 
 def test_own_service_takes_the_endpoint_from_the_environment_and_says_what_it_waits_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ):
     with running_router(tmp_path) as endpoint:
         own = EXAMPLES / "own_service.py"
-        environment = processes.environment() | {"ZV_CONNECT": endpoint}
-        monkeypatch.setattr(processes, "environment", lambda: environment)
-        with Program([own], tmp_path, "own") as program:
+        with Program([own], tmp_path, "own", ZV_CONNECT=endpoint) as program:
             keys = "vision/front/image/compressed or vision/front/image"
             said = f"brightness_front: waiting: no frame on {keys} for 2 s"
             wait_until(lambda: said in program.complaints, START_S, lambda: program.complaints)
             assert program.interrupt() == 0
 
 
-def catches_sigint(program: Program) -> bool:
-    """Tell whether the node has put its own handler in place (bit 1 is SIGINT, by the kernel)."""
-    status = Path(f"/proc/{program.process.pid}/status")
-    if not status.exists():
-        pytest.skip("needs /proc to see a signal handler")
+def catches_sigterm(program: Program) -> bool:
+    """Tell whether the node has put its own handlers in place."""
     assert program.process.poll() is None, program.complaints
     loaded = "zenoh" in Path(f"/proc/{program.process.pid}/maps").read_text()
-    caught = next(line for line in status.read_text().splitlines() if line.startswith("SigCgt"))
-    sigterm = 1 << 14
-    return loaded and bool(int(caught.split()[1], 16) & sigterm)
+    return loaded and catches(program.process.pid, signal.SIGTERM)
 
 
-# Windows that need no screen: imshow prints what it is given, and the fifth picture gets a q.
-FAKE_WINDOWS = """
-import runpy, sys
-import cv2
-
-shown = []
-cv2.namedWindow = lambda name: None
-cv2.imshow = lambda name, pixels: (shown.append(name), print(name, *pixels.shape, pixels.dtype))
-cv2.waitKey = lambda ms: ord("q") if len(shown) == 5 else -1
-sys.argv = sys.argv[1:]
-runpy.run_path(sys.argv[0], run_name="__main__")
-"""
-
-
-def test_show_shows_each_picture_until_q(system: str, tmp_path: Path):
-    windows = tmp_path / "windows.py"
-    windows.write_text(FAKE_WINDOWS)
-    command = [sys.executable, windows, EXAMPLES / "show.py", system, "tracked/compressed"]
-    done = run_program(command)
+def test_show_shows_each_picture_until_q(system: str):
+    windows = ROOT / "tests" / "support" / "programs" / "fake_windows.py"
+    done = run_program(
+        [sys.executable, windows, EXAMPLES / "show.py", system, "tracked/compressed"]
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == [f"tracked/compressed {HEIGHT} {WIDTH} 3 uint8"] * 5
 
@@ -247,6 +214,23 @@ def test_a_publisher_with_three_more_lines_gives_its_own_identity(
 
 
 def test_every_example_is_tested():
-    places = (Path(__file__), ROOT / "tests" / "integration" / "tracker" / "test_world.py")
-    text = "".join(path.read_text() for path in places)
+    places = (
+        "docs/test_examples.py",
+        "docs/test_replay_doc.py",
+        "integration/tracker/test_world.py",
+    )
+    text = "".join((ROOT / "tests" / place).read_text() for place in places)
     assert all(f'"{path.name}"' in text for path in EXAMPLES.glob("*.py"))
+
+
+def test_every_program_that_opens_zenoh_reconnects_within_a_fifth_of_a_second():
+    """Zenoh's default makes a client wait for seconds after its router is back."""
+    pages = [*(ROOT / "docs").glob("*.md"), ROOT / "README.md", *EXAMPLES.glob("*.py")]
+    opening = [page for page in pages if re.search(r"zenoh(\.|::)open\(", page.read_text())]
+    assert len(opening) >= 6
+    for page in opening:
+        text = page.read_text()
+        assert "period_max_ms" in text, page.name
+        assert len(re.findall("connect/retry|RETRY}", text)) == len(
+            re.findall(r"zenoh(?:\.|::)open\(", text)
+        ), page.name

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,12 +11,12 @@ import numpy as np
 import pytest
 
 import zenoh_vision
-from tests.support.processes import Program
+from tests.support.headers import header
+from tests.support.processes import Program, run_program
 from tests.support.systems import system
 from tests.support.viewer.pages import Page
-from zenoh_vision.messages import Header
 
-PAGE = Page("docs/library.md")
+PAGE, SERVICES = Page("docs/library.md"), Page("docs/services.md")
 
 
 def test_every_public_name_is_on_the_page():
@@ -31,25 +30,32 @@ def test_a_public_name_can_be_imported_and_is_documented(name: str):
     assert name in ("TOPICS", "latest") or found.__doc__
 
 
-def test_what_the_page_says_of_a_node_is_there():
-    said = set(re.findall(r"`node\.(\w+)", PAGE.text))
+@pytest.mark.parametrize("page", [PAGE, SERVICES], ids=lambda page: page.name)
+def test_what_a_page_says_of_a_node_is_there(page: Page):
+    said = set(re.findall(r"`(?:for number in )?node\.(\w+)", page.text))
     node = zenoh_vision.Node("any", camera=())
+    assert len(said) > 8
     assert {name for name in said if not hasattr(type(node), name)} <= set(vars(node))
 
 
 def test_the_errors_of_drawing_on_a_frame_are_quoted_with_the_remedy():
-    header = Header(camera="front", seq=0, epoch=1, stamp_ns=0, width=8, height=6, encoding="bgr8")
-    frame = zenoh_vision.Frame(header, pixels=np.zeros((6, 8, 3), np.uint8))
+    frame = zenoh_vision.Frame(header(width=8, height=6), np.zeros((6, 8, 3), np.uint8))
     with pytest.raises(cv2.error) as drawn:
         cv2.rectangle(frame.bgr, (1, 1), (3, 3), (0, 0, 255))
     with pytest.raises(ValueError, match="read-only") as assigned:
         frame.bgr[0] = 255
-    for page in (PAGE, Page("docs/services.md")):
+    for page in (PAGE, SERVICES):
         (told,) = (line for line in page.text.splitlines() if "`frame.bgr.copy()`" in line)
         quoted = re.findall(r"`([^`]* (?:readonly|read-only))`", told)
         assert [words in str(drawn.value) for words in quoted] == [True, False]
         assert quoted[1] == str(assigned.value)
     cv2.rectangle(frame.bgr.copy(), (1, 1), (3, 3), (0, 0, 255))
+
+
+def test_type_checkers_are_told_the_same_names():
+    stub = Path(zenoh_vision.__file__).with_suffix(".pyi").read_text()
+    told = re.findall(r"^from (\S+) import (\w+) as \2$", stub, re.MULTILINE)
+    assert {name: module for module, name in told} == zenoh_vision._MODULES
 
 
 def test_an_unknown_name_is_an_attribute_error():
@@ -64,7 +70,7 @@ def test_importing_the_library_loads_no_zenoh_until_a_node_is_asked_for():
         "zenoh_vision.Node\n"
         "assert 'zenoh' in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+    assert run_program([sys.executable, "-c", program]).stderr == ""
 
 
 def test_the_example_prints_frames_and_centroids_of_every_camera(tmp_path: Path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import pytest
 import zenoh
 
 from tests.support.listening import ask, open_client, wait_for_nodes
-from tests.support.processes import ROOT, START_S, STOP_S
+from tests.support.processes import ROOT, START_S, Program, run_program
 from tests.support.systems import system
 
 SETTINGS = '''"""The blur's options."""
@@ -53,7 +52,7 @@ def run(settings: BlurSettings, connection: Connection) -> None:
         for frame in node.frames("image/compressed"):
             sigma = frame.revision.settings.sigma
             blurred = cv2.GaussianBlur(frame.bgr, (0, 0), sigma)
-            node.publish_picture("blurred/compressed", frame, blurred)
+            node.publish_picture("blurred/compressed", blurred, frame=frame)
 '''
 ENTRY = """    "blur": Service(
         "zv.blur.settings:BlurSettings",
@@ -72,10 +71,9 @@ class Copy:
         self.folder = folder
         for name in ("common", "services", "configs", "docs"):
             shutil.copytree(ROOT / name, folder / name)
-        shutil.copy(ROOT / "pyproject.toml", folder)
-        self.environment = os.environ | {
-            "PYTHONPATH": f"{folder / 'common'}{os.pathsep}{folder / 'services'}"
-        }
+        for name in ("pyproject.toml", "docker-compose.yml"):
+            shutil.copy(ROOT / name, folder)
+        self.path = f"{folder / 'common'}{os.pathsep}{folder / 'services'}"
 
     def edit(self, file: str, old: str, new: str) -> None:
         """Make one edit: ``old`` stands there exactly once."""
@@ -85,15 +83,7 @@ class Copy:
         path.write_text(text.replace(old, new))
 
     def run(self, *command: object, fails: bool = False) -> str:
-        done = subprocess.run(
-            [sys.executable, *map(str, command)],
-            env=self.environment,
-            cwd=self.folder,
-            capture_output=True,
-            text=True,
-            timeout=START_S * 2,
-            check=False,
-        )
+        done = run_program([sys.executable, *command], folder=self.folder, PYTHONPATH=self.path)
         assert (done.returncode != 0) == fails, done.stdout + done.stderr
         return done.stdout + done.stderr
 
@@ -110,7 +100,7 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Copy:
     (blur / "service.py").write_text(SERVICE)
     copy.edit("services/zv/registry.py", '    "edge": Service(', ENTRY)
     # A topic: one row.
-    row = '        Topic("background/compressed", JPEG),\n'
+    row = '        Topic("background/compressed", JPEG, recorded=False),\n'
     copy.edit(
         "common/zenoh_vision/topics.py", row, row + '        Topic("blurred/compressed", JPEG),\n'
     )
@@ -124,8 +114,9 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Copy:
     )
     copy.edit(
         "common/zenoh_vision/messages.py",
-        "    event: Annotated[str, Field(max_length=64)]\n",
-        "    event: Annotated[str, Field(max_length=64)]\n    confidence: float = 1.0\n",
+        "    event: Annotated[str, Field(max_length=64)]\n    id: Count\n",
+        "    event: Annotated[str, Field(max_length=64)]\n    id: Count\n"
+        "    confidence: float = 1.0\n",
     )
     copy.edit(
         "services/zv/edge/settings.py",
@@ -146,9 +137,10 @@ def test_a_service_without_its_name_in_the_contract_is_found_and_with_it_all_lay
 def test_command_flags_and_configuration_files_follow_from_the_entry(extended):
     assert "zv blur --camera front --sigma 3" in extended.run("-m", "zv", "blur", "--help")
     assert "Publish each frame blurred." in extended.run("-m", "zv", "--help")
-    extended.run("-m", "zv.cli.generate")
+    extended.run("-m", "docs.generate")
     assert "sigma = 2.0" in (extended.folder / "configs/blur.toml").read_text()
     assert "border = 0" in (extended.folder / "configs/edge.toml").read_text()
+    assert "ZV_EDGE_BORDER" in (extended.folder / "docker-compose.yml").read_text()
     assert "--border" in extended.run("-m", "zv", "edge", "--help")
 
 
@@ -160,15 +152,14 @@ def test_the_schema_of_a_message_and_of_a_field_is_known(extended):
 
 def test_the_service_runs_publishes_and_has_its_parameters(extended, tmp_path):
     with system(tmp_path) as endpoint, open_client(endpoint) as session:
-        command = [sys.executable, "-m", "zv", "blur", "--connect", endpoint]
-        blur = subprocess.Popen(command, env=extended.environment, cwd=extended.folder)
-        try:
+        command = ["-m", "zv", "blur", "--connect", endpoint]
+        with Program(
+            command, tmp_path, "blur", cwd=extended.folder, PYTHONPATH=extended.path
+        ) as blur:
             wait_for_nodes(session, "camera_front", "blur_front", deadline_s=START_S)
             pictures = zenoh.handlers.RingChannel(2)  # a full FIFO blocks the session
             subscriber = session.declare_subscriber("vision/front/blurred/compressed", pictures)
             assert subscriber.recv().payload.to_bytes().startswith(b"\xff\xd8\xff")
             (parameter,) = ask(session, "@vision/param/blur_front/sigma")
             assert (parameter.body["value"], parameter.body["unit"]) == (2.0, "pixels")
-        finally:
-            blur.terminate()
-            assert blur.wait(STOP_S) == 0
+            assert blur.interrupt() == 0

@@ -5,16 +5,15 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import zenoh
 
-import zenoh_vision
 from tests.support.fork_server import ZV
 from tests.support.listening import ask, newest, open_client, wait_for_nodes
 from tests.support.processes import ROOT, START_S, Program, run_program
@@ -22,13 +21,14 @@ from tests.support.routing import free_endpoint
 from tests.support.typist import type_zv
 from tests.support.viewer.pages import PROGRAMS, Page, run_as_written
 from tests.support.waiting import wait_until
-from zenoh_vision import Connection, Node, ServiceSettings
+from zenoh_vision import Connection, Node
 from zenoh_vision.messages import Centroid
 from zenoh_vision.testing import running_router
 from zv.tools.new.service import write
 
 PAGE = Page("docs/services.md")
 TEMPLATE, *SNIPPETS = PAGE.blocks("python")
+WINDOWS = ROOT / "tests" / "support" / "programs" / "fake_windows.py"
 PIXELS = np.full((48, 64, 3), 90, np.uint8)
 
 
@@ -93,57 +93,6 @@ def test_the_flags_and_statuses_that_the_page_names_are_those_of_the_service(fol
 # The other programs
 
 
-class Running:
-    """A program of the page, on a thread; what it prints is kept."""
-
-    def __init__(self, code: str, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.lines: list[str] = []
-        self.nodes: list[Node] = []
-        nodes = self.nodes
-
-        class Noted(Node):
-            def __init__(self, *arguments: Any, **named: Any) -> None:
-                super().__init__(*arguments, **named)
-                nodes.append(self)
-
-        monkeypatch.setattr(zenoh_vision, "Node", Noted, raising=False)
-        space: dict[str, Any] = {"print": self._print}
-        exec(compile(code, PAGE.name, "exec", dont_inherit=True), space)
-        models = [each for name, each in space.items() if name.endswith("Settings")]
-        settings = models[-1]() if models else ServiceSettings()
-        connection = Connection(endpoint, timeout_s=START_S)
-        self.errors: list[Exception] = []
-
-        def run() -> None:
-            try:
-                space["run"](settings, connection)
-            except Exception as error:
-                self.errors.append(error)
-
-        self._thread = threading.Thread(target=run, daemon=True)
-        self._thread.start()
-
-    def _print(self, *words: object, flush: bool) -> None:
-        assert flush
-        self.lines.append(" ".join(map(str, words)))
-
-    def wait(self, condition: Callable[[], Any]) -> Any:
-        """Return a condition's first true value, unless the program fails before."""
-
-        def found() -> Any:
-            assert not self.errors, self.errors
-            return condition()
-
-        return wait_until(found, explain=lambda: str(self.lines))
-
-    def end(self) -> None:
-        for node in self.nodes:
-            node.stop()
-        self._thread.join(START_S)
-        assert not self._thread.is_alive()
-        assert not self.errors
-
-
 @pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
     """Of a router with three cameras that are triggered together, and a result for each frame."""
@@ -159,7 +108,9 @@ def endpoint() -> Iterator[str]:
             while not stop.wait(0.05):
                 stamp_ns = time.time_ns()
                 for name in names:
-                    frame = node.publish_captured(PIXELS, camera=name, stamp_ns=stamp_ns)
+                    frame = node.publish_picture(
+                        "image/compressed", PIXELS, camera=name, stamp_ns=stamp_ns
+                    ).frame
                     assert frame is not None
                     centroid = Centroid(header=frame.header, x=5, y=6, box=(1, 2, 8, 8), area=1.0)
                     node.publish("centroid", centroid)
@@ -173,18 +124,18 @@ def endpoint() -> Iterator[str]:
             thread.join()
 
 
-@pytest.fixture
-def start(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Running]]:
-    """Start the page's program of a name at the cameras."""
-    started: list[Running] = []
-
-    def start(name: str, at: str = endpoint) -> Running:
-        started.append(Running(BY_NAME[name], at, monkeypatch))
-        return started[-1]
-
-    yield start
-    for each in started:
-        each.end()
+@contextmanager
+def running(name: str, endpoint: str, folder: Path) -> Iterator[Program]:
+    """Run the page's program of a name, which shows its windows as text, until Ctrl-C or a q."""
+    code, file = BY_NAME[name], folder / f"{name}.py"
+    settings = re.findall(r"^class (\w+Settings)", code, re.MULTILINE) or ["ServiceSettings"]
+    end = "from zenoh_vision import ServiceSettings, run_service\n\nrun_service(run, {})\n"
+    file.write_text(f"{code}\n{end.format(settings[-1])}")
+    with Program([WINDOWS, file, "--connect", endpoint], folder, name) as program:
+        yield program
+        ended = program.process.wait(START_S) if name == "window" else program.interrupt()
+        assert ended == 0
+        assert "Traceback" not in program.complaints
 
 
 @pytest.fixture
@@ -199,6 +150,7 @@ PRINTED = {
     "listener": [r"\d+ 5 6"],
     "spot": [r"\d+ 90"],
     "size": [r"vision/front/image/compressed 48 64 3"],
+    "window": ["frame 48 64 3 uint8"],
 }
 """Lines that a program prints, by its name."""
 
@@ -206,57 +158,45 @@ PUBLISHED = {"blur": "blurred/compressed", "stripes": "image", "light": "light"}
 
 
 def test_every_program_of_the_page_is_run():
-    assert set(BY_NAME) == {*PRINTED, *PUBLISHED, "window"}
+    assert set(BY_NAME) == {*PRINTED, *PUBLISHED}
     assert len(BY_NAME) == len(SNIPPETS)
 
 
 @pytest.mark.parametrize("name", PRINTED)
-def test_a_program_prints_what_it_says(name: str, start: Callable[[str], Running]):
-    running = start(name)
-    for pattern in PRINTED[name]:
-        running.wait(lambda: any(re.fullmatch(pattern, line) for line in list(running.lines)))  # noqa: B023
+def test_a_program_prints_what_it_says(name: str, endpoint: str, tmp_path: Path):
+    with running(name, endpoint, tmp_path) as program:
+        for pattern in PRINTED[name]:
+            program.lines(pattern)
 
 
-def test_the_blurred_pictures_are_published(start: Callable[..., Running], session):
-    running = start("blur")
-    picture = running.wait(lambda: ask(session, "vision/front/blurred/compressed"))[0]
+def test_the_blurred_pictures_are_published(endpoint: str, session, tmp_path: Path):
+    with running("blur", endpoint, tmp_path):
+        picture = newest(session, "vision/front/blurred/compressed")
     assert picture.encoding == "image/jpeg"
     assert picture.header["node"] == "blur_front"
 
 
-def test_the_camera_of_ones_own_counts_and_has_its_parameter(start: Callable[..., Running]):
-    with running_router() as alone, open_client(alone) as session:
-        running = start("stripes", alone)
-        image = running.wait(lambda: ask(session, "vision/front/image/compressed"))[0]
+def test_the_camera_of_ones_own_counts_and_has_its_parameter(tmp_path: Path):
+    with (
+        running_router() as alone,
+        open_client(alone) as session,
+        running("stripes", alone, tmp_path),
+    ):
+        image = newest(session, "vision/front/image/compressed")
         pixels = cv2.imdecode(np.frombuffer(image.payload, np.uint8), cv2.IMREAD_UNCHANGED)
         assert pixels.shape == (192, 256)
-        (node,) = running.nodes
-        running.wait(lambda: node.counters.snapshot()["dropped.no_subscriber"] > 2)
+        report = "@vision/diagnostics/stripes_front"
+        unseen = "dropped.no_subscriber"
+        wait_until(lambda: newest(session, report).body["counters"].get(unseen, 0) > 2)
         assert newest(session, "@vision/param/stripes_front/quality").body["value"] == 80
-        running.end()
 
 
-def test_the_light_goes_on_and_off(start: Callable[..., Running], session):
-    running = start("light")
+def test_the_light_goes_on_and_off(endpoint: str, session, tmp_path: Path):
     seen: set[bool] = set()
 
     def both() -> bool:
         seen.update(each.body["on"] for each in ask(session, "vision/front/light"))
         return seen == {True, False}
 
-    running.wait(both)
-
-
-def test_the_window_shows_the_frames_until_q(start: Callable[..., Running], monkeypatch):
-    shown: list[tuple[int, ...]] = []
-    monkeypatch.setattr(cv2, "imshow", lambda _, pixels: shown.append(pixels.shape))
-    monkeypatch.setattr(cv2, "waitKey", lambda _: ord("q") if len(shown) == 3 else -1)
-    start("window").wait(lambda: len(shown) == 3)
-
-
-def test_the_names_of_the_library_on_the_page_exist():
-    names = set(re.findall(r"`(?:for number in )?node\.(\w+)", PAGE.text))
-    node = Node("any", camera="front")
-    assert len(names) > 8
-    assert {name for name in names if not hasattr(type(node), name)} <= set(vars(node))
-    assert (ROOT / "examples/show.py").is_file()
+    with running("light", endpoint, tmp_path):
+        wait_until(both)

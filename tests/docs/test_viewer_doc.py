@@ -1,4 +1,4 @@
-"""docs/viewer.md is true: its messages, parameters and limits are those of the code."""
+"""The pages about the viewer are true: commands run, messages and limits are those of the code."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ from zv.viewer.web_video_server import query
 from zv.viewer.websocket import audit, commands, sender, session
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "viewer.md").read_text()
+GUIDE = (ROOT / "docs" / "viewer.md").read_text()
+TEXT = (ROOT / "docs" / "viewer_reference.md").read_text()
 FOLDER = ROOT / "services" / "zv" / "viewer"
 
 
-def section(title: str) -> str:
-    return TEXT.partition(f"### {title}\n")[2].partition("\n#")[0]
+def section(title: str, page: str = TEXT) -> str:
+    return page.partition(f"## {title}\n")[2].partition("\n#")[0]
 
 
 @pytest.mark.parametrize("command", Page("docs/viewer.md").commands())
@@ -94,8 +95,9 @@ def test_the_addresses_are_all_there():
     table = TEXT.partition("| address |")[2].partition("\n\n")[0]
     said = {path.partition("?")[0] for path in re.findall(r"^\| `(\S+?)`", table, re.M)}
     code = (FOLDER / "http" / "app.py").read_text()
-    served = set(re.findall(r'add_get\(\s*"([^"]+)"', code))
-    assert said == served - {"/page/{name:.+}", "/favicon.ico"}
+    routes = re.findall(r'add\(f"{base}([^"]+)"', code)
+    served = {re.sub(r"{{number:.*}}", "NUMBER", route) for route in routes}
+    assert said == served - {"/page/{{name:.+}}", "/favicon.ico"}
 
 
 def test_the_limits_are_those_of_the_code():
@@ -125,7 +127,7 @@ def test_the_limits_are_those_of_the_code():
 
 def test_the_options_of_a_layout_are_those_of_the_page():
     code = (FOLDER / "page" / "js" / "model" / "layout.js").read_text()
-    text = section("A layout in the URL")
+    text = section("A layout in the URL", GUIDE)
     rows = re.findall(r"^\| `(\w+)` \| (.+?) \|", text, re.MULTILINE)
     readers = code.partition("const READERS = {")[2].partition("\n};")[0]
     assert [name for name, _ in rows] == re.findall(r"^\t(\w+):", readers, re.MULTILINE)

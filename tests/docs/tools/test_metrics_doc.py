@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 from collections.abc import Iterator
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.support.processes import ROOT
+from tests.support.processes import ROOT, run_program
 from tests.support.viewer.pages import Page
 from zenoh_vision.health.fleet import GONE_S, MAX_NODES
 from zenoh_vision.health.message_limits import MAX_COUNTERS
@@ -25,7 +23,6 @@ PAGE = Page("docs/metrics.md")
 TEXT = PAGE.text
 DASHBOARD = json.loads((ROOT / "docs" / "grafana" / "zenoh-vision.json").read_text())
 PANELS: list[dict[str, Any]] = DASHBOARD["panels"]
-GRAFANA_COLUMNS = 24
 HISTOGRAM_SERIES = ("_bucket", "_sum", "_count")
 OF_PROMETHEUS = {"instance", "job", "le"}
 """Labels that are not ours: the scraper's and the histogram's."""
@@ -64,15 +61,6 @@ def queries() -> Iterator[tuple[str, str]]:
 
 
 QUERIES = [pytest.param(expression, id=place) for place, expression in queries()]
-
-
-def test_the_table_is_what_is_served_word_for_word():
-    rows = re.findall(
-        r"^\| `(zenoh_vision_\w+)` \| (\w+) \| (.*?) ?\| (.*) \|$", TEXT, re.MULTILINE
-    )
-    assert rows == [
-        (f.name, f.kind, ", ".join(f"`{label}`" for label in f.labels), f.words) for f in FAMILIES
-    ]
 
 
 def test_every_metric_that_is_named_anywhere_is_served():
@@ -119,52 +107,20 @@ def test_promtool_accepts_every_query_and_rule(tmp_path: Path):
             lines += [f"      - record: q{number}", f"        expr: {json.dumps(plain)}"]
     for name, text in (("alerts.yml", rules()), ("queries.yml", "\n".join(lines))):
         (tmp_path / name).write_text(text)
-        done = subprocess.run(
-            [promtool, "check", "rules", str(tmp_path / name)],
-            capture_output=True,
-            text=True,
-            timeout=30,
-            check=False,
-        )
+        done = run_program([promtool, "check", "rules", tmp_path / name])
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-# The dashboard, as Grafana wants one
+# The dashboard
 
 
-def test_the_dashboard_has_what_grafana_asks_for_at_the_top():
-    assert isinstance(DASHBOARD["schemaVersion"], int)
-    assert DASHBOARD["schemaVersion"] >= 36  # the first with a data source as type and uid
+def test_grafana_can_import_the_dashboard():
     assert DASHBOARD["id"] is None  # Grafana gives it one on import
-    assert re.fullmatch(r"[a-zA-Z0-9_-]{1,40}", DASHBOARD["uid"])
-    assert DASHBOARD["title"]
-    assert set(DASHBOARD["time"]) == {"from", "to"}
-
-
-def test_every_panel_has_a_number_of_its_own_and_a_kind():
-    numbers = [panel["id"] for panel in PANELS]
-    assert len(set(numbers)) == len(numbers)
-    kinds = {"stat", "table", "timeseries", "state-timeline", "heatmap"}
-    assert {panel["type"] for panel in PANELS} == kinds
-    assert all(panel["title"] and panel["targets"] for panel in PANELS)
-
-
-def test_no_panel_covers_another_or_stands_outside():
-    def cells(panel: dict[str, Any]) -> set[tuple[int, int]]:
-        at = panel["gridPos"]
-        assert at["x"] >= 0
-        assert at["x"] + at["w"] <= GRAFANA_COLUMNS
-        columns, rows = range(at["x"], at["x"] + at["w"]), range(at["y"], at["y"] + at["h"])
-        return {(x, y) for x in columns for y in rows}
-
-    for one, other in combinations(PANELS, 2):
-        assert not cells(one) & cells(other), (one["title"], other["title"])
-
-
-def test_every_target_has_a_letter_and_asks_the_chosen_data_source():
+    assert DASHBOARD["schemaVersion"] >= 36  # the first with a data source as type and uid
+    assert len({panel["id"] for panel in PANELS}) == len(PANELS)
     for panel in PANELS:
         letters = [target["refId"] for target in panel["targets"]]
-        assert len(set(letters)) == len(letters)
+        assert len(set(letters)) == len(letters) > 0
         for holder in (panel, *panel["targets"]):
             assert holder["datasource"] == {"type": "prometheus", "uid": "${datasource}"}
 
@@ -172,18 +128,3 @@ def test_every_target_has_a_letter_and_asks_the_chosen_data_source():
 def test_every_variable_that_is_used_is_defined():
     used = set(re.findall(r"\$\{?([a-z]\w*)\}?", json.dumps(DASHBOARD)))
     assert used == {variable["name"] for variable in DASHBOARD["templating"]["list"]}
-
-
-def test_the_dashboard_shows_rates_drops_latencies_levels_and_running_nodes():
-    asked = " ".join(expression for _, expression in queries())
-    for wanted in (
-        "sum by (node, reason) (rate(zenoh_vision_frames_dropped_total",
-        "histogram_quantile(0.99, sum by (node, le)",
-        "zenoh_vision_frame_rate_hertz",
-        "zenoh_vision_node_level",
-        "zenoh_vision_node_up",
-    ):
-        assert wanted in asked
-    (heatmap,) = [panel for panel in PANELS if panel["type"] == "heatmap"]
-    assert heatmap["targets"][0]["format"] == "heatmap"
-    assert "_bucket" in heatmap["targets"][0]["expr"]

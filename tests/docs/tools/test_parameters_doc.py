@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgpack
@@ -12,7 +11,6 @@ import pytest
 
 from tests.support.listening import open_client
 from tests.support.processes import Program, run_program
-from tests.support.systems import system
 from tests.support.typist import zv
 from tests.support.viewer.pages import Page, run_as_written
 from tests.support.waiting import wait_until
@@ -23,13 +21,6 @@ from zv.tools.registry import TOOLS
 PAGE = Page("docs/parameters.md")
 README = Page("README.md")
 OURS = "zv param "
-
-
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Of a router, the synthetic camera and a tracker."""
-    with system(tmp_path_factory.mktemp("system"), "tracker") as endpoint:
-        yield endpoint
 
 
 def test_every_command_of_the_tool_is_shown():
@@ -65,7 +56,7 @@ def test_the_service_of_ones_own_takes_what_is_set(endpoint: str, tmp_path: Path
     command: list[str | Path] = [program, "--connect", endpoint]
     with Program(command, tmp_path, "dimmer") as running, open_client(endpoint) as session:
         running.lines(r"\d+ [1-9][\d.]+")
-        key, payload = "@vision/param/dimmer_front/gain", msgpack.packb(0)
+        key, payload = "@vision/set/dimmer_front/gain", msgpack.packb(0)
         (reply,) = wait_until(lambda: list(session.get(key, payload=payload)))
         assert msgpack.unpackb(reply.ok.payload.to_bytes())["unit"] == "ratio"
         running.lines(r"\d+ 0\.0")
@@ -81,12 +72,6 @@ def test_the_service_of_ones_own_takes_what_is_set(endpoint: str, tmp_path: Path
 
 
 def test_what_the_page_names_is_a_parameter():
-    live = {name for service in ("camera", "tracker", "edge") for name in fields(service)}
-    said = re.findall(
-        r"`([a-z_]+)`", PAGE.text.split("## When a change takes effect")[1].split("\n## ")[0]
-    )
-    assert set(said) - {"truth", "now"} <= live
-
-
-def fields(service: str) -> set[str]:
-    return set(model_of(service).model_fields)
+    live = set().union(*(model_of(each).model_fields for each in ("camera", "tracker", "edge")))
+    section = PAGE.text.split("## When a change takes effect")[1].split("\n## ")[0]
+    assert set(re.findall(r"`([a-z_]+)`", section)) - {"truth", "now"} <= live

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from docs.generate import entries
 from tests.support.fork_server import ZV
 from tests.support.processes import ROOT, Program
 from tests.support.systems import system
@@ -99,16 +100,7 @@ def test_every_tool_has_its_section():
 
 
 def test_every_flag_that_is_named_is_one():
-    from zv.cli.loading import load
-
-    known = {"--debug", "--help"}
-    for words in TOOLS:
-        group, _, name = words.partition(" ")
-        found = load(group)
-        found = found.load(name) if name else found
-        known |= {
-            spelling
-            for option in found.params
-            for spelling in (*option.opts, *option.secondary_opts)
-        }
+    options = [option for command in entries().values() for option in command.params]
+    spellings = [spelling for each in options for spelling in (*each.opts, *each.secondary_opts)]
+    known = {"--debug", "--help", *spellings}
     assert set(re.findall(r"--[a-z][a-z-]*", PAGE.text)) <= known

@@ -1,0 +1,90 @@
+"""docs/security.md is true: its commands run as written, its output is what is printed."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.support.fork_server import ZV
+from tests.support.processes import START_S, Program
+from tests.support.secured import Secured, secured
+from tests.support.viewer.pages import Page, run_as_written
+from tests.support.waiting import wait_until
+from zenoh_vision.cli.flags import connection_from
+from zenoh_vision.security.rights import ACTIONS
+from zenoh_vision.transport.link import Link
+from zv.tools.registry import TOOLS
+
+PAGE = Page("docs/security.md")
+OURS = "zv security"
+NEEDS_SYSTEM = ("zv topic", "zv param")
+
+
+def test_every_command_of_the_tool_is_shown_or_named():
+    shown = {" ".join(line.split()[1:3]) for line in PAGE.commands(OURS)}
+    shown |= {f"security {word}" for word in re.findall(r"`zv security (\w+)", PAGE.text)}
+    assert shown == {words for words in TOOLS if words.startswith("security ")}
+
+
+def test_the_actions_are_those_of_the_code():
+    rows = re.findall(r"^\| `(\w+)` \| to ", PAGE.text, re.MULTILINE)
+    assert set(rows) == set(ACTIONS)
+
+
+def test_the_commands_run_as_written_one_after_the_other(tmp_path: Path):
+    commands = PAGE.commands(OURS)
+    assert len(commands) > 6
+    for command in commands:
+        done = run_as_written(command, tmp_path)
+        assert done.returncode == 0, (command, done.stderr)
+        assert done.stdout, command
+    names = {file.stem for file in (tmp_path / "security").glob("*.json5")}
+    assert {"brightness_front", "camera_left", "ada", "max"} <= names
+    assert (tmp_path / "security" / "far" / "router.json5").is_file()
+    holders = json.loads((tmp_path / "security" / "security.json").read_text())["holders"]
+    assert holders["camera_front"]["number"] == 2
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Secured]:
+    """The system of ``zv up --secure``, on a free port."""
+    folder = tmp_path_factory.mktemp("up")
+    system = secured(folder)
+    words = ["up", "--secure", system.folder, "--plain"]
+    with Program(words, folder, "up", forked=ZV):
+        guest = Link(system.connection("guest", timeout_s=START_S))
+        wait_until(lambda: _answers(guest.session), START_S)
+        guest.close()
+        yield system
+
+
+def _answers(session: zenoh.Session) -> bool:
+    return any(reply.ok for reply in session.get("@vision/param/camera_front", timeout=2.0))
+
+
+@pytest.mark.parametrize("command", PAGE.commands(*NEEDS_SYSTEM))
+def test_a_tool_runs_as_written_beside_the_system(running: Secured, command: str):
+    done = run_as_written(command, running.folder.parent)
+    assert done.returncode == 0, done.stderr
+    assert "quality: " in done.stdout or "vision/front/centroid" in done.stdout
+
+
+def test_the_table_in_a_file_connects_with_certificates(running: Secured):
+    file = running.folder.parent / "camera.toml"
+    file.write_text(PAGE.blocks("toml")[0])
+    link = Link(replace(connection_from({}, config=file), timeout_s=START_S))
+    assert list(link.session.info.routers_zid())
+    link.close()
+
+
+def test_a_guest_is_told_that_it_may_not_set(running: Secured):
+    command = "zv param set camera_front quality=60 --credentials security/guest"
+    done = run_as_written(command, running.folder.parent)
+    assert done.returncode == 1
+    assert "guest may not query @vision/set/camera_front" in done.stderr
