@@ -9,7 +9,21 @@ from collections.abc import Callable
 
 import cv2
 
-from benchmarks import edges, fleet, floor, parameters, stream, tracker, ways
+from benchmarks import (
+    detector,
+    devices,
+    edges,
+    encrypted,
+    fleet,
+    floor,
+    network_camera,
+    parameters,
+    recorder,
+    replay,
+    stream,
+    tracker,
+    ways,
+)
 from benchmarks.growth import measuring as growth
 from benchmarks.growth import report as growth_report
 from benchmarks.material import VIDEO, frames
@@ -19,6 +33,7 @@ from benchmarks.tools import cost as tools
 from benchmarks.tools import exporter
 from benchmarks.viewer import clients as viewer
 from benchmarks.viewer import painted
+from tests.devices import machine
 from zenoh_vision.host.parallel import workers
 
 SIZES = ((768, 576), (1920, 1080))
@@ -70,6 +85,13 @@ def measure_ways(options: argparse.Namespace) -> None:
         show(f"{size[0]}x{size[1]}, ways of a frame", ways.measure(*size, options.seconds))
 
 
+def measure_encrypted(options: argparse.Namespace) -> None:
+    """Measure frames by TLS with certificates beside frames by TCP."""
+    for size in SIZES:
+        figures = encrypted.measure(*size, options.seconds)
+        show(f"{size[0]}x{size[1]}, TLS beside TCP", figures)
+
+
 def measure_edges(_: argparse.Namespace) -> None:
     """Measure the edge detectors."""
     for size in ((640, 480), *SIZES):
@@ -115,6 +137,29 @@ def measure_tracker(options: argparse.Namespace) -> None:
         show(name, tracker.large_cameras(options.seconds, pipeline, edges=edges_too))
 
 
+def measure_detector(options: argparse.Namespace) -> None:
+    """Measure what the pipeline of models adds to a model, and what an empty scene costs."""
+    show("detector, 768x576, beside the bare model", detector.overhead(options.seconds))
+    show("detector, empty scene with on_motion", detector.empty_scene(options.seconds))
+
+
+def measure_recorder(options: argparse.Namespace) -> None:
+    """Measure what recording costs, and the opening of a large file."""
+    width, height = recorder.WIDTH, recorder.HEIGHT
+    name = (
+        f"recorder, {len(recorder.CAMERAS)} cameras of {width}x{height} at {recorder.RATE_HZ:g} Hz"
+    )
+    show(name, recorder.recording(options.seconds))
+    show("opening a recording", recorder.opening())
+
+
+def measure_replay(options: argparse.Namespace) -> None:
+    """Measure how exactly a recording is played, and how fast a tracker is verified."""
+    size = f"{replay.WIDTH}x{replay.HEIGHT} at {replay.RATE_HZ:g} Hz"
+    show(f"zv bag play, {size}", replay.played(options.seconds))
+    show(f"zv bag verify, {size}, one core", replay.verified(max(options.seconds, 30.0)))
+
+
 def measure_peers(options: argparse.Namespace) -> None:
     """Compare capture to decoded frame with other systems."""
     rows = comparison.compare(options.seconds * comparison.SHARE)
@@ -137,21 +182,45 @@ def measure_growth(options: argparse.Namespace) -> None:
         growth_report.write_page(found)
 
 
+def measure_network(options: argparse.Namespace) -> None:
+    """Measure the delay of an RTSP camera beside ffmpeg and GStreamer."""
+    reason = network_camera.why_not()
+    if reason:
+        print(f"# RTSP camera: not measured: {reason}", flush=True)
+        return
+    show("RTSP, 640x480, picture to pixels", network_camera.measure(options.seconds))
+
+
 def show(name: str, figures: object) -> None:
     """Print one block of figures."""
     print(f"{name}: {json.dumps(figures, indent=2)}", flush=True)
 
 
+def measure_devices(_: argparse.Namespace) -> None:
+    """Measure how devices are read, beside OpenCV's capture, in a virtual machine."""
+    try:
+        print("# devices, in a virtual machine", flush=True)
+        devices.measure()
+    except machine.CannotRun as error:
+        print(f"# devices: not measured: {error}", flush=True)
+
+
 PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "services": measure_services,
     "ways": measure_ways,
+    "encrypted": measure_encrypted,
     "edges": measure_edges,
     "tools": measure_tools,
     "viewer": measure_viewer,
     "painted": measure_painted,
     "tracker": measure_tracker,
+    "detector": measure_detector,
+    "recorder": measure_recorder,
+    "replay": measure_replay,
+    "network": measure_network,
     "peers": measure_peers,
     "growth": measure_growth,
+    "devices": measure_devices,
 }
 
 

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.errors import VisionError
-from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
+from zenoh_vision.image.codecs import encode_jpeg
 from zv.camera.settings import CameraSettings
-from zv.camera.source_policy import open_source
-from zv.camera.sources.base import Picture
+from zv.camera.source_policy import SourceOpener
 from zv.camera.synthetic.scene import Scene
 
 SIZES = ("320x240", "640x480", "1280x720", "1920x1080", "3840x2160")
@@ -43,16 +42,9 @@ def material(source: str) -> list[NDArray[np.uint8]]:
     if source == "synthetic":
         sys.exit("for the synthetic scene name sizes, or nothing")
     settings = CameraSettings(source=source)
-    opened = open_source(settings, lambda: settings)
+    opened = SourceOpener()(settings, lambda: settings)
     pictures = islice(iter(opened.read, None), 0, FRAMES * APART, APART)
-    return [pixels_of(picture) for picture in pictures]
-
-
-def pixels_of(picture: Picture) -> NDArray[np.uint8]:
-    """Return the pixels of a picture, decoded or converted if it came without."""
-    if picture.stored is not None:
-        return picture.stored.bgr()
-    return decode_jpeg(picture.jpeg, "bgr8") if picture.pixels is None else picture.pixels
+    return [each.picture.in_8_bits("bgr8") for each in pictures]
 
 
 def kilobytes(pictures: Sequence[NDArray[np.uint8]]) -> list[float]:

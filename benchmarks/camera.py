@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from benchmarks.material import MemorySource, frames
+from benchmarks.system import CREDENTIALS
 from zenoh_vision.transport.connection import Connection
 from zv.camera.service import run
 from zv.camera.settings import CameraSettings
@@ -17,7 +19,8 @@ def main() -> None:
     # Named as a file, a source that may repeat its pictures.
     name = sys.argv[5] if len(sys.argv) > 5 else "front"
     settings = CameraSettings(camera=name, source=__file__)
-    run(settings, Connection(connect=sys.argv[4]), lambda *_: MemorySource(pictures, rate_hz))
+    connection = Connection(connect=sys.argv[4], credentials=os.environ.get(CREDENTIALS))
+    run(settings, connection, lambda *_: MemorySource(pictures, rate_hz))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,12 @@ they took.
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from typing import Any
 
+from benchmarks.system import CREDENTIALS
 from zenoh_vision.node.node import Node
 from zenoh_vision.transport.connection import Connection
 
@@ -22,7 +24,8 @@ def main() -> None:
     wanted = int(sys.argv[2])
     transport: Any = (*sys.argv, "jpeg")[3]
     ages: list[float] = []
-    with Node("bench", connection=Connection(connect=sys.argv[1])) as node:
+    connection = Connection(connect=sys.argv[1], credentials=os.environ.get(CREDENTIALS))
+    with Node("bench", connection=connection) as node:
         frames = node.frames("image/compressed", want="bgr", transport=transport)
         for count, frame in enumerate(frames):
             now_ns = time.time_ns()

@@ -12,11 +12,11 @@ import numpy as np
 
 from benchmarks.material import frames
 from zenoh_vision.image import codecs
-from zenoh_vision.image.bits import pack_bits
+from zenoh_vision.image.forms import pack_bits
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
 from zv.edge.detectors.available import DETECTORS
-from zv.edge.finding import EdgesOfFrame, message_of
+from zv.edge.finding import EdgesOfFrame
 from zv.edge.settings import EdgeSettings
 
 ROUNDS = 15
@@ -66,7 +66,7 @@ def bare(jpeg: bytes) -> bytes:
 
 def found(header: Header, jpeg: bytes, settings: EdgeSettings) -> EdgesOfFrame:
     """Return the edges of a frame that just arrived."""
-    return EdgesOfFrame(Frame(header, compressed=jpeg), settings)
+    return EdgesOfFrame(Frame(header, jpeg), settings)
 
 
 def png(header: Header, jpeg: bytes, settings: EdgeSettings) -> bytes:
@@ -88,7 +88,7 @@ def contours(header: Header, jpeg: bytes, settings: EdgeSettings) -> bytes:
     """Return the message with the lines, after the map was encoded too; its bytes alone."""
     edges = found(header, jpeg, settings)
     codecs.encode_png(edges.edges, bilevel=True)
-    return message_of(edges.lines, edges.density, header).to_bytes()
+    return edges.message(lambda: header).to_bytes()
 
 
 def steps(header: Header, jpeg: bytes, settings: EdgeSettings) -> bytes:

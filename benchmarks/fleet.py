@@ -6,9 +6,8 @@ import time
 from typing import Any
 
 from benchmarks.stream import percentiles
-from benchmarks.system import System
-from zenoh_vision.messages import Centroid, Diagnostics
-from zenoh_vision.transport.session import direct
+from benchmarks.system import System, Watch
+from zenoh_vision.messages import Diagnostics
 
 
 def cameras(number: int, rate_hz: float, seconds: float, every_s: float = 10.0) -> dict[str, Any]:
@@ -20,41 +19,17 @@ def cameras(number: int, rate_hz: float, seconds: float, every_s: float = 10.0) 
         seconds: How long to watch after the warm-up.
         every_s: How often memory is read.
     """
-    ages: list[float] = []
-    latest: dict[str, Diagnostics] = {}
     with System() as system:
-        names = [f"c{index}" for index in range(number)]
-        for index, name in enumerate(names):
-            system.service(
-                f"camera_{name}",
-                "camera",
-                "--camera",
-                name,
-                "--rate",
-                f"{rate_hz}",
-                "--seed",
-                f"{index}",
-            )
+        for index, name in enumerate(f"c{index}" for index in range(number)):
+            flags = ("--camera", name, "--rate", f"{rate_hz}", "--seed", f"{index}")
+            system.service(f"camera_{name}", "camera", *flags)
             system.service(f"tracker_{name}", "tracker", "--camera", name)
-        session = system.session()
-
-        def on_centroid(sample: Any) -> None:
-            centroid = Centroid.from_bytes(sample.payload.to_bytes())
-            ages.append((time.time_ns() - centroid.header.stamp_ns) / 1e6)
-
-        def on_health(sample: Any) -> None:
-            health = Diagnostics.from_bytes(sample.payload.to_bytes())
-            latest[health.node] = health
-
-        subscribers = [
-            session.declare_subscriber("vision/*/centroid", direct(on_centroid)),
-            session.declare_subscriber("@vision/diagnostics/*", direct(on_health)),
-        ]
-        while sum(name.startswith("tracker") for name in latest) < number:
+        watch = Watch(system)
+        while sum(name.startswith("tracker") for name in watch.health) < number:
             time.sleep(0.2)
         time.sleep(5)
-        ages.clear()
-        before = dict(latest)
+        watch.ages_ms.clear()
+        before = dict(watch.health)
         system.begin()
         memory = [system.memory_mb()]
         begun_s = time.monotonic()
@@ -63,8 +38,8 @@ def cameras(number: int, rate_hz: float, seconds: float, every_s: float = 10.0) 
             memory.append(system.memory_mb())
         elapsed_s = time.monotonic() - begun_s
         cpu = sum(system.cpu_s().values())
-        del subscribers
-        session.close()
+        ages = list(watch.ages_ms)
+        watch.session.close()
     return {
         "cameras": number,
         "seconds": round(elapsed_s, 1),
@@ -72,7 +47,7 @@ def cameras(number: int, rate_hz: float, seconds: float, every_s: float = 10.0) 
         "of": int(elapsed_s * rate_hz * number),
         "age_ms": percentiles(ages) | {"max": round(max(ages), 1)},
         "older_than_400_ms": sum(age > 400 for age in ages),
-        "dropped": dropped(before, latest),
+        "dropped": dropped(before, watch.health),
         "cores_used": round(cpu / elapsed_s, 2),
         "memory_mb": {
             name: [round(memory[0][name], 1), round(memory[-1][name], 1)]

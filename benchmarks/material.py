@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.quality.data import data_folder
-from zv.camera.sources.base import Picture
+from zenoh_vision.image.picture import PixelPicture
+from zv.camera.sources.base import TimedPicture
 from zv.camera.synthetic.source import Conditions, SyntheticSource
 
 VIDEO = "vtest.avi"
@@ -27,7 +28,7 @@ def frames(width: int, height: int) -> list[NDArray[np.uint8]]:
         print(f"# the synthetic scene instead of {VIDEO}, which is not in {data_folder()}")
         source = SyntheticSource((width, height), 1, Conditions)
         pictures = [source.read() for _ in range(number)]
-        found = [np.asarray(p.pixels, np.uint8) for p in pictures if p is not None]
+        found = [np.asarray(p.picture.pixels, np.uint8) for p in pictures if p is not None]
     return found
 
 
@@ -58,15 +59,14 @@ class MemorySource:
         self._period_s = 1.0 / rate_hz
         self._count = 0
 
-    def read(self) -> Picture:
+    def read(self) -> TimedPicture:
         """Return the next frame, due a period after the one before."""
         turn = self._count % (2 * len(self._pictures) - 2)
         index = turn if turn < len(self._pictures) else 2 * len(self._pictures) - 2 - turn
         pixels = self._pictures[index]
         due_s = self._count * self._period_s
         self._count += 1
-        height, width = pixels.shape[:2]
-        return Picture("bgr8", width, height, pixels=pixels, due_s=due_s)
+        return TimedPicture(PixelPicture(pixels), due_s=due_s)
 
     def close(self) -> None:
         """Do nothing: there is nothing to release."""

@@ -120,7 +120,7 @@ def _one_case(
 
 def set_parameter(session: zenoh.Session, parameter: str, value: object) -> int:
     """Set a parameter and return the revision that has it."""
-    for reply in session.get(f"@vision/param/{parameter}", payload=msgpack.packb(value)):
+    for reply in session.get(f"@vision/set/{parameter}", payload=msgpack.packb(value)):
         if reply.ok is not None:
             return Parameter.from_bytes(reply.ok.payload.to_bytes()).revision
     raise SystemExit(f"{parameter} could not be set")

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.floor import Floor
-from benchmarks.system import System
-from zenoh_vision.messages import Centroid, Diagnostics
+from benchmarks.system import System, Watch
 from zenoh_vision.transport.session import direct
 
 RATE_HZ = 30.0
@@ -27,33 +26,40 @@ def percentiles(values: list[float]) -> dict[str, float]:
     }
 
 
-def plain_stream(width: int, height: int, seconds: float, floor: Floor) -> dict[str, Any]:
-    """One camera, one subscriber that decodes; nothing else runs."""
-    count = int(seconds * RATE_HZ)
-    with System() as system:
-        system.start(
-            "camera",
-            "-m",
-            "benchmarks.camera",
-            f"{width}",
-            f"{height}",
-            f"{RATE_HZ}",
-            system.endpoint,
-        )
+def watched(
+    width: int, height: int, count: int, transport: str = "jpeg", system: type[System] = System
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """Let one camera send to one subscriber that decodes; nothing else runs.
+
+    Returns:
+        What the subscriber reports, and the CPU (ms) of each process a frame.
+    """
+    with system() as running:
+        running.camera(width, height, RATE_HZ)
         consumer = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.consumer", system.endpoint, f"{count}"],
+            [sys.executable, "-m", "benchmarks.consumer", running.endpoint, f"{count}", transport],
             stdout=subprocess.PIPE,
             text=True,
+            env=running.environment("bench"),
         )
-        first_frame(system)
+        if transport == "jpeg":
+            first_frame(running)
+        else:  # which would make the camera encode JPEG
+            time.sleep(3)
         time.sleep(1)  # the warm-up of the consumer, whose frames do not count
-        system.begin()
+        running.begin()
         begun_s = time.monotonic()
-        out, _ = consumer.communicate(timeout=seconds + 60)
-        elapsed_s = time.monotonic() - begun_s
+        out, _ = consumer.communicate(timeout=count / RATE_HZ + 60)
+        frames = (time.monotonic() - begun_s) * RATE_HZ
         seen = json.loads(out)
-        cpu = {name: used / (elapsed_s * RATE_HZ) * 1e3 for name, used in system.cpu_s().items()}
+        cpu = {name: used / frames * 1e3 for name, used in running.cpu_s().items()}
     cpu["subscriber"] = seen["cpu_s"] / count * 1e3
+    return seen, cpu
+
+
+def plain_stream(width: int, height: int, seconds: float, floor: Floor) -> dict[str, Any]:
+    """One camera, one subscriber that decodes; nothing else runs."""
+    seen, cpu = watched(width, height, int(seconds * RATE_HZ))
     latency = percentiles(seen["ages_ms"])
     spent = sum(cpu.values())
     return {
@@ -75,49 +81,27 @@ def plain_stream(width: int, height: int, seconds: float, floor: Floor) -> dict[
 
 def with_services(width: int, height: int, seconds: float) -> dict[str, Any]:
     """A camera, a tracker and an edge detector: capture to centroid received."""
-    ages: list[float] = []
     with System() as system:
-        system.start(
-            "camera",
-            "-m",
-            "benchmarks.camera",
-            f"{width}",
-            f"{height}",
-            f"{RATE_HZ}",
-            system.endpoint,
-        )
+        system.camera(width, height, RATE_HZ)
         system.service("tracker", "tracker")
         system.service("edge", "edge")
-        session = system.session()
-        latest: dict[str, Diagnostics] = {}
-
-        def on_centroid(sample: Any) -> None:
-            centroid = Centroid.from_bytes(sample.payload.to_bytes())
-            ages.append((time.time_ns() - centroid.header.stamp_ns) / 1e6)
-
-        def on_health(sample: Any) -> None:
-            health = Diagnostics.from_bytes(sample.payload.to_bytes())
-            latest[health.node] = health
-
         first_frame(system)
-        centroids = session.declare_subscriber("vision/front/centroid", direct(on_centroid))
-        health = session.declare_subscriber("@vision/diagnostics/*", direct(on_health))
+        watch = Watch(system)
         time.sleep(2)
-        ages.clear()
+        watch.ages_ms.clear()
         system.begin()
         time.sleep(seconds)
         cpu = system.cpu_s()
-        count = len(ages)
-        del centroids, health
-        session.close()
+        ages = list(watch.ages_ms)
+        watch.session.close()
     return {
         "centroid_ms": percentiles(ages),
-        "centroids": count,
+        "centroids": len(ages),
         "of": int(seconds * RATE_HZ),
         "cpu_ms_per_frame": {
             name: round(value / (seconds * RATE_HZ) * 1e3, 3) for name, value in cpu.items()
         },
-        "counters": {name: health.counters for name, health in latest.items()},
+        "counters": {name: health.counters for name, health in watch.health.items()},
     }
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
 import time
+from collections import Counter
+from collections.abc import Mapping
 from typing import Self
 
 import psutil
 import zenoh
 
+from zenoh_vision.messages import Centroid, Diagnostics
 from zenoh_vision.transport.connection import Connection
-from zenoh_vision.transport.session import open_session
+from zenoh_vision.transport.session import direct, open_session
+
+CREDENTIALS = "ZV_CREDENTIALS"
 
 SCHEDULED = 2
 """Kind of a process' clock that counts the time of all its threads, those that ended too."""
@@ -56,17 +62,35 @@ class System:
 
     def session(self) -> zenoh.Session:
         """Open a client session, waiting for the router."""
-        return open_session(Connection(connect=self.endpoint, timeout_s=60))
+        return open_session(self.connection())
+
+    def connection(self) -> Connection:
+        """Return how this process connects."""
+        return Connection(connect=self.endpoint, timeout_s=60)
+
+    def environment(self, name: str) -> Mapping[str, str]:
+        """Return the environment of a process."""
+        del name  # all have the same
+        return os.environ
 
     def start(self, name: str, *arguments: str) -> None:
         """Start a Python process; it counts under this name."""
         self.processes[name] = psutil.Popen(
-            [sys.executable, *arguments], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+            [sys.executable, *arguments],
+            stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            env=self.environment(name),
         )
 
     def service(self, name: str, service: str, *flags: str) -> None:
         """Start ``zv SERVICE`` in this system."""
         self.start(name, "-m", "zv", service, "--connect", self.endpoint, *flags)
+
+    def camera(self, width: int, height: int, rate_hz: float, name: str = "front") -> None:
+        """Start the camera service alone, fed from memory; it counts as ``camera`` of its name."""
+        process = "camera" if name == "front" else f"camera_{name}"
+        numbers = f"{width}", f"{height}", f"{rate_hz}"
+        self.start(process, "-m", "benchmarks.camera", *numbers, self.endpoint, name)
 
     def begin(self) -> None:
         """Start to count CPU time."""
@@ -89,3 +113,34 @@ class System:
     def memory_mb(self) -> dict[str, float]:
         """Return the resident memory of each process."""
         return {name: p.memory_info().rss / 1e6 for name, p in self.processes.items()}
+
+
+class Watch:
+    """What a client sees of centroids and health while it is open.
+
+    Args:
+        system: That it watches.
+        centroids: Key expression.
+
+    Attributes:
+        ages_ms: Of each centroid on arrival.
+        counts: Number of centroids by camera.
+        health: The newest report of each node.
+    """
+
+    def __init__(self, system: System, centroids: str = "vision/*/centroid") -> None:
+        self.session = system.session()
+        self.ages_ms: list[float] = []
+        self.counts: Counter[str] = Counter()
+        self.health: dict[str, Diagnostics] = {}
+        for key, receive in ((centroids, self._centroid), ("@vision/diagnostics/*", self._report)):
+            self.session.declare_subscriber(key, direct(receive))
+
+    def _centroid(self, sample: zenoh.Sample) -> None:
+        header = Centroid.from_bytes(sample.payload.to_bytes()).header
+        self.ages_ms.append((time.time_ns() - header.stamp_ns) / 1e6)
+        self.counts[header.camera] += 1
+
+    def _report(self, sample: zenoh.Sample) -> None:
+        health = Diagnostics.from_bytes(sample.payload.to_bytes())
+        self.health[health.node] = health

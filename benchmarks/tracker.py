@@ -12,11 +12,9 @@ from benchmarks.fleet import dropped
 from benchmarks.material import video
 from benchmarks.quality.tracker.baselines import Tutorial
 from benchmarks.stream import percentiles
-from benchmarks.system import System
+from benchmarks.system import System, Watch
 from zenoh_vision.host.allocator import keep_freed_memory
 from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
-from zenoh_vision.messages import Diagnostics
-from zenoh_vision.transport.session import direct
 
 SIZE = (768, 576)
 RATE_HZ = 10.0
@@ -32,7 +30,8 @@ def cpu_beside_tutorial(seconds: float) -> dict[str, Any]:
     They take each frame in turn. OpenCV uses one thread (``benchmarks.__main__``), so the thread's
     time is the whole CPU time. Freed memory is kept, as ``zv tracker`` does.
     """
-    from zv.tracker.pipelines.robust import RobustTracker, working_scale
+    from zv.tracker.pipelines.base import working_scale
+    from zv.tracker.pipelines.robust import RobustTracker
 
     keep_freed_memory()
     jpegs = [encode_jpeg(bgr, "bgr8", QUALITY) for bgr in video(*SIZE)]
@@ -79,41 +78,24 @@ def large_cameras(
         edges: Whether each camera has an edge detector too, whose edges nobody subscribes to.
     """
     names = [f"c{index}" for index in range(CAMERAS)]
-    counts = dict.fromkeys(names, 0)
-    latest: dict[str, Diagnostics] = {}
     with System() as system:
         for name in names:
-            camera = ("-m", "benchmarks.camera", f"{WIDTH}", f"{HEIGHT}", f"{CAMERA_RATE_HZ}")
-            system.start(f"camera_{name}", *camera, system.endpoint, name)
+            system.camera(WIDTH, HEIGHT, CAMERA_RATE_HZ, name)
             system.service(f"tracker_{name}", "tracker", "--camera", name, "--pipeline", pipeline)
             if edges:
                 system.service(f"edge_{name}", "edge", "--camera", name)
-        session = system.session()
-
-        def on_centroid(sample: Any) -> None:
-            counts[f"{sample.key_expr}".split("/")[1]] += 1
-
-        def on_health(sample: Any) -> None:
-            health = Diagnostics.from_bytes(sample.payload.to_bytes())
-            latest[health.node] = health
-
-        subscribers = [
-            session.declare_subscriber("vision/*/centroid", direct(on_centroid)),
-            session.declare_subscriber("@vision/diagnostics/*", direct(on_health)),
-        ]
-        while not all(counts.values()):
+        watch = Watch(system)
+        while not all(watch.counts[name] for name in names):
             time.sleep(0.2)
         time.sleep(5)
-        before, begun = dict(latest), dict(counts)
+        before, begun = dict(watch.health), dict(watch.counts)
         system.begin()
         begun_s = time.monotonic()
         time.sleep(seconds)
         elapsed_s = time.monotonic() - begun_s
-        rates = [(counts[name] - begun[name]) / elapsed_s for name in names]
+        rates = [(watch.counts[name] - begun[name]) / elapsed_s for name in names]
         cpu = system.cpu_s()
-        for subscriber in subscribers:
-            subscriber.undeclare()
-        session.close()
+        watch.session.close()
     return {
         "pipeline": pipeline,
         "edges": edges,
@@ -126,5 +108,5 @@ def large_cameras(
             )
             for kind in ("router", "camera", "tracker", "edge")
         },
-        "dropped": dropped(before, latest),
+        "dropped": dropped(before, watch.health),
     }

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import statistics
-import subprocess
-import sys
 import time
 from typing import Any
 
 import numpy as np
 
-from benchmarks.stream import RATE_HZ, first_frame, percentiles
-from benchmarks.system import System
+from benchmarks.stream import RATE_HZ, percentiles, watched
 
 WAYS = ("shm", "raw", "jpeg")
 ROUNDS = 3
@@ -27,8 +23,8 @@ def measure(width: int, height: int, seconds: float) -> dict[str, Any]:
     for _ in range(ROUNDS):
         copies += copying_ms(width, height)
         for way in WAYS:
-            seen, used = one_round(width, height, way, count)
-            ages[way] += seen
+            seen, used = watched(width, height, count, way)
+            ages[way] += seen["ages_ms"]
             cpu[way].append(used)
     copy_ms = statistics.median(copies)
     found: dict[str, Any] = {"copy_ms": round(copy_ms, 3)}
@@ -54,30 +50,3 @@ def copying_ms(width: int, height: int) -> list[float]:
         np.copyto(target, picture)
         found.append((time.thread_time() - begun_s) * 1e3)
     return found
-
-
-def one_round(
-    width: int, height: int, way: str, count: int
-) -> tuple[list[float], dict[str, float]]:
-    """Return ages (ms) of frames that came one way, and the CPU (ms) of each process a frame."""
-    with System() as system:
-        program = ("-m", "benchmarks.camera", f"{width}", f"{height}", f"{RATE_HZ}")
-        system.start("camera", *program, system.endpoint)
-        consumer = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.consumer", system.endpoint, f"{count}", way],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        if way == "jpeg":
-            first_frame(system)
-        else:  # which would make the camera encode JPEG
-            time.sleep(3)
-        time.sleep(1)  # the warm-up of the consumer, whose frames do not count
-        system.begin()
-        begun_s = time.monotonic()
-        out, _ = consumer.communicate(timeout=count / RATE_HZ + 60)
-        frames = (time.monotonic() - begun_s) * RATE_HZ
-        seen = json.loads(out)
-        cpu = {name: used / frames * 1e3 for name, used in system.cpu_s().items()}
-    cpu["subscriber"] = seen["cpu_s"] / count * 1e3
-    return seen["ages_ms"], cpu

@@ -13,6 +13,7 @@ from typing import Any, Self
 
 from benchmarks.stream import percentiles
 from benchmarks.system import System, free_endpoint
+from tests.support.routing import port_answers
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 15.0
 CLIENTS = (1, 10, 50)
@@ -111,7 +112,7 @@ def start(system: System) -> dict[str, int]:
     system.service("viewer", "view", "--port", f"{ports['viewer']}")
     system.start("naive", "-m", "benchmarks.viewer.naive", system.endpoint, f"{ports['naive']}")
     for port in ports.values():
-        wait_for(lambda port=port: answers(port))
+        wait_for(lambda port=port: port_answers(port))
     wait_for(lambda: snapshot_status(ports["viewer"]) == 200)
     return ports
 
@@ -160,15 +161,6 @@ def memory(seconds: float) -> dict[str, Any]:
         "mb_after_first_third": round(max(samples[:third]), 1),
         "mb_last_third": round(max(samples[-third:]), 1),
     }
-
-
-def answers(port: int) -> bool:
-    """Tell whether a server is there."""
-    try:
-        socket.create_connection(("127.0.0.1", port), 1).close()
-    except OSError:
-        return False
-    return True
 
 
 def snapshot_status(port: int) -> int:

@@ -12,7 +12,8 @@ from typing import Any
 
 from benchmarks.stream import percentiles
 from benchmarks.system import System, free_endpoint
-from benchmarks.viewer.clients import QUERY, Clients, answers, wait_for
+from benchmarks.viewer.clients import QUERY, Clients, wait_for
+from tests.support.routing import port_answers
 from tests.support.viewer.chromium import NO_CHROMIUM, chromium
 from zenoh_vision.messages import Header
 from zenoh_vision.transport.session import direct
@@ -129,7 +130,7 @@ def _start(system: System) -> dict[str, int]:
     system.service("viewer", "view", "--port", f"{ports['viewer']}")
     system.start("naive", "-m", "benchmarks.viewer.naive", system.endpoint, f"{ports['naive']}")
     for port in ports.values():
-        wait_for(lambda port=port: answers(port))
+        wait_for(lambda port=port: port_answers(port))
     return ports
 
 
