@@ -5,15 +5,15 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 import zenoh
 
+from docs.generate import IN_CONTAINERS, files
 from zenoh_vision.config.settings import load_settings
-from zv.cli.generate import files
+from zv.launcher.launch_tables import GRACE_S
 from zv.registry import SERVICES, model_of
 
 ROOT = Path(__file__).parent.parent
-IN_CONTAINERS = ("camera", "tracker", "edge", "viewer")
-"""Services whose options docker-compose.yml passes on."""
 
 
 @pytest.mark.parametrize("path", sorted(files()), ids=lambda path: path.name)
@@ -42,12 +42,22 @@ def test_zenoh_accepts_the_routers_file():
 
 @pytest.mark.parametrize("service", IN_CONTAINERS)
 def test_every_option_of_a_service_can_be_set_for_its_container(service: str):
-    text = (ROOT / "docker-compose.yml").read_text()
-    prefix = model_of(service).env_prefix
-    block = re.search(rf"^  {service}:\n(.*?)(?=^  \w|\Z)", text, re.MULTILINE | re.DOTALL)
-    assert block
-    found = set(re.findall(rf"^      ({prefix}\w+):", block[1], re.MULTILINE))
-    assert found == {f"{prefix}{name.upper()}" for name in model_of(service).model_fields}
+    compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    variables = compose["services"][service]["environment"]
+    model = model_of(service)
+    names = {f"{model.env_prefix}{name.upper()}" for name in model.model_fields}
+    assert names == {name for name in variables if name.startswith(model.env_prefix)}
+    given = {name for name in names if variables[name] is not None}  # the others pass through
+    assert given <= {
+        f"{model.env_prefix}{name}"
+        for name in ("CAMERA", "HOST", "PORT", "ADDRESS", "OUTPUT", "EVENTS_DIR")
+    }
+
+
+def test_containers_have_the_time_to_end_that_zv_up_gives_its_nodes():
+    compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    times = {service["stop_grace_period"] for service in compose["services"].values()}
+    assert times == {f"{GRACE_S:g}s"}
 
 
 def test_env_example_names_every_variable_of_the_compose_files_and_no_other():
@@ -61,5 +71,5 @@ def test_env_example_names_every_variable_of_the_compose_files_and_no_other():
         for service in IN_CONTAINERS
         for name in model_of(service).model_fields
     }
-    assert named - {"COMPOSE_FILE"} <= used  # Compose's own
+    assert named - {"COMPOSE_FILE"} - options <= used  # Compose's own
     assert used - named <= options  # .env.example points to docs/configuration.md for these

@@ -264,6 +264,8 @@ def test_every_compose_file_is_clean(file: str, clone: Path, docker):
     given = {
         "ZV_VIDEO": "/tmp",
         "ZV_COMPOSE_CONNECT": "tcp/192.0.2.1:7447",
+        "ZV_SECURITY": "/tmp",
+        "ZV_SECURITY_OWNER": "1000:1000",
         "PATH": "/usr/bin:/bin",
     }
     done = subprocess.run(

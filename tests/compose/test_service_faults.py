@@ -18,8 +18,9 @@ from tests.support.containers.witness import (
     assert_whole,
     split,
 )
-from tests.support.listening import balance
+from tests.support.listening import balance, newest, open_client
 from tests.support.waiting import wait_until
+from zenoh_vision.messages import Level
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
 KILLS = 5
@@ -200,11 +201,16 @@ def test_a_process_that_is_frozen_makes_its_container_unhealthy_and_no_other(new
     stack.wait_until_healthy()
 
 
-def test_a_camera_that_cannot_be_opened_is_started_again_and_says_why(new_stack):
-    stack = new_stack(ZV_CAMERA_SOURCE="rtsp://127.0.0.1:9/none")
-    wait_until(lambda: stack.inspect("camera")["RestartCount"] >= 2, 60)
-    found = stack.inspect("camera")["State"]
-    assert found["ExitCode"] in (0, 3)  # 0 while it runs again
-    assert "rtsp://127.0.0.1:9/none" in stack.logs("camera")
-    assert "Traceback" not in stack.logs("camera")
+def test_a_camera_that_cannot_be_opened_waits_for_its_source_and_says_why(new_stack):
+    source = "rtsp://127.0.0.1:9/none"
+    stack = new_stack(ZV_CAMERA_SOURCE=source)
     stack.wait_until_healthy("router", "tracker", "edge")
+    with open_client(stack.endpoint) as session:
+        key = "@vision/diagnostics/camera_front"
+        wait_until(lambda: newest(session, key, 30).body["level"] == Level.ERROR, 30)
+        report = newest(session, key, 30).body
+    assert source in report["message"]
+    state = stack.inspect("camera")
+    assert (state["RestartCount"], state["State"]["Running"]) == (0, True)
+    assert source in stack.logs("camera")
+    assert "Traceback" not in stack.logs("camera")

@@ -82,6 +82,13 @@ def router(tmp_path: Path) -> Iterator[Router]:
         yield running
 
 
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Of a router for all tests of a module."""
+    with a_router(tmp_path_factory.mktemp("router")) as running:
+        yield running.endpoint
+
+
 @pytest.fixture
 def client(router: Router) -> Iterator[zenoh.Session]:
     """A plain Zenoh session at the router."""

@@ -29,10 +29,8 @@ class Taker:
         self.counters = FrameCounters()
         self.consumer = Consumer(self.counters, lambda error: self.drops.append(error.reason))
 
-    def frames(
-        self, key: str = KEY, buffering: Buffering = latest, *, raw: bool = False, **options: Any
-    ) -> FrameIntake:
-        return FrameIntake(key, self.consumer, buffering, raw=raw, **options)
+    def frames(self, key: str = KEY, buffering: Buffering = latest, **options: Any) -> FrameIntake:
+        return FrameIntake(key, self.consumer, buffering, **options)
 
     def counted(self) -> dict[str, int]:
         found = self.counters.snapshot()
@@ -44,7 +42,13 @@ class Taker:
 def sample(seq: int, payload: bytes | memoryview = JPEG, key: str = KEY, **fields: object):
     camera = key.split("/")[1]
     attachment = header(seq, camera=camera).to_bytes()
-    given = {"attachment": attachment, "arrived_ns": FAR_NS + seq, "received_ns": NOW_NS + seq}
+    route = "raw" if key == RAW_KEY else "jpeg"
+    given: dict[str, Any] = {
+        "route": route,
+        "attachment": attachment,
+        "arrived_ns": FAR_NS + seq,
+        "received_ns": NOW_NS + seq,
+    }
     return Sample(key, payload, **(given | fields))
 
 

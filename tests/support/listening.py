@@ -29,14 +29,12 @@ class Message:
 
     @property
     def header(self) -> dict[str, Any]:
-        """The attachment's map."""
         assert self.attachment is not None, f"{self.key}: no attachment"
         header: dict[str, Any] = msgpack.unpackb(self.attachment)
         return header
 
     @property
     def body(self) -> dict[str, Any]:
-        """The payload's map."""
         body: dict[str, Any] = msgpack.unpackb(self.payload)
         return body
 
@@ -63,12 +61,10 @@ class Listener:
 
     @property
     def messages(self) -> list[Message]:
-        """All so far, in order of arrival."""
         with self._lock:
             return list(self._messages)
 
     def since(self, at_s: float) -> list[Message]:
-        """What came after a monotonic time."""
         return [message for message in self.messages if message.at_s > at_s]
 
     def wait_for(
@@ -85,7 +81,6 @@ class Listener:
         )
 
     def close(self) -> None:
-        """Unsubscribe."""
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
 
 

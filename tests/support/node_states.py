@@ -12,10 +12,10 @@ NOW_NS = 1_750_000_000 * S
 FORGET_S = 300.0
 
 
-def report(**fields: Any) -> Diagnostics:
+def report(node: str = "tracker_front", **fields: Any) -> Diagnostics:
     return Diagnostics.model_validate(
         {
-            "node": "tracker_front",
+            "node": node,
             "stamp_ns": NOW_NS - S // 2,
             "level": 0,
             "message": "ok",
@@ -28,10 +28,10 @@ def report(**fields: Any) -> Diagnostics:
     )
 
 
-def description(**fields: Any) -> NodeDescription:
+def description(node: str = "tracker_front", **fields: Any) -> NodeDescription:
     return NodeDescription.model_validate(
         {
-            "node": "tracker_front",
+            "node": node,
             "service": "tracker",
             "cameras": ("front",),
             "version": "0.1.0",
@@ -57,17 +57,9 @@ def node_state(
         session,
         has_token=True,
         answered=True,
-        description=description(node=name, **about),
+        description=description(name, **about),
         reports=(health or report(),),
     )
-
-
-def health(node: str, **fields: object) -> Diagnostics:
-    return report(node=node, **fields)
-
-
-def about(node: str, **fields: object) -> NodeDescription:
-    return description(node=node, **fields)
 
 
 def parameter(node: str, value: float | str, revision: int, name: str = "low") -> Parameter:

@@ -10,24 +10,23 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn, Self
+from typing import NoReturn, Self
 
 import pytest
 
-from tests.support.fork_server import ROOT, ZV, ForkedProcess, ForkServer
+from tests.support.fork_server import ROOT, ForkedProcess, fork
 from tests.support.waiting import wait_until
 
 START_S = 60.0
-
-WIDTH, HEIGHT = 320, 240
-CAMERA_SIZE = {"ZV_CAMERA_WIDTH": str(WIDTH), "ZV_CAMERA_HEIGHT": str(HEIGHT)}
-"""Of cameras whose size does not matter: three systems of 640x480 would fill two cores. It is empty
-where only ``quiet`` or ``alone`` tests run, which then measure the default size."""
-
 """Time for a program to start and do its first work. It says nothing of speed, as ``STOP_S``."""
 
 STOP_S = 20.0
 """Time for a program to end."""
+
+WIDTH, HEIGHT = 320, 240
+CAMERA_SIZE = {"ZV_CAMERA_WIDTH": str(WIDTH), "ZV_CAMERA_HEIGHT": str(HEIGHT)}
+"""Of cameras whose size does not matter: three systems of 640x480 would fill two cores. It is empty
+where only ``quiet`` or ``alone`` tests run, which measure the default size, or ``devices``."""
 
 
 class Program:
@@ -39,6 +38,8 @@ class Program:
         name: Of the output files.
         forked: Module whose ``main`` runs in a process that has all modules loaded; None begins
             an interpreter.
+        cwd: Its working directory.
+        variables: Of the environment, beside those of every program.
     """
 
     def __init__(
@@ -47,6 +48,8 @@ class Program:
         folder: Path,
         name: str,
         forked: str | None = None,
+        cwd: Path = ROOT,
+        **variables: str,
     ) -> None:
         self.name = name
         self._out = folder / f"{name}.out"
@@ -54,14 +57,8 @@ class Program:
         self.process: subprocess.Popen[bytes] | ForkedProcess
         words = [str(each) for each in arguments]
         if forked is not None:
-            self.process = fork(
-                words,
-                program=forked,
-                folder=ROOT,
-                environment=environment(),
-                out=self._out,
-                err=self._err,
-            )
+            given = environment() | variables
+            self.process = fork(forked, words, cwd, given, self._out, self._err)
             return
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
@@ -69,8 +66,8 @@ class Program:
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,
-                cwd=ROOT,
-                env=environment(),
+                cwd=cwd,
+                env=environment() | variables,
             )
 
     def __enter__(self) -> Self:
@@ -88,13 +85,12 @@ class Program:
 
     @property
     def output(self) -> str:
-        """Standard output so far."""
-        return self._out.read_text()
+        return self._out.read_text(errors="replace")
 
     @property
     def complaints(self) -> str:
         """Standard error so far."""
-        return self._err.read_text()
+        return self._err.read_text(errors="replace")
 
     def lines(self, pattern: str, count: int = 1, timeout_s: float = START_S) -> list[re.Match]:
         """Return the first complete lines of output that match, when there are enough."""
@@ -125,14 +121,7 @@ def catches(pid: int, number: int) -> bool:
 def run_program(
     command: Sequence[object], *, folder: Path = ROOT, typed: str | None = None, **variables: str
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end and return its output and status.
-
-    Args:
-        command: The program and its arguments.
-        folder: Its working directory.
-        typed: Its standard input, if it has one.
-        variables: Of the environment, beside those of every program.
-    """
+    """Run a program to its end; ``typed`` is its standard input, ``variables`` its environment."""
     return subprocess.run(
         [str(word) for word in command],
         input=typed,
@@ -145,27 +134,11 @@ def run_program(
     )
 
 
-_SERVERS: dict[str, ForkServer] = {}
-
-
 def peak_bytes(pid: int) -> int:
     """Return the most memory that a process has held."""
     found = re.search(r"VmHWM:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
     assert found
     return int(found[1]) * 1000
-
-
-def fork(arguments: Sequence[str], *, first: str = ZV, **order: Any) -> ForkedProcess:
-    """Start a process by a fork server of these tests.
-
-    Args:
-        arguments: Behind ``zv``.
-        first: Module that the server imports before all others.
-        order: As for ``ForkServer.start``.
-    """
-    if first not in _SERVERS:
-        _SERVERS[first] = ForkServer(first, environment())
-    return _SERVERS[first].start(arguments, **order)
 
 
 def environment() -> dict[str, str]:
@@ -180,21 +153,12 @@ def environment() -> dict[str, str]:
 
 
 def need(program: str, package: str) -> str:
-    """Return the path of a program.
-
-    Args:
-        program: Its name, or its path.
-        package: The Debian package that has it, which ``.ci/run`` installs.
-    """
+    """Return the path of a program that a Debian package has, which ``.ci/run`` installs."""
     return shutil.which(program) or missing(f"no {program}; Debian package {package}")
 
 
 def missing(reason: str) -> NoReturn:
-    """Skip the test; fail it where the variable ``CI`` is set, since CI installs every tool.
-
-    Args:
-        reason: What is missing, and where to get it.
-    """
+    """Skip the test; fail it where the variable ``CI`` is set, since CI installs every tool."""
     if os.environ.get("CI"):
         pytest.fail(f"CI must have it: {reason}")
     pytest.skip(reason)

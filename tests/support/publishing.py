@@ -238,5 +238,7 @@ def _publish(node: Node, rate_hz: float, stop: threading.Event) -> None:
                 encoding="bgr8",
                 node=node.name,
             )
-            node.publish_frame(Frame(header, pixels=scene.render(round(seq * 30 / rate_hz))))
+            node.publish_picture(
+                "image/compressed", Frame(header, scene.render(round(seq * 30 / rate_hz)))
+            )
         seq += 1

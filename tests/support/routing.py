@@ -10,7 +10,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from pathlib import Path
 
 from tests.support.fork_server import ZV
@@ -46,12 +46,10 @@ class Router:
 
     @property
     def pid(self) -> int:
-        """Of the running router."""
         return self.program.process.pid
 
     @property
     def program(self) -> Program:
-        """The running router."""
         assert self._program is not None, "the router does not run"
         return self._program
 
@@ -99,7 +97,6 @@ class Router:
         os.kill(self.pid, signal.SIGCONT)
 
     def close(self) -> None:
-        """End it if it runs."""
         if self._program is not None:
             if self._program.process.poll() is None:
                 self.resume()
@@ -137,10 +134,10 @@ def free_endpoint() -> str:
     return f"tcp/127.0.0.1:{free_port()}"
 
 
-def port_answers(port: int) -> bool:
-    """Tell whether a port of this machine takes connections."""
+def port_answers(port: int, address: str = "127.0.0.1") -> bool:
+    """Tell whether a port takes connections, by default one of this machine."""
     try:
-        socket.create_connection(("127.0.0.1", port), 1.0).close()
+        socket.create_connection((address, port), 1.0).close()
     except OSError:
         return False
     return True
@@ -168,7 +165,6 @@ class Way:
         self._thread.start()
 
     def close(self) -> None:
-        """Cut all connections."""
         self._listener.shutdown(socket.SHUT_RDWR)
         self._thread.join(5)
         self._listener.close()
@@ -200,14 +196,9 @@ class Way:
             target.shutdown(socket.SHUT_RDWR)
 
 
-@contextmanager
-def far(router: Router, delay_s: float = 0.0) -> Iterator[Way]:
-    """Yield a way to a router that lasts as long as the context."""
-    way = Way(router, delay_s)
-    try:
-        yield way
-    finally:
-        way.close()
+def far(router: Router, delay_s: float = 0.0) -> AbstractContextManager[Way]:
+    """Return a context in which there is a way to a router."""
+    return closing(Way(router, delay_s))
 
 
 @contextmanager

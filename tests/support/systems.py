@@ -21,11 +21,7 @@ RESULTS = {
 
 @contextmanager
 def running_router(folder: Path) -> Iterator[str]:
-    """Yield the endpoint of a router.
-
-    Args:
-        folder: Where its output goes.
-    """
+    """Yield the endpoint of a router whose output goes to a folder."""
     with closing(Router(folder)) as router:
         router.start()
         yield router.endpoint

@@ -41,11 +41,9 @@ class Terminal:
     ) -> None:
         self._ours, theirs = pty.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-        kept = {
-            name: value
-            for name, value in environment().items()
-            if name not in ("NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES")
-        }
+        kept = environment()
+        for name in ("NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES"):
+            kept.pop(name, None)
         self._process = subprocess.Popen(
             [sys.executable, "-m", program, *arguments],
             stdin=theirs,
@@ -63,12 +61,10 @@ class Terminal:
 
     @property
     def pid(self) -> int:
-        """Of ``zv``."""
         return self._process.pid
 
     @property
     def raw(self) -> str:
-        """All that was written so far."""
         return self._shown.decode(errors="replace")
 
     @property
@@ -80,6 +76,10 @@ class Terminal:
         """Return the text as soon as the condition holds for it."""
         wait_until(lambda: condition(self.text), deadline_s, lambda: self.text)
         return self.text
+
+    def press(self, keys: bytes) -> None:
+        """Press keys, as the bytes that a terminal sends for them."""
+        os.write(self._ours, keys)
 
     def press_ctrl_c(self) -> None:
         """Send what the key sends; the terminal makes a signal of it."""

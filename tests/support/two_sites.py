@@ -25,11 +25,8 @@ def ip(*words: str) -> None:
 class TwoSites:
     """A site with a router and a camera, and one with a router that is linked to it.
 
-    Every program ends with the context, and so do the namespaces.
-
-    Args:
-        folder: Where the output of the programs goes.
-        rate: Of the link, in the words of ``tc``: ``1mbit``.
+    Every program ends with the context, and so do the namespaces. The rate of the link is in the
+    words of ``tc``: ``1mbit``.
     """
 
     def __init__(self, folder: Path, rate: str) -> None:
@@ -85,7 +82,8 @@ class TwoSites:
                 cwd=ROOT,
                 env=environment() | {"ZV_CONNECT": ENDPOINT, "ZV_TRANSPORT": "jpeg"} | variables,
             )
-        self._ending.callback(_end, process)
+        self._ending.callback(process.wait, STOP_S)
+        self._ending.callback(process.terminate)  # ``ip netns exec`` becomes the program
         return output
 
     def wait_for_port(self, site: str, port: int) -> None:
@@ -106,12 +104,3 @@ class TwoSites:
             lambda: f"{len(complete())} lines; " + output.with_suffix(".err").read_text()[-1000:],
         )
         return complete()
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    process.terminate()  # ``ip netns exec`` becomes the program
-    try:
-        process.wait(STOP_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait(STOP_S)

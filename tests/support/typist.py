@@ -7,8 +7,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from tests.support.fork_server import ZV
-from tests.support.processes import ROOT, START_S, environment, fork
+from tests.support.fork_server import ROOT, ZV
+from tests.support.processes import START_S, Program
 
 
 def type_zv(
@@ -16,40 +16,17 @@ def type_zv(
     *,
     folder: Path = ROOT,
     program: str = ZV,
-    first: str | None = None,
     timeout_s: float = START_S,
     **variables: str,
 ) -> subprocess.CompletedProcess[str]:
-    """Run ``zv`` with these arguments to its end; what is no UTF-8 in its output is replaced.
-
-    Args:
-        arguments: Behind ``zv``.
-        folder: Its working directory.
-        program: A module whose ``main`` is ``zv``.
-        first: The module that its server imports before all others; None for the program.
-        timeout_s: It must have ended by then.
-        variables: Of the environment, beside those of every program.
-    """
+    """Run ``zv``, or another module's ``main``, to its end."""
     words = [str(each) for each in arguments]
-    with tempfile.TemporaryDirectory() as place:
-        out, err = (Path(place) / name for name in ("out", "err"))
-        process = fork(
-            words,
-            first=first or program,
-            program=program,
-            folder=folder,
-            environment=environment() | variables,
-            out=out,
-            err=err,
-        )
-        try:
-            status = process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-            raise AssertionError(f"{words}: no end within {timeout_s:g} s") from None
-        texts = [file.read_text(errors="replace") for file in (out, err)]
-    return subprocess.CompletedProcess(["zv", *words], status, *texts)
+    with (
+        tempfile.TemporaryDirectory() as place,
+        Program(words, Path(place), "zv", program, folder, **variables) as zv,
+    ):
+        status = zv.process.wait(timeout_s)
+        return subprocess.CompletedProcess(["zv", *words], status, zv.output, zv.complaints)
 
 
 def zv(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -60,4 +37,4 @@ def zv(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 def quick_zv(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """As ``zv``; but it waits less for reports and messages (``programs/quick_zv``)."""
     words = [*arguments, "--connect", endpoint]
-    return type_zv(words, first=ZV, program="tests.support.programs.quick_zv")
+    return type_zv(words, program="tests.support.programs.quick_zv")

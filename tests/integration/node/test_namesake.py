@@ -12,9 +12,8 @@ import zenoh
 
 from tests.support.listening import Listener, wait_for_nodes
 from tests.support.node_states import description
-from tests.support.publishing import PlainCamera
 from tests.support.routing import Router
-from tests.support.waiting import in_time, wait_until
+from tests.support.waiting import wait_until
 from zenoh_vision.health.health import Health
 from zenoh_vision.messages import Level, NodeDescription
 from zenoh_vision.node import announcement, namesake
@@ -47,7 +46,12 @@ def test_two_cameras_of_one_name_both_tell_which_other_and_whose_frames_are_take
     with camera(router) as older:
         wait_for_nodes(client, "camera_front")
         with camera(router) as newer:
-            wait_until(lambda: "pid" in older.health.namesake and "pid" in newer.health.namesake)
+            wait_until(
+                lambda: (
+                    "pid" in older.health.message("namesake")
+                    and "pid" in newer.health.message("namesake")
+                )
+            )
             pid = older._announcement.description().pid
             host = older._announcement.description().host
             for node, order in ((older, "later"), (newer, "earlier")):
@@ -56,12 +60,12 @@ def test_two_cameras_of_one_name_both_tell_which_other_and_whose_frames_are_take
                     f"than this one (pid {pid}); "
                     "consumers take the frames of the one that opened its source last"
                 )
-                wait_until(lambda node=node, said=said: node.health.namesake == said)
+                wait_until(lambda node=node, said=said: node.health.message("namesake") == said)
                 report = node.health.diagnostics()
                 assert (report.level, report.message) == (Level.WARN, said)
                 told = f"{said}; stop one, or give it another name (--camera)"
                 wait_until(lambda told=told: told in caplog.messages)
-        wait_until(lambda: older.health.namesake == "")
+        wait_until(lambda: older.health.message("namesake") == "")
         assert older.health.diagnostics().level == Level.OK
         wait_until(lambda: "no other node is called camera_front any more" in caplog.text)
 
@@ -71,7 +75,7 @@ def test_a_node_that_publishes_no_frames_says_that_both_publish_on_its_keys(
 ) -> None:
     connection = Connection(router.endpoint, timeout_s=20)
     with Node("seer", connection=connection) as one, Node("seer", connection=connection):
-        wait_until(lambda: "both publish on the same keys" in one.health.namesake)
+        wait_until(lambda: "both publish on the same keys" in one.health.message("namesake"))
 
 
 def test_a_node_without_a_camera_is_not_told_to_take_another_camera(
@@ -93,7 +97,7 @@ def test_an_observer_and_another_camera_are_no_namesakes(
     connection = Connection(router.endpoint, timeout_s=20)
     with camera(router) as node, Node("camera", camera="rear", connection=connection):
         wait_until(lambda: len(listening.messages) > 12)
-        assert node.health.namesake == ""
+        assert node.health.message("namesake") == ""
 
 
 def monitor() -> tuple[NamesakeMonitor, Health]:
@@ -111,7 +115,7 @@ def test_a_nodes_own_report_that_comes_back_over_its_former_session_is_no_other_
     watched.note_own(report)
     watched._newest = report.to_bytes()
     watched.check()  # would ask on its link, which it does not have
-    assert health.namesake == ""
+    assert health.message("namesake") == ""
 
 
 def test_without_a_router_the_silence_of_the_other_node_does_not_mean_that_it_is_gone(
@@ -119,15 +123,18 @@ def test_without_a_router_the_silence_of_the_other_node_does_not_mean_that_it_is
 ) -> None:
     monkeypatch.setattr(namesake, "SILENT_S", -1.0)  # any silence is long enough
     watched, health = monitor()
-    health.namesake = "another node is called seer"
+    health.report("namesake", Level.WARN, "another node is called seer")
     watched._seen_s = 0.0
     link: Any = SimpleNamespace(connected=False)
     watched._link = link
     watched.check()
-    assert (health.namesake, caplog.messages) == ("another node is called seer", [])
+    assert (health.message("namesake"), caplog.messages) == ("another node is called seer", [])
     link.connected = True
     watched.check()
-    assert (health.namesake, caplog.messages) == ("", ["no other node is called seer any more"])
+    assert (health.message("namesake"), caplog.messages) == (
+        "",
+        ["no other node is called seer any more"],
+    )
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xc1", b"\x81\xa4node\xa4seer"])
@@ -135,7 +142,7 @@ def test_what_is_no_report_is_no_other_node(payload: bytes) -> None:
     watched, health = monitor()
     watched._newest = payload
     watched.check()
-    assert health.namesake == ""
+    assert health.message("namesake") == ""
 
 
 def reply(number: int) -> Reply:
@@ -176,21 +183,3 @@ def test_a_report_is_sent_whatever_becomes_of_the_query_for_namesakes(
     reports = Listener(client, "@vision/diagnostics/seer")
     with Node("seer", camera=(), connection=Connection(router.endpoint, timeout_s=20)):
         reports.wait_for(2)
-
-
-def test_of_two_cameras_of_one_name_a_consumer_takes_the_newer_epoch_alone(
-    router: Router, client: zenoh.Session
-) -> None:
-    older = PlainCamera(client)
-    with Node("seer", connection=Connection(router.endpoint, timeout_s=20)) as seer:
-        frames = in_time(seer, seer.frames(max_age_s=5))
-        with older.at(20):
-            next(frames)
-            newer = PlainCamera(client)
-            with newer.at(20):
-                seen: list[int] = []
-                while seen.count(newer.epoch) < 20:
-                    seen.append(next(frames).header.epoch)
-    first = seen.index(newer.epoch)
-    assert set(seen[:first]) <= {older.epoch}
-    assert set(seen[first:]) == {newer.epoch}

@@ -1,4 +1,4 @@
-"""Told to stop, a service closes its session and exits 0 within 2 s, whatever the router does."""
+"""Told to stop, also early, a service closes its session and exits 0 within 2 s."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 from tests.integration.conftest import a_router, some_services
 from tests.support.listening import Listener, living_nodes, open_client, wait_for_nodes
 from tests.support.processes import Program, catches
-from tests.support.routing import Router
+from tests.support.routing import Router, free_endpoint
 from tests.support.waiting import wait_until
 
 LIMIT_S = 2.0
@@ -116,23 +116,13 @@ def knocking(
 
 @pytest.mark.quiet
 @SIGNALS
-def test_after_the_router_was_killed(router, service, number):
+@pytest.mark.parametrize("stop", [Router.kill, Router.pause], ids=["killed", "frozen"])
+def test_after_the_router_was_killed_and_while_it_is_frozen(router, service, number, stop):
     with open_client(router.endpoint) as client:
         programs = start_all(service)
         wait_for_nodes(client, *NODES)
         Listener(client, "vision/front/centroid").wait_for(5)
-        router.kill()
-    check_ends(programs, number)
-
-
-@pytest.mark.quiet
-@SIGNALS
-def test_while_the_router_is_frozen(router, service, number):
-    with open_client(router.endpoint) as client:
-        programs = start_all(service)
-        wait_for_nodes(client, *NODES)
-        Listener(client, "vision/front/centroid").wait_for(5)
-    router.pause()
+    stop(router)
     check_ends(programs, number)
 
 
@@ -183,3 +173,19 @@ def test_a_second_signal_does_no_harm(router, client, service):
     for program in programs:
         program.process.send_signal(signal.SIGINT)
     check_ends(programs, signal.SIGTERM)
+
+
+STEP_S = 0.07
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs /proc")
+@pytest.mark.parametrize("step", range(8))
+def test_it_ends_with_0_at_once_and_says_nothing(tmp_path, step):
+    with Program(
+        ["-m", "zv", "camera", "--connect", free_endpoint()], tmp_path, "camera"
+    ) as program:
+        wait_until(lambda: catches(program.process.pid, signal.SIGTERM))
+        time.sleep(step * STEP_S)  # another place in its start each time
+        program.process.send_signal(signal.SIGTERM)
+        assert program.process.wait(3) == 0
+    assert "Traceback" not in program.complaints

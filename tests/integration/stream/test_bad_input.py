@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import msgpack
 import numpy as np
-import psutil
 import pytest
 import zenoh
 
@@ -239,18 +238,6 @@ def difference(before: dict[str, int], after: dict[str, int]) -> dict[str, int]:
     return {name: count for name, count in grown.items() if count}
 
 
-def test_a_forged_size_is_refused_before_memory_is_spent(system):
-    forged = picture(forged_size(GOOD, 32767, 32767), width=32767, height=32767)
-    processes = [psutil.Process(program.process.pid) for program in system.programs.values()]
-    before = [process.memory_info().rss for process in processes]
-    one_at_a_time(system, forged)
-    system.feed()
-    system.gained(COPIES)
-    after = [process.memory_info().rss for process in processes]
-    # Decoding it would take 32767 x 32767 x 3 = 3.2 GB.
-    assert all(b - a < 200e6 for a, b in zip(before, after, strict=True)), (before, after)
-
-
 def test_small_files_of_large_pictures_take_no_gigabytes(system):
     flat = np.full((4320, 7680), 90, np.uint16)
     deep, gray = codecs.encode_png(flat), codecs.encode_jpeg(flat.astype(np.uint8), "mono8", 80)
@@ -274,18 +261,24 @@ def test_a_delete_is_dropped_as_empty(system):
         assert gained["dropped.empty"] == COPIES
 
 
+BUSY = ("than its stream", "more samples as", "waiting: no frame", "frames arrive on")
+"""What is logged on a slow machine: slowness, bursts that are over, and a silence of 2 s."""
+
+
 def test_each_reason_is_logged_once_per_burst(client, service):
     system = a_system(client, service)
-    sends = [send for what, (send, _) in BAD.items() if what != "too many bytes"]
-    for send in sends * 3:
+    sends = [(send, reason) for what, (send, reason) in BAD.items() if what != "too many bytes"]
+    for send, _ in sorted(sends * 3, key=lambda each: each[1]):  # a reason's are one burst
         system.feed()  # or a bare picture would find the identified stream silent, and be welcome
         send(system.camera)
     system.feed()
     system.gained(3 * len(sends))
     reasons = {reason for _, reason in BAD.values()}
     for node, program in system.programs.items():
-        said = [  # but that a busy machine makes it slower than its stream
-            line for line in program.complaints.splitlines() if "than its stream" not in line
+        said = [
+            line
+            for line in program.complaints.splitlines()
+            if not any(words in line for words in BUSY)
         ]
         lines = [line for line in said if "WARNING" in line]
         logged = [line.split("dropped a sample, ")[1].split(":")[0] for line in lines]
@@ -319,41 +312,6 @@ def test_bare_jpegs_alone_are_processed_under_an_identity_made_up_on_arrival(cli
     assert numbers == sorted(set(numbers))
     stamps = [header["stamp_ns"] for header in headers]
     assert stamps == sorted(set(stamps))
-
-
-def test_a_camera_that_identifies_itself_takes_over_from_bare_jpegs(client, service):
-    service("tracker")
-    wait_for_nodes(client, "tracker_front")
-    centroids = Listener(client, "vision/front/centroid")
-    camera = PlainCamera(client)  # it runs since before the first bare picture came
-    with camera.at(20, lambda: camera.put(GOOD, None)):
-        centroids.wait_for(3)
-        with camera.at(20):
-            first = wait_until(lambda: identified(centroids))[0]
-            after = centroids.wait_for(20, after_s=first.at_s)
-    assert {message.header["epoch"] for message in after} == {camera.epoch}
-
-
-def identified(listener: Listener) -> list:
-    return [message for message in listener.messages if "assumed" not in message.header]
-
-
-def test_a_clock_that_is_seconds_ahead_is_accepted_and_reported(client, service):
-    service("tracker", "--max-age", 30)  # however busy the machine, no frame is late
-    wait_for_nodes(client, "tracker_front")
-    centroids = Listener(client, "vision/front/centroid")
-    camera = PlainCamera(client)
-    ahead_ns = 7 * 10**9
-    with camera.at(30, lambda: camera.send(stamp_ns=time.time_ns() + ahead_ns)):
-        assert len(centroids.wait_for(20)) >= 20
-
-        def report() -> str:
-            message = newest(client, "@vision/diagnostics/tracker_front").body["message"]
-            return message if "clock" in message else ""
-
-        assert "+7.0 s" in wait_until(report)
-    counters = newest(client, "@vision/diagnostics/tracker_front").body["counters"]
-    assert not [name for name in counters if name.startswith("dropped.") and "over" not in name]
 
 
 @pytest.mark.quiet

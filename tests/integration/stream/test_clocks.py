@@ -25,7 +25,10 @@ def said_of(offset_ns: int) -> str:
     """Return what the diagnostics should say of a clock."""
     if -S < offset_ns <= 5 * 10**7:  # at -1 s the frame's way makes it more
         return "ok"
-    return f"the camera's clock is {offset_ns / S:+.1f} s from this machine's"
+    link = "frames on vision/front/image/compressed are late: the link is congested, or "
+    may_be_link = -10 * S < offset_ns <= -S
+    clock = f"the camera's clock is {offset_ns / S:+.1f} s from this machine's"
+    return f"{link if may_be_link else ''}{clock}"
 
 
 @pytest.mark.quiet

@@ -37,8 +37,14 @@ def header_now(seq: int, encoding: str, width: int = 4, height: int = 1) -> Head
 def test_depth_in_metres_is_sent_raw_in_metres_and_compressed_in_millimetres(client, connection):
     compressed, raw = Listener(client, KEY), Listener(client, "vision/front/image")
     with Node("camera", connection=connection, publishes=[COMPRESSED, RAW]) as camera:
-        frame = Frame(header_now(0, "32FC1"), pixels=METRES)
-        wait_until(lambda: camera.publish_frame(frame) and compressed.messages and raw.messages)
+        frame = Frame(header_now(0, "32FC1"), METRES)
+        wait_until(
+            lambda: (
+                camera.publish_picture("image/compressed", frame)
+                and compressed.messages
+                and raw.messages
+            )
+        )
     sent = raw.messages[0]
     assert sent.header["encoding"] == "32FC1"
     assert sent.payload == METRES.astype("<f4").tobytes()

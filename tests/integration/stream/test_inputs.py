@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import signal
 import threading
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import pytest
-from pydantic import Field
 
 from tests.support.listening import newest, wait_for_nodes
 from tests.support.publishing import PlainCamera
@@ -17,21 +16,12 @@ from zenoh_vision import (
     Connection,
     Diagnostics,
     Frame,
-    Live,
     Message,
     Node,
     NodeDescription,
-    ServiceSettings,
     message_topic,
     queue,
 )
-
-
-class DimmerSettings(ServiceSettings):
-    env_prefix: ClassVar[str] = "ZV_DIMMER_"
-
-    level: Annotated[int, Field(ge=0, description="how dim"), Live()] = 0
-    max_age: Annotated[float, Field(ge=0, description="how old", gt=0), Live("s")] = 5.0
 
 
 @pytest.fixture
@@ -77,7 +67,7 @@ def test_messages_of_a_topic_come_as_their_class(client, connection):
         centroids = taker.messages("centroid")
         said = newest(client, "@vision/node/taker_front").payload
         assert NodeDescription.from_bytes(said).subscribes == ("vision/front/centroid",)
-        wait_until(lambda: sender.outputs._publisher("centroid", "front").wanted)
+        wait_until(lambda: sender.wanted("centroid"))
         made = Centroid.from_map(
             {"header": header, "x": 1, "y": 2, "box": (0, 0, 2, 2), "area": 4.0}
         )
@@ -109,29 +99,10 @@ def test_a_message_without_a_header_is_published_for_the_camera_that_is_named(cl
         assert newest(client, "vision/door/light").body == {"on": False}
 
 
-def test_a_frame_carries_the_revision_that_was_activated_for_it(client, connection):
-    camera = PlainCamera(client)
-    with (
-        Node("dimmer", connection=connection, parameters=DimmerSettings()) as node,
-        camera.at(30),
-    ):
-        assert node.parameters is not None
-        for frame in in_time(node, node.frames(want="gray")):
-            before = frame.revision
-            assert node.header(frame).revision == before.number
-            node.parameters.change({"level": before.number + 1})
-            # The change is newest at once and becomes active with the next frame, not before.
-            assert node.parameters.newest.number == before.number + 1
-            assert node.parameters.active is before
-            assert frame.revision.settings.level == before.number
-            if before.number == 3:
-                return
-
-
 def test_an_unpublished_key_and_an_unknown_topic_are_explained(connection):
     with Node("quiet", connection=connection, publishes=["centroid"]) as node:
         with pytest.raises(ValueError, match="quiet_front does not publish tracks of front"):
-            node.outputs._publisher("tracks", "front")
+            node.wanted("tracks")
         with pytest.raises(ValueError, match="no topic 'picture'; known are image/compressed"):
             node.frames("picture")
 
@@ -152,3 +123,13 @@ def test_a_start_that_fails_half_way_leaves_nothing_open(client, connection, mon
     wait_until(lambda: not {t.name for t in set(threading.enumerate()) - threads} & ours)
     with Node("broken", connection=connection):  # its name and keys are free
         wait_for_nodes(client, "broken_front")
+
+
+def test_a_node_of_no_camera_is_called_as_its_service(router, client):
+    with Node("onlooker", camera=(), connection=Connection(router.endpoint)) as node:
+        wait_for_nodes(client, "onlooker")
+        assert newest(client, "@vision/node/onlooker").body["cameras"] == []
+        with pytest.raises(ValueError, match="serves no camera"):
+            next(node.frames())
+        with pytest.raises(ValueError, match="serves no camera"):
+            _ = node.camera

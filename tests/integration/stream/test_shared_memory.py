@@ -10,19 +10,20 @@ import uuid
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 import zenoh
-from pydantic import Field
 
 from tests.support.listening import balance, newest, wait_for_nodes
-from tests.support.publishing import PlainCamera
+from tests.support.publishing import Paced, PlainCamera
 from tests.support.waiting import in_time, wait_until
-from zenoh_vision import Connection, Frame, Level, Live, Node, ServiceSettings, queue
+from zenoh_vision import Connection, Frame, Level, Node, ServiceSettings, queue
+from zenoh_vision.config.consumer_options import FrameTransport
 from zenoh_vision.errors import ConfigurationError
-from zenoh_vision.keys import Transport, shared_memory_key
-from zenoh_vision.node.shm_offer import may_offer
+from zenoh_vision.image.codecs import encode_jpeg
+from zenoh_vision.keys import shared_memory_key
 from zenoh_vision.shm import reader
 from zenoh_vision.shm.doorbell import Doorbell
 from zenoh_vision.shm.machine import (
@@ -37,13 +38,14 @@ from zenoh_vision.shm.writer import FrameWriter
 pytestmark = pytest.mark.skipif(bool(why_impossible()), reason=why_impossible() or "-")
 
 COMPRESSED_KEY, RAW_KEY = "vision/front/image/compressed", "vision/front/image"
+BOTH = ["image/compressed", "image"]
 SMALL = ("--width", 320, "--height", 240)
 
 
 class TakerSettings(ServiceSettings):
     env_prefix: ClassVar[str] = "ZV_TAKER_"
 
-    transport: Annotated[Transport, Field(description="way of the frames"), Live()] = "auto"
+    transport: FrameTransport = "auto"
 
 
 @pytest.fixture
@@ -65,7 +67,7 @@ def change(node: Node, transport: str) -> None:
 
 
 def way_of(node: Node) -> str | None:
-    return next(iter(node.inputs)).intake.way  # type: ignore[attr-defined]
+    return next(iter(node.inputs)).route  # type: ignore[attr-defined]
 
 
 def identities(frames: Iterator[Frame], count: int) -> list[tuple[int, int]]:
@@ -76,8 +78,7 @@ def identities(frames: Iterator[Frame], count: int) -> list[tuple[int, int]]:
 def test_frames_come_through_shared_memory_and_nobody_asks_for_jpeg(client, service, taker):
     camera = service("camera", *SMALL)
     frames = in_time(taker, iter(taker.frames(transport="auto")))
-    next(frame for frame in frames if frame.key == RAW_KEY)
-    assert way_of(taker) == "shm"
+    next(frame for frame in frames if way_of(taker) == "shm")
     next(frame for frame in frames if not subscribed(client, COMPRESSED_KEY))
     seen = identities(frames, 30)
     assert seen == sorted(set(seen))
@@ -182,9 +183,9 @@ def test_shm_alone_takes_nothing_else_and_says_what_it_waits_for(client, service
     change(taker, "shm")
     frames = in_time(taker, iter(taker.frames(transport="shm")))
     (waiting,) = taker.inputs
-    assert waiting.intake.awaited == (f"{RAW_KEY} in shared memory",)  # type: ignore[attr-defined]
+    assert [state.key for state in waiting.states()] == [f"{COMPRESSED_KEY} in shared memory"]
     service("camera", *SMALL)
-    assert next(frames).key == RAW_KEY
+    assert next(frames).key == COMPRESSED_KEY
     assert way_of(taker) == "shm"
     assert not subscribed(client, COMPRESSED_KEY)
 
@@ -195,15 +196,14 @@ def test_inputs_that_are_told_nothing_take_it_unless_the_environment_says_otherw
     service("camera", *SMALL)
     with Node("plain", connection=Connection(router.endpoint, timeout_s=10)) as node:
         frames = in_time(node, iter(node.frames("image/compressed")))
-        next(frame for frame in frames if frame.key == RAW_KEY)
-        assert way_of(node) == "shm"
+        next(frame for frame in frames if way_of(node) == "shm")
         frames.close()
         monkeypatch.setenv("ZV_TRANSPORT", "jpeg")
         over_network = in_time(node, iter(node.frames("image/compressed")))
         assert identities(over_network, 10)
         assert way_of(node) == "jpeg"
         every = node.frames("image/compressed", buffering=queue(5))
-        assert not any("shm" in key for key in every.intake.awaited)
+        assert [state.key for state in every.states()] == [COMPRESSED_KEY]
         monkeypatch.setenv("ZV_TRANSPORT", "smh")
         with pytest.raises(ConfigurationError, match=r"ZV_TRANSPORT = 'smh'.*auto, shm, raw, jpeg"):
             node.frames("image/compressed")
@@ -291,10 +291,42 @@ def offers(client: zenoh.Session, camera: str) -> list[str]:
 
 
 @pytest.mark.parametrize("told", ["jpeg", "raw"])
-def test_a_camera_that_is_told_so_offers_no_shared_memory(monkeypatch, told):
-    assert may_offer()
+def test_a_camera_that_is_told_so_offers_no_shared_memory(monkeypatch, client, router, told):
+    connection = Connection(router.endpoint, timeout_s=10)
+    pattern = shared_memory_key("vision", "front", machine_identity(), "*")
+    tokens = client.liveliness()
+    with Node("camera", connection=connection, publishes=["image"]):
+        wait_until(lambda: list(tokens.get(pattern)))
+    wait_until(lambda: not list(tokens.get(pattern)))
     monkeypatch.setenv("ZV_TRANSPORT", told)
-    assert not may_offer()
+    with Node("camera", connection=connection, publishes=["image"]):
+        wait_for_nodes(client, "camera_front")
+        assert not list(tokens.get(pattern))
+
+
+def test_a_camera_refuses_a_transport_that_does_not_exist(monkeypatch):
+    monkeypatch.setenv("ZV_TRANSPORT", "smh")
+    with pytest.raises(ConfigurationError, match=r"ZV_TRANSPORT = 'smh'.*shm"):
+        Node("camera", publishes=["image"])
+
+
+def test_jpegs_of_a_source_come_through_shared_memory_as_they_are_and_decoded_once(
+    client, router, taker
+):
+    """A webcam's MJPEG: the camera decodes nothing, and the network carries nothing twice."""
+    jpeg = encode_jpeg(np.full((240, 320, 3), 77, np.uint8), "bgr8", 90)
+    with Node("camera", connection=Connection(router.endpoint), publishes=BOTH) as camera:
+        feeding = Paced(60, lambda: camera.publish_picture("image/compressed", jpeg))
+        with feeding:
+            frames = in_time(taker, iter(taker.frames(transport="auto")))
+            next(frame for frame in frames if way_of(taker) == "shm")
+            next(frame for frame in frames if not subscribed(client, COMPRESSED_KEY))
+            for _ in range(20):
+                frame = next(frames)
+                assert frame.compressed == jpeg
+            assert not subscribed(client, RAW_KEY)
+    counters = taker.counters.snapshot()
+    assert counters.get("dropped.duplicate", 0) <= 30
 
 
 def test_a_remote_consumer_beside_a_local_one_gets_jpeg(client, service, taker):
@@ -307,18 +339,3 @@ def test_a_remote_consumer_beside_a_local_one_gets_jpeg(client, service, taker):
         next(frame for frame in frames if way_of(taker) == "shm")
         next(frame for frame in frames if len(pictures) > 20)
     assert all(picture.startswith(b"\xff\xd8") for picture in pictures)
-
-
-def test_the_tracker_and_the_edge_detector_take_it_too(client, service):
-    service("camera", *SMALL)
-    service("tracker")
-    service("edge")
-    wait_for_nodes(client, "camera_front", "tracker_front", "edge_front")
-    wait_until(lambda: not subscribed(client, COMPRESSED_KEY))
-    for node in ("tracker_front", "edge_front"):
-        before = newest(client, f"@vision/diagnostics/{node}").body["counters"]["processed"]
-        wait_until(
-            lambda node=node, before=before: (
-                newest(client, f"@vision/diagnostics/{node}").body["counters"]["processed"] > before
-            )
-        )

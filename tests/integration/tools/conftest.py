@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 import pytest
 import zenoh
 
-from tests.integration.conftest import a_router
 from tests.support.listening import open_client
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.transport.connection import Connection
@@ -35,13 +34,6 @@ RUNS: dict[type[ToolOptions], Callable[..., None]] = {
     DelayOptions: measure.run_delay,
     PubOptions: pub.run,
 }
-
-
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Of a router."""
-    with a_router(tmp_path_factory.mktemp("router")) as router:
-        yield router.endpoint
 
 
 @pytest.fixture

@@ -59,7 +59,8 @@ class Impostor(StandIn):
         )
         said = {"node": NODE, "revision": 1, "parameters": [limited, parameter]}
         refused = {"error": HOSTILE, "allowed": HOSTILE}
-        self._reply(session, f"@vision/param/{NODE}", said, refused)
+        self._reply(session, f"@vision/param/{NODE}", said)
+        self._reply(session, f"@vision/set/{NODE}", said, refused)
         self._reply(session, KEY, {HOSTILE: HOSTILE, "a": [{HOSTILE: [HOSTILE]}]})
         self._reply(session, "@vision/param/edge_front", None)
         tokens = session.liveliness()
@@ -92,12 +93,6 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         impostor = Impostor(session)
         yield router.endpoint
         del impostor
-
-
-@pytest.fixture
-def client(endpoint: str) -> Iterator[zenoh.Session]:
-    with open_client(endpoint) as session:
-        yield session
 
 
 @pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["text", "json"])

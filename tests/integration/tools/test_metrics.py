@@ -161,20 +161,6 @@ def test_what_real_nodes_count_is_served_and_balances(system: System):
     assert found["zenoh_vision_router_up",] == 1
 
 
-def test_the_info_metric_has_camera_host_and_service_of_a_node(system: System):
-    found = system.exporter.until(
-        lambda found: (
-            {"camera_front", "tracker_front"}
-            <= {key[3] for key in found if key[0] == "zenoh_vision_node_info"}
-        )
-    )
-    infos = {key[3]: key for key in found if key[0] == "zenoh_vision_node_info"}
-    # camera, host, node, service, version
-    assert infos["tracker_front"][1] == "front"
-    assert infos["tracker_front"][2] == socket.gethostname()
-    assert infos["tracker_front"][4] == "tracker"
-
-
 def test_a_killed_node_is_down_and_the_others_are_not(system: System):
     exporter = system.exporter
     system.programs["tracker"].process.kill()

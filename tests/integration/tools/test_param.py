@@ -44,7 +44,7 @@ class System:
 
     def put_back(self, node: str, **values: object) -> None:
         """Set values, without the tool."""
-        (reply,) = self.client.get(f"@vision/param/{node}", payload=msgpack.packb(values))
+        (reply,) = self.client.get(f"@vision/set/{node}", payload=msgpack.packb(values))
         assert reply.ok
 
 

@@ -138,21 +138,6 @@ def test_the_newer_of_two_replies_is_taken(client, endpoint, zv, tmp_path: Path,
     assert (tmp_path / "a.jpg").read_bytes() == STILL
 
 
-def test_a_raw_picture_of_16_bits_goes_to_png_and_not_to_jpeg(client, zv, tmp_path: Path):
-    deep = np.arange(48, dtype="<u2").reshape(6, 8) * 1000
-    raw = {
-        "key": "vision/c/image",
-        "encoding": "application/octet-stream;vision.Image.v1",
-        "head": header(width=8, height=6, encoding="mono16"),
-    }
-    with answering(client, deep.tobytes(), **raw):
-        zv("vision/c/image", tmp_path / "a.png")
-        with pytest.raises(ConfigurationError, match=r"16 bits .* -o .*a\.png"):
-            zv("vision/c/image", tmp_path / "a.jpg")
-    assert np.array_equal(cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED), deep)
-    assert not (tmp_path / "a.jpg").exists()
-
-
 def test_a_picture_without_a_header_is_saved_with_a_note(client, zv, tmp_path: Path):
     with answering(client, STILL):
         _, said = zv(KEY, tmp_path / "a.jpg")

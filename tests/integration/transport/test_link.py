@@ -22,7 +22,7 @@ from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host import abandoned_threads
 from zenoh_vision.messages import Centroid
 from zenoh_vision.node.node import Node
-from zenoh_vision.transport import link, query, session
+from zenoh_vision.transport import link, query
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.session import direct
@@ -67,7 +67,7 @@ def test_a_node_is_back_with_all_that_it_offers_where_its_link_got_slower(
         assert not node.stopping, "no frame, no centroid or no health came in 60 s"
         assert newest(client, "@vision/node/seer_front").body["node"] == "seer_front"
         assert newest(client, "@vision/schema/Centroid").payload
-        low = "@vision/param/seer_front/low"
+        low = "@vision/set/seer_front/low"
         (answer,) = wait_until(lambda: list(client.get(low, payload=msgpack.packb(7.0))))
         assert answer.ok is not None
         wait_until(lambda: bool(changes.messages))
@@ -78,13 +78,13 @@ def test_a_router_that_was_only_away_is_found_again_and_nothing_is_there_twice(
     router: Router, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     attempts: list[zenoh.Session | None] = []
-    try_once = link.open_replacement
+    try_once = link.try_session
 
     def noted(*how: Any) -> zenoh.Session | None:
         attempts.append(try_once(*how))
         return attempts[-1]
 
-    monkeypatch.setattr(link, "open_replacement", noted)
+    monkeypatch.setattr(link, "try_session", noted)
     with Node("seer", connection=Connection(connect=router.endpoint, timeout_s=20)):
         wait_for_nodes(client, "seer_front")
         router.kill()
@@ -159,8 +159,6 @@ def test_closing_does_not_wait_for_an_attempt_that_is_not_answered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(link, "REPLACE_AFTER_S", 0.1)
-    monkeypatch.setattr(session, "LONG", session.Timeouts(3000, 3000))
-    monkeypatch.setattr(session, "REPLACEMENT_BASE_MS", 3000)
     between = Link(Connection(connect=router.endpoint, timeout_s=20))
     router.kill()
     with silent_listener(router.port):
@@ -226,7 +224,7 @@ def test_what_goes_wrong_in_an_attempt_does_not_end_the_attempts(
         attempts.append(1)
         raise ConfigurationError("the file is gone")
 
-    monkeypatch.setattr(link, "open_replacement", failing)
+    monkeypatch.setattr(link, "try_session", failing)
     between = Link(Connection(connect=router.endpoint, timeout_s=20))
     router.kill()
     wait_until(lambda: len(attempts) > 1, 20)

@@ -191,25 +191,6 @@ def gaps(numbers: list[int]) -> int:
 
 
 @pytest.mark.quiet
-def test_three_deaths_of_the_router_in_a_row_are_survived(router, client, service):
-    programs = start_all(service)
-    watch = Watch(client)
-    watch.wait_for_flow()
-    backs = []
-    for _ in range(3):
-        router.kill()
-        answers_s = router.start()
-        backs.append(max(watch.back_s(router.started_s, answers_s).values()))
-    print(backs)
-    assert max(backs) < BACK_S, backs
-    for listener in watch.streams.values():
-        numbers = [message.header["seq"] for message in listener.messages]
-        assert numbers == sorted(set(numbers))
-    assert all(program.process.poll() is None for program in programs)
-    wait_for_nodes(client, *NODES)
-
-
-@pytest.mark.quiet
 def test_services_started_before_the_router_work_when_it_comes(tmp_path):
     router = Router(tmp_path)
     with some_services(router.endpoint, tmp_path) as start:

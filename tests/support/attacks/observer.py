@@ -6,6 +6,7 @@ import asyncio
 import http.client
 import threading
 import time
+import urllib.request
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
@@ -119,14 +120,13 @@ class Observer:
                 run()
             self._ended.wait(0.05)
 
+    def _get(self, path: str, timeout_s: float) -> http.client.HTTPResponse:
+        url = f"http://127.0.0.1:{self._port}{path}&token={self._token}"
+        return urllib.request.urlopen(url, timeout=timeout_s)
+
     def _show(self) -> None:
         """Show small pictures, so that the viewer decodes each."""
-        connection = http.client.HTTPConnection("127.0.0.1", self._port, timeout=2)
-        try:
-            path = f"/stream?topic=/front/image/compressed&width=160&token={self._token}"
-            connection.request("GET", path)
-            answer = connection.getresponse()
-            assert answer.status == 200
+        with self._get("/stream?topic=/front/image/compressed&width=160", 2) as answer:
             for part in parts(answer):
                 seconds, nanoseconds = part.headers["x-timestamp"].split(".")
                 stamp_ns = int(seconds) * 10**9 + int(nanoseconds)
@@ -134,19 +134,12 @@ class Observer:
                 self._shown.append(Seen(epoch, part.seq, stamp_ns, time.monotonic(), now_ns))
                 if self._ended.is_set():
                     return
-        finally:
-            connection.close()
 
     def _ask(self) -> None:
         """Ask for a snapshot that no open stream has, so that the viewer has to query for it."""
-        connection = http.client.HTTPConnection("127.0.0.1", self._port, timeout=5)
-        try:
-            camera = UNPUBLISHED_KEY.split("/")[1]
-            path = f"/snapshot?topic=/{camera}/image/compressed&token={self._token}"
-            connection.request("GET", path)
-            connection.getresponse().read()
-        finally:
-            connection.close()
+        topic = UNPUBLISHED_KEY.removeprefix("vision")
+        with self._get(f"/snapshot?topic={topic}", 5) as answer:
+            answer.read()
 
     async def _watch(self) -> None:
         """Connect as a page that watches messages, receives all of them, and asks for snapshots."""

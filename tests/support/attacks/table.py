@@ -43,7 +43,6 @@ class Attacker:
         self.answered = 0
 
     def put(self, key: str, fields: object) -> None:
-        """Publish a message."""
         self.session.put(key, msgpack.packb(fields), congestion_control=KEPT)
 
     def picture(self, picture: bytes, **header: Any) -> None:
@@ -56,8 +55,7 @@ class Attacker:
         self.session.get(key, zenoh.handlers.RingChannel(1), payload=payload, timeout=1.0)
 
     def set(self, node: str, **values: Any) -> None:
-        """Set parameters, and do not wait for the reply."""
-        self.ask(f"@vision/param/{node}", msgpack.packb(values))
+        self.ask(f"@vision/set/{node}", msgpack.packb(values))
 
     def answer(self, key: str, say: Callable[[zenoh.Query], None]) -> None:
         """Answer queries on a key until the attack is over."""
@@ -75,7 +73,6 @@ class Attacker:
         self.kept.append(self.session.liveliness().declare_token(f"@vision/node/{node}"))
 
     def end(self) -> None:
-        """Take back what was declared."""
         for declared in self.kept:
             declared.undeclare()
         self.kept.clear()
@@ -109,12 +106,6 @@ class Attack:
 
 
 @cache
-def grey() -> bytes:
-    """A grey JPEG of 8K: a few kB."""
-    return codecs.encode_jpeg(np.full((4320, 7680), 90, np.uint8), "mono8", 80)
-
-
-@cache
 def deep(channels: int, height: int, width: int) -> bytes:
     """A PNG of 16 bits: small, since all its pixels are the same."""
     return codecs.encode_png(
@@ -122,18 +113,15 @@ def deep(channels: int, height: int, width: int) -> bytes:
     )
 
 
-@cache
-def broken() -> bytes:
-    return damaged(PICTURES[0])
+def sends(make: Callable[[], bytes], width: int, height: int, **header: Any) -> Send:
+    """Return what sends a picture, made once, whose header has its size."""
+    made = cache(make)
+    return lambda attacker, _: attacker.picture(made(), width=width, height=height, **header)
 
 
-@cache
-def scans(count: int, width: int, height: int) -> bytes:
-    return progressive(count, width, height)
-
-
-def large(width: int, height: int) -> dict[str, Any]:
-    return {"width": width, "height": height, "encoding": "mono16"}
+def grey() -> bytes:
+    """A grey JPEG of 8K: a few kB."""
+    return codecs.encode_jpeg(np.full((4320, 7680), 90, np.uint8), "mono8", 80)
 
 
 def endless_report(attacker: Attacker, number: int) -> None:
@@ -228,7 +216,7 @@ def nested(attacker: Attacker, number: int) -> None:
     """Send what is nested deeper than any parser should follow."""
     packed, text = b"\x91" * 60_000 + b"\xc0", b"[" * 60_000
     for node in NODES:
-        attacker.ask(f"@vision/param/{node}", packed)
+        attacker.ask(f"@vision/set/{node}", packed)
         attacker.session.put(f"@vision/diagnostics/{node}", packed)
     attacker.session.put("vision/front/tracks", packed)
     attacker.session.put("vision/front/tracks", text, encoding="application/json")
@@ -256,29 +244,23 @@ def anything(attacker: Attacker, number: int) -> None:
             attacker.ask(key, payload)
 
 
+DEEP = {"encoding": "mono16"}
 ATTACKS: dict[str, Attack] = {
     "scan bomb": Attack(
-        lambda attacker, _: attacker.picture(scans(20_000, 7680, 4320), **large(7680, 4320)),
-        dropped="too_large",
+        sends(lambda: progressive(20_000, 7680, 4320), 7680, 4320, **DEEP), dropped="too_large"
     ),
     "JPEG with as many scans as allowed": Attack(
-        lambda attacker, _: attacker.picture(scans(100, 1920, 1080), width=1920, height=1080),
-        is_costly=True,
+        sends(lambda: progressive(100, 1920, 1080), 1920, 1080), is_costly=True
     ),
-    "grey JPEG of 8K": Attack(
-        lambda attacker, _: attacker.picture(grey(), **large(7680, 4320)), dropped="too_large"
-    ),
+    "grey JPEG of 8K": Attack(sends(grey, 7680, 4320, **DEEP), dropped="too_large"),
     "PNG of 16 bits of 8K": Attack(
-        lambda attacker, _: attacker.picture(deep(1, 4320, 7680), **large(7680, 4320)),
-        dropped="too_large",
+        sends(lambda: deep(1, 4320, 7680), 7680, 4320, **DEEP), dropped="too_large"
     ),
     "costliest PNG for the tracker": Attack(
-        lambda attacker, _: attacker.picture(deep(4, 1200, 1920), **large(1920, 1200)),
-        is_costly=True,
+        sends(lambda: deep(4, 1200, 1920), 1920, 1200, **DEEP), is_costly=True
     ),
     "costliest PNG for edge detector and viewer": Attack(
-        lambda attacker, _: attacker.picture(deep(4, 2304, 4096), **large(4096, 2304)),
-        is_costly=True,
+        sends(lambda: deep(4, 2304, 4096), 4096, 2304, **DEEP), is_costly=True
     ),
     "100 MB on the image key": Attack(
         lambda attacker, _: attacker.picture(PICTURES[0] + bytes(100 * MB)),
@@ -291,7 +273,7 @@ ATTACKS: dict[str, Attack] = {
     ),
     "corrupt frames whose seq jumps": Attack(
         lambda attacker, number: attacker.picture(
-            broken(),
+            damaged(PICTURES[0]),
             epoch=attacker.camera.epoch + 10**12,
             seq=(0, 2**63, 2**64 - 1)[number % 3],
         ),

@@ -38,7 +38,6 @@ class FarSubscriber:
 
     @property
     def pid(self) -> str:
-        """The number of its first process on this machine."""
         return run("docker", "inspect", "-f", "{{.State.Pid}}", self.container).strip()
 
     def slow_down(self, rate: str) -> None:
@@ -73,11 +72,9 @@ class FarSubscriber:
         ]
 
     def lines(self) -> list[dict[str, int]]:
-        """Return all that it printed."""
         return [
             json.loads(line) for line in run("docker", "logs", self.container).splitlines() if line
         ]
 
     def wait_for(self, count: int) -> None:
-        """Wait until so many samples have come."""
         wait_until(lambda: len(self.lines()) >= count, 30)

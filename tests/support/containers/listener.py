@@ -31,18 +31,10 @@ def main() -> None:
     def on_sample(sample: zenoh.Sample) -> None:
         at_ns = time.time_ns()
         header = msgpack.unpackb(sample.attachment.to_bytes())
-        line = json.dumps(
-            {
-                "key": str(sample.key_expr),
-                "epoch": header["epoch"],
-                "seq": header["seq"],
-                "stamp_ns": header["stamp_ns"],
-                "at_ns": at_ns,
-                "bytes": len(sample.payload),
-            }
-        )
+        identity = {name: header[name] for name in ("epoch", "seq", "stamp_ns")}
+        arrival = {"key": str(sample.key_expr), "at_ns": at_ns, "bytes": len(sample.payload)}
         with lock:
-            print(line, flush=True)
+            print(json.dumps(identity | arrival), flush=True)
 
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

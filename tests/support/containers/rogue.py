@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Iterator
-from itertools import cycle
 from typing import Any
 
 import msgpack
@@ -33,6 +32,8 @@ def keys() -> list[str]:
             f"@vision/diagnostics/{node}",
             f"@vision/param/{node}",
             f"@vision/param/{node}/quality",
+            f"@vision/set/{node}",
+            f"@vision/set/{node}/quality",
         ]
     return [*own, "@vision/schema/Centroid", "@vision/diagnostics/nobody", "vision/other/image"]
 
@@ -73,27 +74,17 @@ def malformed() -> Iterator[tuple[bytes, bytes | None]]:
         (bytes([0x91]) * 5000, None),
         (msgpack.packb({"node": "camera_front", "level": 99}), None),
     ]
-    wrong: list[dict[str, Any]] = [
-        {"camera": "back"},
-        {"camera": 7},
-        {"seq": -1},
-        {"seq": "x"},
-        {"seq": 1.5},
-        {"epoch": 0},
-        {"epoch": None},
-        {"stamp_ns": -5},
-        {"width": 0},
-        {"width": 1},
-        {"height": 10**9},
-        {"encoding": "bayer"},
-        {"encoding": 3},
-    ]
-    for turn in cycle(range(len(fixed) + len(wrong) + 2)):
-        if turn < len(fixed):
-            yield fixed[turn]
-        elif turn < len(fixed) + len(wrong):
-            yield JPEG, header(**wrong[turn - len(fixed)])
-        elif turn == len(fixed) + len(wrong):
-            yield JPEG, header(stamp_ns=time.time_ns() + 10**15)  # eleven days ahead
-        else:
-            yield JPEG[:-200], header(epoch=time.time_ns())  # a newer epoch, with a broken picture
+    wrong: dict[str, tuple[object, ...]] = {
+        "camera": ("back", 7),
+        "seq": (-1, "x", 1.5),
+        "epoch": (0, None),
+        "stamp_ns": (-5,),
+        "width": (0, 1),
+        "height": (10**9,),
+        "encoding": ("bayer", 3),
+    }
+    while True:
+        yield from fixed
+        yield from ((JPEG, header(**{name: each})) for name in wrong for each in wrong[name])
+        yield JPEG, header(stamp_ns=time.time_ns() + 10**15)  # eleven days ahead
+        yield JPEG[:-200], header(epoch=time.time_ns())  # a newer epoch, with a broken picture

@@ -6,16 +6,14 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import time
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
-from tests.support.routing import free_port
+from tests.support.routing import free_port, port_answers
 from tests.support.waiting import wait_until
 
 COMMAND_S = 900.0
@@ -67,15 +65,6 @@ def pause(seconds: float) -> None:
     time.sleep(max(0.0, seconds))
 
 
-def takes_connections(address: str) -> bool:
-    """Tell whether a router's port at an address does."""
-    try:
-        socket.create_connection((address, 7447), 0.2).close()
-    except OSError:
-        return False
-    return True
-
-
 class Stack:
     """The containers of one Compose project, on a port of their own.
 
@@ -99,35 +88,22 @@ class Stack:
         self.project = f"zvtest{uuid.uuid4().hex[:8]}"
         self._services = services
         self._files = [checkout / "docker-compose.yml"]
-        for override in overrides:
-            self._files.append(
-                override
-                if isinstance(override, Path)
-                else checkout / "configs" / "compose" / f"{override}.yml"
-            )
+        for each in overrides:
+            folder = checkout / "configs" / "compose"
+            self._files.append(each if isinstance(each, Path) else folder / f"{each}.yml")
         kept = {name: value for name, value in os.environ.items() if not name.startswith("ZV_")}
-        self._env = {
-            **kept,
-            "ZV_PORT": str(self.port),
-            "ZV_VIEWER_PORT": str(self.viewer_port),
-            "ZV_IMAGE_TAG": IMAGE_TAG,
-            **(settings or {}),
-        }
+        ports = {"ZV_PORT": str(self.port), "ZV_VIEWER_PORT": str(self.viewer_port)}
+        self._env = {**kept, **ports, "ZV_IMAGE_TAG": IMAGE_TAG, **(settings or {})}
 
     def __enter__(self) -> Self:
         try:
             self.compose("up", "-d", "--no-build", *self._services)
         except BaseException:
-            self.__exit__(None, None, None)
+            self.__exit__(None)
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         """Show the end of the logs if something went wrong, and remove everything."""
         if kind is not None:
             print(self.compose("logs", "--no-color", "--tail", "40", check=False))
@@ -139,20 +115,11 @@ class Stack:
         return f"tcp/127.0.0.1:{self.port}"
 
     def compose(self, *words: object, check: bool = True) -> str:
-        """Run Compose on this project."""
         command = compose_command()
         assert command is not None
         files = [part for file in self._files for part in ("-f", str(file))]
-        return run(
-            *command,
-            "-p",
-            self.project,
-            *files,
-            *words,
-            cwd=self.checkout,
-            env=self._env,
-            check=check,
-        )
+        words = (*command, "-p", self.project, *files, *words)
+        return run(*words, cwd=self.checkout, env=self._env, check=check)
 
     # Containers
 
@@ -185,12 +152,10 @@ class Stack:
         return int(self.inspect(service)["State"]["Pid"])
 
     def address(self, service: str) -> str:
-        """Return the container's own address."""
         networks = self.inspect(service)["NetworkSettings"]["Networks"]
         return str(next(iter(networks.values()))["IPAddress"])
 
     def logs(self, service: str) -> str:
-        """Return a service's log."""
         return self.compose("logs", "--no-color", service)
 
     def resident_mb(self, service: str) -> float:
@@ -222,7 +187,7 @@ class Stack:
             address = self.address("router")
         except AssertionError:
             return False
-        return bool(address) and takes_connections(address)
+        return bool(address) and port_answers(7447, address)
 
     def wait_for_router(self, address: str | None = None) -> float:
         """Return the monotonic time at which the router's own port answers.
@@ -231,7 +196,7 @@ class Stack:
             address: Where it is known to come back; else Docker is asked each time, which takes
                 long beside the time that is to be measured.
         """
-        wait_until(lambda: takes_connections(address) if address else self.router_answers(), 30)
+        wait_until(lambda: port_answers(7447, address) if address else self.router_answers(), 30)
         return time.monotonic()
 
     # Faults
@@ -249,12 +214,10 @@ class Stack:
         return time.monotonic()
 
     def cut_off(self, service: str) -> None:
-        """Take a container off its network."""
         run("docker", "network", "disconnect", self.network, self.container(service))
 
     @property
     def network(self) -> str:
-        """The name of the project's network."""
         return f"{self.project}_default"
 
     def reconnect(self, service: str) -> None:

@@ -12,7 +12,7 @@ import msgpack
 import zenoh
 
 from tests.support.containers.stack import HANDSHAKE_MS, OURS
-from tests.support.listening import Listener, drops, open_client
+from tests.support.listening import Listener, Message, drops, open_client
 from tests.support.waiting import wait_until
 
 IMAGE = "vision/front/image/compressed"
@@ -48,7 +48,6 @@ class Gap:
 
     @property
     def missing(self) -> int:
-        """How many numbers."""
         return self.after.seq - self.before.seq - 1
 
 
@@ -73,7 +72,6 @@ class Stream(Listener):
         self.seen.append(one)
 
     def after(self, at_s: float) -> list[Seen]:
-        """What arrived after a time."""
         return [one for one in list(self.seen) if one.at_s > at_s]
 
     def captured_after(self, at_s: float) -> list[Seen]:
@@ -161,13 +159,10 @@ class Witness:
         asked_s = time.monotonic() if after_s is None else after_s
         key = f"@vision/diagnostics/{node}"
 
-        def report() -> dict[str, int] | None:
-            found = [m for m in self.health.since(asked_s) if m.key == key]
-            return found[0].body["counters"] if found else None
+        def reports() -> list[Message]:
+            return [m for m in self.health.since(asked_s) if m.key == key]
 
-        found = wait_until(report, 10, lambda: f"no health of {node}")
-        assert found is not None
-        return found
+        return wait_until(reports, 10, lambda: f"no health of {node}")[0].body["counters"]
 
 
 def _opened(endpoint: str) -> zenoh.Session | None:
@@ -207,14 +202,11 @@ def split(
         outages: Begin and end of each, monotonic seconds.
         slack_s: How far around an outage its effect reaches.
     """
-    explained = strays = 0
+    counts = [0, 0]
     for gap in gaps(seen):
         inside = any(
             gap.before.at_s > begin - slack_s and gap.after.at_s < end + slack_s
             for begin, end in outages
         )
-        if inside:
-            explained += gap.missing
-        else:
-            strays += gap.missing
-    return explained, strays
+        counts[not inside] += gap.missing
+    return counts[0], counts[1]

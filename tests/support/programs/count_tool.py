@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Annotated
 
 from pydantic import Field
@@ -29,8 +30,6 @@ class CountOptions(ToolOptions):
 def run(options: CountOptions, connection: Connection, output: Output) -> None:
     if options.what == "nothing":
         raise ExpectationNotMet(nothing_matches("tree", ["trees", "stones"], kind="thing"))
-    if options.what == "surprise":
-        raise RuntimeError("never seen before")
     if options.what == "options":
         output.record(options.model_dump() | {"timeout": connection.timeout_s})
         return
@@ -53,7 +52,7 @@ registry.TOOLS["count up"] = registry.Tool(
 def main() -> None:
     from zv.cli import main
 
-    main.main()
+    importlib.reload(main).main()  # a fork server has loaded it without this tool
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from tests.support.headers import header
+from tests.support.shm_reading import Reading
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.shm.machine import MEMORY, SharedMemoryError
-from zenoh_vision.shm.reader import FrameReader
 from zenoh_vision.shm.writer import FrameWriter
 from zenoh_vision.stream.sample import Sample
 
@@ -25,7 +25,7 @@ from zenoh_vision.stream.sample import Sample
 def frame(seq: int, width: int, height: int) -> Frame:
     """Return a frame whose values are its number."""
     sent = header(seq, stamp_ns=time.time_ns(), width=width, height=height)
-    return Frame(sent, pixels=np.full((height, width, 3), seq % 256, np.uint8))
+    return Frame(sent, np.full((height, width, 3), seq % 256, np.uint8))
 
 
 def write(writer: FrameWriter, *frames: Frame) -> str:
@@ -52,9 +52,7 @@ def main() -> None:
     too_large.close()
     arrived: list[Sample] = []
     writer = FrameWriter("small")
-    reader = FrameReader("small", "vision/front/image", arrived.append)
-    while not (reader.ready or reader.failure):
-        time.sleep(0.01)
+    reader = Reading("small", arrived.append)
     said["while there is room"] = write(writer, frame(0, width, height))
     filler = Path(MEMORY) / "filler"
     with filler.open("wb", buffering=0) as file, suppress(OSError):

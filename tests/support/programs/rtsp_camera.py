@@ -1,10 +1,10 @@
 """A real RTSP camera for tests, run as a script by the interpreter that has GStreamer.
 
 Debian: ``gir1.2-gst-rtsp-server-1.0 python3-gi gstreamer1.0-plugins-{base,good,ugly}``. Streams
-on a free port of the loopback interface, or of the address given as first argument, a moving test
-picture of 320x240 at 30 Hz:
+on a free port of the loopback interface, or of the address and on the port given as arguments, a
+moving test picture of 320x240 at 30 Hz:
 
-- ``/h264`` and ``/mjpeg``;
+- ``/h264`` and ``/mjpeg``; ``/udp``, H.264 that is refused over TCP;
 - ``/locked``, H.264 for user ``viewer`` with password ``secret`` only.
 
 Prints the port as its first line, then serves until it is ended. ``SIGSTOP`` makes it stall.
@@ -19,10 +19,13 @@ import sys
 CAPS = "video/x-raw,format=I420,width=320,height=240,framerate=30/1"
 PICTURE = f"videotestsrc is-live=true pattern=ball ! {CAPS} ! timeoverlay"
 H264 = "x264enc tune=zerolatency key-int-max=15 ! rtph264pay name=pay0 config-interval=1"
+H265 = "x265enc tune=zerolatency key-int-max=15 ! rtph265pay name=pay0 config-interval=1"
 STREAMS = {
     "/h264": f"( {PICTURE} ! {H264} )",
+    "/h265": f"( {PICTURE} ! {H265} )",
     "/mjpeg": f"( {PICTURE} ! jpegenc quality=80 ! rtpjpegpay name=pay0 )",
     "/locked": f"( {PICTURE} ! {H264} )",
+    "/udp": f"( {PICTURE} ! {H264} )",
 }
 USER, PASSWORD = "viewer", "secret"
 
@@ -33,13 +36,15 @@ def main() -> int:
         import gi
 
         gi.require_version("Gst", "1.0")
+        gi.require_version("GstRtsp", "1.0")
         gi.require_version("GstRtspServer", "1.0")
-        from gi.repository import GLib, Gst, GstRtspServer
+        from gi.repository import GLib, Gst, GstRtsp, GstRtspServer
     except (ImportError, ValueError) as error:
         print(error, file=sys.stderr)
         return 69
     Gst.init(None)
-    needed = ("videotestsrc", "timeoverlay", "x264enc", "rtph264pay", "jpegenc", "rtpjpegpay")
+    needed = ["videotestsrc", "timeoverlay", "jpegenc", "rtpjpegpay"]
+    needed += ["x264enc", "rtph264pay", "x265enc", "rtph265pay"]
     missing = [name for name in needed if Gst.ElementFactory.find(name) is None]
     if missing:
         print(f"GStreamer elements are missing: {', '.join(missing)}", file=sys.stderr)
@@ -47,7 +52,7 @@ def main() -> int:
 
     server = GstRtspServer.RTSPServer()
     server.set_address(sys.argv[1] if len(sys.argv) > 1 else "127.0.0.1")
-    server.set_service("0")
+    server.set_service(sys.argv[2] if len(sys.argv) > 2 else "0")
     authentication = GstRtspServer.RTSPAuth()
     token = GstRtspServer.RTSPToken()
     token.set_string("media.factory.role", "user")
@@ -62,6 +67,8 @@ def main() -> int:
         factory = GstRtspServer.RTSPMediaFactory()
         factory.set_launch(pipeline)
         factory.set_shared(True)
+        if path == "/udp":
+            factory.set_protocols(GstRtsp.RTSPLowerTrans.UDP)
         roles = GstRtspServer.RTSPPermissions()
         for role in ("user", "anonymous"):
             # Seen but not opened is what is answered with 401; not even seen would be 404.

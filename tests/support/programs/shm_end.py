@@ -19,7 +19,7 @@ def write(offer: str, width: int = 320, height: int = 240) -> None:
     pixels = np.full((height, width, 3), 7, np.uint8)
     for seq in range(10**9):
         sent = header(seq, stamp_ns=time.time_ns(), width=width, height=height)
-        writer.write(Frame(sent, pixels=pixels))
+        writer.write(Frame(sent, pixels))
         print(seq, flush=True)
         time.sleep(0.01)
 
@@ -27,16 +27,12 @@ def write(offer: str, width: int = 320, height: int = 240) -> None:
 def read(offer: str) -> None:
     """Print the number of each frame that arrives; keep the last ones."""
     kept = []
-
-    def receive(sample: object) -> None:
-        kept.append(sample)
-        del kept[:-2]
-        print(len(kept), flush=True)
-
-    reader = FrameReader(offer, "vision/front/image", receive)
-    while not reader.failure:
-        time.sleep(0.1)
-    sys.exit(reader.failure)
+    with FrameReader(offer, "vision/front/image") as reader:
+        while True:
+            for sample in reader.receive(0.1):
+                kept.append(sample)
+                del kept[:-2]
+                print(len(kept), flush=True)
 
 
 if __name__ == "__main__":

@@ -139,3 +139,15 @@ def test_a_node_that_waits_for_two_unpublished_keys_is_pointed_to_the_cameras(sh
     stand("tracker_r1", namespace="empty", subscribes=keys, health=silence)
     ((_, _, remedy),) = Diagnosis(shared.endpoint, "empty").of("health")
     assert remedy.startswith(f"nobody publishes {' or '.join(keys)}, cameras here: front")
+
+
+def test_a_camera_of_another_program_whose_name_is_none_is_named_with_what_is_allowed(shared):
+    with open_client(shared.endpoint) as session:
+        publisher = session.declare_publisher("misnamed/cam-1/image/compressed")
+        wait_until_listed(session, "misnamed/cam-1/image/compressed")
+        seen = Diagnosis(shared.endpoint, "misnamed", for_s=0.1)
+        publisher.undeclare()
+    ((level, text, remedy),) = seen.of("names")
+    assert level == "FAIL"
+    assert "misnamed/cam-1/image/compressed, but 'cam-1' is no name of a camera" in text
+    assert "such as cam_1" in remedy

@@ -67,30 +67,6 @@ def test_the_suggested_parameter_of_the_right_node_ends_a_loss(shared, stand, re
     assert remedy.endswith(command)
 
 
-@pytest.mark.parametrize(
-    ("service", "width", "said"),
-    [
-        ("tracker", 3840, "its max_pixels is lower than the camera's pictures"),
-        ("tracker", None, "its max_pixels is lower than the camera's pictures"),
-        ("tracker", 640, "another publisher sends larger pictures: find who sends them"),
-        ("own", 3840, "make the pictures smaller: width and height"),
-        ("camera", 3840, "make the pictures smaller: width and height"),
-    ],
-)
-def test_max_pixels_is_named_where_it_is_why_frames_are_too_large(
-    shared, stand, service, width, said
-):
-    namespace = f"large_{service}_{width}"
-    key = f"{namespace}/front/image/compressed"
-    size = {"width": {"value": width, "type": "int"}, "height": {"value": 2160, "type": "int"}}
-    stand("camera_door", namespace=namespace, publishes=[key], parameters=size)
-    lost = lambda s: {"received": int(30 * s), "dropped.too_large": int(30 * s)}  # noqa: E731
-    stand(f"{service}_front", namespace=namespace, subscribes=[key], counters=lost)
-    ((_, text, remedy),) = Diagnosis(shared.endpoint, namespace, for_s=WATCH_S).of("drops")
-    assert " % of its frames as too_large (" in text
-    assert remedy.startswith(said)
-
-
 def test_frames_that_the_camera_itself_lost_are_not_blamed_on_the_way(shared, stand):
     key = "upstream/front/image/compressed"
     for node, about in {

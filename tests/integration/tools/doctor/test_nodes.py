@@ -8,10 +8,9 @@ from importlib.metadata import version
 import pytest
 import zenoh
 
-from tests.support.diagnosing import GOOD_FILE, SMALL, WATCH_S, Diagnosis
+from tests.support.diagnosing import SMALL, WATCH_S, Diagnosis
 from tests.support.listening import newest, open_client
 from tests.support.standing_in import DAY_S
-from tests.support.typist import zv
 from tests.support.waiting import wait_until
 from zenoh_vision.errors import ExpectationNotMet
 from zv.tools.doctor import observation
@@ -122,14 +121,6 @@ def test_what_a_node_complains_of_otherwise_is_passed_on(shared, stand):
     stand("own_front", namespace="pain", health={"level": 2, "message": "the disk is full"})
     seen = Diagnosis(shared.endpoint, "pain")
     assert ("FAIL", "own_front: the disk is full", "see its log") in seen.of("health")
-
-
-def test_what_a_node_says_does_not_steer_the_terminal(shared, stand):
-    stand("own_front", namespace="evil", health={"level": 2, "message": "\x1b[2Jall is well"})
-    done = zv(shared.endpoint, "doctor", GOOD_FILE, "--namespace", "evil", "--for", "1.2s")
-    assert done.returncode == 1
-    assert "\\x1b[2Jall is well" in done.stdout
-    assert "\x1b" not in done.stdout
 
 
 def test_a_node_that_shows_its_token_and_does_not_answer_fails(shared, stand):

@@ -263,3 +263,32 @@ def test_echo_that_is_given_a_time_and_gets_less_than_asked_is_1(echoed, client)
         echoed(EchoOptions(key=KEY, count=5, for_=2.0), centroids(client, 2))
     with pytest.raises(ExpectationNotMet, match="nothing matches nowhere"):
         echoed._zv(EchoOptions(key="nowhere", for_=0.2))
+
+
+def test_echo_draws_pictures_in_the_terminal(echoed, client):
+    picture = "vision/c/image/compressed"
+    options = EchoOptions(key=picture, once=True, image=True, image_form="blocks")
+    about = header(0, encoding="bgr8", width=WIDTH, height=HEIGHT)
+
+    def send() -> None:
+        client.put(picture, STILL, encoding=JPEG, attachment=msgpack.packb(about))
+
+    lines = echoed(options, send)
+    assert lines[-1].startswith(f"c {WIDTH}x{HEIGHT} seq ")
+    assert "\u2580" in lines[0]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"key": "vision/*/image/compressed"}, {"key": KEY}, {"key": KEY, "csv": True}],
+    ids=["several", "messages", "fields"],
+)
+def test_what_is_no_single_stream_of_pictures_is_not_drawn(zv, fields):
+    with pytest.raises(ConfigurationError, match="--image"):
+        zv(EchoOptions(**fields, image=True))
+
+
+def test_a_stream_without_pictures_is_told(zv):
+    options = EchoOptions(key="vision/c/image/compressed", image=True, for_=0.3)
+    with pytest.raises(ExpectationNotMet, match="nothing"):
+        zv(options)

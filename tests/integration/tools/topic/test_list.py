@@ -13,6 +13,7 @@ import msgpack
 import pytest
 import zenoh
 
+from tests.support import node_states
 from tests.support.listening import known_queryable, open_client
 from tests.support.pictures.encoded import STILL
 from tests.support.publishing import (
@@ -25,7 +26,6 @@ from tests.support.publishing import (
 )
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.errors import ExpectationNotMet
-from zenoh_vision.messages import Diagnostics, Latency, NodeDescription
 from zenoh_vision.transport.connection import Connection
 from zv.tools.shared.discovery import discover
 from zv.tools.shared.session import ToolSession
@@ -48,17 +48,7 @@ def test_one_does_not_count_oneself_among_the_subscribers(endpoint, client):
 
 def described(session: zenoh.Session, **fields: Any) -> zenoh.Queryable:
     """Answer for a node that publishes these keys."""
-    description = NodeDescription(
-        node=fields["node"],
-        service="x",
-        cameras=("c",),
-        version="9.9",
-        host="far",
-        pid=77,
-        started_ns=1,
-        publishes=fields["publishes"],
-        subscribes=fields.get("subscribes", ()),
-    )
+    description = node_states.description(**fields, version="9.9", host="far")
 
     def answer(query: zenoh.Query) -> None:
         with query:
@@ -191,17 +181,7 @@ def test_info_shows_publishers_subscribers_and_the_newest_sample(client, zv, nod
 
 
 def test_info_says_how_the_pictures_of_a_camera_come_to_the_nodes_that_subscribe(client, zv, node):
-    report = Diagnostics(
-        node="tracker_c",
-        stamp_ns=1,
-        level=0,
-        message="ok",
-        uptime_s=1.0,
-        counters={},
-        rate_hz=30.0,
-        latency_ms=Latency(p50=None, p99=None),
-        transport="shm",
-    )
+    report = node_states.report("tracker_c", routes={"vision/c/image": "shm"})
     key = "@vision/diagnostics/tracker_c"
 
     def answer(query: zenoh.Query) -> None:
@@ -213,9 +193,9 @@ def test_info_says_how_the_pictures_of_a_camera_come_to_the_nodes_that_subscribe
     found = entries(zv(InfoOptions(key="vision/c/*", window=0.1), as_json=True))
     picture, info = found["vision/c/image"], found[CAMERA_INFO]
     assert (picture["subscribers"], picture["subscribing_nodes"]) == (0, ["tracker_c"])
-    assert picture["transport"] == {"tracker_c": "shm"}
+    assert picture["routes"] == {"tracker_c": "shm"}
     assert info["subscribing_nodes"] == ["tracker_c"]
-    assert "transport" not in info
+    assert "routes" not in info
     for each in (queryable, *publishers):
         each.undeclare()
 

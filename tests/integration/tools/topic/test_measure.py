@@ -26,6 +26,7 @@ from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.transport.connection import Connection
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
+from zv.tools.shared.statistics import StreamMonitor, StreamStatistics
 from zv.tools.topic import measure
 from zv.tools.topic.measure import run_bw, run_delay, run_hz
 from zv.tools.topic.options import (
@@ -33,7 +34,6 @@ from zv.tools.topic.options import (
     DelayOptions,
     HzOptions,
 )
-from zv.tools.topic.statistics import StreamMonitor, StreamStatistics
 
 
 def arrived(
@@ -48,7 +48,7 @@ def arrived(
 
         def all_there() -> bool:
             monitor.update()
-            return sum(stream.total for stream in monitor.streams) >= count
+            return sum(stream.samples.count for stream in monitor.streams) >= count
 
         wait_until(all_there)
         return monitor.streams
@@ -64,7 +64,7 @@ def test_lost_repeated_and_late_are_told_apart_by_publisher(endpoint, client):
 
     streams = arrived(endpoint, ["vision/*/image/compressed"], send, 9)
     key = "vision/c/image/compressed"
-    assert {(s.key, s.node): (s.total, s.lost, s.gaps.repeated) for s in streams} == {
+    assert {(s.key, s.node): (s.samples.count, s.lost, s.gaps.repeated) for s in streams} == {
         (key, "camera_c"): (6, 2, 1),
         (key, "other"): (2, 9, 0),
         (key, None): (1, None, 0),
@@ -79,7 +79,7 @@ def test_a_key_that_two_patterns_match_counts_once(endpoint, client):
 
     patterns = ["vision/*/image/compressed", "vision/c/**", "*/c/end"]
     streams = arrived(endpoint, patterns, send, 21)
-    assert {stream.key: stream.total for stream in streams} == {
+    assert {stream.key: stream.samples.count for stream in streams} == {
         "vision/c/image/compressed": 20,
         "vision/c/end": 1,
     }

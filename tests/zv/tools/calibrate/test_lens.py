@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,6 +15,7 @@ from zenoh_vision.calibration.camera_model import CameraModel, DistortionModel
 from zv.tools.calibrate.board import Board, BoardView, _on_a_line
 from zv.tools.calibrate.coverage import missing, pose_of
 from zv.tools.calibrate.lens import PoorViews, fit_lens
+from zv.tools.calibrate.pictures import read_gray
 
 SIZE = (480, 360)
 K = np.array([[320.0, 0, 246], [0, 316, 174], [0, 0, 1]])
@@ -116,3 +119,36 @@ def test_corners_on_a_line_but_one_are_no_view():
     row = [(30.0 * x, 0.0) for x in range(7)]
     assert _on_a_line(np.array([*row, (60.0, 30.0)]))
     assert not _on_a_line(np.array([*row, (60.0, 30.0), (90.0, 60.0)]))
+
+
+def test_a_charuco_board_of_before_opencv_4_6_is_found():
+    """With an even number of rows its markers are in the other squares; as calib.io prints it."""
+    board = Board("charuco", 9, 6, 30.0, 22.0)
+    older = Board("charuco", 9, 6, 30.0, 22.0)
+    older.drawing.setLegacyPattern(True)  # draws the older board, and is not asked to find it
+    turn, move = poses_of(board)[1]
+    picture = seen(older, K, LENSES["plumb_bob"], SIZE, turn, move)
+    assert not np.array_equal(flat(older), flat(board))
+    view = Board("charuco", 9, 6, 30.0, 22.0).find(picture)
+    assert view is not None
+    on_board = np.concatenate([view.points, np.zeros((len(view.points), 1))], axis=1)
+    truth, _ = cv2.projectPoints(on_board, turn, move, K, np.array(LENSES["plumb_bob"]))
+    assert np.quantile(np.abs(view.pixels - truth.reshape(-1, 2)), 0.9) < 0.25
+
+
+def test_how_a_photo_was_held_does_not_turn_the_lens(tmp_path: Path):
+    """An Exif orientation is ignored: the pixels of a file are those of the sensor."""
+    gray = np.zeros((40, 60), np.uint8)
+    gray[:, :20] = 200
+    jpeg = cv2.imencode(".jpg", gray)[1].tobytes()
+    for orientation in (3, 6):
+        tiff = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0" + bytes([orientation]) + b"\0" * 7
+        exif = b"Exif\0\0" + tiff
+        path = tmp_path / f"{orientation}.jpg"
+        path.write_bytes(
+            jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:]
+        )
+        assert cv2.imread(str(path)).shape[:2] == ((60, 40) if orientation == 6 else (40, 60))
+        found = read_gray(path)
+        assert found.shape == (40, 60)
+        assert found[:, 5].mean() > 150 > found[:, 50].mean()

@@ -45,8 +45,10 @@ def test_the_nodes_of_a_launch_file_that_do_not_run_are_named_with_their_command
     assert (well.level, well.text) == ("OK", f"all 4 nodes of {UP} run")
 
 
-def test_the_command_of_a_node_has_the_settings_of_the_file_and_no_secret(tmp_path):
-    file = tmp_path / "up.toml"
+def test_the_command_of_a_node_has_the_settings_of_the_file_and_no_secret(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a b.mp4").touch()
+    file = Path("up.toml")
     file.write_text(
         '[[node]]\nservice = "tracker"\n'
         '[[node]]\nservice = "camera"\nsettings = { source = "a b.mp4", loop = true }\n'

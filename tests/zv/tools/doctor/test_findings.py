@@ -14,7 +14,6 @@ from tests.support.diagnosing import observation
 from tests.support.node_states import node_state, report
 from zenoh_vision.health.counter_change import NOT_LOST
 from zenoh_vision.health.node_state import NodeState
-from zenoh_vision.messages import Diagnostics, NodeDescription
 from zv.registry import model_of
 from zv.tools.doctor import remedies
 from zv.tools.doctor.network import name_findings
@@ -30,16 +29,11 @@ ROOT = Path(__file__).parents[4]
 
 def observed(name: str, seconds: float, counters: dict[str, int], **about: object) -> NodeState:
     """Return a node whose counters went from zero to these in so many seconds."""
-    description = NodeDescription(
-        node=name, service=name.partition("_")[0], cameras=("front",), version="1", host="here",
-        pid=1, started_ns=0, **{"publishes": (), "subscribes": (), **about},
-    )  # fmt: skip
     reports = tuple(
-        Diagnostics(node=name, stamp_ns=0, level=0, message="", uptime_s=uptime_s,
-                    counters=counts, rate_hz=30.0, latency_ms={"p50": 1.0, "p99": 1.0})
+        report(node=name, uptime_s=uptime_s, counters=counts)
         for uptime_s, counts in ((0.0, dict.fromkeys(counters, 0)), (seconds, counters))
-    )  # fmt: skip
-    return NodeState(name, description=description, reports=reports)
+    )
+    return replace(node_state(name, service=name.partition("_")[0], **about), reports=reports)
 
 
 @pytest.mark.parametrize("missed", [6, 12])
@@ -226,7 +220,7 @@ def consumer(
 ) -> NodeState:
     """Return a consumer of the camera that counted this in 10 s."""
     reports = tuple(
-        report(uptime_s=uptime_s, counters=counts, transport=transport)
+        report(uptime_s=uptime_s, counters=counts, routes=transport and {KEY: transport})
         for uptime_s, counts in ((60.0, dict.fromkeys(counters, 0)), (70.0, counters))
     )
     state = node_state(f"{service}_front", "t", service=service, subscribes=(KEY,))

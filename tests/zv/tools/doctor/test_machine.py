@@ -51,6 +51,12 @@ def test_no_file_to_check_is_reported(tmp_path, monkeypatch):
         ("up.toml", "[router]\nlisen = 1\n", ["lisen", "did you mean 'listen'"]),
         ("lab.toml", '[[node]]\nservice = "trakker"\n', ["node[0].service", "'tracker'"]),
         ("lab.toml", "[[node]]\nservice = 'edge'\nsettings = { sigma = -1 }\n", ["sigma = -1"]),
+        ("camera.toml", "[connection]\nname = 'a'\n", ["name", "'namespace'"]),
+        (
+            "camera.toml",
+            "[connection]\ncredentials = 'no'\n",
+            ["[connection]: credentials", "/no: no such file"],
+        ),
         ("other.toml", "colour = 'red'\n", ["colour", "options of no service", "camera, tracker"]),
         ("a.json5", "{ \n mode: 'kraken' }", ["line 2", "mode", "kraken", "`router`"]),
         ("b.json5", "{ mod: 'router' }", ["line 1", "unknown field `mod`", "`listen`"]),

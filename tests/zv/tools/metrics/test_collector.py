@@ -14,11 +14,12 @@ from prometheus_client.openmetrics.parser import (
 )
 from prometheus_client.parser import text_string_to_metric_families as parse
 
+from tests.support.node_states import report
 from zenoh_vision.health.fleet import Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
 from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.health.node_state import S
-from zenoh_vision.messages import Diagnostics, Histogram, Latency, NodeDescription
+from zenoh_vision.messages import Diagnostics, Histogram, NodeDescription
 from zv.tools.metrics.collector import NodeCollector
 from zv.tools.metrics.families import COUNTERS, FAMILIES, PREFIX
 
@@ -35,20 +36,9 @@ COUNTED = {
 
 
 def health(node: str = "tracker_front", **fields: object) -> Diagnostics:
-    return Diagnostics.model_validate(
-        {
-            "node": node,
-            "stamp_ns": 1,
-            "level": 1,
-            "message": "dropping samples: corrupt",
-            "uptime_s": 12.5,
-            "counters": COUNTED,
-            "rate_hz": 29.75,
-            "latency_ms": Latency(p50=None, p99=None),
-            "latency_histogram_ms": Histogram(bounds=(5.0, 70.0), counts=(2, 3, 4), sum=265.5),
-            **fields,
-        }
-    )
+    histogram = Histogram(bounds=(5.0, 70.0), counts=(2, 3, 4), sum=265.5)
+    known = {"level": 1, "uptime_s": 12.5, "counters": COUNTED, "rate_hz": 29.75}
+    return report(node=node, **known | {"latency_histogram_ms": histogram} | fields)
 
 
 @pytest.fixture

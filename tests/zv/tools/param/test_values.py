@@ -1,16 +1,23 @@
-"""Values of parameters as text: there, and back."""
+"""Values of parameters as text, there and back, and the commands without a network."""
 
 from __future__ import annotations
 
 import tomllib
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from zenoh_vision.config.constraints import limits, plain, toml_file
 from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.health.fleet import MAX_NODES
 from zenoh_vision.messages import Parameter, ParameterList
+from zenoh_vision.transport.connection import Connection
+from zv.tools.param import commands
+from zv.tools.param.options import SetOptions
 from zv.tools.param.values import assignments, described, value_of
+from zv.tools.shared.output import Output
 
 
 def parameter(kind: str, default: Any = None, **fields: Any) -> Parameter:
@@ -119,3 +126,15 @@ def test_a_description_has_value_meaning_range_unit_and_default():
         "int", 20, value=3, minimum=0, maximum=9, unit="pixels", description="of the kernel"
     )
     assert described(one) == ["x = 3", "    of the kernel", "    int; 0 to 9; pixels; default 20"]
+
+
+def test_a_note_says_how_many_nodes_that_match_are_not_set(monkeypatch, capsys):
+    names = [f"a{number}" for number in range(MAX_NODES + 2)]
+    tokens = [SimpleNamespace(name=name) for name in [*names, "b"]]
+    session = SimpleNamespace(namespace="vision", ask_all=lambda _: [tokens])
+    done: list[str] = []
+    monkeypatch.setattr(commands, "ToolSession", lambda _: nullcontext(session))
+    monkeypatch.setattr(commands, "_set", lambda _, node, *rest, **more: done.append(node))
+    commands.set_(SetOptions(node="a*", values=("low=1",)), Connection(), Output(as_json=False))
+    assert done == sorted(names)[:MAX_NODES]
+    assert "2 more nodes match and are left out" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Schemas from the network: what they accept is what jsonschema accepts, at a bounded cost."""
+"""Schemas from the network: what they accept is what jsonschema accepts, in bounded time."""
 
 from __future__ import annotations
 
@@ -11,20 +11,17 @@ from typing import Any, ClassVar, Literal
 import jsonschema
 import msgpack
 import pytest
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from tests.support.processes import ROOT
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES, Stamped
 from zv.tools.shared.json_schema import (
-    MAX_ALTERNATIVES,
     MAX_BYTES,
-    MAX_DEPTH,
-    MAX_PARTS,
+    MAX_STEPS,
     UnusableSchema,
+    error_in,
     parsed,
-    pattern_cost,
-    validator_of,
 )
 
 
@@ -38,7 +35,7 @@ class Sample(Stamped):
 
     mean: float = Field(ge=0)
     count: int = Field(lt=1000)
-    label: str | None = Field(default=None, max_length=5, pattern="^[a-z]+$")
+    label: str | None = Field(default=None, min_length=1, max_length=5)
     kind: Literal["a", "b"] = "a"
     poses: tuple[Pose, ...] = Field(max_length=3)
     size: tuple[int, int] = (1, 1)
@@ -68,11 +65,7 @@ def tuples(value: object) -> Any:
 
 
 def accepts(schema: dict[str, Any], fields: object) -> bool:
-    try:
-        validator_of(schema).validate_python(tuples(fields), strict=True)
-    except ValidationError:
-        return False
-    return True
+    return not error_in(schema, tuples(fields), "Sample")
 
 
 def mutated(value: Any, chance: random.Random) -> Any:
@@ -89,7 +82,12 @@ def mutated(value: Any, chance: random.Random) -> Any:
 
 
 def test_what_is_accepted_is_what_jsonschema_accepts():
-    schema = Sample.model_json_schema()
+    text = json.dumps(Sample.model_json_schema())
+
+    def without_patterns(part: dict[str, Any]) -> dict[str, Any]:
+        return {name: each for name, each in part.items() if name != "pattern"}
+
+    schema = json.loads(text, object_hook=without_patterns)  # which are not checked
     oracle = jsonschema.Draft202012Validator(schema)
     chance = random.Random(1)
     assert accepts(schema, GOOD)
@@ -105,67 +103,49 @@ def test_what_is_accepted_is_what_jsonschema_accepts():
 @pytest.mark.parametrize("name", MESSAGES)
 def test_a_schema_of_this_project_accepts_the_test_vectors(name: str):
     schema = parsed(json.dumps(MESSAGES[name].model_json_schema()).encode())
-    validator = validator_of(schema)
     files = [json.loads(file.read_text()) for file in Path(ROOT / "tests/vectors").glob("*.json")]
     rows = [row for file in files if isinstance(file, dict) for row in file["vectors"]]
     of_name = [row for row in rows if row.get("encoding", "").endswith(f";{name}")]
     for row in of_name:
-        validator.validate_python(
-            msgpack.unpackb(bytes.fromhex(row["bytes"]), use_list=False, strict_map_key=True),
-            strict=True,
-        )
+        assert accepts(schema, msgpack.unpackb(bytes.fromhex(row["bytes"]), use_list=False))
     assert of_name or name in ("vision.Header.v1", "vision.Refusal.v1", "vision.ParameterList.v1")
 
 
-def nested(levels: int) -> dict[str, Any]:
-    part: dict[str, Any] = {"type": "integer"}
-    for _ in range(levels):
-        part = {"type": "object", "properties": {"a": part}}
-    return part
-
-
-def doubling(levels: int, keyword: str) -> dict[str, Any]:
+def doubling(levels: int, keyword: str, **also: Any) -> dict[str, Any]:
     """Return a small schema that is 2**levels large once its references are followed."""
     definitions = {
-        f"D{level}": {keyword: [{"$ref": f"#/$defs/D{level + 1}"}] * 2} for level in range(levels)
+        f"D{level}": also | {keyword: [{"$ref": f"#/$defs/D{level + 1}"}] * 2}
+        for level in range(levels)
     }
     definitions[f"D{levels}"] = {"type": "integer"}
     return {"$defs": definitions, "properties": {"a": {"$ref": "#/$defs/D0"}}}
 
 
+def pairs(levels: int) -> Any:
+    return [pairs(levels - 1)] * 2 if levels else 1
+
+
+LOOP = {"$defs": {"A": {"$ref": "#/$defs/A"}}, "properties": {"a": {"$ref": "#/$defs/A"}}}
 HOSTILE = {
     "no JSON": (b"{", "not JSON"),
     "no object": (b"[]", "no object with properties"),
     "no properties": (b"{}", "no object with properties"),
     "too large": (b" " * (MAX_BYTES + 1), f"at most {MAX_BYTES} are allowed"),
     "brackets": (b"[" * 60_000, "not JSON"),
-    "too deep": (nested(MAX_DEPTH), "levels deep"),
-    "too many parts": ({"properties": {str(n): True for n in range(MAX_PARTS)}}, "parts"),
-    "doubling": (doubling(60, "anyOf"), "alternatives"),
-    "doubling tuples": (
-        {"$defs": {f"D{n}": {"type": "array", "prefixItems": [{"$ref": f"#/$defs/D{n + 1}"}] * 9}
-                   for n in range(9)} | {"D9": True},
-         "properties": {"a": {"$ref": "#/$defs/D0"}}},
-        "parts",
-    ),
-    "alternatives": (
-        {"properties": {"a": {"anyOf": [{"const": n} for n in range(MAX_ALTERNATIVES + 1)]}}},
-        "alternatives",
-    ),
+    "doubling": (doubling(60, "anyOf"), f"more than {MAX_STEPS} steps"),
+    "choices": ({"$defs": {"E": {"enum": [1] * 2000}}, "properties": {
+        "a": {"anyOf": [{"$ref": "#/$defs/E"}] * 99}}}, "steps"),
+    "loop": (LOOP, "no end"),
     "no such definition": ({"properties": {"a": {"$ref": "#/$defs/B"}}}, "does not define"),
     "no reference": ({"properties": {"a": {"$ref": {}}}}, "does not define"),
     "no definitions": ({"$defs": 3, "properties": {"a": {"$ref": "#/$defs/B"}}}, "not define"),
     "no schema": ({"properties": {"a": 3}}, "3 is no schema"),
     "no type": ({"properties": {"a": {"type": "text"}}}, "'text' is none of JSON Schema"),
     "no list": ({"properties": {"a": {"anyOf": {}}}}, "anyOf"),
-    "no alternatives": ({"properties": {"a": {"anyOf": []}}}, ""),
-    "no number": ({"properties": {"a": {"type": "number", "minimum": "x"}}}, "'x' is no number"),
-    "no length": ({"properties": {"a": {"type": "string", "maxLength": -1}}}, "-1 is no length"),
-    "infinite": (b'{"properties": {"a": {"type": "integer", "maximum": 1e999}}}', "no number"),
-    "no pattern": ({"properties": {"a": {"type": "string", "pattern": "("}}}, ""),
-    "large pattern": (
-        {"properties": {"a": {"type": "string", "pattern": "(\\w{99}){99}"}}}, ""
-    ),
+    "no alternatives": ({"properties": {"a": {"anyOf": []}}}, "anyOf"),
+    "no number": ({"properties": {"b": {"type": "number", "minimum": "x"}}}, "'x' is no number"),
+    "no length": ({"properties": {"a": {"type": "string", "maxLength": []}}}, "[] is no number"),
+    "infinite": (b'{"properties": {"b": {"type": "integer", "maximum": 1e999}}}', "no number"),
     "no choice": ({"properties": {"a": {"enum": []}}}, "enum"),
     "required": ({"properties": {"a": True}, "required": 3}, "required"),
 }  # fmt: skip
@@ -176,66 +156,41 @@ def test_a_hostile_schema_is_refused_with_a_line_and_at_once(schema, said):
     text = schema if isinstance(schema, bytes) else json.dumps(schema).encode()
     begun_s = time.process_time()
     with pytest.raises(UnusableSchema) as caught:
-        validator_of(parsed(text))
+        error_in(parsed(text), {"a": "x", "b": 7}, "A")
     assert time.process_time() - begun_s < 1.0
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
     assert 0 < len(str(caught.value)) <= 250
 
 
-def test_a_schema_that_refers_to_itself_accepts_anything_there():
-    schema = {
-        "$defs": {
-            "Tree": {"properties": {"child": {"$ref": "#/$defs/Tree"}, "n": {"type": "null"}}}
-        },
-        "properties": {"root": {"$ref": "#/$defs/Tree"}},
-    }
-    assert accepts(schema, {"root": {"child": {"child": 3}, "n": None}})
-    assert not accepts(schema, {"root": {"n": 3}})
-
-
-def test_many_patterns_cost_little_and_none_can_be_slow():
-    slow = {"type": "string", "pattern": "^(a+)+$"}
-    schema = {"properties": {f"f{n}": slow for n in range(500)}}
+def test_a_large_message_takes_bounded_time():
+    schema = parsed(json.dumps(doubling(16, "prefixItems", type="array")).encode())
     begun_s = time.process_time()
-    assert not accepts(schema, {"f0": "a" * 60_000 + "b"})
+    with pytest.raises(UnusableSchema, match="steps"):
+        error_in(schema, {"a": pairs(16)}, "A")
     assert time.process_time() - begun_s < 1.0
 
 
-@pytest.mark.parametrize(
-    "pattern",
-    [r"\w{100}", r"\w" * 48, r"(?i)\w{20}", r"(?x)(\w{9}) {9}"],
-)
-def test_patterns_of_large_automata_are_ignored_beyond_a_cost(pattern):
-    texts = [f"{pattern}|{n}" for n in range(20)]
-    properties = {f"f{n}": {"type": "string", "pattern": text} for n, text in enumerate(texts)}
-    begun_s = time.process_time()
-    validator_of({"properties": properties})
-    assert time.process_time() - begun_s < 0.5  # some 0.1 s; without the limit 0.7 to 2 s
-
-
-def test_twenty_patterns_of_names_are_all_kept():
-    name = {"type": "string", "pattern": "^[a-z0-9_]{1,64}$"}
-    schema = {"properties": {f"f{n}": name for n in range(20)}}
-    good = {f"f{n}": "front" for n in range(20)}
-    assert accepts(schema, good)
-    assert not accepts(schema, good | {"f19": "Front"})
+def test_a_schema_that_refers_to_itself_is_followed_as_deep_as_the_message():
+    tree = {"properties": {"child": {"$ref": "#/$defs/Tree"}, "n": {"type": "null"}}}
+    schema = {"$defs": {"Tree": tree}, "properties": {"root": {"$ref": "#/$defs/Tree"}}}
+    assert accepts(schema, {"root": {"child": {"child": {"n": None}}, "n": None}})
+    assert not accepts(schema, {"root": {"child": {"child": {"n": 3}}}})
 
 
 @pytest.mark.parametrize(
-    ("pattern", "cost"),
+    ("change", "error"),
     [
-        ("abc", 3),
-        (r"\w", 2 + 100),
-        ("a{3}b{2,5}", 10 * 8),
-        ("(a{3}){5}", 9 * 15),
-        ("a{3}{5}", 7 * 15),
-        ("(?i)a", 5 + 300),
-        ("a{,7}", 5 * 7),
+        ({"mean": "x"}, "Sample.mean: Input should be a valid number, got 'x'"),
+        ({"count": 1000}, "Sample.count: Input should be less than 1000, got 1000"),
+        ({"label": ""}, "Sample.label: Input should be of 1 to 5 items or characters, got ''"),
+        ({"kind": 3}, "Sample.kind: Input should be one of ['a', 'b'], got 3"),
+        ({"poses": [{"angle": 1}]}, "Sample.poses.0.x: Field required"),
+        ({"size": [1]}, "Sample.size: Input should be a list of 2 items, got (1,)"),
     ],
 )
-def test_the_cost_of_a_pattern_counts_copies_classes_and_flags(pattern, cost):
-    assert pattern_cost(pattern) == cost
+def test_an_error_names_place_reason_and_value(change, error):
+    assert error_in(Sample.model_json_schema(), tuples(GOOD | change), "Sample") == error
 
 
 def test_names_of_fields_may_be_anything():

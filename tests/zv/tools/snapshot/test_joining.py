@@ -1,30 +1,26 @@
-"""Which picture and which result are put together."""
+"""Which picture and which result are put together, and into which file."""
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+
+from tests.support.headers import header
+from zenoh_vision.config.settings import load_settings
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.image.forms import JPEG_FORM
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.keys import JPEG
-from zenoh_vision.messages import Centroid, Header, Tracks
+from zenoh_vision.messages import Centroid, Tracks
 from zenoh_vision.stream.sample import Sample
 from zv.tools.snapshot.joining import MAX_FRAMES, Join
+from zv.tools.snapshot.options import SnapshotOptions
 from zv.tools.snapshot.picture import Picture
 
 
-def header(seq: int, epoch: int = 1, camera: str = "front") -> Header:
-    return Header(
-        camera=camera,
-        epoch=epoch,
-        seq=seq,
-        stamp_ns=3,
-        width=320,
-        height=240,
-        encoding="bgr8",
-    )
-
-
 def picture(seq: int, epoch: int = 1) -> Picture:
-    frame = Frame(header(seq, epoch), compressed=b"")
-    return Picture(Sample("k", b"", JPEG), frame)
+    frame = Frame(header(seq, epoch), np.zeros((48, 64, 3), np.uint8))
+    return Picture(Sample("k", b"", JPEG), JPEG_FORM, frame)
 
 
 def centroid(seq: int, epoch: int = 1) -> Centroid:
@@ -68,3 +64,11 @@ def test_frames_whose_other_half_never_comes_are_let_go():
         joined.add(header(seq), picture(seq))
         joined.add(header(seq, epoch=2), centroid(seq, epoch=2))
     assert len(joined._pictures) == len(joined._results) == MAX_FRAMES
+
+
+def test_a_file_whose_ending_names_no_format_is_refused_with_those_that_do():
+    flags = {"key": "a/b", "output": "frame.txt"}
+    with pytest.raises(ConfigurationError, match=r"allowed: a name that ends in \.jpg, .*; or -"):
+        load_settings(SnapshotOptions, flags=flags)
+    for name in ("a.JPG", "a.jpeg", "b/a.png", "-"):
+        assert load_settings(SnapshotOptions, flags=flags | {"output": name}).output == name

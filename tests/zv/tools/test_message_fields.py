@@ -9,16 +9,15 @@ import msgpack
 import pytest
 
 from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH
-from zv.tools.topic.message_fields import (
+from zv.tools.shared.message_fields import (
     NoSuchField,
-    Received,
     csv_line,
     fields_of,
     flat,
-    header_of,
     lines_of,
     pick,
 )
+from zv.tools.shared.received import Received, header_of
 
 HEADER = {"camera": "front", "epoch": 5, "seq": 7, "stamp_ns": 9, "width": 8, "height": 6}
 

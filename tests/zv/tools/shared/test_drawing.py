@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_vision.messages import Centroid, Header, Track, Tracks
-from zv.tools.snapshot.picture import COLOURS, GREEN, draw
+from zv.tools.shared.drawing import COLOURS, GREEN, draw
 
 HEADER = Header(camera="front", epoch=1, seq=2, stamp_ns=3, width=320, height=240)
 BLACK = np.zeros((240, 320, 3), np.uint8)

@@ -1,0 +1,23 @@
+"""Fuzzes one decoder with atheris: TARGET [flags of libFuzzer, such as -max_total_time=3600]."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import atheris
+
+
+def main() -> None:
+    """Fuzz until the time is over, or there is a finding, whose input libFuzzer writes."""
+    name, *flags = sys.argv[1:]
+    with atheris.instrument_imports(include=["zenoh_vision", "zv", "tests.fuzz.targets"]):
+        targets = importlib.import_module("tests.fuzz.targets")
+        start = importlib.import_module("tests.fuzz.start")
+    corpus = start.corpus_of(name)
+    atheris.Setup([sys.argv[0], *flags, str(corpus)], targets.TARGETS[name])
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

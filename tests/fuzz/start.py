@@ -1,0 +1,92 @@
+"""Inputs that each target begins with: right ones, from which wrong ones are made."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+
+import msgpack
+import numpy as np
+
+from tests.fuzz.targets import KINDS, seeds
+from tests.support.recordings import write
+from tests.zv.bag.records import frame
+from zenoh_vision.image import codecs
+
+CALIBRATION = b"""image_width: 32
+image_height: 24
+camera_name: front
+camera_matrix: {rows: 3, cols: 3, data: [30, 0, 16, 0, 30, 12, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
+rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}
+projection_matrix: {rows: 3, cols: 4, data: [30, 0, 16, 0, 0, 30, 12, 0, 0, 0, 1, 0]}
+"""
+TEXTS = {
+    "calibration": CALIBRATION,
+    "router_list": b'{"clients":["ab"],"peers":[],"sessions":[{"peer":"ab"}]}',
+    "page_command": b'{"op":"watch","id":1,"key":"vision/front/tracks"}',
+    "schema": b'{"type":"object","properties":{"a":{"$ref":"#/$defs/b"}}}\0{"a":1}',
+    "rights": b'{"publish":["vision/front/image"],"query":["vision/**"]}',
+}
+NOISE = np.random.default_rng(7).integers(0, 256, (24, 32, 3), np.uint8)
+VECTORS = Path(__file__).parents[1] / "vectors"
+
+
+def corpus_of(target: str) -> Path:
+    """Make a folder with inputs for a target."""
+    folder = Path(tempfile.mkdtemp(prefix=f"fuzz-{target}-"))
+    for number, data in enumerate(_inputs(target)):
+        (folder / f"{number}").write_bytes(data)
+
+    for seed in seeds(target):
+        (folder / seed.name).write_bytes(seed.read_bytes())
+    return folder
+
+
+def _inputs(target: str) -> list[bytes]:
+    encoded = [
+        bytes.fromhex(vector["bytes"])
+        for file in sorted(VECTORS.glob("*.json"))
+        for vector in json.loads(file.read_text())["vectors"]
+        if "bytes" in vector
+    ]
+    if target in TEXTS:
+        return [TEXTS[target]]
+    match target:
+        case "message":
+            return [bytes([kind]) + data for kind in range(len(KINDS)) for data in encoded]
+        case "msgpack":
+            return encoded
+        case "picture":
+            return _pictures()
+        case "frame":
+            return _frames()
+        case "recording":
+            return [_recording()]
+    return [b""]
+
+
+def _pictures() -> list[bytes]:
+    return [codecs.encode_jpeg(NOISE, "bgr8", 60), codecs.encode_png(NOISE)]
+
+
+def _frames() -> list[bytes]:
+    height, width = NOISE.shape[:2]
+    header = msgpack.packb(
+        {
+            "camera": "front", "epoch": 1, "seq": 1, "stamp_ns": 1, "width": width,
+            "height": height, "encoding": "bgr8", "node": "camera_front", "revision": 0,
+        }
+    )  # fmt: skip
+    begin = len(header).to_bytes(2, "little") + header
+    payloads = [*_pictures(), NOISE.tobytes(), bytes(width * height // 8)]
+    return [bytes([form]) + begin + each for form, each in enumerate(payloads)]
+
+
+def _recording() -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return write(
+            Path(folder) / "run.mcap", [frame(seq, size=50) for seq in range(3)]
+        ).read_bytes()

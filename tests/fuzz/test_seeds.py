@@ -1,0 +1,35 @@
+"""Every input that was once a finding of the fuzzer is refused or read; so are the first inputs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.start import corpus_of
+from tests.fuzz.targets import SEEDS, TARGETS, seeds
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_target_takes_its_first_inputs_and_those_that_are_cut(name: str):
+    for file in corpus_of(name).iterdir():
+        data = file.read_bytes()
+        for end in {0, 1, len(data) // 2, len(data)}:
+            TARGETS[name](data[:end])
+
+
+@pytest.mark.parametrize(
+    "seed", [each for name in TARGETS for each in seeds(name)], ids=lambda path: path.name
+)
+def test_a_finding_is_no_more_one(seed: Path):
+    TARGETS[seed.parent.name](seed.read_bytes())
+
+
+def test_the_page_names_every_target():
+    page = (SEEDS.parents[2] / "docs" / "testing.md").read_text().partition("## Fuzzing")[2]
+    assert set(re.findall(r"`([a-z_]+)`", page)) == set(TARGETS)
+
+
+def test_every_folder_of_seeds_has_a_target():
+    assert {folder.name for folder in SEEDS.iterdir() if folder.is_dir()} <= set(TARGETS)

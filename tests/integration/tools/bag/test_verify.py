@@ -1,0 +1,233 @@
+"""``zv bag verify``: the same frames give the same results, and a difference is found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import msgpack
+import pytest
+
+from tests.integration.conftest import Service
+from tests.support import detector_models
+from tests.support.fork_server import ZV
+from tests.support.listening import Listener, open_client, wait_for_nodes
+from tests.support.node_states import report
+from tests.support.processes import ROOT, Program
+from tests.support.publishing import wait_for_subscriber
+from tests.support.recordings import centroids, frames, write
+from tests.support.routing import Router
+from tests.support.waiting import wait_until
+from zenoh_vision.keys import msgpack_of
+from zenoh_vision.messages import Diagnostics
+from zv.bag.recording import Recording
+from zv.bag.writer import Writer
+
+FRAMES = frames(45, still=25)
+KEY = "vision/front/tracks"
+
+Zv = Callable[..., Program]
+
+
+@pytest.fixture
+def zv(tmp_path: Path) -> Zv:
+    """``zv("bag", "verify", ...)`` runs it to its end."""
+    number = 0
+
+    def run(*words: object, status: int = 0) -> Program:
+        nonlocal number
+        number += 1
+        program = Program(
+            ["bag", "verify", *words], tmp_path, f"verify{number}", forked=ZV, cwd=tmp_path
+        )
+        with program:
+            assert program.process.wait(90) == status, program.complaints
+        return program
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def golden(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a few hundred kB: frames of a square that moves, and a tracker's results."""
+    folder = tmp_path_factory.mktemp("golden")
+    run = write(folder / "run.mcap", FRAMES)
+    whole = folder / "golden.mcap"
+    words = ["bag", "verify", run, "--node", "tracker", "--update", whole]
+    with Program(words, folder, "update", forked=ZV) as program:
+        assert program.process.wait(90) == 0, program.complaints
+    assert whole.stat().st_size < 700_000
+    return whole
+
+
+def tampered(golden: Path, path: Path, seq: int) -> Path:
+    """Write the recording with another x of the first track of a frame."""
+    with Recording(golden) as recording:
+        writer = Writer(path, {"namespace": "vision"})
+        for record in recording.records():
+            if record.key == KEY and record.header["seq"] == seq:
+                fields = msgpack.unpackb(record.payload)
+                fields["tracks"][0]["x"] = 1.5
+                record = replace(record, payload=msgpack.packb(fields))
+            writer.add(record)
+        writer.close()
+    return path
+
+
+def test_the_same_frames_give_the_same_results_each_time(zv: Zv, golden: Path):
+    for _ in range(2):
+        (line,) = zv(golden, "--node", "tracker", "--json").output.splitlines()
+        said = json.loads(line)
+        assert (said["node"], said["same"], said["frames"]) == ("tracker_front", True, 45)
+        assert said["messages"] > 2 * 45  # centroids, tracks, and events beside them
+
+
+def test_the_results_of_a_run_on_other_processors_are_the_same(zv: Zv, golden: Path):
+    command = f"{Path(ROOT, '.venv/bin/python')} -m zv tracker --threads 2 --jpeg-threads 1"
+    if not Path(command.split()[0]).exists():
+        import sys
+
+        command = command.replace(command.split()[0], sys.executable)
+    zv(golden, "--node", "tracker", "--command", command)
+
+
+def test_a_value_that_differs_is_named_with_frame_field_both_values_and_a_picture(
+    zv: Zv, golden: Path, tmp_path: Path
+):
+    wrong = tampered(golden, tmp_path / "wrong.mcap", seq=40)
+    program = zv(wrong, "--node", "tracker", "--json", status=1)
+    said = json.loads(program.output)
+    assert said["frame"]["seq"] == 40
+    assert (said["key"], said["field"], said["recorded"]) == (KEY, "tracks.0.x", 1.5)
+    assert said["frames"] == 40
+    assert "frame 40 of front" in program.complaints
+    assert f"{KEY}: tracks.0.x: recorded 1.5, now {said['now']}" in program.complaints
+    picture = cv2.imread(str(tmp_path / "wrong.difference.png"))
+    assert picture is not None
+    assert picture.shape[0] > 240
+    zv(wrong, "--node", "tracker", "--tolerance", f"tracks.x={abs(said['now'] - 1.5) + 0.1}")
+    zv(wrong, "--node", "tracker", "--ignore", "tracks.x")
+
+
+def test_another_setting_is_found_as_a_difference(zv: Zv, golden: Path):
+    program = zv(golden, "--node", "tracker", "--set", "pipeline=tutorial", status=1)
+    assert "differs at frame" in program.complaints
+
+
+def test_parameters_that_were_changed_during_the_run_are_changed_at_the_same_frame(
+    zv: Zv, router: Router, service: Service, tmp_path: Path
+):
+    run = tmp_path / "run.mcap"
+    with open_client(router.endpoint) as client:
+        tracks = Listener(client, KEY)
+
+        def until(revision: int) -> None:
+            wait_until(lambda: sum(m.header["revision"] == revision for m in tracks.messages) > 10)
+
+        service("tracker", "--camera", "front", "--transport", "jpeg")
+        wait_for_nodes(client, "tracker_front")
+        words = ["bag", "record", "--connect", router.endpoint, "-o", str(run)]
+        with Program(words, tmp_path, "record", forked=ZV) as recorder:
+            wait_for_subscriber(client, "@vision/param/tracker_front/min_area")
+            service("camera", "--rate", 10)
+            until(0)
+            change = msgpack.packb({"min_area": 1_000_000})  # from now on nothing is an object
+            assert all(r.ok for r in client.get("@vision/set/tracker_front", payload=change))
+            until(1)
+            assert recorder.interrupt() == 0
+    changed = next(m for m in tracks.messages if m.header["revision"] == 1)
+    said = json.loads(zv(run, "--node", "tracker", "--json").output)
+    assert (said["same"], said["frames"] > 20) == (True, True)
+    # The change is in the recording alone: without it, the first frame of another result differs.
+    left = tmp_path / "left.mcap"
+    with Recording(run) as recording:
+        writer = Writer(left, {"namespace": "vision"})
+        for record in recording.records():
+            if "/param/" not in record.key or msgpack.packb(1_000_000.0) not in record.payload:
+                writer.add(record)
+        writer.close()
+    difference = json.loads(zv(left, "--node", "tracker", "--json", status=1).output)
+    assert difference["frame"]["seq"] >= changed.header["seq"]
+
+
+def test_frames_that_the_node_did_not_answer_are_left_out(zv: Zv, golden: Path, tmp_path: Path):
+    changed = tmp_path / "changed.mcap"
+    with Recording(golden) as recording:
+        writer = Writer(changed, {"namespace": "vision"})
+        for record in recording.records():
+            if record.header.get("node") == "tracker_front":
+                if record.header["seq"] < 30:
+                    writer.add(record)
+                continue
+            writer.add(record)
+        writer.close()
+    assert "15 frames without a recorded result were left out" in (
+        zv(changed, "--node", "tracker_front").output
+    )
+
+
+def test_a_recording_without_results_or_of_another_service_says_what_it_has(zv: Zv, tmp_path):
+    run = write(tmp_path / "run.mcap", FRAMES[:3], centroids(FRAMES[:3]))
+    assert "its nodes: camera_front, tracker_front" in (
+        zv(run, "--node", "edge", status=1).complaints
+    )
+    bare = write(tmp_path / "bare.mcap", FRAMES[:3])
+    assert "has nothing of tracker; its nodes: camera_front" in (
+        zv(bare, "--node", "tracker", status=1).complaints
+    )
+
+
+def test_a_service_that_does_not_start_is_quoted(zv: Zv, golden: Path):
+    said = zv(golden, "--node", "tracker", "--set", "min_area=-1", status=2).complaints
+    assert "--min-area" in said
+    said = zv(golden, "--node", "tracker", "--command", "false", status=1).complaints
+    assert "tracker_front ended with status 1" in said
+    said = zv(golden, "--node", "tracker", "--command", "no-such-program", status=1).complaints
+    assert "no-such-program: No such file or directory" in said
+
+
+def test_an_update_keeps_the_frames_and_never_overwrites(zv: Zv, golden: Path, tmp_path: Path):
+    with Recording(golden) as recording:
+        kept = [each for each in recording.records() if each.key.endswith("image/compressed")]
+    assert [each.payload for each in kept] == [each.payload for each in FRAMES]
+    assert [each.attachment for each in kept] == [each.attachment for each in FRAMES]
+    said = zv(golden, "--node", "tracker", "--update", golden, status=3).complaints
+    assert "exists already" in said
+
+
+@pytest.mark.parametrize("given", ["a file", "a flag"])
+def test_a_model_is_found_beside_the_file_that_names_it(zv: Zv, tmp_path: Path, given: str):
+    site = tmp_path / "site"
+    site.mkdir()
+    detector_models.save(site / "tiny.onnx", "yolov8")
+    (site / "tracker.toml").write_text('pipeline = "detector"\nmodel = "tiny.onnx"\n')
+    run = write(tmp_path / "run.mcap", FRAMES[:3])
+    flags = ("--set", "pipeline=detector", "--set", "model=site/tiny.onnx")
+    flags = ("--config", "site/tracker.toml") if given == "a file" else flags
+    assert "3 frames" in zv(run, "--node", "tracker", *flags, "--update", "new.mcap").output
+
+
+def test_a_wrong_setting_of_a_file_is_named_with_that_file(zv: Zv, golden: Path, tmp_path: Path):
+    (tmp_path / "wrong.toml").write_text("min_area = -1\n")
+    said = zv(golden, "--node", "tracker", "--config", "wrong.toml", status=2).complaints
+    assert "wrong.toml: min_area" in said
+
+
+def test_a_node_that_took_pixels_and_not_the_recorded_jpegs_is_said_to_differ(
+    zv: Zv, golden: Path, tmp_path: Path
+):
+    said = "took its frames as pixels"
+    for route, expected in (("jpeg", False), ("shm", True)):
+        path = tmp_path / f"{route}.mcap"
+        diagnostics = report(routes={"vision/front/image/compressed": route})
+        with Recording(golden) as recording:
+            writer = Writer(path, {"namespace": "vision"})
+            for record in recording.records():
+                writer.add(record)
+            key, encoding = "@vision/diagnostics/tracker_front", msgpack_of(Diagnostics.schema_name)
+            writer.add(replace(record, key=key, payload=diagnostics.to_bytes(), encoding=encoding))
+            writer.close()
+        assert (said in zv(path, "--node", "tracker").complaints) is expected
