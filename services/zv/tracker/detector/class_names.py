@@ -17,7 +17,7 @@ from zv.tracker.detector.errors import UnusableModel
 MAX_NAMES: Final = 100_000
 MAX_CHARACTERS: Final = 64
 
-METADATA: Final = ("names", "classes", "class_names", "labels")
+METADATA: Final = ("names", "classes", "class_names", "labels", "character")
 """Entries of a model's metadata that hold the names, in this order."""
 
 Names = Mapping[int, str]

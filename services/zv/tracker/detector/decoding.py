@@ -18,6 +18,9 @@ Array = NDArray[np.float32]
 Outputs = Mapping[str, Array]
 """The outputs for one picture by their names, without the dimension of the batch."""
 
+Shapes = Mapping[str, tuple[int, ...]]
+"""The shapes of outputs by their names."""
+
 STRIDES = (8, 16, 32)
 """Pixels of the input per cell of each grid."""
 
@@ -38,6 +41,21 @@ class Facts:
 def cells(size: tuple[int, int], strides: tuple[int, ...] = STRIDES) -> int:
     """Return the number of cells of all grids, as models without anchors have one box in each."""
     return sum(-(-size[0] // stride) * -(-size[1] // stride) for stride in strides)
+
+
+def heads(shapes: Shapes, size: tuple[int, int]) -> list[tuple[str, str]]:
+    """Return the names of the two outputs of each grid, the finest first; empty if that is not all.
+
+    Args:
+        shapes: Those of the outputs; the last but one is the number of cells.
+        size: Width and height of the input.
+    """
+    found = []
+    for stride in (*STRIDES, 64):
+        here = [name for name in shapes if shapes[name][-2] == cells(size, (stride,))]
+        if len(here) == 2:
+            found.append((here[0], here[1]))
+    return found if len(shapes) == 2 * len(found) > 4 else []
 
 
 def best_classes(scores: Array, least: float) -> tuple[NDArray[np.intp], Array, NDArray[np.int64]]:
@@ -167,13 +185,18 @@ def distances(outputs: Outputs, facts: Facts, least: float) -> Candidates:
 
     Source: X. Li et al., "Generalized focal loss", 2020. The old exports have three strides and
     centres of cells at half a stride; those of NanoDet-Plus have four, and centres at their corner.
+    The oldest, and PicoDet, have two outputs for each stride: scores of classes, and bins.
     """
-    found = largest(outputs)
+    grids = heads({name: each.shape for name, each in outputs.items()}, facts.size)
+    parts = [np.concatenate([outputs[name] for name in pair], axis=1) for pair in grids]
+    found = np.concatenate(parts) if grids else largest(outputs)
     strides: tuple[int, ...] = (*STRIDES, 64)
-    middle = 0.0
+    middle = 0.5 if grids else 0.0
     if found.shape[0] == cells(facts.size):
         strides, middle = STRIDES, 0.5
     classes = facts.classes or nanodet_classes(found.shape[1])
+    if grids:
+        classes = outputs[grids[0][0]].shape[1]
     kept, best, numbers = best_classes(found[:, :classes], least)
     corners, sides = _corners(facts.size, strides)
     _check_rows(found, corners)

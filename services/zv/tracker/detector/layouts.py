@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from zv.tracker.detector import decoding
-from zv.tracker.detector.decoding import Facts, Outputs, cells
+from zv.tracker.detector.decoding import Facts, Outputs, Shapes, cells, heads
 from zv.tracker.detector.errors import UnknownLayout
 from zv.tracker.detector.onnx_file import OnnxFile
 from zv.tracker.detector.options import Colours, Fit, LayoutName, Values
 from zv.tracker.detector.suppression import Candidates
-
-Shapes = Mapping[str, tuple[int, ...]]
-"""The shapes of the outputs by their names, with the dimension of the batch."""
 
 MOST_QUERIES: Final = 1000
 """More rows than this are cells of grids, fewer are objects that the model chose itself."""
@@ -59,7 +56,7 @@ LAYOUTS: Final[dict[LayoutName, Layout]] = {
         "YOLOX: (n, 5 + classes), not decoded", decoding.grid, "corner", "bgr", "0-255", True
     ),
     "nanodet": Layout(
-        "NanoDet, NanoDet-Plus: (n, classes + 32)",
+        "NanoDet, NanoDet-Plus, PicoDet: (n, classes + 32), or both apart for each grid",
         decoding.distances,
         "stretch",
         "bgr",
@@ -93,7 +90,7 @@ def recognised(file: OnnxFile, shapes: Shapes, size: tuple[int, int], classes: i
 
     Args:
         file: What its file says.
-        shapes: The shapes of its outputs for one picture.
+        shapes: The shapes of its outputs for one picture, with the dimension of the batch.
         size: Width and height of its input.
         classes: Number of its classes; 0 if that is unknown.
 
@@ -109,10 +106,10 @@ def recognised(file: OnnxFile, shapes: Shapes, size: tuple[int, int], classes: i
     if found is None:
         outputs = "; ".join(f"{name} {list(shape)}" for name, shape in shapes.items())
         inputs = "; ".join(map(str, file.inputs))
-        known = "\n".join(f"  {name}: {layout.words}" for name, layout in LAYOUTS.items())
+        known = "; ".join(f"{name} ({layout.words})" for name, layout in LAYOUTS.items())
         raise UnknownLayout(
             f"{file.path}: the layout is not known by names and shapes. inputs: {inputs}; "
-            f"outputs: {outputs}. Name it with --layout:\n{known}"
+            f"outputs: {outputs}. If it is one of these, name it with --layout: {known}"
         )
     return found
 
@@ -130,7 +127,7 @@ def _by_names(file: OnnxFile, shapes: Shapes) -> LayoutName | None:
         found = "ssd"
     elif (has("logits") and has("boxes")) or {"dets", "labels"} == set(names):
         found = "detr"
-    elif has("box") and has("score"):
+    elif all(sum(word in name for name in names) == 1 for word in ("box", "score")):
         boxes = next(shape for name, shape in shapes.items() if "box" in name.lower())
         if any("target_sizes" in each.name for each in file.inputs):
             found = "dfine"
@@ -148,6 +145,9 @@ def _by_shape(
     if any(len(shape) == 4 and shape[1] == 1 and shape[3] == 7 for shape in shapes.values()):
         return "ssd"
     three = {name: shape for name, shape in shapes.items() if len(shape) == 3}
+    grids = heads(three, size)
+    if grids and all(three[sides][2] == 32 for _, sides in grids):
+        return "nanodet"
     if len(three) != 1:
         return None
     [(name, (_, rows, width))] = three.items()

@@ -81,6 +81,13 @@ def file_with(
     )
 
 
+def of_grids(rows: tuple[int, ...], scores: str, sides: str, width: int = 32) -> dict:
+    """Return the shapes of two outputs for each grid, all scores first, as they are published."""
+    return {scores.format(each): (1, each, 80) for each in rows} | {
+        sides.format(each): (1, each, width) for each in rows
+    }
+
+
 PUBLISHED = {
     "YOLOv5n": ("yolov5", 640, {"output0": (1, 25200, 85)}, 80),
     "YOLOv5n6": ("yolov5", 1280, {"output0": (1, 102000, 85)}, 80),
@@ -114,6 +121,13 @@ PUBLISHED = {
     "NanoDet-m": ("nanodet", 320, {"output": (1, 2100, 112)}, 0),
     "NanoDet-Plus-m": ("nanodet", 320, {"output": (1, 2125, 112)}, 0),
     "NanoDet-Plus-m 416": ("nanodet", 416, {"output": (1, 3598, 112)}, 0),
+    "NanoDet-m of 2020": (
+        "nanodet",
+        320,
+        of_grids((1600, 400, 100), "cls_pred_{}", "dis_pred_{}"),
+        0,
+    ),
+    "PicoDet": ("nanodet", 416, of_grids((2704, 676, 169, 49), "scores_{}", "boxes_{}"), 0),
     "RT-DETR-l, Ultralytics": ("rtdetr", 640, {"output0": (1, 300, 84)}, 80),
     "RT-DETR, Transformers": ("detr", 640, {"logits": (1, 300, 80), "pred_boxes": (1, 300, 4)}, 0),
     "RF-DETR": ("detr", 560, {"dets": (1, 300, 4), "labels": (1, 300, 91)}, 0),
@@ -170,8 +184,10 @@ def test_rt_detr_of_two_classes_is_told_from_built_in_suppression_by_its_metadat
         {"heat": (1, 80, 128, 128)},
         {"output": (1, 8400, 60)},  # YOLOX of 55 classes, or NanoDet of 28
         {"a": (1, 100, 5), "b": (1, 100, 5)},
+        of_grids((6400, 1600, 400), "score_{}", "box_{}", width=4),
+        of_grids((6400, 1600), "class_{}", "box_{}"),
     ],
-    ids=["heat map", "two layouts fit", "two outputs"],
+    ids=["heat map", "two layouts fit", "two outputs", "distances without bins", "two grids"],
 )
 def test_an_unknown_layout_is_refused_with_names_shapes_and_what_can_be_named(
     shapes: dict[str, tuple[int, ...]],
@@ -182,7 +198,8 @@ def test_an_unknown_layout_is_refused_with_names_shapes_and_what_can_be_named(
     for name, shape in shapes.items():
         assert f"{name} {list(shape)}" in text
     assert "images float32 [1, 3, 640, 640]" in text
-    assert all(f"  {name}: " in text for name in LAYOUTS)
+    assert all(f"{name} ({layout.words})" in text for name, layout in LAYOUTS.items())
+    assert text.isprintable()  # else its lines would be escaped where it is shown
 
 
 @pytest.mark.parametrize("task", ["obb", "classify"])
@@ -262,6 +279,22 @@ def test_nanodet_plus_measures_from_the_corner_of_its_cell():
         rows[69, 1 + 8 * side + number] = 50
     found = decoding.distances({"output": rows}, Facts((64, 64), classes=1), 0.5)
     assert found.boxes[0].tolist() == pytest.approx([0, 16, 48, 32])
+
+
+@pytest.mark.parametrize(("grids", "names"), [((64, 16, 4), 80), ((64, 16, 4, 1), 0)])
+def test_nanodet_with_two_outputs_for_each_grid_measures_from_the_centre(
+    grids: tuple[int, ...], names: int
+):
+    # Of 64x64; cell 5 of the grid of 16 pixels is column 1, row 1, so its centre is 24, 24. All
+    # weight is in the bins 1, 0, 1, 2: 16, 0, 16 and 32 pixels.
+    outputs = {f"scores {each}": np.zeros((each, 2), np.float32) for each in grids}
+    outputs |= {f"sides {each}": np.full((each, 32), -50, np.float32) for each in grids}
+    outputs["scores 16"][5, 1] = 0.9
+    for side, number in enumerate((1, 0, 1, 2)):
+        outputs["sides 16"][5, 8 * side + number] = 50
+    found = decoding.distances(outputs, Facts((64, 64), names), 0.5)
+    assert found.boxes.tolist() == [pytest.approx([8, 24, 40, 56])]
+    assert (found.classes.tolist(), found.scores.tolist()) == ([1], pytest.approx([0.9]))
 
 
 def test_rows_of_masks_are_not_taken_for_classes():

@@ -199,6 +199,10 @@ def test_names_in_the_metadata_are_read(text: str):
     assert names_in({"names": text}) == {0: "person", 1: "traffic light"}
 
 
+def test_names_in_the_metadata_may_be_lines_under_another_key():
+    assert names_in({"character": "text\ntitle"}) == {0: "text", 1: "title"}
+
+
 def test_a_name_cannot_control_a_terminal_or_separate_classes():
     assert names_in({"names": str({0: "a\x1b[31m,b"})}) == {0: "a [31m b"}
     assert name_of({}, 7) == "7"
