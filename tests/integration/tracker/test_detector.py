@@ -113,6 +113,7 @@ def test_several_cameras_share_a_model_that_is_slower_than_they_are(
     assert counters["received"] == counters["processed"] + dropped + counters["pending"]
 
 
+@pytest.mark.quiet
 def test_frames_do_not_wait_for_a_model_that_takes_seconds(service, client, tmp_path: Path):
     tracker = detector(service, tmp_path, "--model-threads", "1", heavy=300)
     wait_for_nodes(client, "tracker_front", deadline_s=60)

@@ -18,6 +18,21 @@ from tests.support.waiting import wait_until
 
 NOW_NS = time.time_ns()
 
+# A server says the time every 2 s, else the page connects again after 6: this one speaks only when
+# the test does, and what it told a connection that the page has given up would be lost.
+KEEP_ALIVE = """
+    const Socket = window.WebSocket;
+    window.WebSocket = class extends Socket {
+        constructor(...address) {
+            super(...address);
+            setInterval(() => {
+                if (window.silent || this.readyState !== Socket.OPEN) return;
+                this.dispatchEvent(new MessageEvent("message", { data: '{"op": "alive"}' }));
+            }, 500);
+        }
+    };
+"""
+
 
 class PageServer:
     """The other end of ``/live``, which says what the test wants, and nothing else.
@@ -33,6 +48,7 @@ class PageServer:
         self._streams = streams
         self._socket: Any = None
         page.route_web_socket(re.compile("/live"), self._serve)
+        page.add_init_script(KEEP_ALIVE)
 
     def _serve(self, socket: Any) -> None:
         socket.on_message(lambda text: self.asked.append(json.loads(text)))

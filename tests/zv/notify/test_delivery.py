@@ -94,6 +94,7 @@ def test_what_is_refused_is_not_sent_again():
     assert receiver.tried == 1
 
 
+@pytest.mark.quiet
 def test_the_newest_are_kept_while_a_receiver_hangs_and_the_end_is_in_bounded_time():
     hanging = asyncio.Event()
 
