@@ -86,6 +86,10 @@ class Header(Message):
         bool | None,
         Field(description="true if its sender waits for the answer to it, so that it is not stale"),
     ] = None
+    origin: Annotated[
+        Name | None,
+        Field(description="camera that took it, where a relay sends it as that of another"),
+    ] = None
 
     @property
     def run(self) -> tuple[int, int]:

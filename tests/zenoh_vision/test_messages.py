@@ -34,11 +34,11 @@ def test_a_header_is_these_bytes():
 
 def test_a_header_leaves_out_what_does_not_apply():
     optional = {"encoding", "received_ns", "done_ns", "assumed"}
-    optional |= {"replay", "replayed_ns", "lockstep"}
+    optional |= {"replay", "replayed_ns", "lockstep", "origin"}
     assert set(Header.model_fields) - set(HEADER.to_map()) == optional
     whole = HEADER.model_copy(
         update={"encoding": "bgr8", "received_ns": 0, "done_ns": 0, "assumed": False}
-        | {"replay": 0, "replayed_ns": 0, "lockstep": False}
+        | {"replay": 0, "replayed_ns": 0, "lockstep": False, "origin": "front"}
     )
     assert set(whole.to_map()) == set(Header.model_fields)
 

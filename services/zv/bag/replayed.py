@@ -123,6 +123,8 @@ class Replayed:
         camera = header["camera"]
         renamed = self._names.cameras.get(camera, camera) if isinstance(camera, str) else camera
         changes: dict[str, Any] = {} if renamed == camera else {"camera": renamed}
+        if changes and header.get("origin") is not None:
+            changes["origin"] = None  # a camera of its own now
         if self._renew:
             epoch = (camera, header["epoch"])
             number = self._epochs.setdefault(epoch, len(self._epochs))

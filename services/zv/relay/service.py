@@ -68,12 +68,15 @@ class Relay:
         self._told: tuple[Calibration, Transform, int] | None = None
 
     def take(self, frame: Frame) -> None:
-        """Publish a frame, unless it is over the rate or cannot be rectified.
+        """Publish a frame, unless it comes back, is over the rate or cannot be rectified.
 
         Raises:
             ParameterRefused: The region is not within the picture.
             PayloadError: The picture cannot be decoded.
         """
+        origin = frame.header.origin or frame.header.camera
+        if self._comes_back(origin):
+            return
         revision: Revision[RelaySettings] = frame.revision
         settings = revision.settings
         if not self._limit.allow(frame.header, settings.rate):
@@ -95,6 +98,7 @@ class Relay:
         header = frame.header.model_copy(
             update={
                 "camera": self._to,
+                "origin": origin,
                 "width": width,
                 "height": height,
                 "encoding": picture.encoding,
@@ -107,6 +111,24 @@ class Relay:
         if known is not None:
             self._tell(result, known, transform)
         self._node.publish_picture(COMPRESSED, result)
+
+    def _comes_back(self, origin: str) -> bool:
+        """Tell, and report, whether relays have brought a frame back to its camera.
+
+        Relays of one ``to`` have one name, so each camera has one relay at most: a circle that
+        frames enter at a camera has come back to it when it closes.
+        """
+        if not self._is_camera or origin != self._to:
+            self._node.report("circle", Level.OK)
+            return False
+        self._node.counters.note("relayed_back")
+        self._node.report(
+            "circle",
+            Level.WARN,
+            f"relays in a circle: these are pictures of {origin} itself, so nothing is published; "
+            "end this relay, or give it --to with a new name",
+        )
+        return True
 
     def _tell(self, frame: Frame, known: Calibration, transform: Transform) -> None:
         """Publish the calibration of the result, once for each epoch and change."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgpack
 import pytest
 
@@ -51,6 +53,14 @@ def test_another_camera_has_its_name_in_key_attachment_and_message():
     fields = msgpack.unpackb(sent.payload)
     assert fields["header"]["camera"] == "left"
     assert fields["header"]["seq"] == 7
+
+
+def test_what_a_relay_sent_has_no_origin_under_another_name():
+    header = {**FRAME.header, "origin": "back"}
+    record = replace(FRAME, attachment=msgpack.packb(header))
+    for names, origin in (({}, "back"), ({"front": "left"}, None)):
+        sent = Replayed(Names(names)).sample(record, RUN, NOW_NS)
+        assert header_of(sent.attachment)["origin"] == origin
 
 
 def test_another_namespace_changes_the_key_only():

@@ -228,7 +228,23 @@ def _why_stale(seen: Observation, node: NodeState) -> str:
         which = f"cameras here: {', '.join(there)}" if there else "there is no camera"
         either = f"{key} or {twin}" if twin in subscribed else key
         return f"nobody publishes {either}, {which}; start one or choose another with --camera"
+    if circle := _circle(seen, node.name):
+        them = " and ".join(circle)
+        return f"{them} get pictures only from each other: give one of them the KEY of a camera"
     return "its camera is running: see the lines about it"
+
+
+def _circle(seen: Observation, name: str) -> list[str]:
+    """Return the nodes of the circle that a node is in, if no camera sends pictures into it."""
+    nodes = {each.name: each for each in seen.nodes}
+    found: set[str] = set()
+    waiting = [name]
+    while waiting:
+        new = set(sources_of(nodes[waiting.pop()], seen)) - found
+        found |= new
+        waiting += new
+    has_camera = any(each.name in found for each in seen.cameras())
+    return [] if has_camera or name not in found else sorted(found)
 
 
 def _finding(level: Verdict, camera: NodeState, text: str, remedy: str = "") -> Finding:

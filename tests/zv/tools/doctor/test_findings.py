@@ -19,7 +19,12 @@ from zv.tools.doctor import remedies
 from zv.tools.doctor.network import name_findings
 from zv.tools.doctor.observation import Observation, Router, router_of
 from zv.tools.doctor.other_cameras import OtherCamera
-from zv.tools.doctor.streams import camera_findings, loss_findings, speed_findings
+from zv.tools.doctor.streams import (
+    camera_findings,
+    health_findings,
+    loss_findings,
+    speed_findings,
+)
 
 ROOT = Path(__file__).parents[4]
 
@@ -123,6 +128,24 @@ def test_only_some_of_very_many_cameras_are_checked_and_that_is_reported():
     one = OtherCamera("v/a/image", 9, 3.0, 3.0)
     *_, last = camera_findings(Observation({}, (), [], {}, others=(one,), others_left_out=7))
     assert (last.level, last.text[:20]) == ("WARN", "7 more programs that")
+
+
+def relay(camera: str, to: str) -> NodeState:
+    key, own = (f"vision/{each}/image/compressed" for each in (camera, to))
+    stale = report(node=f"relay_{to}", level=3, message="no frame")
+    about = {"service": "relay", "subscribes": (key,), "publishes": (own,)}
+    return node_state(f"relay_{to}", health=stale, **about)
+
+
+@pytest.mark.parametrize("has_camera", [False, True])
+def test_relays_that_get_pictures_only_from_each_other_are_named(has_camera: bool):
+    nodes = [relay("a", "b"), relay("b", "a")]
+    if has_camera:
+        key = "vision/a/image/compressed"
+        nodes.append(node_state("camera_a", service="camera", publishes=(key,)))
+    remedies = [each.remedy for each in health_findings(observation(*nodes), ())]
+    said = "relay_a and relay_b get pictures only from each other: give one of them the KEY of a"
+    assert [each.startswith(said) for each in remedies] == [not has_camera] * 2
 
 
 # Who sends, and what should run

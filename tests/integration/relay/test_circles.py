@@ -1,0 +1,91 @@
+"""Relays in a circle: each frame goes round once at most, and the node that closes it says so."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from tests.integration.conftest import a_router, some_services
+from tests.integration.relay.test_relay import LENS
+from tests.support.listening import Listener, newest, open_client, wait_for_nodes
+from tests.support.processes import ROOT, environment, missing
+from tests.support.routing import free_port, port_answers
+from tests.support.typist import zv
+from tests.support.waiting import wait_until
+
+
+@contextmanager
+def zenohd(folder: Path) -> Iterator[str]:
+    """Run the official router; yield its endpoint."""
+    program = shutil.which("zenohd") or missing("no zenohd; the image eclipse/zenoh has it")
+    port = free_port()
+    command = [program, "-c", ROOT / "configs/router.json5", "-l", f"tcp/127.0.0.1:{port}"]
+    with (folder / "zenohd.log").open("w") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment())
+    try:
+        wait_until(lambda: port_answers(port))
+        yield f"tcp/127.0.0.1:{port}"
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+@contextmanager
+def embedded(folder: Path) -> Iterator[str]:
+    with a_router(folder) as router:
+        yield router.endpoint
+
+
+@pytest.fixture(params=[embedded, zenohd], ids=["embedded", "zenohd"])
+def endpoint(request, tmp_path: Path) -> Iterator[str]:
+    with request.param(tmp_path) as running:
+        yield running
+
+
+def said_by(session: zenoh.Session, node: str) -> dict[str, Any]:
+    return newest(session, f"@vision/diagnostics/{node}").body
+
+
+@pytest.mark.parametrize("others", [["b"], ["b", "c"]], ids=["two", "chain"])
+def test_frames_and_calibration_of_a_camera_stay_its_own(
+    endpoint: str, tmp_path: Path, others: list[str]
+):
+    (tmp_path / "lens.yaml").write_text(LENS)
+    cameras = ["front", *others]
+    with some_services(endpoint, tmp_path) as start, open_client(endpoint) as session:
+        infos = Listener(session, "vision/*/camera_info")
+        frames = {each: Listener(session, f"vision/{each}/image/compressed") for each in cameras}
+        size = ("--width", 320, "--height", 240, "--rate", 10)
+        start("camera", *size, "--calibration", tmp_path / "lens.yaml")
+        for width, camera, to in zip((300, 280, 260), cameras, [*others, "front"], strict=False):
+            start("relay", "--camera", camera, "--to", to, "--region", f"5,5,{width},{width - 80}")
+        frames[others[-1]].wait_for(20)
+        wait_until(lambda: said_by(session, "relay_front")["counters"].get("relayed_back", 0) > 20)
+        back = said_by(session, "relay_front")
+        for camera in cameras:
+            sent = [each.header for each in frames[camera].messages]
+            by = "camera_front" if camera == "front" else f"relay_{camera}"
+            assert {header["node"] for header in sent} == {by}
+            assert set(Counter(header["seq"] for header in sent).values()) == {1}
+        assert sorted(each.key for each in infos.messages) == [
+            f"vision/{each}/camera_info" for each in sorted(cameras)
+        ]
+    assert back["level"] == 1
+    assert "relays in a circle: these are pictures of front itself" in back["message"]
+
+
+def test_a_circle_without_a_camera_is_named_by_the_doctor(endpoint: str, tmp_path: Path):
+    with some_services(endpoint, tmp_path) as start, open_client(endpoint) as session:
+        for camera, to in (("a", "b"), ("b", "a")):
+            start("relay", "--camera", camera, "--to", to)
+        wait_for_nodes(session, "relay_a", "relay_b")
+        said = "relay_a and relay_b get pictures only from each other"
+        wait_until(lambda: said in zv(endpoint, "doctor").stdout, 30)
