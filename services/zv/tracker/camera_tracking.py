@@ -39,6 +39,8 @@ log = logging.getLogger(__name__)
 EXPIRES_S: Final = 3.0
 """All tracks end when a camera has been silent for ``keep_lost`` and this time."""
 
+OF_TRACK: Final = TrackMessage.model_fields.keys() - {"world"}
+
 Pixels = NDArray[np.uint8]
 
 
@@ -312,18 +314,4 @@ def centroid_of(node: Node, frame: Frame, found: MovingObject | None) -> Centroi
 
 def track_message(track: Track, world: tuple[float, float] | None = None) -> TrackMessage:
     """Return the message of a track, with its position in the world if that is known."""
-    return TrackMessage(
-        id=track.id,
-        state=track.state,
-        x=track.x,
-        y=track.y,
-        box=track.box,
-        area=track.area,
-        vx=track.vx,
-        vy=track.vy,
-        age_s=track.age_s,
-        missing_s=track.missing_s,
-        world=world,
-        class_name=track.class_name,
-        score=track.score,
-    )
+    return TrackMessage(world=world, **{name: getattr(track, name) for name in OF_TRACK})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import Final
 
 from zenoh_vision import Frame, Node
@@ -100,16 +101,8 @@ class EventPublisher:
 
     def _counts(self) -> Counted:
         counts = self._events.counts
-        zones = {
-            name: ZoneCount(
-                entered=count.entered, left=count.left, dwelled=count.dwelled, inside=count.inside
-            )
-            for name, count in counts.zones.items()
-        }
-        passed = {
-            name: LineCount(left=count.left, right=count.right)
-            for name, count in counts.lines.items()
-        }
+        zones = {name: ZoneCount(**asdict(count)) for name, count in counts.zones.items()}
+        passed = {name: LineCount(**asdict(count)) for name, count in counts.lines.items()}
         return zones or None, passed or None
 
     def _warn_without_plane(self, plane: WorldPlane | None, stamp_ns: int) -> None:

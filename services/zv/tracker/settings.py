@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -40,19 +42,17 @@ from zv.tracker.detector.options import (
 )
 
 
-def _polygons(text: str) -> str:
-    shapes.polygons(text)
-    return text
+def _parsed_by(parse: Callable[[str], object]) -> AfterValidator:
+    """Return a validator that keeps a text as it is, if it can be parsed."""
+
+    def kept(text: str) -> str:
+        parse(text)
+        return text
+
+    return AfterValidator(kept)
 
 
-def _pixel_polygons(text: str) -> str:
-    shapes.polygons(text, world=False)
-    return text
-
-
-def _lines(text: str) -> str:
-    shapes.lines(text)
-    return text
+_PIXEL_POLYGONS = _parsed_by(partial(shapes.polygons, world=False))
 
 
 def _joined(value: object) -> object:
@@ -60,17 +60,6 @@ def _joined(value: object) -> object:
     if isinstance(value, list) and all(isinstance(each, str) for each in value):
         return ", ".join(value)
     return value
-
-
-def _classes(text: str) -> str:
-    classes_of(text)
-    return text
-
-
-def _size(text: str | None) -> str | None:
-    if text is not None:
-        size_of(text)
-    return text
 
 
 class TrackerSettings(ServiceSettings):
@@ -114,7 +103,7 @@ class TrackerSettings(ServiceSettings):
             description="detector: classes to keep, each with a least score of its own if wanted; "
             "empty: all",
         ),
-        AfterValidator(_classes),
+        _parsed_by(classes_of),
         Form(CLASSES_FORM),
         Live(),
     ] = ""
@@ -162,9 +151,8 @@ class TrackerSettings(ServiceSettings):
         ),
     ] = "auto"
     input_size: Annotated[
-        str | None,
+        Annotated[str, _parsed_by(size_of)] | None,
         Field(description="detector: size of the model's input, if the file does not fix it"),
-        AfterValidator(_size),
         Form("width and height such as 640x480"),
     ] = None
     fit: Annotated[
@@ -259,7 +247,7 @@ class TrackerSettings(ServiceSettings):
             description="robust: polygons in pixels; objects are detected only inside them; "
             "empty: everywhere",
         ),
-        AfterValidator(_pixel_polygons),
+        _PIXEL_POLYGONS,
         Form(shapes.POLYGONS_FORM),
         Live(),
     ] = ""
@@ -269,7 +257,7 @@ class TrackerSettings(ServiceSettings):
             max_length=shapes.MAX_CHARACTERS,
             description="robust: polygons in pixels; objects inside them are ignored",
         ),
-        AfterValidator(_pixel_polygons),
+        _PIXEL_POLYGONS,
         Form(shapes.POLYGONS_FORM),
         Live(),
     ] = ""
@@ -323,7 +311,7 @@ class TrackerSettings(ServiceSettings):
             description="zones; entering and leaving one is an event; in pixels, or in units of "
             "the calibration after the word world",
         ),
-        AfterValidator(_polygons),
+        _parsed_by(shapes.polygons),
         Form(shapes.POLYGONS_FORM),
         Live(),
     ] = ""
@@ -334,7 +322,7 @@ class TrackerSettings(ServiceSettings):
             description="lines; crossing one is an event; in pixels, or in units of the "
             "calibration after the word world",
         ),
-        AfterValidator(_lines),
+        _parsed_by(shapes.lines),
         Form(shapes.LINES_FORM),
         Live(),
     ] = ""
