@@ -17,7 +17,10 @@ from zv.tracker.detector.onnx_file import OnnxFile
 from zv.tracker.detector.runtimes import Arrays, threads_of
 
 ENGINES: Final = (cv2.dnn.ENGINE_CLASSIC, cv2.dnn.ENGINE_NEW)
-"""The older engine is faster with most models, the newer one knows more operators."""
+"""The older engine is faster with some models, the newer one knows more operators."""
+
+SHAPING: Final = frozenset({"If", "Loop", "Scan", "Shape", "Range", "NonZero", "NonMaxSuppression"})
+"""With these, sides depend on values: the older engine ends the process, or returns other sides."""
 
 OPERATOR = re.compile(r"Node \[(\w+)@|of type \"(\w+)\"")
 
@@ -43,7 +46,7 @@ class OpenCvRuntime:
         found: dict[float, tuple[cv2.dnn.Net, dict[str, NDArray[Any]]]] = {}
         reasons = []
         with _silent():
-            for engine in ENGINES:
+            for engine in ENGINES[1:] if SHAPING & file.operators else ENGINES:
                 try:
                     net = cv2.dnn.readNetFromONNX(str(file.path), engine)
                     self._forward(net, example)  # it takes longer than all others

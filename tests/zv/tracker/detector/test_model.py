@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,6 +18,8 @@ from zv.tracker.detector import runtimes
 from zv.tracker.detector.class_names import Wanted, check_known, name_of, names_in, read_names
 from zv.tracker.detector.errors import UnknownLayout, UnusableModel
 from zv.tracker.detector.model import Model, ModelOptions
+from zv.tracker.detector.onnx_file import read_onnx
+from zv.tracker.detector.opencv_runtime import SHAPING, OpenCvRuntime
 from zv.tracker.detector.options import classes_of, size_of
 from zv.tracker.detector.placement import placement
 from zv.tracker.detector.suppression import MOST_BOXES, Candidates, suppressed
@@ -86,6 +90,26 @@ def test_without_onnx_runtime_opencv_runs_a_model(tmp_path: Path, monkeypatch: p
     assert model_of(tmp_path).words == "tiny.onnx by OpenCV on cpu"
     with pytest.raises(ConfigurationError, match="pip install"):
         model_of(tmp_path, runtime="onnxruntime")
+
+
+@pytest.mark.parametrize("operator", [None, *sorted(SHAPING)])
+def test_opencv_s_older_engine_gets_no_model_that_computes_sides(
+    operator: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """It ended the process with torchvision's SSDLite, and cut what NonMaxSuppression returned."""
+    file = read_onnx(detector_models.save(tmp_path / "tiny.onnx", "yolov8"))
+    file = replace(file, operators=file.operators | ({operator} if operator else set()))
+    engines: list[int] = []
+    read = cv2.dnn.readNetFromONNX
+
+    def noting(path: str, engine: int) -> cv2.dnn.Net:
+        engines.append(engine)
+        return read(path, engine)
+
+    monkeypatch.setattr(cv2.dnn, "readNetFromONNX", noting)
+    OpenCvRuntime(file, {"images": np.zeros((1, 3, SIZE, SIZE), np.float32)}, 1)
+    older = [] if operator else [cv2.dnn.ENGINE_CLASSIC]
+    assert engines == [*older, cv2.dnn.ENGINE_NEW]
 
 
 # What cannot be run
