@@ -28,8 +28,6 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-import zenoh
-
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import DEFAULT_CAMERA
@@ -38,9 +36,7 @@ from zenoh_vision.node.inputs import Input
 from zenoh_vision.node.node import Node
 from zenoh_vision.topics import COMPRESSED, RAW, TRACKS, Topic, topic_named
 from zenoh_vision.transport.connection import Connection
-from zenoh_vision.transport.router import listening_endpoints
-from zenoh_vision.transport.session import close_session
-from zenoh_vision.transport.zenoh_config import listen_endpoints, router_config
+from zenoh_vision.transport.router import private_router
 
 DEADLINE_S = 30.0
 """How long a start or a message may take on a busy machine."""
@@ -52,12 +48,8 @@ POLL_S = 0.05
 @contextmanager
 def running_router() -> Iterator[str]:
     """Run a router in this process, on a free port of this machine; yield its endpoint."""
-    config = router_config("tcp/127.0.0.1:0")
-    session = zenoh.open(config)
-    try:
-        yield listening_endpoints(session, listen_endpoints(config))[0]
-    finally:
-        close_session(session)
+    with private_router() as (_, endpoint):
+        yield endpoint
 
 
 @contextmanager

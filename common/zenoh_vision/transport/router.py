@@ -1,14 +1,30 @@
-"""Asks a session in router mode, in its own process, for where it listens and whether it works."""
+"""Runs a router in this process, and asks it for where it listens and whether it works."""
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import zenoh
 
+from zenoh_vision.transport.session import close_session
+from zenoh_vision.transport.zenoh_config import listen_endpoints, router_config
+
 QUERY_TIMEOUT_S = 2.0
 PORT_0 = re.compile(r":0(?=$|[?#])")
+
+
+@contextmanager
+def private_router() -> Iterator[tuple[zenoh.Session, str]]:
+    """Run a router in this process, on a free port of this machine; yield session and endpoint."""
+    config = router_config("tcp/127.0.0.1:0")
+    session = zenoh.open(config)
+    try:
+        yield session, listening_endpoints(session, listen_endpoints(config))[0]
+    finally:
+        close_session(session)
 
 
 def listening_endpoints(session: zenoh.Session, endpoints: list[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""A router and processes that only this program uses, to run services without those of a system."""
+"""Processes that only this program uses, to run services without those of a system."""
 
 from __future__ import annotations
 
@@ -6,33 +6,16 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from tempfile import TemporaryFile
 from typing import IO, Final, Self
 
-import zenoh
-
 from zenoh_vision.errors import ExpectationNotMet
-from zenoh_vision.transport.router import listening_endpoints
-from zenoh_vision.transport.session import close_session
-from zenoh_vision.transport.zenoh_config import listen_endpoints, router_config
 
 STOP_S: Final = 5.0
 KEPT_BYTES: Final = 4000
 """Bytes of a log that an error shows."""
-
-
-@contextmanager
-def private_router() -> Iterator[tuple[zenoh.Session, str]]:
-    """Run a router in this process, on a free port of this machine; yield session and endpoint."""
-    config = router_config("tcp/127.0.0.1:0")
-    session = zenoh.open(config)
-    try:
-        yield session, listening_endpoints(session, listen_endpoints(config))[0]
-    finally:
-        close_session(session)
 
 
 def zv_command(*words: str) -> list[str]:

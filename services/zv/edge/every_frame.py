@@ -17,7 +17,8 @@ from zenoh_vision.image import codecs
 from zenoh_vision.image.files import names_image
 from zenoh_vision.messages import Contours, Header
 from zenoh_vision.topics import CONTOURS
-from zv.bag.private_system import Child, private_router, zv_command
+from zenoh_vision.transport.router import private_router
+from zv.bag.private_system import Child, zv_command
 from zv.edge.detectors.rendering import Gray
 from zv.edge.finding import EdgesOfFrame, decode_ahead
 from zv.edge.settings import EdgeSettings

@@ -27,8 +27,9 @@ from zenoh_vision.errors import (
 from zenoh_vision.host.signals import StopSignals
 from zenoh_vision.messages import Header, Tracks
 from zenoh_vision.topics import CENTROID, TRACKS
+from zenoh_vision.transport.router import private_router
 from zenoh_vision.transport.session import direct
-from zv.bag.private_system import Child, private_router, zv_command
+from zv.bag.private_system import Child, zv_command
 from zv.tracker.settings import TrackerSettings
 
 log = logging.getLogger(__name__)

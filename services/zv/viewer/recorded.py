@@ -11,7 +11,8 @@ from zenoh_vision import keys
 from zenoh_vision.errors import SourceError
 from zenoh_vision.topics import topic_of
 from zenoh_vision.transport.connection import Connection
-from zv.bag.private_system import Child, private_router, zv_command
+from zenoh_vision.transport.router import private_router
+from zv.bag.private_system import Child, zv_command
 from zv.bag.recording import Recording
 
 log = logging.getLogger(__name__)

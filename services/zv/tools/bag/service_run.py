@@ -20,8 +20,9 @@ from zenoh_vision.messages import Header, NodeDescription, ParameterList
 from zenoh_vision.node.lockstep import FrameId, answer_keys
 from zenoh_vision.transport.publisher import MESSAGE_DELIVERY
 from zenoh_vision.transport.query import Query, ask, messages_in
+from zenoh_vision.transport.router import private_router
 from zenoh_vision.transport.session import direct
-from zv.bag.private_system import Child, private_router
+from zv.bag.private_system import Child
 from zv.bag.record import Record
 from zv.tools.bag.answered import frame_id
 from zv.tools.bag.tape import is_frame_key
