@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -22,25 +22,8 @@ LEAST_PRIOR = 0.05
 LEAST_COLOR = 0.0005
 """Probability of a colour that an object never showed; equally probable colours have 0.002 each."""
 
-CLEAR = 6.0
-"""A pixel clearly belongs to an object if it is this many times as probable as for any other."""
-
-LEAST_CLEAR = 0.15
-"""An object in a group is hidden if a smaller share of it is clearly its own."""
-
-KNOWN_COLOR = 0.002
-"""A colour is an object's own if it is at least as probable as if all colours were equally so."""
-
-LEAST_KNOWN = 0.4
-"""An object in a group is hidden if a smaller share of its pixels has colours of its own: another
-object is there, whose colours are not known yet. The share is 0.8 to 1 where an object is in view,
-0.5 to 0.6 for one that was seen only half, and 0 to 0.3 where it has left."""
-
 THIN = 0.1
 """Rows and columns with less than this share of the fullest one do not count for the edges."""
-
-OPEN = 0.5
-"""An edge is open if at least this share of it borders on background."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,19 +32,12 @@ class Portion:
 
     Attributes:
         box: Bounding box of its pixels; None if there are none.
-        open: Whether the left, top, right and bottom edge of that box borders on background;
-            otherwise the object may continue behind another one.
         visible: Number of its pixels, relative to the object's usual area.
-        clear: As ``visible``, but only of the pixels that are clearly its own; 0 if most of its
-            pixels have colours that it never showed. If no object has enough of these, all pixels
-            of the most visible one count, since the region must show some object.
         covered: Share of its expected box that is foreground, its own or that of others.
     """
 
     box: Region | None
-    open: tuple[bool, bool, bool, bool]
     visible: float
-    clear: float
     covered: float
 
 
@@ -80,7 +56,6 @@ def divide(targets: Sequence[TrackState], region: Sequence[Region], scene: Scene
     Returns:
         The portion of each object, in the order of ``targets``.
     """
-    areas = [_searched(target) for target in targets]
     rows, columns = scene.cut(union(region))
     mask = np.zeros((rows.stop - rows.start, columns.stop - columns.start), bool)
     for part in region:
@@ -91,27 +66,16 @@ def divide(targets: Sequence[TrackState], region: Sequence[Region], scene: Scene
         )
         mask[window] = scene.mask[y, x] > 0
     levels = levels_of(scene.picture[rows, columns])
-    best, second = np.zeros(mask.shape, np.float32), np.zeros(mask.shape, np.float32)
-    owner = np.full(mask.shape, -1, np.int16)
-    known = np.zeros(mask.shape, bool)
+    best, owner = np.zeros(mask.shape, np.float32), np.full(mask.shape, -1, np.int16)
+    origin = rows.start, columns.start
     for number, target in enumerate(targets):
-        window, likely, own_color = _likely(
-            target, areas[number], levels, (rows.start, columns.start)
-        )
+        window, likely = _likely(target, levels, origin)
         better = (likely > best[window]) & mask[window]
-        second[window] = np.where(better, best[window], np.maximum(second[window], likely))
         best[window][better] = likely[better]
         owner[window][better] = number
-        known[window][better] = own_color[better]
-    clear = best > CLEAR * second
-    portions = [
-        _portion(target, owner == number, clear, known, mask, (rows.start, columns.start))
-        for number, target in enumerate(targets)
+    return [
+        _portion(target, owner == number, mask, origin) for number, target in enumerate(targets)
     ]
-    if max(portion.clear for portion in portions) < LEAST_CLEAR:
-        largest = max(range(len(portions)), key=lambda number: portions[number].visible)
-        portions[largest] = replace(portions[largest], clear=portions[largest].visible)
-    return portions
 
 
 def _searched(target: TrackState) -> Region:
@@ -125,14 +89,10 @@ def _searched(target: TrackState) -> Region:
 
 
 def _likely(
-    target: TrackState, area: Region, levels: NDArray[np.intp], origin: tuple[int, int]
-) -> tuple[tuple[slice, slice], NDArray[np.float32], NDArray[np.bool_]]:
-    """Return how probable each pixel of a region is for an object.
-
-    Returns:
-        The window of the region that was examined; the probabilities in it; and for each pixel
-        whether the object has shown this colour before.
-    """
+    target: TrackState, levels: NDArray[np.intp], origin: tuple[int, int]
+) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
+    """Return how probable each pixel of a region is for an object, and where in the region."""
+    area = _searched(target)
     height, width = levels.shape
     top, left = max(0, round(area.top) - origin[0]), max(0, round(area.left) - origin[1])
     bottom = max(top, min(height, round(area.bottom) - origin[0]))
@@ -144,7 +104,7 @@ def _likely(
     if looks.silhouette is None or looks.colors is None:
         inside = ((v >= 0) & (v < 1))[:, None] & ((u >= 0) & (u < 1))[None]
         likely = np.where(inside, LEAST_COLOR, LEAST_PRIOR * LEAST_COLOR).astype(np.float32)
-        return window, likely, np.ones(inside.shape, bool)
+        return window, likely
     size = looks.silhouette.shape
     rows = np.repeat((v * size[0] - 0.5).astype(np.float32)[:, None], u.size, axis=1)
     columns = np.repeat((u * size[1] - 0.5).astype(np.float32)[None], v.size, axis=0)
@@ -156,14 +116,12 @@ def _likely(
     bands = (v * BANDS).astype(np.intp)
     bands = np.minimum(np.maximum(bands, 0), BANDS - 1)
     colors = looks.colors[bands[:, None], levels[window]]
-    return window, prior * (colors + LEAST_COLOR), colors > KNOWN_COLOR
+    return window, prior * (colors + LEAST_COLOR)
 
 
 def _portion(
     target: TrackState,
     own: NDArray[np.bool_],
-    clear: NDArray[np.bool_],
-    known: NDArray[np.bool_],
     mask: NDArray[np.bool_],
     origin: tuple[int, int],
 ) -> Portion:
@@ -173,31 +131,13 @@ def _portion(
     bottom, right = max(0, round(box.bottom) - origin[0]), max(0, round(box.right) - origin[1])
     expected = mask[top:bottom, left:right]
     covered = float(expected.mean()) if expected.size else 0.0
-    foreign = np.count_nonzero(own & known) < LEAST_KNOWN * np.count_nonzero(own)
     own = cv2.medianBlur(own.astype(np.uint8), 3) > 0
     count = int(np.count_nonzero(own))
     if not count:
-        return Portion(None, (False,) * 4, 0.0, 0.0, covered)
+        return Portion(None, 0.0, covered)
     first_y, end_y = extent(own.sum(axis=1), THIN)
     first_x, end_x = extent(own.sum(axis=0), THIN)
     found = Region(
         first_x + origin[1], first_y + origin[0], end_x + origin[1], end_y + origin[0], count
     )
-    sides = (
-        _is_open(own.T, mask.T, first_x, first_x - 2),
-        _is_open(own, mask, first_y, first_y - 2),
-        _is_open(own.T, mask.T, end_x - 1, end_x + 1),
-        _is_open(own, mask, end_y - 1, end_y + 1),
-    )
-    usual = max(1.0, target.area)
-    clear_share = 0.0 if foreign else float(np.count_nonzero(own & clear)) / usual
-    return Portion(found, sides, count / usual, clear_share, covered)
-
-
-def _is_open(own: NDArray[np.bool_], mask: NDArray[np.bool_], row: int, beside: int) -> bool:
-    """Return whether the outer row of an object's pixels borders on background beside it."""
-    if not 0 <= beside < len(mask):
-        return True
-    edge = own[row]
-    number = np.count_nonzero(edge)
-    return bool(np.count_nonzero(edge & ~mask[beside]) >= OPEN * number)
+    return Portion(found, count / max(1.0, target.area), covered)

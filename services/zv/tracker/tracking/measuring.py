@@ -22,11 +22,9 @@ class MeasuringLimits:
         learn_every_s: and the interval in which it is learned.
         group_memory_s: For this long after an object was in a group, its size is not measured:
             others may be near.
-        in_front: An object in a group is in front if more than this share of its usual area is
-            visible.
         held_s: An object that is hidden in a group counts as seen for this long,
         covered: if this share of its box is foreground.
-        clear: An object in a group is hidden if a smaller share of it is clearly its own.
+        visible: An object in a group is hidden if a smaller share of its usual area is visible.
         border: Width of the border of the picture, as a share of its smaller side.
     """
 
@@ -34,10 +32,9 @@ class MeasuringLimits:
     appearance_s: float = 1.0
     learn_every_s: float = 0.15
     group_memory_s: float = 1.5
-    in_front: float = 0.75
     held_s: float = 1.5
     covered: float = 0.5
-    clear: float = 0.15
+    visible: float = 0.15
     border: float = 0.02
 
 
@@ -87,17 +84,12 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene | Non
         moment: The frame.
         scene: The pixels of the frame, from which the appearance is learned; None to not learn it.
     """
-    expected, at_border, now_s = track.box, moment.at_border(found), moment.now_s
+    at_border, now_s = moment.at_border(found), moment.now_s
     if track.grouped_s is not None and now_s - track.grouped_s > LIMITS.group_memory_s:
         track.grouped_s = None
-    entering, margin = not track.was_inside, moment.margin
+    entering = not track.was_inside
     dx, dy = (axis.velocity * moment.dt_s if entering else None for axis in (track.x, track.y))
-    x, width = _along(
-        found.left, found.right, expected.left, expected.right, moment.size[0], margin, dx
-    )
-    y, height = _along(
-        found.top, found.bottom, expected.top, expected.bottom, moment.size[1], margin, dy
-    )
+    (x, width), (y, height) = _centre(found, track, moment, (dx, dy))
     complete = width and height
     track.was_inside |= not at_border
     follows = entering or track.grouped_s is None
@@ -132,14 +124,11 @@ def measure_portion(track: TrackState, portion: Portion, moment: Moment) -> bool
     it.
     """
     box = portion.box
-    if box is None or portion.clear < LIMITS.clear:
+    if box is None or portion.visible < LIMITS.visible:
         if portion.covered > LIMITS.covered and moment.now_s - track.clear_s < LIMITS.held_s:
             track.seen_s = moment.now_s
         return False
-    expected, whole = track.box, portion.visible > LIMITS.in_front
-    left, top, right, bottom = portion.open
-    x, width = _between(box.left, box.right, expected.left, expected.right, left, right, whole)
-    y, height = _between(box.top, box.bottom, expected.top, expected.bottom, top, bottom, whole)
+    (x, width), (y, height) = _centre(box, track, moment)
     if width and height:
         track.shown = box
     track.clear_s = moment.now_s
@@ -153,11 +142,24 @@ def _around(middle: tuple[float, float], track: TrackState) -> Region:
     return Region(x - half_width, y - half_height, x + half_width, y + half_height, track.area)
 
 
+def _centre(
+    found: Region,
+    track: TrackState,
+    moment: Moment,
+    moved: tuple[float | None, float | None] = (None, None),
+) -> tuple[tuple[float, bool], tuple[float, bool]]:
+    """Return the centre of a box along x and y, each with whether its length there is reliable."""
+    expected, (width, height), margin = track.box, moment.size, moment.margin
+    across, along = (found.left, found.right), (found.top, found.bottom)
+    return (
+        _along(across, (expected.left, expected.right), width, margin, moved[0]),
+        _along(along, (expected.top, expected.bottom), height, margin, moved[1]),
+    )
+
+
 def _along(
-    low: float,
-    high: float,
-    expected_low: float,
-    expected_high: float,
+    found: tuple[float, float],
+    expected: tuple[float, float],
     end: int,
     margin: float,
     moved: float | None,
@@ -169,39 +171,19 @@ def _along(
     enters the picture, having ``moved`` since the last frame, the edge inside of the picture is
     used.
     """
-    length, expected = high - low, max(1e-6, expected_high - expected_low)
+    (low, high), (expected_low, expected_high) = found, expected
+    half = max(1e-6, expected_high - expected_low) / 2
+    ratio = (high - low) / (2 * half)
     cut_low, cut_high = low <= margin, high >= end - margin
     if moved is not None:
         cut_low = cut_low or expected_low - moved <= margin
         cut_high = cut_high or expected_high - moved >= end - margin
     if cut_low and not cut_high:
-        return high - expected / 2, False
+        return high - half, False
     if cut_high and not cut_low:
-        return low + expected / 2, False
-    if moved is not None or 1 / LIMITS.grown < length / expected < LIMITS.grown:
+        return low + half, False
+    if moved is not None or 1 / LIMITS.grown < ratio < LIMITS.grown:
         return (low + high) / 2, True
     if abs(low - expected_low) < abs(high - expected_high):
-        return low + expected / 2, False
-    return high - expected / 2, False
-
-
-def _between(
-    low: float,
-    high: float,
-    expected_low: float,
-    expected_high: float,
-    open_low: bool,
-    open_high: bool,
-    whole: bool,
-) -> tuple[float, bool]:
-    """Return the centre of a portion along one axis, and whether it is seen from end to end.
-
-    At an edge that is not open, another object may hide the rest. The centre is then measured from
-    the other edge if that one is open, else from the edge that is nearer to the expected one.
-    """
-    expected = expected_high - expected_low
-    if whole or (open_low and open_high and high - low > expected / LIMITS.grown):
-        return (low + high) / 2, True
-    if open_low == open_high:
-        open_low = abs(low - expected_low) < abs(high - expected_high)
-    return (low + expected / 2 if open_low else high - expected / 2), False
+        return low + half, False
+    return high - half, False

@@ -52,8 +52,6 @@ def test_colours_divide_a_region_where_the_prediction_is_some_pixels_off():
     assert edges(of_two.box) == pytest.approx((80, 40, 110, 60), abs=1)
     assert of_one.visible == pytest.approx(1.0, abs=0.05)
     assert of_two.visible == pytest.approx(0.75, abs=0.05)
-    # The front one hides the left end of the other, whose remaining edges are true ones.
-    assert of_two.open == (False, True, True, True)
 
 
 def test_objects_of_the_same_colour_are_divided_by_their_positions():
@@ -63,8 +61,6 @@ def test_objects_of_the_same_colour_are_divided_by_their_positions():
     of_left, of_right = divide(
         [known(1, seen, RED, left), known(2, seen, RED, right)], [region((40, 20, 75, 84))], scene
     )
-    assert of_left.open[0]
-    assert of_right.open[2]
     assert edges(of_left.box)[0] == 40
     assert edges(of_right.box)[2] == 75
 
@@ -76,31 +72,17 @@ def test_an_object_behind_another_one_has_no_pixels_and_is_covered():
     of_front, of_hidden = divide(
         [known(1, (10, 10, 50, 90), RED, front), hidden], [region(front)], scene
     )
-    assert of_hidden.clear == 0
+    assert of_hidden.visible == 0
     assert of_hidden.covered == 1
     assert edges(of_front.box) == front
 
 
-def test_only_one_of_two_tracks_of_an_object_has_clear_pixels():
+def test_only_one_of_two_tracks_of_an_object_has_pixels():
     at, seen = (60, 20, 80, 80), (120, 20, 140, 80)
     one, other = divide(
         [known(1, seen, RED, at), known(2, seen, RED, at)], [region(at)], painted((at, RED))
     )
-    assert (one.clear, other.clear) == (pytest.approx(1.0, abs=0.05), 0.0)
-
-
-def test_a_track_gets_no_clear_pixels_of_colours_that_its_object_never_showed():
-    # A ball has left, where a walker entered of whom only the green upper half was seen before.
-    green, yellow = (40, 160, 40), (40, 200, 220)
-    walker, ball = (60, 10, 80, 90), (58, 50, 82, 74)
-    entered = new_state(1, region(walker), 0.0)
-    upper = painted(((120, 10, 140, 50), green))
-    entered.appearance.learn(upper, region((120, 10, 140, 90)), 1.0)
-    left = known(2, (20, 50, 44, 74), RED, ball)
-    scene = painted((walker, green), ((60, 50, 80, 90), yellow))
-    of_walker, of_ball = divide([entered, left], [region(walker)], scene)
-    assert of_walker.clear > 0.4
-    assert of_ball.clear == 0
+    assert (one.visible, other.visible) == (pytest.approx(1.0, abs=0.05), 0.0)
 
 
 def test_foreground_outside_of_a_shared_region_is_not_divided():
