@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -26,22 +25,9 @@ THIN = 0.1
 """Rows and columns with less than this share of the fullest one do not count for the edges."""
 
 
-@dataclass(frozen=True, slots=True)
-class Portion:
-    """The part of a shared region that belongs to one object.
-
-    Attributes:
-        box: Bounding box of its pixels; None if there are none.
-        visible: Number of its pixels, relative to the object's usual area.
-        covered: Share of its expected box that is foreground, its own or that of others.
-    """
-
-    box: Region | None
-    visible: float
-    covered: float
-
-
-def divide(targets: Sequence[TrackState], region: Sequence[Region], scene: Scene) -> list[Portion]:
+def divide(
+    targets: Sequence[TrackState], region: Sequence[Region], scene: Scene
+) -> list[Region | None]:
     """Divide a shared region among objects, pixel by pixel.
 
     Each pixel is assigned to the object with the largest product of two probabilities: that the
@@ -54,7 +40,7 @@ def divide(targets: Sequence[TrackState], region: Sequence[Region], scene: Scene
         scene: The pixels of the frame.
 
     Returns:
-        The portion of each object, in the order of ``targets``.
+        The portion of each object, in the order of ``targets``; None for one without pixels.
     """
     rows, columns = scene.cut(union(region))
     mask = np.zeros((rows.stop - rows.start, columns.stop - columns.start), bool)
@@ -73,9 +59,7 @@ def divide(targets: Sequence[TrackState], region: Sequence[Region], scene: Scene
         better = (likely > best[window]) & mask[window]
         best[window][better] = likely[better]
         owner[window][better] = number
-    return [
-        _portion(target, owner == number, mask, origin) for number, target in enumerate(targets)
-    ]
+    return [_portion(owner == number, origin) for number in range(len(targets))]
 
 
 def _searched(target: TrackState) -> Region:
@@ -119,25 +103,12 @@ def _likely(
     return window, prior * (colors + LEAST_COLOR)
 
 
-def _portion(
-    target: TrackState,
-    own: NDArray[np.bool_],
-    mask: NDArray[np.bool_],
-    origin: tuple[int, int],
-) -> Portion:
-    """Return the portion of an object, given its pixels ``own`` of a region's mask."""
-    box = target.box
-    top, left = max(0, round(box.top) - origin[0]), max(0, round(box.left) - origin[1])
-    bottom, right = max(0, round(box.bottom) - origin[0]), max(0, round(box.right) - origin[1])
-    expected = mask[top:bottom, left:right]
-    covered = float(expected.mean()) if expected.size else 0.0
-    own = cv2.medianBlur(own.astype(np.uint8), 3) > 0
-    count = int(np.count_nonzero(own))
-    if not count:
-        return Portion(None, 0.0, covered)
-    first_y, end_y = extent(own.sum(axis=1), THIN)
-    first_x, end_x = extent(own.sum(axis=0), THIN)
-    found = Region(
-        first_x + origin[1], first_y + origin[0], end_x + origin[1], end_y + origin[0], count
-    )
-    return Portion(found, count / max(1.0, target.area), covered)
+def _portion(own: NDArray[np.bool_], origin: tuple[int, int]) -> Region | None:
+    """Return the box and the number of an object's pixels; ``origin`` is the first row, column."""
+    pixels = cv2.medianBlur(own.astype(np.uint8), 3) > 0
+    if not pixels.any():
+        return None
+    top, bottom = extent(pixels.sum(axis=1), THIN)
+    left, right = extent(pixels.sum(axis=0), THIN)
+    y, x = origin
+    return Region(left + x, top + y, right + x, bottom + y, int(np.count_nonzero(pixels)))

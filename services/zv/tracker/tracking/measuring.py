@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 from zv.tracker.tracking.appearance import Scene
-from zv.tracker.tracking.groups import Portion
 from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.state import MOTION, TrackState
 
@@ -22,8 +21,6 @@ class MeasuringLimits:
         learn_every_s: and the interval in which it is learned.
         group_memory_s: For this long after an object was in a group, its size is not measured:
             others may be near.
-        held_s: An object that is hidden in a group counts as seen for this long,
-        covered: if this share of its box is foreground.
         visible: An object in a group is hidden if a smaller share of its usual area is visible.
         border: Width of the border of the picture, as a share of its smaller side.
     """
@@ -32,8 +29,6 @@ class MeasuringLimits:
     appearance_s: float = 1.0
     learn_every_s: float = 0.15
     group_memory_s: float = 1.5
-    held_s: float = 1.5
-    covered: float = 0.5
     visible: float = 0.15
     border: float = 0.02
 
@@ -109,7 +104,6 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene | Non
         track.correct(track.steadied((x, y), found.pixels_at, share), now_s)
     else:
         track.correct((x, y), now_s, (width, height))
-    track.clear_s = now_s
     since_s = now_s - track.learned_s
     if scene is not None and complete and since_s >= LIMITS.learn_every_s:
         share = 1 - math.exp(-min(since_s / LIMITS.appearance_s, 1.0))
@@ -117,21 +111,13 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene | Non
         track.learned_s = now_s
 
 
-def measure_portion(track: TrackState, portion: Portion, moment: Moment) -> bool:
-    """Correct an object by its portion of a region that it shares with others; False if hidden.
-
-    While it is hidden, it counts as seen for up to ``held_s`` if there is foreground that may hide
-    it.
-    """
-    box = portion.box
-    if box is None or portion.visible < LIMITS.visible:
-        if portion.covered > LIMITS.covered and moment.now_s - track.clear_s < LIMITS.held_s:
-            track.seen_s = moment.now_s
+def measure_portion(track: TrackState, portion: Region | None, moment: Moment) -> bool:
+    """Correct an object by its portion of a region that it shares with others; False if hidden."""
+    if portion is None or portion.area < LIMITS.visible * max(1.0, track.area):
         return False
-    (x, width), (y, height) = _centre(box, track, moment)
+    (x, width), (y, height) = _centre(portion, track, moment)
     if width and height:
-        track.shown = box
-    track.clear_s = moment.now_s
+        track.shown = portion
     track.correct((x, y), moment.now_s)
     return True
 

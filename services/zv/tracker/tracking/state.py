@@ -63,7 +63,6 @@ class TrackState:
         stands_s: Since when it has stood there.
         tested_s: When it was last tested for being a ghost.
         learned_s: When its appearance was last learned.
-        clear_s: When some of the foreground was last clearly its own.
         alone_s: For how long it was seen alone, complete, away from the border of the picture.
         was_inside: Whether it was ever seen away from the border of the picture.
         shown: Its own foreground in this frame, if that seems to be all of it.
@@ -87,7 +86,6 @@ class TrackState:
     cut: tuple[bool, bool, bool, bool]
     stands_at: Point
     stands_s: float
-    clear_s: float
     shown_s: float = 0.0
     hits: int = 1
     travelled: float = 0.0
@@ -226,7 +224,6 @@ def new_state(
         was_inside=not any(cut),
         stands_at=(x, y),
         stands_s=now_s,
-        clear_s=now_s,
     )
 
 
