@@ -23,9 +23,6 @@ BANDS = 6
 SILHOUETTE = (12, 12)
 """Rows and columns into which a silhouette is divided."""
 
-SMOOTHING = 0.5
-"""Share of each bin that is distributed to its two neighbours in a channel."""
-
 
 @dataclass(frozen=True, slots=True)
 class Scene:
@@ -53,23 +50,13 @@ class Appearance:
     Attributes:
         silhouette: How often each cell of the object's box was foreground, 0 to 1, of shape
             ``SILHOUETTE``; None before anything was learned.
+        colors: The histogram of each band, (BANDS, LEVELS ** 3), each with the sum 1; None before
+            any was learned.
     """
 
     def __init__(self) -> None:
         self.silhouette: Floats | None = None
-        self._histograms: Floats | None = None
-        self._smooth: Floats | None = None
-
-    @property
-    def colors(self) -> Floats | None:
-        """The smoothed histogram of each band, (BANDS, LEVELS ** 3); None before any was learned.
-
-        The sum of each band is 1. The histograms are smoothed on demand, since they are used less
-        often than learned.
-        """
-        if self._smooth is None and self._histograms is not None:
-            self._smooth = smoothed(self._histograms)
-        return self._smooth
+        self.colors: Floats | None = None
 
     def learn(self, scene: Scene, box: Region, share: float) -> None:
         """Adapt the appearance to a frame.
@@ -86,12 +73,11 @@ class Appearance:
         seen = cv2.resize(mask, SILHOUETTE[::-1], interpolation=cv2.INTER_AREA)
         silhouette = np.asarray(seen, np.float32) * np.float32(1 / 255)
         histograms = histograms_of(scene.picture[cut], mask)
-        self._smooth = None
-        if self.silhouette is None or self._histograms is None:
-            self.silhouette, self._histograms = silhouette, histograms
+        if self.silhouette is None or self.colors is None:
+            self.silhouette, self.colors = silhouette, histograms
             return
         self.silhouette += (silhouette - self.silhouette) * np.float32(share)
-        self._histograms += (histograms - self._histograms) * np.float32(share)
+        self.colors += (histograms - self.colors) * np.float32(share)
 
     def distance(self, scene: Scene, box: Region) -> float:
         """Return the distance of the colours in a box: 0 the same, 1 none in common.
@@ -103,7 +89,7 @@ class Appearance:
         mask = scene.mask[cut]
         if self.colors is None or not mask.size:
             return 0.5
-        found = smoothed(histograms_of(scene.picture[cut], mask))
+        found = histograms_of(scene.picture[cut], mask)
         shared = np.sqrt(self.colors * found).sum(axis=1)
         bands = (self.colors.any(axis=1)) & (found.any(axis=1))  # others are higher than the object
         common = float(shared[bands].mean()) if bands.any() else 0.0
@@ -128,22 +114,3 @@ def histograms_of(picture: Image, mask: Image) -> Floats:
     counts = np.bincount(numbers[mask > 0], minlength=BANDS * LEVELS**3)
     found = counts.astype(np.float32).reshape(BANDS, -1)
     return np.asarray(found / np.maximum(found.sum(axis=1, keepdims=True), 1.0), np.float32)
-
-
-def smoothed(histograms: Floats) -> Floats:
-    """Return histograms smoothed along each channel, so that similar colours are near each other.
-
-    The sums stay the same.
-    """
-    cubes = histograms.reshape(BANDS, LEVELS, LEVELS, LEVELS)
-    for axis in (1, 2, 3):
-        cubes = _smoothed(cubes, axis)
-    return cubes.reshape(BANDS, -1)
-
-
-def _smoothed(cubes: Floats, axis: int) -> Floats:
-    """Return the weighted mean of each bin and its neighbours along an axis; ends are repeated."""
-    levels = np.arange(LEVELS)
-    before = np.take(cubes, np.maximum(levels - 1, 0), axis)
-    after = np.take(cubes, np.minimum(levels + 1, LEVELS - 1), axis)
-    return np.asarray(cubes * (1 - SMOOTHING) + (before + after) * (SMOOTHING / 2), np.float32)
