@@ -52,7 +52,9 @@ def rows(opened: Tab) -> list[str]:
 def test_a_message_is_a_tree_with_what_its_schema_says_and_follows_the_stream(panel) -> None:
     opened, server = panel
     tell(server, pose={"x": 1.5, "y": 2}, battery=80, label="cup")
-    wait_until(lambda: "battery 80 charge, percent" in rows(opened), explain=lambda: rows(opened))
+    wait_until(
+        lambda: "battery 80 charge, percent" in rows(opened), explain=lambda: str(rows(opened))
+    )
     assert rows(opened)[-5:] == [
         "pose ▾ {2 items}",
         "x 1.5 to the right, metres",
@@ -66,6 +68,17 @@ def test_a_message_is_a_tree_with_what_its_schema_says_and_follows_the_stream(pa
     wait_until(lambda: rows(opened) == ["battery 79 charge, percent"])
     opened.page.click("#message-hold")
     server.wait_for(KEY, watched=False)
+
+
+def test_a_schema_that_comes_after_its_only_message_is_shown_with_it(panel) -> None:
+    opened, server = panel
+    held: list[Any] = []
+    opened.page.unroute("**/schema?name=my.Robot.v1")
+    opened.page.route("**/schema?name=my.Robot.v1", lambda route: held.append(route))
+    tell(server, battery=80)
+    wait_until(lambda: "battery 80" in rows(opened) and held, explain=lambda: str(rows(opened)))
+    held[0].fulfill(json=SCHEMA)
+    wait_until(lambda: "battery 80 charge, percent" in rows(opened))
 
 
 def test_a_click_on_a_number_plots_it(panel) -> None:
@@ -99,7 +112,7 @@ def test_hostile_messages_are_shown_cut_and_neither_run_nor_hang(panel) -> None:
         constructor=5,
         html="<img src=x onerror=alert(1)>",
     )
-    wait_until(lambda: "constructor 5" in rows(opened), explain=lambda: rows(opened))
+    wait_until(lambda: "constructor 5" in rows(opened), explain=lambda: str(rows(opened)))
     shown = rows(opened)
     assert any("(cut, 1000000 characters)" in row for row in shown)
     assert f"big {2**60}" in shown

@@ -142,7 +142,10 @@ export class MessagePanel {
 			this.schemas.set(type, null);
 			fetch(`schema?name=${encodeURIComponent(type)}`)
 				.then((answer) => (answer.ok ? answer.json() : null))
-				.then((schema) => this.schemas.set(type, schema), () => null);
+				.then((schema) => {
+					this.schemas.set(type, schema);
+					this.drawRows(); // the message may have been drawn without it
+				}, () => null);
 		}
 		return this.schemas.get(type) ?? null;
 	}
