@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { between, milliseconds, PictureReader } from "./transport/connection.js";
+import { between, Connection, milliseconds, PictureReader } from "./transport/connection.js";
 
 /** The bytes of a message with a picture of three bytes. */
 function message() {
@@ -41,4 +41,35 @@ test("times of 64 bits keep their milliseconds", () => {
   assert.equal(milliseconds("1790000000123456789"), 1790000000123.4568);
   assert.equal(between("1790000000000000001", "1790000000033000001"), 33);
   assert.equal(milliseconds(null), null);
+});
+
+test("a connection is given up when it is silent, not when the page stood still itself", (t) => {
+  const sockets = [];
+  let now = 0;
+  let look;
+  class Socket {
+    constructor() {
+      sockets.push(this);
+    }
+    close() {}
+  }
+  const stubs = { WebSocket: Socket, document: { addEventListener() {} } };
+  stubs.setInterval = (listener) => (look = listener);
+  stubs.setTimeout = () => 1;
+  const kept = Object.fromEntries(Object.keys(stubs).map((name) => [name, globalThis[name]]));
+  Object.assign(globalThis, stubs);
+  t.mock.method(performance, "now", () => now);
+  t.after(() => Object.assign(globalThis, kept));
+  const closed = [];
+  const connection = new Connection("ws://x/live");
+  connection.on("close", () => closed.push(now));
+  sockets[0].onopen();
+  now = 60_000; // a minute in which the page did nothing; a tick that came meanwhile is read after
+  look();
+  sockets[0].onmessage({ data: '{"op":"tick"}' });
+  now = 61_000;
+  look();
+  assert.deepEqual(closed, []);
+  for (now = 62_000; now < 80_000; now += 1000) look();
+  assert.deepEqual(closed, [67_000]); // silent for 6 s at 66, and still so at 67
 });

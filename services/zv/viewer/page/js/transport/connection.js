@@ -26,6 +26,7 @@ export class Connection extends Events {
 	constructor(address) {
 		super();
 		this.isOpen = false;
+		this.silent = false;
 		this.address = address;
 		this.delay = FIRST_DELAY_MS;
 		this.queue = [];
@@ -126,9 +127,14 @@ export class Connection extends Events {
 		this.delay = Math.min(2 * this.delay, LONGEST_DELAY_MS);
 	}
 
-	/** A connection whose other end is gone stays "open" for minutes, but receives no ticks. */
+	/**
+	 * A connection whose other end is gone stays "open" for minutes, but receives no ticks. A page
+	 * that stood still itself has not read yet what came, so it must be silent at two looks.
+	 */
 	closeIfSilent() {
-		if (this.timer || performance.now() - this.receivedAt < SILENCE_MS) return;
+		const wasSilent = this.silent;
+		this.silent = !this.timer && performance.now() - this.receivedAt >= SILENCE_MS;
+		if (!wasSilent || !this.silent) return;
 		Object.assign(this.socket, { onopen: null, onmessage: null, onclose: null });
 		this.socket.close();
 		this.closed();
