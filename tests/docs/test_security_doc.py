@@ -65,7 +65,10 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Secured]:
 
 
 def _answers(session: zenoh.Session) -> bool:
-    return any(reply.ok for reply in session.get("@vision/param/camera_front", timeout=2.0))
+    found = [reply for reply in session.get("@vision/param/*", timeout=2.0) if reply.ok]
+    return {"@vision/param/camera_front", "@vision/param/tracker_front"} <= {
+        str(reply.ok.key_expr) for reply in found if reply.ok
+    }
 
 
 @pytest.mark.parametrize("command", PAGE.commands(*NEEDS_SYSTEM))

@@ -262,7 +262,8 @@ def test_a_delete_is_dropped_as_empty(system):
 
 
 BUSY = ("than its stream", "more samples as", "waiting: no frame", "frames arrive on")
-"""What is logged on a slow machine: slowness, bursts that are over, and a silence of 2 s."""
+BUSY += ("objects that move farther",)
+"""Logged on a slow machine: slowness, bursts that are over, a silence of 2 s, a rate too low."""
 
 
 def test_each_reason_is_logged_once_per_burst(client, service):
