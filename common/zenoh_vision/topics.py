@@ -34,6 +34,7 @@ class Topic:
         delivery: Priority and congestion control.
         lazy: Payloads are made only for subscribers and queries.
         keeps: How many of its newest payloads answer a query.
+        recent: Of how many frames the payload answers a query that names the frame.
         by_query: It is never published: a function of the node answers each query.
         recorded: Part of a recording unless keys are named; not what is made for display only, nor
             a second form of what is recorded.
@@ -47,6 +48,7 @@ class Topic:
     delivery: Delivery = "frame"
     lazy: bool = True
     keeps: int = 1
+    recent: int = 0
     by_query: bool = False
     recorded: bool = True
     every_frame: bool = True
@@ -57,7 +59,12 @@ class Topic:
 
 
 def message_topic(
-    name: str, message: type[Message], *, keeps: int = 1, every_frame: bool = True
+    name: str,
+    message: type[Message],
+    *,
+    keeps: int = 1,
+    recent: int = 0,
+    every_frame: bool = True,
 ) -> Topic:
     """Return the topic of a msgpack message, which is published even without subscribers."""
     return Topic(
@@ -67,14 +74,15 @@ def message_topic(
         delivery="message",
         lazy=False,
         keeps=keeps,
+        recent=recent,
         every_frame=every_frame,
     )
 
 
-COMPRESSED = Topic("image/compressed", JPEG)
+COMPRESSED = Topic("image/compressed", JPEG, recent=10)
 RAW = Topic("image", RAW_IMAGE, recorded=False)
 CENTROID = message_topic("centroid", Centroid)
-TRACKS = message_topic("tracks", Tracks)
+TRACKS = message_topic("tracks", Tracks, recent=100)
 EVENTS = message_topic("events", TrackEvent, keeps=100, every_frame=False)
 PREDICTION = Topic(
     "prediction",

@@ -201,11 +201,11 @@ class Outputs:
         self, topic: Topic | str, message: Message | Callable[[], Message], camera: str | None
     ) -> bool:
         """Publish a message; see ``Node.publish``."""
-        camera = (
-            message.header.camera if isinstance(message, Stamped) else self._core.camera(camera)
-        )
+        header = message.header if isinstance(message, Stamped) else None
+        camera = self._core.camera(camera) if header is None else header.camera
         outcome = self._publisher(topic, camera).offer(
-            lambda: Outgoing.message(message if isinstance(message, Message) else message())
+            lambda: Outgoing.message(message if isinstance(message, Message) else message()),
+            frame=None if header is None else (header.epoch, header.seq),
         )
         return outcome == "sent"
 
@@ -354,7 +354,9 @@ class Outputs:
         try:
             if outputs.compressed is not None:
                 kept = lambda: _compressed(frame, frame.compressed)  # noqa: E731
-                found.add(outputs.compressed.offer(kept, to_send))
+                header = frame.header
+                at, held = (header.epoch, header.seq), header.width * header.height * 3
+                found.add(outputs.compressed.offer(kept, to_send, at, held))
         except PayloadError as error:
             failure = error
         try:

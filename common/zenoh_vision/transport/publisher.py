@@ -110,6 +110,12 @@ class Demand:
         return self._exists
 
 
+FrameId = tuple[int, int]
+"""Epoch and sequence number of a frame."""
+
+RECENT_BYTES = 32 << 20
+"""Limit of what the payloads of recent frames take, except the newest."""
+
 ReplyLimit = Callable[[int], str | None]
 """Returns why a reply of this many bytes must not be sent now; None if it may be."""
 
@@ -148,6 +154,7 @@ class StreamPublisher:
         self._link = link
         self._report = report
         self._kept: deque[LazyPayload] = deque(maxlen=topic.keeps)
+        self._recent: deque[tuple[FrameId, LazyPayload, int]] = deque()
         self._publisher = link.declare(
             lambda session: session.declare_publisher(
                 key,
@@ -169,7 +176,11 @@ class StreamPublisher:
         return self._demand.exists
 
     def offer(
-        self, make: Callable[[], Outgoing], send: Callable[[], Outgoing | None] | None = None
+        self,
+        make: Callable[[], Outgoing],
+        send: Callable[[], Outgoing | None] | None = None,
+        frame: FrameId | None = None,
+        held: int = 0,
     ) -> Outcome:
         """Publish a payload if someone subscribes, and keep it as the newest for queries.
 
@@ -177,18 +188,20 @@ class StreamPublisher:
             make: Makes the payload; called at most once, perhaps later and on another thread.
             send: Makes the one to send now, if it differs from what a query gets; None withholds
                 it, and it is not kept either. By default ``make``.
+            frame: To which it belongs, if a query may name it.
+            held: Bytes that ``make`` needs until it is called.
 
         Returns:
             What became of it. A topic that is not lazy is always sent.
         """
         if self.topic.lazy and not self._demand.exists:
-            self._keep(make)
+            self._keep(make, frame, held)
             return "unwanted"
         outgoing = (send or make)()
         if outgoing is None:
             return "withheld"
         if outgoing.answers:
-            self._keep(lambda: outgoing)
+            self._keep(lambda: outgoing, frame, len(outgoing.payload))
         self._put(outgoing)
         return "sent"
 
@@ -197,9 +210,12 @@ class StreamPublisher:
 
         All replies have the same key, of which a client keeps only the newest by default: that of
         the latest timestamp, or without timestamps the last. A payload that cannot be made is an
-        error reply.
+        error reply. A query with the parameters ``epoch`` and ``seq`` gets the payload of that
+        frame instead, if it is there still.
         """
-        for kept in tuple(self._kept):
+        named = (query.parameters.get("epoch"), query.parameters.get("seq"))
+        recent = (kept for frame, kept, _ in tuple(self._recent) if tuple(map(str, frame)) == named)
+        for kept in tuple(recent) or tuple(self._kept):
             try:
                 sent = kept()
             except Exception as error:
@@ -219,11 +235,18 @@ class StreamPublisher:
                 timestamp=kept.timestamp,
             )
 
-    def _keep(self, make: Callable[[], Outgoing]) -> None:
+    def _keep(self, make: Callable[[], Outgoing], frame: FrameId | None, held: int) -> None:
         several = self.topic.keeps > 1
-        self._kept.append(
-            LazyPayload(make, self._link.session.new_timestamp() if several else None)
-        )
+        kept = LazyPayload(make, self._link.session.new_timestamp() if several else None)
+        self._kept.append(kept)
+        if frame is None or not self.topic.recent:
+            return
+        recent = self._recent
+        recent.append((frame, kept, held))
+        while len(recent) > 1 and (
+            len(recent) > self.topic.recent or sum(each[2] for each in recent) > RECENT_BYTES
+        ):
+            recent.popleft()
 
     def _put(self, outgoing: Outgoing) -> None:
         publisher = self._publisher.current

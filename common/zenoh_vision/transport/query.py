@@ -16,7 +16,7 @@ import zenoh
 
 from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadError
 from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import Refusal
+from zenoh_vision.messages import Header, Refusal
 
 log = logging.getLogger(__name__)
 
@@ -205,6 +205,7 @@ def newest(
     keys: Iterable[str],
     most_bytes: int,
     stopping: Callable[[], bool] = lambda: False,
+    frame: Header | None = None,
 ) -> list[zenoh.Sample]:
     """Return what the streams on keys answer when they are asked for their newest, by key.
 
@@ -213,8 +214,10 @@ def newest(
         keys: Without wildcards; asked together, for at most ``REPLY_S``.
         most_bytes: Larger answers are left out.
         stopping: Ends the wait early.
+        frame: Wanted rather than the newest, by streams that have it still.
     """
-    found = ask(session, [Query(key) for key in keys], stopping)
+    named = "" if frame is None else f"?epoch={frame.epoch};seq={frame.seq}"
+    found = ask(session, [Query(f"{key}{named}") for key in keys], stopping)
     return [
         reply.ok
         for replies in found

@@ -22,6 +22,9 @@ from tests.support.typist import zv
 from tests.support.viewer.client import Viewer
 from tests.support.viewer.event_camera import BOX, EPOCH, Camera, event_camera
 from tests.support.waiting import wait_until
+from zenoh_vision import Connection, Node
+from zenoh_vision.messages import Track, TrackEvent, Tracks
+from zenoh_vision.topics import COMPRESSED, EVENTS, TRACKS
 
 
 @pytest.fixture
@@ -98,6 +101,43 @@ def test_a_camera_is_asked_for_pictures_only_when_events_come_and_not_for_each(
     asked = camera.asked
     later = itertools.count(201)
     wait_until(lambda: camera.publish(next(later)) or camera.asked > asked, poll_s=0.1)
+
+
+def test_a_picture_is_of_the_frame_of_its_event_and_the_box_of_the_same_frame(
+    service: Service, client: zenoh.Session, router, tmp_path: Path
+):
+    viewer = Viewer(service("view", "--port", 0, "--events-dir", tmp_path))
+    wait_for_nodes(client, "viewer")
+    own = Connection(router.endpoint)
+    shades = [40, 80, 120, 160, 200]
+    with Node("camera", connection=own, publishes=[COMPRESSED, TRACKS, EVENTS]) as node:
+        wait_until(lambda: node.wanted(EVENTS))
+        for shade in shades:
+            sent = node.publish_picture(COMPRESSED, np.full((48, 64), shade, np.uint8))
+            track = Track(id=1, state="confirmed", x=9.0, y=9.0, box=(shade, 5, 9, 9), area=9.0)
+            node.publish(TRACKS, Tracks(header=sent.frame.header, tracks=(track,)))
+            if shade == 120:
+                header = sent.frame.header
+        event = TrackEvent(header=header, event="started", id=1, x=9.0, y=9.0)
+        node.publish(EVENTS, event)
+        (found,) = wait_until(lambda: kept(viewer))
+    assert (found["seq"], found["frames_later"]) == (2, 0)
+    assert found["box"] == [120, 5, 9, 9]
+    jpeg = viewer.get(f"/events/{found['picture']}.jpg").body
+    shade = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE).mean()
+    assert shade == pytest.approx(120, abs=2)
+
+
+def test_a_box_of_another_frame_than_the_picture_is_left_out(
+    service: Service, client: zenoh.Session, camera: Camera, tmp_path: Path
+):
+    viewer = Viewer(service("view", "--port", 0, "--events-dir", tmp_path))
+    wait_for_nodes(client, "viewer")
+    camera.seq, camera.tracks_behind = 5, 1
+    wait_until(lambda: camera.publish(5) or kept(viewer), poll_s=0.3)
+    (found,) = kept(viewer)
+    assert (found["frames_later"], found["box"]) == (0, None)
+    assert found["picture"]
 
 
 def test_no_events_are_kept_without_a_folder(service: Service):

@@ -25,11 +25,15 @@ def head(seq: int, **fields: object) -> Header:
 
 
 class Camera:
-    """Answers as a camera and its tracker do; ``asked`` counts the queries for pictures."""
+    """Answers as a camera and its tracker do, with the newest of a foreign program.
+
+    ``asked`` counts the queries for pictures, ``tracks_behind`` is by how many frames the tracks
+    are older.
+    """
 
     def __init__(self, client: zenoh.Session) -> None:
         self.client = client
-        self.seq = 0
+        self.seq = self.tracks_behind = 0
         self.asked = 0
         self.queryables = [
             client.declare_queryable(IMAGE, self._picture),
@@ -44,7 +48,7 @@ class Camera:
 
     def _tracks(self, query: zenoh.Query) -> None:
         track = Track(id=13, state="confirmed", x=25.0, y=40.0, box=BOX, area=9.0)
-        tracks = Tracks(header=head(self.seq), tracks=(track,))
+        tracks = Tracks(header=head(self.seq - self.tracks_behind), tracks=(track,))
         with query:
             query.reply("vision/front/tracks", tracks.to_bytes())
 

@@ -10,7 +10,13 @@ import zenoh
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.host.clock import Clock
 from zenoh_vision.topics import Topic
-from zenoh_vision.transport.publisher import Demand, LazyPayload, Outgoing, StreamPublisher
+from zenoh_vision.transport.publisher import (
+    RECENT_BYTES,
+    Demand,
+    LazyPayload,
+    Outgoing,
+    StreamPublisher,
+)
 
 
 def test_a_sample_is_made_when_first_asked_for_and_only_once():
@@ -72,7 +78,8 @@ class Declared:
 class Asked:
     """A query that records its replies."""
 
-    def __init__(self) -> None:
+    def __init__(self, **parameters: str) -> None:
+        self.parameters = parameters
         self.replies: list[bytes] = []
         self.errors: list[bytes] = []
 
@@ -83,13 +90,13 @@ class Asked:
         self.errors.append(payload)
 
 
-def publisher_of(link: Declared, **options: Any) -> StreamPublisher:
-    topic = Topic("image/compressed", "image/jpeg")
+def publisher_of(link: Declared, *, recent: int = 0, **options: Any) -> StreamPublisher:
+    topic = Topic("image/compressed", "image/jpeg", recent=recent)
     return StreamPublisher(cast("Any", link), topic, "a/b/c", lambda *_: None, **options)
 
 
-def asked_of(publisher: StreamPublisher) -> Asked:
-    query = Asked()
+def asked_of(publisher: StreamPublisher, **parameters: str) -> Asked:
+    query = Asked(**parameters)
     publisher.answer(cast("Any", query))
     return query
 
@@ -164,3 +171,27 @@ def test_a_put_on_a_session_that_was_replaced_meanwhile_goes_to_the_new_one():
     )
     assert publisher.offer(lambda: outgoing(b"x")) == "sent"
     assert link.put_payloads == [b"x"]
+
+
+def test_a_query_that_names_a_frame_gets_its_payload_while_it_is_kept_and_else_the_newest():
+    publisher = publisher_of(Declared(), recent=3)
+    for seq in range(5):
+        publisher.offer(lambda seq=seq: outgoing(b"%d" % seq), frame=(7, seq))
+    for seq, answer in enumerate([b"4", b"4", b"2", b"3", b"4"]):
+        assert asked_of(publisher, epoch="7", seq=f"{seq}").replies == [answer]
+    assert asked_of(publisher, epoch="8", seq="2").replies == [b"4"]
+    assert asked_of(publisher, seq="2").replies == asked_of(publisher).replies == [b"4"]
+
+
+def test_recent_frames_that_are_not_encoded_take_only_a_part_of_the_memory():
+    link = Declared(wanted=False)
+    publisher = publisher_of(link, recent=10)
+    for seq in range(10):
+        payload = b"%d" % seq
+        held = RECENT_BYTES // 3
+        publisher.offer(lambda payload=payload: outgoing(payload), frame=(7, seq), held=held)
+    assert asked_of(publisher, epoch="7", seq="7").replies == [b"7"]
+    assert asked_of(publisher, epoch="7", seq="6").replies == [b"9"]
+    huge = lambda: outgoing(b"huge")  # noqa: E731
+    publisher.offer(huge, frame=(7, 10), held=2 * RECENT_BYTES)
+    assert asked_of(publisher, epoch="7", seq="9").replies == [b"huge"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
@@ -20,7 +21,7 @@ from zenoh_vision.node.inputs import Input
 from zenoh_vision.node.node import Node
 from zenoh_vision.stream.buffer import queue
 from zenoh_vision.stream.frame_intake import snapshot_of
-from zenoh_vision.topics import COMPRESSED, EVENTS, TRACKS
+from zenoh_vision.topics import COMPRESSED, EVENTS, TRACKS, Topic
 from zenoh_vision.transport.query import newest
 from zenoh_vision.transport.subscriber import sample_of
 from zv.viewer.kept.store import EventStore, Picture, Seen
@@ -50,7 +51,7 @@ STOP_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a camera's newest picture was, and the newest tracks; asked for again from a time."""
+    """A picture of a camera, and the tracks of its frame; asked for again from a time."""
 
     again_s: float
     header: Header | None = None
@@ -129,16 +130,12 @@ class EventKeeper:
         """Return an event with the picture of its frame, or of one that is near it."""
         header = event.header
         view = self._views.get(header.camera)
-        is_same = (
-            view is not None
-            and view.header is not None
-            and ((view.header.epoch, view.header.seq) == (header.epoch, header.seq))
-        )
+        is_same = view is not None and view.header is not None and _same(view.header, header)
         if view is None or not (is_same or time.monotonic() < view.again_s):
             self._views.pop(header.camera, None)
             if len(self._views) >= MOST_CAMERAS:
                 del self._views[next(iter(self._views))]
-            view = self._views[header.camera] = self._look(header.camera)
+            view = self._views[header.camera] = self._look(header)
         shown, tracks = view.header, view.tracks
         later = box = None
         if shown is not None and shown.epoch == header.epoch:
@@ -147,29 +144,41 @@ class EventKeeper:
             box = next((each.box for each in tracks.tracks if each.id == event.id), None)
         return Seen(event, view.picture, later, box)
 
-    def _look(self, camera: str) -> View:
-        """Ask a camera for its newest picture, and its tracker for the newest tracks."""
-        namespace = self._node.connection.namespace
-        keys = [topic.key(namespace, camera) for topic in (COMPRESSED, TRACKS)]
-        session = self._node.link.session
-        header: Header | None = None
+    def _look(self, event: Header) -> View:
+        """Ask a camera for the picture of an event's frame, then its tracker for its tracks.
+
+        A camera that has no such picture any more gives its newest one. The tracker publishes an
+        event before the tracks of its frame, so that its newest ones may be older.
+        """
+        shown: Header | None = None
         picture: Picture | None = None
         tracks: Tracks | None = None
-        try:
-            samples = newest(session, keys, MOST_BYTES, self._is_ended)
-        except zenoh.ZError as error:  # the session is being replaced
-            log.debug("no picture of %s: %s", camera, error)
-            samples = []
-        for sample in samples:
-            try:
-                if str(sample.key_expr) == keys[1]:
-                    tracks = Tracks.from_bytes(sample.payload.to_bytes())
-                elif picture is None:
-                    header, picture = self._picture(sample)
-            except PayloadError as error:
-                self._node.health.log_drop(error)
+        for sample in self._asked(COMPRESSED, event):
+            with self._dropping():
+                if picture is None:
+                    shown, picture = self._picture(sample)
+        frame = shown or event
+        for sample in self._asked(TRACKS, frame):
+            with self._dropping():
+                found = Tracks.from_bytes(sample.payload.to_bytes())
+                tracks = found if _same(found.header, frame) else tracks
         wait_s = NO_PICTURE_S if picture is None else NEXT_PICTURE_S
-        return View(time.monotonic() + wait_s, header, picture, tracks)
+        return View(time.monotonic() + wait_s, shown, picture, tracks)
+
+    def _asked(self, topic: Topic, frame: Header) -> list[zenoh.Sample]:
+        key = topic.key(self._node.connection.namespace, frame.camera)
+        try:
+            return newest(self._node.link.session, [key], MOST_BYTES, self._is_ended, frame)
+        except zenoh.ZError as error:  # the session is being replaced
+            log.debug("no %s: %s", key, error)
+            return []
+
+    @contextmanager
+    def _dropping(self) -> Iterator[None]:
+        try:
+            yield
+        except PayloadError as error:
+            self._node.health.log_drop(error)
 
     def _picture(self, sample: zenoh.Sample) -> tuple[Header, Picture]:
         settings = self._settings()
@@ -177,6 +186,11 @@ class EventKeeper:
         finder = RangeFinder((settings.depth_min, settings.depth_max))
         found = original(frame, SIZE) or render(frame, SIZE, QUALITY, finder)
         return found.header, Picture(found.payload)
+
+
+def _same(one: Header, other: Header) -> bool:
+    """Tell whether two headers are of one frame."""
+    return (one.epoch, one.seq) == (other.epoch, other.seq)
 
 
 def _taken(events: Input[object]) -> list[TrackEvent]:
