@@ -21,6 +21,7 @@ from zv.launcher.launch_file import Plan, PlannedNode, PlannedProgram
 from zv.launcher.options import UpOptions
 from zv.launcher.secure import SecureFiles
 from zv.launcher.supervisor import System, run
+from zv.recorder.settings import RecorderSettings
 from zv.router.settings import RouterSettings
 from zv.status.display import display_on
 from zv.viewer.credentials import view_token
@@ -161,15 +162,22 @@ def free(listen: str) -> str:
 
 
 def with_ports(plan: Plan) -> Plan:
-    """Return a plan in which every viewer has a free port, its token, and a folder for events.
+    """Return a plan in which every viewer has a free port, its token, and folders of events.
+
+    The folder of recordings is that of the first recorder, if there is one.
 
     Raises:
         ConfigurationError: A port cannot be used; the text has the reason and a remedy.
     """
-    return replace(plan, nodes=tuple(_with_port(plan, node) for node in plan.nodes))
+    settings = [each.settings for each in plan.nodes if isinstance(each, PlannedNode)]
+    recorders = [each for each in settings if isinstance(each, RecorderSettings)]
+    recordings = str(recorders[0].plan().output.parent.absolute()) if recorders else None
+    return replace(plan, nodes=tuple(_with_port(plan, node, recordings) for node in plan.nodes))
 
 
-def _with_port(plan: Plan, node: PlannedNode | PlannedProgram) -> PlannedNode | PlannedProgram:
+def _with_port(
+    plan: Plan, node: PlannedNode | PlannedProgram, recordings: str | None
+) -> PlannedNode | PlannedProgram:
     if isinstance(node, PlannedProgram) or not isinstance(node.settings, ViewerSettings):
         return node
     settings = node.settings
@@ -181,6 +189,8 @@ def _with_port(plan: Plan, node: PlannedNode | PlannedProgram) -> PlannedNode | 
     if events_dir is None and settings.recording is None:
         events_dir = str(state_folder() / "events")
     known = {"port": port, "token": token_of(settings), "events_dir": events_dir}
+    if settings.recordings_dir is None:
+        known["recordings_dir"] = recordings
     return replace(node, settings=settings.model_copy(update=known))
 
 

@@ -19,12 +19,13 @@ log = logging.getLogger(__name__)
 
 
 @contextmanager
-def playing(file: str, connection: Connection) -> Iterator[Connection]:
+def playing(file: str, connection: Connection, start_s: float) -> Iterator[Connection]:
     """Play a recording to a router that only this viewer and the player use.
 
     Args:
         file: The recording.
         connection: Of the viewer; its namespace holds if it was chosen.
+        start_s: Where to begin, since the first sample.
 
     Yields:
         The connection to that router.
@@ -42,7 +43,9 @@ def playing(file: str, connection: Connection) -> Iterator[Connection]:
     namespace = recorded_as if connection.any_namespace else own
     given = ["--keys", f"{recorded_as}/**"] if len(namespaces) > 1 else []
     with private_router() as (_, endpoint):
-        command = zv_command("bag", "play", file, "--stay", "--timeline", *given)
+        command = zv_command(
+            "bag", "play", file, "--stay", "--timeline", "--start", f"{start_s}s", *given
+        )
         with Child(command, endpoint, namespace):
             log.info("plays %s, cameras %s", file, ", ".join(_cameras(recorded)))
             yield replace(

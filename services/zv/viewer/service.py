@@ -6,6 +6,7 @@ import contextlib
 import socket
 import time
 from functools import partial
+from pathlib import Path
 
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.node.node import Node
@@ -16,6 +17,7 @@ from zv.viewer.http.listener import listen, url
 from zv.viewer.http.server import WebServer
 from zv.viewer.http.tls import ServerTls
 from zv.viewer.http.token_store import token_of
+from zv.viewer.kept.handlers import KeptEvents
 from zv.viewer.kept.keeper import EventKeeper, file_in
 from zv.viewer.kept.store import EventStore
 from zv.viewer.recorded import playing
@@ -35,7 +37,9 @@ def run(settings: ViewerSettings, connection: Connection) -> None:
     listening = listen(settings.host, settings.port)
     with contextlib.ExitStack() as opening:
         if settings.recording is not None:
-            connection = opening.enter_context(playing(settings.recording, connection))
+            connection = opening.enter_context(
+                playing(settings.recording, connection, settings.start)
+            )
         serve(settings, connection, listening)
 
 
@@ -58,11 +62,13 @@ def serve(settings: ViewerSettings, connection: Connection, listening: socket.so
     lines = shown(token)
     if token:
         lines += f"\nview only: {shown(view_token(token))}"
-    store = None
+    store = kept = None
     if settings.events_dir is not None and settings.keeps_events:
         file = file_in(settings.events_dir, connection.namespace, settings.node_name)
         store = EventStore(file)
-    with WebServer(listening, parameters, node, access, tls, store) as server:
+        folder = settings.recordings_dir
+        kept = KeptEvents(store, None if folder is None else Path(folder))
+    with WebServer(listening, parameters, node, access, tls, kept) as server:
         with contextlib.suppress(OSError):  # perhaps nobody reads our output any more
             print(lines, flush=True)
         with node, contextlib.ExitStack() as keeping:

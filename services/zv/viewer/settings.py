@@ -43,6 +43,15 @@ class ViewerSettings(Settings):
         ),
         LocalPath(),
     ] = None
+    start: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=10 * 365 * 86400,
+            description="where to begin a recording, since its first sample",
+        ),
+        SECONDS,
+    ] = 0.0
     host: Annotated[
         str,
         Field(
@@ -149,6 +158,14 @@ class ViewerSettings(Settings):
         float,
         Field(ge=1, le=1e6, description="the oldest are deleted when all have more MB than this"),
     ] = 200.0
+    recordings_dir: Annotated[
+        str | None,
+        Field(
+            description="folder of recordings; events that are kept name those that hold them. Not "
+            "set: under zv up that of its recorder, else none are looked for"
+        ),
+        LocalPath(is_made=True),
+    ] = None
     max_age: Annotated[
         float,
         Field(ge=0.001, le=60, description="frames older than this are not shown"),

@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import json
+import shlex
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -146,6 +147,26 @@ def test_no_events_are_kept_without_a_folder(service: Service):
     assert answer == {"kept": False, "fault": "", "events": []}
     for path in ("/events.csv", "/events/1.jpg"):
         assert viewer.get(path).status == 404
+
+
+def test_an_event_names_the_recording_that_it_triggered_and_the_command_that_shows_it(
+    service: Service, client: zenoh.Session, camera: Camera, tmp_path: Path
+):
+    folders = ("--events-dir", tmp_path / "events", "--recordings-dir", tmp_path)
+    viewer = Viewer(service("view", "--port", 0, *folders))
+    black_box = ("--last", "5s", "--after", "0.5s", "--on-event", "line_crossed")
+    service("recorder", *black_box, "--output", tmp_path / "run.mcap")
+    wait_for_nodes(client, "viewer", "recorder")
+    wait_until(lambda: camera.publish(1, "line_crossed") or kept(viewer), poll_s=0.3)
+    (event,) = kept(viewer)
+    path = f"/events/{event['number']}/recordings"
+    found, *_ = wait_until(lambda: json.loads(viewer.get(path).text)["recordings"])
+    file = tmp_path / found["file"]
+    assert file in tmp_path.glob("run-*-line_crossed*.mcap")
+    assert found["command"].startswith(f"zv view {file} --start ")
+    assert viewer.get("/events/99/recordings").status == 404
+    shown = Viewer(service(*shlex.split(found["command"])[1:], "--port", 0))
+    assert shown.get("/healthz").status == 200
 
 
 def test_kept_events_need_the_token(service: Service, tmp_path: Path):

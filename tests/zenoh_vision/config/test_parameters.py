@@ -111,7 +111,7 @@ def test_options_of_identity_files_access_and_memory_are_not_live():
         "viewer": {
             *("name", "host", "port", "address", "token", "allow_host", "max_pixels", "recording"),
             *("tls_certificate", "tls_key", "tls_clients", "tls_operators", "tls_guests"),
-            *("events_dir", "keep_events", "events_mb"),
+            *("events_dir", "keep_events", "events_mb", "recordings_dir", "start"),
         },
         "recorder": {
             *("output", "keys", "exclude", "split_mb", "split", "total_mb", "last", "after"),

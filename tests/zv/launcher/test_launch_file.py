@@ -265,6 +265,20 @@ def test_a_viewer_belongs_to_no_camera(tmp_path, monkeypatch):
     assert command_of(node) == (words, {})
 
 
+def test_a_viewer_looks_for_recordings_where_the_recorder_writes_them(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    recorder = '[[node]]\nservice = "recorder"\nsettings = {{ {} }}\n'
+    viewer = '[[node]]\nservice = "viewer"\nsettings = {{ {}port = 0 }}\n'
+
+    def found(output: str = "", own: str = "") -> str | None:
+        path = launch(tmp_path, recorder.format(output) + viewer.format(own))
+        return with_ports(read_launch_file(path)).nodes[1].settings.recordings_dir
+
+    assert found() == str(Path("recordings").absolute())
+    assert found('output = "kept/run.mcap"') == str(tmp_path / "kept")
+    assert found(own='recordings_dir = "mine", ') == str(tmp_path / "mine")
+
+
 def test_a_token_goes_by_the_environment_and_into_the_address(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     path = launch(

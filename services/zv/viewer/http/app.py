@@ -16,7 +16,6 @@ from zv.viewer.http.access import SECURITY_HEADERS, Access
 from zv.viewer.http.connections import Connection
 from zv.viewer.http.static_files import INDEX, PageFile, page_files
 from zv.viewer.kept.handlers import KeptEvents
-from zv.viewer.kept.store import EventStore
 from zv.viewer.streams.registry import StreamRegistry, TooManyBytes, TooManyStreams
 from zv.viewer.web_video_server.handlers import WebVideoServer, unavailable
 from zv.viewer.websocket.audit import ParameterAudit
@@ -38,7 +37,7 @@ class Application:
         access: Access,
         registry: StreamRegistry,
         monitor: SystemMonitor,
-        store: EventStore | None = None,
+        kept: KeptEvents | None = None,
     ) -> None:
         self._access = access
         self._registry = registry
@@ -52,7 +51,7 @@ class Application:
         self.app.on_response_prepare.append(_add_headers)
         self.app.on_cleanup.append(self._flush_audit)
         for base in dict.fromkeys(("", access.base_path)):
-            self._add_routes(base, videos, KeptEvents(store))
+            self._add_routes(base, videos, kept or KeptEvents(None))
 
     def _add_routes(self, base: str, videos: WebVideoServer, kept: KeptEvents) -> None:
         add = self.app.router.add_get
@@ -67,6 +66,7 @@ class Application:
         add(f"{base}/events", kept.listing)
         add(f"{base}/events.csv", kept.table)
         add(f"{base}/events/{{number:[0-9]{{1,18}}}}.jpg", kept.picture)
+        add(f"{base}/events/{{number:[0-9]{{1,18}}}}/recordings", kept.recordings)
         add(f"{base}/streams", partial(self._opened, videos.listing))
         add(f"{base}/stream_viewer", partial(self._opened, videos.stream_viewer))
         if base:

@@ -25,7 +25,7 @@ from zv.viewer.http.access import Access
 from zv.viewer.http.app import Application
 from zv.viewer.http.connections import FIRST_REQUEST_S, Connection
 from zv.viewer.http.tls import ServerTls
-from zv.viewer.kept.store import EventStore
+from zv.viewer.kept.handlers import KeptEvents
 from zv.viewer.settings import ViewerSettings
 from zv.viewer.streams.registry import StreamRegistry
 from zv.viewer.streams.shared_stream import StreamContext
@@ -55,14 +55,14 @@ class WebServer:
         node: Node,
         access: Access,
         tls: ServerTls | None = None,
-        store: EventStore | None = None,
+        kept: KeptEvents | None = None,
     ) -> None:
         self._listening = listening
         self._parameters = parameters
         self._node = node
         self._access = access
         self._tls = tls
-        self._store = store
+        self._kept = kept
         self._started = Future[None]()
         self._failure: BaseException | None = None
         self._faulty_until_s = 0.0
@@ -122,7 +122,7 @@ class WebServer:
             lambda kind: application.wanted(kind),
         )
         self._monitor = SystemMonitor(system, self._network)
-        application = Application(self._access, self._registry, self._monitor, self._store)
+        application = Application(self._access, self._registry, self._monitor, self._kept)
         runner = web.AppRunner(
             application.app,
             access_log=None,

@@ -1,4 +1,4 @@
-"""Handlers of ``/events``, ``/events.csv`` and ``/events/NUMBER.jpg``."""
+"""Handlers of ``/events``, ``/events.csv``, ``/events/NUMBER.jpg`` and ``.../recordings``."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import io
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from aiohttp import web
 
 from zv.viewer import events
+from zv.viewer.kept.recordings import recordings_of
 from zv.viewer.kept.store import COLUMNS, EventStore, EventsUnavailable, Wanted
 
 MOST: Final = 1000
@@ -27,10 +29,14 @@ T = TypeVar("T")
 
 
 class KeptEvents:
-    """The handlers, which read a store; None if no events are kept."""
+    """The handlers, which read a store; None if no events are kept.
 
-    def __init__(self, store: EventStore | None) -> None:
+    ``recordings`` is the folder of the recordings; None if they are not looked for.
+    """
+
+    def __init__(self, store: EventStore | None, recordings: Path | None = None) -> None:
         self._store = store
+        self._recordings = recordings
         self._reading = asyncio.Semaphore(2)
 
     async def listing(self, request: web.Request) -> web.Response:
@@ -81,6 +87,17 @@ class KeptEvents:
         return web.Response(
             body=jpeg, content_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"}
         )
+
+    async def recordings(self, request: web.Request) -> web.Response:
+        """Send which recordings hold an event, and the commands that show them."""
+        store, number = self._open(), int(request.match_info["number"])
+        moment = await self._read(lambda: store.moment(number))
+        if moment is None:
+            raise web.HTTPNotFound(text="there is no such event, or no longer\n")
+        folder, found = self._recordings, []
+        if folder is not None:
+            found = await self._read(lambda: recordings_of(folder, *moment))
+        return _json({"recordings": found})
 
     def _open(self) -> EventStore:
         if self._store is None:

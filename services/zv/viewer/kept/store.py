@@ -172,6 +172,12 @@ class EventStore:
         row = self._do(lambda database: database.execute(text, [number]).fetchone())
         return None if row is None else bytes(row[0])
 
+    def moment(self, number: int) -> tuple[str, int] | None:
+        """Return an event's camera, and when it was kept, ns since 1970. Raises as ``find``."""
+        text = "SELECT camera, kept_ns FROM events WHERE number = ?"
+        row = self._do(lambda database: database.execute(text, [number]).fetchone())
+        return None if row is None else (row[0], row[1])
+
     def close(self) -> None:
         """Close the file."""
         with self._lock:

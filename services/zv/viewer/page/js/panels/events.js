@@ -2,6 +2,7 @@
 // all cameras, newest last. They are those that the viewer keeps; of one that keeps none, those that
 // arrive while the panel is open.
 
+import { copies } from "../export/addresses.js";
 import { byId, element, setText, svg } from "../ui/elements.js";
 import { clock, dayAndClock, number } from "../ui/format.js";
 import { KeptEvents, momentOf } from "./kept_events.js";
@@ -94,5 +95,24 @@ function open(row) {
 	setText(byId("event-title"), `${row.camera}: ${wordsOf(row)}`);
 	setText(byId("event-about"), `${new Date(row.at).toLocaleString()}, ${momentOf(row)}`
 		+ `${box ? "" : ", no box"}, frame ${row.seq}, epoch ${row.epoch}`);
+	byId("event-recordings").replaceChildren();
 	byId("event-dialog").showModal();
+	showRecordings(row.number);
+}
+
+/** Show which recordings hold an event, each with the command that opens it there. */
+async function showRecordings(event) {
+	const place = byId("event-recordings");
+	const asking = place.asking = {};
+	const { recordings } = await fetch(`events/${event}/recordings`).then((said) => said.json())
+		.catch(() => ({ recordings: [] }));
+	if (place.asking !== asking) return; // another event was opened meanwhile
+	place.replaceChildren(...recordings.map(({ file, at_s: at, command }) => {
+		const field = element("input", { type: "text", readonly: true, value: command,
+			 "aria-label": `Show ${file}` });
+		const button = element("button", { type: "button" }, "Copy");
+		copies(button, field);
+		return element("p", {}, `In the recording ${file}, ${number(at, 1)} s after its begin:`,
+			element("span", { class: "command" }, field, button));
+	}));
 }
