@@ -129,11 +129,7 @@ class CameraTracking:
         if before is None or header.run != before.run:
             self._next_id = 1
         restarts = before is None or tracks_end(before, header)
-        stream = (
-            (header.width, header.height),
-            settings.pipeline,
-            frame.value_range,
-        )
+        stream = (header.width, header.height, settings.pipeline, frame.value_range)
         if restarts or stream != self._stream:
             self._stream = stream
             self._largest = LargestObject(largest_parameters(settings))
@@ -182,12 +178,8 @@ class CameraTracking:
         )
         if not pipeline.has_background:
             return
-        node.publish_picture(
-            "mask/compressed",
-            partial(enlarged, pipeline.mask, size),
-            frame=frame,
-            bilevel=True,
-        )
+        mask = partial(enlarged, pipeline.mask, size)
+        node.publish_picture("mask/compressed", mask, frame=frame, bilevel=True)
         node.publish_picture(
             "background/compressed", pipeline.background, frame=frame, quality=settings.quality
         )

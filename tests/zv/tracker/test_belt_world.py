@@ -13,7 +13,6 @@ from zenoh_vision.calibration.plane_view import PlaneView
 from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
 from zv.tracker.camera_world import places
 from zv.tracker.events.event import Event
-from zv.tracker.events.sighting import anchor_of
 from zv.tracker.events.track_events import EventRules, TrackEvents
 from zv.tracker.pipelines.robust import RobustTracker
 from zv.tracker.prediction.paths import Paths, Predicted
@@ -51,7 +50,7 @@ def run() -> Run:
     distortion = (-0.15, 0.03, 0.001, -0.001, 0.0)
     done = Run(belt := Belt(480, 360, number=4, rate_hz=10, distortion=distortion))
     view, robust = view_of(belt), RobustTracker()
-    paths = Paths(lambda track: anchor_of(track, "centre"))
+    paths = Paths("centre")
     gate = Line("gate", (GATE_MM, 0.0), (GATE_MM, Belt.width_mm), unit="world")
     events = TrackEvents(EventRules(lines=(gate,)))
     for index in range(belt.frames):
@@ -108,7 +107,7 @@ def test_the_velocity_of_a_small_object_is_accurate_to_5_percent_after_one_secon
     for seed in (1, 2, 3):
         belt = Belt(320, 240, number=1, rate_hz=15, speed_mm_s=160, seed=seed)
         view, robust = view_of(belt), RobustTracker()
-        paths = Paths(lambda track: anchor_of(track, "centre"))
+        paths = Paths("centre")
         for index in range(belt.frames):
             stamp_ns = belt.stamp_ns(index)
             if belt.positions(belt.time_s(index))[0].x_mm > FIELD_MM - 100:

@@ -103,12 +103,6 @@ class LineWatch:
         for direction, at in path.crossings:
             count = getattr(self.count, direction) + 1
             setattr(self.count, direction, count)
-            yield Event(
-                "line_crossed",
-                id_,
-                at,
-                shape=self.line.name,
-                direction=direction,
-                count=count,
-            )
+            name = self.line.name
+            yield Event("line_crossed", id_, at, shape=name, direction=direction, count=count)
         path.crossings.clear()

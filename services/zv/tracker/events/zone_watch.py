@@ -149,12 +149,5 @@ class ZoneWatch:
     def _event(
         self, kind: Kind, id_: int, at: Moment, count: int, dwell_s: float | None = None
     ) -> Event:
-        return Event(
-            kind,
-            id_,
-            at,
-            shape=self.zone.name,
-            count=count,
-            inside=self.count.inside,
-            dwell_s=dwell_s,
-        )
+        name, inside = self.zone.name, self.count.inside
+        return Event(kind, id_, at, shape=name, count=count, inside=inside, dwell_s=dwell_s)

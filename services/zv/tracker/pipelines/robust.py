@@ -139,7 +139,12 @@ class RobustTracker(PipelineWithIds):
     @property
     def detections(self) -> list[tuple[Box, float]]:
         """The detections of the last frame: box and area, full-resolution pixels."""
-        return [self._detection(each) for each in self._regions]
+        scale, found = self._scale, []
+        for each in self._regions:
+            edges = (each.left, each.top, each.width, each.height)
+            x, y, width, height = (round(scale * edge) for edge in edges)
+            found.append(((x, y, width, height), each.area * scale * scale))
+        return found
 
     def _begin(self, size: tuple[int, int]) -> None:
         super()._begin(size)
@@ -152,13 +157,3 @@ class RobustTracker(PipelineWithIds):
             min_area=self._least_area(wanted.min_area, wanted.least_share),
             convex=wanted.convex,
         )
-
-    def _detection(self, region: Region) -> tuple[Box, float]:
-        scale = self._scale
-        box = (
-            round(region.left * scale),
-            round(region.top * scale),
-            round(region.width * scale),
-            round(region.height * scale),
-        )
-        return box, region.area * scale * scale

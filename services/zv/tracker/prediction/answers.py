@@ -10,7 +10,7 @@ from zenoh_vision import Header, Node, ParameterRefused, Prediction
 from zenoh_vision.calibration.plane_view import PlaneView
 from zenoh_vision.error_text import shortened
 from zenoh_vision.topics import PREDICTION
-from zv.tracker.events.sighting import Anchor, anchor_of
+from zv.tracker.events.sighting import Anchor
 from zv.tracker.prediction.forecast import LEAST_POSITIONS, TooShort
 from zv.tracker.prediction.paths import Paths
 from zv.tracker.tracking.track import Track
@@ -30,8 +30,7 @@ class PredictionAnswers:
 
     def __init__(self, node: Node, camera: str) -> None:
         self._node = node
-        self._anchor: Anchor = "centre"
-        self._paths = Paths(self._anchor_of)
+        self._paths = Paths("centre")
         self._header: Header | None = None
         self._view: PlaneView | None = None
         self._lock = threading.Lock()  # queries have a thread of their own
@@ -50,9 +49,8 @@ class PredictionAnswers:
         """
         with self._lock:
             former = self._header
-            if former is None or former.run != header.run or self._anchor != anchor:
-                self._anchor = anchor
-                self._paths = Paths(self._anchor_of)
+            if former is None or former.run != header.run or self._paths.anchor != anchor:
+                self._paths = Paths(anchor)
             self._header, self._view = header, view
             self._paths.update(tracks, header.stamp_ns)
 
@@ -82,16 +80,7 @@ class PredictionAnswers:
             except TooShort as error:
                 words = f"tracks that were seen in {LEAST_POSITIONS} frames"
                 raise ParameterRefused(f"track {id_} was {error} only", words) from None
-        return Prediction(
-            header=header,
-            id=id_,
-            state=track.state,
-            stamp_ns=at_ns,
-            **vars(found),
-        )
-
-    def _anchor_of(self, track: Track) -> tuple[float, float]:
-        return anchor_of(track, self._anchor)
+        return Prediction(header=header, id=id_, state=track.state, stamp_ns=at_ns, **vars(found))
 
 
 def _time(parameters: Mapping[str, str], newest_ns: int) -> int:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.calibration.plane_view import PlaneView, pair
-from zv.tracker.events.sighting import HALF_PIXEL
+from zv.tracker.events.sighting import HALF_PIXEL, Anchor, anchor_of
 from zv.tracker.prediction.forecast import KEPT_S, TooShort, forecast
 from zv.tracker.tracking.track import Track
 
@@ -59,11 +59,11 @@ class Paths:
     """The paths of all objects of one camera in one epoch.
 
     Args:
-        anchor_of: Returns the point of a track whose world position is wanted.
+        anchor: The point of an object whose world position is wanted.
     """
 
-    def __init__(self, anchor_of: Callable[[Track], Point]) -> None:
-        self.anchor_of = anchor_of
+    def __init__(self, anchor: Anchor) -> None:
+        self.anchor: Anchor = anchor
         self._paths: dict[int, Path] = {}
 
     @property
@@ -84,7 +84,7 @@ class Paths:
                 path.seen.append((stamp_ns, track.steady))
                 path.center = np.add(track.steady, track.offset)
                 x, y = path.center.tolist()
-                path.anchor = np.array(self.anchor_of(replace(track, x=x, y=y)))
+                path.anchor = np.array(anchor_of(replace(track, x=x, y=y), self.anchor))
             self._paths[track.id] = path
 
     def track(self, id_: int) -> Track | None:
@@ -143,16 +143,8 @@ def _on_plane(
     inverse = np.linalg.inv(jacobian)
     covariance = inverse @ np.diag(there.sigma**2) @ inverse.T
     (x, y), (vx, vy) = (anchor + offset).tolist(), (inverse @ there.velocity).tolist()
-    return Predicted(
-        x,
-        y,
-        vx,
-        vy,
-        _two(np.sqrt(np.diag(covariance))),
-        pair(there.position),
-        pair(there.velocity),
-        pair(there.sigma),
-    )
+    world = pair(there.position), pair(there.velocity), pair(there.sigma)
+    return Predicted(x, y, vx, vy, _two(np.sqrt(np.diag(covariance))), *world)
 
 
 def _with_perspective(found: Predicted, path: Path, view: PlaneView) -> Predicted:
