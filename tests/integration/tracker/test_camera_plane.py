@@ -18,7 +18,7 @@ from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.transport.query import Query, Replies, send
-from zv.tracker.camera_plane import CameraPlane
+from zv.tracker.camera_plane import REPLY_S, CameraPlane
 
 KEY = "vision/front/camera_info"
 LENS = CameraModel(640, 480, (500.0, 0, 320, 0, 500, 240, 0, 0, 1))
@@ -75,6 +75,30 @@ def test_a_calibration_published_earlier_is_queried_and_dropped_when_its_publish
         wait_until(lambda: not list(camera.get(f"@/*/router/queryable/{KEY}")))
         assert where(plane, header(epoch=5)) is not None
     wait_until(lambda: plane.view(header(epoch=6)) is None)
+
+
+def test_the_first_frame_of_an_epoch_waits_for_the_reply_and_no_longer_than_its_limit(
+    plane: CameraPlane, router, monkeypatch: pytest.MonkeyPatch
+):
+    def answer(query: zenoh.Query) -> None:
+        time.sleep(0.05)
+        query.reply(KEY, calibrated(0.01))
+
+    with open_client(router.endpoint) as camera:
+        queryable = camera.declare_queryable(KEY, answer)
+        wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
+        monkeypatch.setattr("zv.tracker.camera_plane.REPLY_S", 20.0)
+        assert where(plane, header(epoch=5)) == (1, 0.5)
+        queryable.undeclare()
+        silent = threading.Event()
+        queryable = camera.declare_queryable(KEY, lambda _: silent.wait(20))
+        wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
+        monkeypatch.undo()
+        begun_s = time.monotonic()
+        assert where(plane, header(epoch=6)) == (1, 0.5)
+        assert not plane._replied.is_set()
+        assert time.monotonic() - begun_s >= REPLY_S
+        silent.set()
 
 
 def test_a_calibration_published_without_a_queryable_stays_through_later_epochs(

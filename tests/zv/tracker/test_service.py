@@ -165,13 +165,33 @@ def test_tracks_and_stays_end_when_a_camera_has_been_silent(monkeypatch: pytest.
     assert events.count("started") == events.count("ended") == 1
 
 
+def test_tracks_of_a_paused_replay_do_not_end(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("zv.tracker.camera_tracking.CameraWorld", lambda *_: NoWorld())
+    settings, recorder = TrackerSettings(), Recorder()
+    for replay in (None, 7):
+        tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
+        for k in range(40):
+            picture = np.full((240, 320, 3), 90, np.uint8)
+            picture[80:140, max(0, 6 * k - 60) : max(0, 6 * k - 30)] = (40, 60, 200)
+            show(tracking, settings, picture, k, k / 10, replay=replay)
+        last = recorder.published[-1][1]
+        assert isinstance(last, Tracks)
+        assert last.tracks
+        assert tracking.expire(time.monotonic() + 3600) == (replay is None)
+
+
 class NoWorld:
     def update(self, _: Frame, tracks: list[object], __: str) -> tuple[None, list[None]]:
         return None, [None] * len(tracks)
 
 
 def show(
-    tracking: CameraTracking, settings: TrackerSettings, picture: np.ndarray, seq: int, at_s: float
+    tracking: CameraTracking,
+    settings: TrackerSettings,
+    picture: np.ndarray,
+    seq: int,
+    at_s: float,
+    replay: int | None = None,
 ) -> None:
     """Process the next frame of a camera."""
     header = Header(
@@ -182,6 +202,7 @@ def show(
         width=320,
         height=240,
         encoding="bgr8",
+        replay=replay,
     )
     frame = Frame(header, picture)
     frame.revision = ParameterStore(settings).activate()
