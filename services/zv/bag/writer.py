@@ -408,6 +408,8 @@ class Writer:
         """
         size = self.size
         os.fdatasync(self._file)
+        if not self._synced:  # the file's name is on the disk only with its folder
+            _sync_folder(self.partial.parent)
         # The cache is of use to other programs, and nobody reads what was recorded so soon.
         os.posix_fadvise(self._file, self._synced, size - self._synced, os.POSIX_FADV_DONTNEED)
         self._synced = size
@@ -539,7 +541,16 @@ def rename_new(source: Path, target: Path) -> None:
         source.rename(target)
     else:
         source.unlink()
-    folder = os.open(target.parent, os.O_RDONLY | os.O_DIRECTORY)
+    _sync_folder(target.parent)
+
+
+def _sync_folder(path: Path) -> None:
+    """Wait until the names in a folder are on the disk.
+
+    Raises:
+        OSError: The disk failed.
+    """
+    folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(folder)
     finally:

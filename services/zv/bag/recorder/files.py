@@ -27,9 +27,10 @@ from zv.bag.writer import Writer
 log = logging.getLogger("recorder")
 
 FLUSH_S: Final = 0.5
-"""A chunk is closed after this time: what is not yet in a chunk is lost when the process dies."""
+"""A chunk is closed after this time, and the disk told to keep it: what is not yet in a chunk is
+lost when the process dies."""
 
-SYNC_S: Final = 1.0
+JOIN_S: Final = 1.0
 ACCOUNT_S: Final = 60.0
 ACCOUNT_TOPIC: Final = "zenoh_vision/account"
 HOLD_S: Final = 5.0
@@ -159,6 +160,7 @@ class Files:
         if now_s - self._flushed_s >= FLUSH_S:
             self._flushed_s = now_s
             self._attempt(self._writer.flush)
+            self._syncer.sync()
             self._note_disk()
         if self._is_due(now_s):
             self.close()
@@ -281,7 +283,7 @@ def add_account(writer: Writer, account: Mapping[str, Any], profile: str) -> Non
 
 
 class Syncer:
-    """Has what was written reach the disk, each second, on a thread that may wait for the disk.
+    """Has what was written reach the disk, on a thread that may wait for the disk.
 
     Attributes:
         failure: What the disk said; empty if nothing.
@@ -290,7 +292,7 @@ class Syncer:
     def __init__(self) -> None:
         self.failure = ""
         self._writer: Writer | None = None
-        self._ended = threading.Event()
+        self._is_due, self._ended = threading.Event(), False
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
         self._thread.start()
@@ -300,13 +302,19 @@ class Syncer:
         with self._lock:
             self._writer = writer
 
+    def sync(self) -> None:
+        """Begin to sync the file, or do it again after the sync that goes on; does not wait."""
+        self._is_due.set()
+
     def close(self) -> None:
         """End the thread."""
-        self._ended.set()
-        self._thread.join(SYNC_S)
+        self._ended = True
+        self._is_due.set()
+        self._thread.join(JOIN_S)
 
     def _run(self) -> None:
-        while not self._ended.wait(SYNC_S):
+        while self._is_due.wait() and not self._ended:
+            self._is_due.clear()
             with self._lock:
                 if self._writer is None:
                     continue

@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -66,6 +68,42 @@ def test_the_oldest_files_are_deleted_and_never_the_one_that_is_written(tmp_path
     assert files.paths[-1] in left
     assert len(left) < len(files.paths)
     assert sum(each.stat().st_size for each in left) <= 260_000
+
+
+@pytest.mark.quiet
+def test_a_power_cut_at_any_moment_takes_no_more_than_the_last_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sync, kept = os.fdatasync, [(0, time.monotonic())]
+    folders: list[int] = []
+
+    def fdatasync(file: int) -> None:
+        size = os.fstat(file).st_size
+        sync(file)
+        kept.append((size, time.monotonic()))
+
+    monkeypatch.setattr(os, "fdatasync", fdatasync)
+    monkeypatch.setattr(os, "fsync", folders.append)
+    files = files_of(Plan(tmp_path / "run.mcap"))
+    files.open()
+    sent_s: list[float] = []
+    while len(sent_s) < 2 or sent_s[-1] - sent_s[0] < 3.0:
+        sent_s.append(time.monotonic())
+        files.add(arrived(frame(len(sent_s) - 1), CLOCK))
+        files.tick()
+        time.sleep(0.02)
+    whole = (tmp_path / "run.mcap.partial").read_bytes()
+    assert folders  # the name is kept as well
+    files.stop()
+    cut = tmp_path / "cut.mcap"
+    for (size, _), (_, until_s) in pairwise([*kept, (0, sent_s[-1])]):
+        seqs = set()
+        if size:
+            cut.write_bytes(whole[:size])
+            with Recording(cut) as recording:
+                seqs = {each.number("seq") for each in recording.records()}
+        old = {seq for seq, at_s in enumerate(sent_s) if at_s < until_s - 1.0}
+        assert old <= seqs
 
 
 @pytest.fixture
