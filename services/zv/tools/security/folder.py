@@ -215,12 +215,15 @@ class Folder:
         """
         temporary = None
         try:
-            target.parent.mkdir(mode=0o700, exist_ok=True)
+            if not target.parent.exists():
+                target.parent.mkdir(mode=0o700)
+                self._keep_owner(target.parent)
             number, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
             with os.fdopen(number, "wb") as file:  # readable by its owner only, from the beginning
                 file.write(content.encode() if isinstance(content, str) else content)
                 file.flush()
                 os.fsync(file.fileno())
+            self._keep_owner(temporary)
             Path(temporary).chmod(mode)
             Path(temporary).replace(target)
         except OSError as error:
@@ -230,6 +233,12 @@ class Folder:
             raise SourceError(
                 f"{target}: {error.strerror or error}; the file is as it was before"
             ) from None
+
+    def _keep_owner(self, path: str | Path) -> None:
+        """Give what root writes to the owner of the folder, as whom nodes and containers read."""
+        if os.geteuid() == 0:
+            about = self.path.stat()
+            os.chown(path, about.st_uid, about.st_gid)
 
     def make(self) -> None:
         """Make the folder, which must not have been used.

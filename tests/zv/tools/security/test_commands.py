@@ -407,6 +407,18 @@ def test_the_key_of_the_authority_may_be_kept_elsewhere(system: Secured):
     assert "allowed" in check(system, "camera_front", "vision/front/image", "publish")
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root writes for others")
+def test_what_root_changes_stays_its_owners(system: Secured):
+    """Else neither a container nor a node could read its file, and the former rules would hold."""
+    for each in (system.folder, *system.folder.rglob("*")):
+        os.chown(each, 4321, 4322)
+    system.add(camera=("left",), router="far", host=("far.example",))
+    system.revoke("camera_front")
+    written = [*system.folder.rglob("*")]
+    assert system.file("far") in written
+    assert {(each.stat().st_uid, each.stat().st_gid) for each in written} == {(4321, 4322)}
+
+
 def test_two_commands_at_once_do_not_lose_a_holder(system: Secured):
     from concurrent.futures import ThreadPoolExecutor
 
