@@ -7,6 +7,8 @@ import sys
 
 import atheris
 
+from tests.fuzz.mutation import HOW, Mutator
+
 
 def main() -> None:
     """Fuzz until the time is over, or there is a finding, whose input libFuzzer writes."""
@@ -15,7 +17,11 @@ def main() -> None:
         targets = importlib.import_module("tests.fuzz.targets")
         start = importlib.import_module("tests.fuzz.start")
     corpus = start.corpus_of(name)
-    atheris.Setup([sys.argv[0], *flags, str(corpus)], targets.TARGETS[name])
+    more = {}
+    if name in HOW:
+        first = [file.read_bytes() for file in sorted(corpus.iterdir())]
+        more["custom_mutator"] = Mutator(name, first, atheris.Mutate)
+    atheris.Setup([sys.argv[0], *flags, str(corpus)], targets.TARGETS[name], **more)
     atheris.Fuzz()
 
 

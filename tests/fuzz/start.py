@@ -23,12 +23,27 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
 rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}
 projection_matrix: {rows: 3, cols: 4, data: [30, 0, 16, 0, 0, 30, 12, 0, 0, 0, 1, 0]}
 """
+KEY = "vision/front/image/compressed"
 TEXTS = {
-    "calibration": CALIBRATION,
-    "router_list": b'{"clients":["ab"],"peers":[],"sessions":[{"peer":"ab"}]}',
-    "page_command": b'{"op":"watch","id":1,"key":"vision/front/tracks"}',
-    "schema": b'{"type":"object","properties":{"a":{"$ref":"#/$defs/b"}}}\0{"a":1}',
-    "rights": b'{"publish":["vision/front/image"],"query":["vision/**"]}',
+    "calibration": [CALIBRATION],
+    "router_list": [b'{"clients":["ab"],"peers":[],"sessions":[{"peer":"ab"}]}'],
+    "page_command": [
+        json.dumps(each).encode()
+        for each in (
+            {"op": "watch", "key": KEY, "width": 320, "height": 240, "quality": 60},
+            {"op": "unwatch", "key": KEY},
+            {"op": "shown", "key": KEY},
+            {"op": "show", "kinds": ["health", "log"]},
+            {"op": "set", "id": 1, "node": "camera_front", "values": {"quality": 60}},
+            {"op": "dump", "id": 2, "node": "camera_front"},
+        )
+    ],
+    "schema": [
+        b'{"type":"object","properties":{"a":{"$ref":"#/$defs/b"}},"$defs":{"b":{"type":"array",'
+        b'"items":{"anyOf":[{"type":"integer","minimum":1},{"type":"string","pattern":"^a"}]}}},'
+        b'"required":["a"],"additionalProperties":false}\0{"a":[1,"ab"]}'
+    ],
+    "rights": [b'{"publish":["vision/front/image"],"query":["vision/**"]}'],
 }
 NOISE = np.random.default_rng(7).integers(0, 256, (24, 32, 3), np.uint8)
 VECTORS = Path(__file__).parents[1] / "vectors"
@@ -53,7 +68,7 @@ def _inputs(target: str) -> list[bytes]:
         if "bytes" in vector
     ]
     if target in TEXTS:
-        return [TEXTS[target]]
+        return TEXTS[target]
     match target:
         case "message":
             return [bytes([kind]) + data for kind in range(len(KINDS)) for data in encoded]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.fuzz.mutation import HOW, Mutator
 from tests.fuzz.start import corpus_of
 from tests.fuzz.targets import SEEDS, TARGETS, seeds
 
@@ -17,6 +18,16 @@ def test_a_target_takes_its_first_inputs_and_those_that_are_cut(name: str):
         data = file.read_bytes()
         for end in {0, 1, len(data) // 2, len(data)}:
             TARGETS[name](data[:end])
+
+
+@pytest.mark.parametrize("name", HOW)
+def test_inputs_that_are_changed_within_their_structure_are_read_or_refused(name: str):
+    first = [file.read_bytes() for file in sorted(corpus_of(name).iterdir())]
+    mutator = Mutator(name, first, lambda data, _: data)
+    made = {mutator(first[number % len(first)], 4096, number) for number in range(600)}
+    assert len(made) > 200
+    for data in made:
+        TARGETS[name](data)
 
 
 @pytest.mark.parametrize(

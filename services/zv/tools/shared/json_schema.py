@@ -11,6 +11,7 @@ import json
 import math
 import operator
 import reprlib
+import sys
 from typing import Any
 
 MAX_BYTES = 64 << 10
@@ -171,6 +172,8 @@ class _Check:
         required = _list(part, "required") if "required" in part else []
         self._count(len(fields) + len(required))
         for name in required:
+            if not isinstance(name, str):
+                raise UnusableSchema(f"required = {reprlib.repr(required)} are no names")
             if name not in value:
                 return f"{place}.{name}: Field required"
         for name, each in fields.items():
@@ -213,6 +216,6 @@ def _list(part: Schema, name: str) -> list[Any]:
 
 def _number(part: Schema, name: str) -> float | None:
     value = part.get(name)
-    if value is None or (type(value) in (int, float) and math.isfinite(value)):
+    if value is None or (type(value) in (int, float) and abs(value) <= sys.float_info.max):
         return value
     raise UnusableSchema(f"{name} = {reprlib.repr(value)} is no number")

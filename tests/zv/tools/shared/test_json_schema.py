@@ -148,6 +148,8 @@ HOSTILE = {
     "infinite": (b'{"properties": {"b": {"type": "integer", "maximum": 1e999}}}', "no number"),
     "no choice": ({"properties": {"a": {"enum": []}}}, "enum"),
     "required": ({"properties": {"a": True}, "required": 3}, "required"),
+    "required of lists": ({"properties": {"a": True}, "required": [["a"]]}, "no names"),
+    "huge": ({"properties": {"b": {"type": "integer", "minimum": 10**400}}}, "no number"),
 }  # fmt: skip
 
 
