@@ -102,10 +102,12 @@ def secured(folder: Path, **options: Any) -> Secured:
 
 
 @contextmanager
-def embedded(system: Secured, folder: Path, name: str = "router") -> Iterator[Program]:
+def embedded(
+    system: Secured, folder: Path, name: str = "router", **variables: str
+) -> Iterator[Program]:
     """Run ``zv router`` with the credentials of a router."""
     words = ["router", "--credentials", system.file(name)]
-    with Program(words, folder, name, forked=ZV) as router:
+    with Program(words, folder, name, forked=ZV, **variables) as router:
         wait_until(lambda: port_answers(port_of(system, name)), explain=lambda: router.complaints)
         yield router
 

@@ -163,7 +163,16 @@ def read_json5(path: Path) -> dict[str, Any]:
         SourceError: It cannot be read.
         ConfigurationError: Others can read it, or it is cut short or damaged.
     """
-    lines = read_private(path).split("\n")
+    return parsed_json5(path, read_private(path))
+
+
+def parsed_json5(path: Path, text: str) -> dict[str, Any]:
+    """Return the content in the text of such a file.
+
+    Raises:
+        ConfigurationError: It is cut short or damaged.
+    """
+    lines = text.split("\n")
     try:
         content = json.loads("\n".join(line for line in lines if not line.startswith("//")))
     except (ValueError, RecursionError):

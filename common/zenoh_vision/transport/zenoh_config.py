@@ -104,18 +104,21 @@ def _endpoint(connection: Connection, credentials: Credentials | None) -> str:
     return connection.connect
 
 
-def router_config(listen: str, zenoh_config: str | None = None) -> zenoh.Config:
+def router_config(
+    listen: str, zenoh_config: str | None = None, text: str | None = None
+) -> zenoh.Config:
     """Return the configuration of the embedded router.
 
     Args:
         listen: Zenoh endpoint, unless the file has others.
         zenoh_config: JSON5 file to start from.
+        text: What was read of that file; None to read it.
 
     Raises:
         ConfigurationError: As for ``client_config``.
     """
     _check_endpoints("listen", [listen])
-    config = _base(zenoh_config, "router")
+    config = _base(zenoh_config, "router", text)
     set_values(config, {"adminspace/enabled": True})
     defaults = {
         "listen/endpoints": [listen],
@@ -171,15 +174,15 @@ def zenoh_error_text(error: zenoh.ZError) -> str:
     return re.sub(r" at \S+\.rs:\d+\.?", "", str(error)).strip()
 
 
-def _base(path: str | None, mode: str) -> zenoh.Config:
+def _base(path: str | None, mode: str, text: str | None = None) -> zenoh.Config:
     """Return the configuration in a file, or an empty one; no scouting unless the file says so."""
     if path is None:
         config = zenoh.Config()
     else:
-        if not Path(path).is_file():
+        if text is None and not Path(path).is_file():
             raise SourceError(f"--zenoh-config {path}: no such file")
         try:
-            config = zenoh.Config.from_file(path)
+            config = zenoh.Config.from_file(path) if text is None else zenoh.Config.from_json5(text)
         except zenoh.ZError as error:
             raise ConfigurationError(f"--zenoh-config {path}: {zenoh_error_text(error)}") from None
     # Shared memory: its implicit use leaks locked memory in the router (zenoh #2787).

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import Any, Final
+from typing import Final
+
+import zenoh
 
 from zenoh_vision.errors import ConfigurationError, VisionError
-from zenoh_vision.security.credentials import credentials_file, file_state, read_json5
+from zenoh_vision.security.credentials import credentials_file, parsed_json5, read_private
 from zenoh_vision.transport.zenoh_config import router_config
 
 log = logging.getLogger("router")
 
 LOOK_S: Final = 1.0
-"""How often the file is looked at."""
-
-ANY: Final = "tcp/127.0.0.1:0"
-"""An endpoint for a check: the file's own take precedence."""
+"""How often the file is read."""
 
 
 class RouterRules:
     """Watches the file of ``zv security`` for a router.
 
+    The text is compared, not the file's times, and the configuration is made of the same text that
+    was checked: whenever the file is replaced, the router runs with a whole one, and then with the
+    last one.
+
     Args:
         credentials: The file, perhaps without its suffix.
+        listen: Endpoint, unless the file has others.
 
     Attributes:
+        config: Of the newest text that can be used.
         fault: Why a changed file cannot be used; empty if it can. The former rules hold then.
 
     Raises:
@@ -33,11 +38,14 @@ class RouterRules:
         ConfigurationError: It cannot be used, or others can read it.
     """
 
-    def __init__(self, credentials: str) -> None:
+    def __init__(self, credentials: str, listen: str) -> None:
         self.path = credentials_file(credentials)
         self.fault = ""
-        self._check()
-        self._taken = self._refused = file_state(self.path)
+        self._listen = listen
+        self._text = read_private(self.path)
+        self.config = self._config(self._text)
+        self._former: tuple[str, zenoh.Config] | None = None
+        self._rejected = ""
         self._look_s = 0.0
 
     def changed(self) -> bool:
@@ -45,27 +53,41 @@ class RouterRules:
         if time.monotonic() < self._look_s:
             return False
         self._look_s = time.monotonic() + LOOK_S
-        state = file_state(self.path)
-        if state == self._taken:
-            self.fault, self._refused = "", state
-        if state == self._refused:
-            return False
         try:
-            self._check()
+            text = read_private(self.path)
+            if text == self._rejected:
+                return False
+            config = self.config if text == self._text else self._config(text)
         except VisionError as error:
-            self.fault = f"the former rules hold: {error}"
-            log.error("%s", self.fault)
-            self._refused = state
+            self._hold(error)
             return False
-        self._taken = self._refused = state
-        self.fault = ""
+        self.fault = self._rejected = ""
+        if text == self._text:
+            return False
+        self._former = self._text, self.config
+        self._text, self.config = text, config
         return True
 
-    def _check(self) -> None:
-        content: dict[str, Any] = read_json5(self.path)
-        if not isinstance(content.get("access_control"), dict):
+    def reject(self, error: VisionError) -> bool:
+        """Return to the former rules, since no router can run with these; False without former."""
+        if self._former is None:
+            return False
+        self._rejected = self._text
+        self._text, self.config = self._former
+        self._former = None
+        self._hold(error)
+        return True
+
+    def _hold(self, error: VisionError) -> None:
+        fault = f"the former rules hold: {error}"
+        if fault != self.fault:
+            self.fault = fault
+            log.error("%s", fault)
+
+    def _config(self, text: str) -> zenoh.Config:
+        if not isinstance(parsed_json5(self.path, text).get("access_control"), dict):
             raise ConfigurationError(
                 f"{self.path}: no configuration of a router; allowed: DIR/router, which "
                 "zv security init writes"
             )
-        router_config(ANY, str(self.path))
+        return router_config(self._listen, str(self.path), text)

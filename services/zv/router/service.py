@@ -15,6 +15,7 @@ from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host.allocator import use_one_arena
 from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.host.signals import StopSignals
+from zenoh_vision.security.credentials import renewal_of
 from zenoh_vision.transport.router import ask, listening_endpoints
 from zenoh_vision.transport.zenoh_config import (
     ROUTER_RUNTIME,
@@ -60,13 +61,24 @@ def run(
     StopSignals(stop).catch()
     os.environ.setdefault(RUNTIME, ROUTER_RUNTIME)
     use_one_arena()
-    rules = None if credentials is None else RouterRules(credentials)
+    rules = None if credentials is None else RouterRules(credentials, settings.listen)
     path = zenoh_config if rules is None else str(rules.path)
     if rules is not None and zenoh_config is not None:
         raise ConfigurationError("--credentials and --zenoh-config are both given; allowed: one")
     health_file = HealthFile()
+    again = False
     while not stopping:
-        with _opened(settings, path) as session:
+        config = router_config(settings.listen, path) if rules is None else rules.config
+        try:
+            opened = _opened(config, path, None if rules is None else renewal_of(rules.path))
+        except ConfigurationError as error:
+            if rules is None or not rules.reject(error):
+                raise
+            continue
+        if again and rules is not None and not rules.fault:
+            log.warning("took the new rules in %s; all connections were closed", path)
+        again = True
+        with opened as session:
             watchdog = Watchdog(partial(ask, session))
             while not stopping and not (rules is not None and rules.changed()):
                 health_file.beat("" if rules is None else rules.fault)
@@ -78,26 +90,24 @@ def run(
                 time.sleep(POLL_S)
             if not watchdog.end():
                 _exit_at_once(0 if stopping else HUNG_STATUS)
-        if not stopping:
-            log.warning("took the new rules in %s; all connections were closed", path)
 
 
-def _opened(settings: RouterSettings, path: str | None) -> zenoh.Session:
+def _opened(config: zenoh.Config, path: str | None, renewal: str | None) -> zenoh.Session:
     """Open the router, and log where it listens.
 
     Raises:
-        ConfigurationError: It cannot listen there.
+        ConfigurationError: It cannot listen there, or its credentials cannot be used.
     """
-    config = router_config(settings.listen, path)
     endpoints = listen_endpoints(config)
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
+        said = zenoh_error_text(error)
+        if renewal is not None and "os error" not in said:
+            raise ConfigurationError(f"{path}: {said}; {renewal} writes it again") from None
         setting = "listen" if path is None else f"{path}: listen/endpoints"
         value = endpoints[0] if len(endpoints) == 1 else endpoints
-        raise ConfigurationError(
-            cannot_listen(f"{setting} = {value!r}", zenoh_error_text(error))
-        ) from None
+        raise ConfigurationError(cannot_listen(f"{setting} = {value!r}", said)) from None
     listening = listening_endpoints(session, endpoints)
     log.info("router listens on %s", ", ".join(listening) or "nothing")
     return session

@@ -253,8 +253,30 @@ def test_a_router_keeps_its_rules_while_its_file_cannot_be_used(tmp_path):
         wait_until(lambda: "the former rules hold" in router.complaints, 20)
         with system.client("guest") as guest:
             assert list(guest.info.routers_zid())
-        system.file("router").write_text(whole)
+        system.file("router").write_text(f"{whole}\n")
         wait_until(lambda: "took the new rules" in router.complaints, 20)
+
+
+def test_a_router_goes_on_with_its_former_rules_if_it_cannot_run_with_others(tmp_path):
+    system = secured(tmp_path)
+    other = secured(tmp_path / "other")
+    health = tmp_path / "health"
+    with embedded(system, tmp_path, ZV_HEALTH_FILE=str(health)) as router:
+        content = system.content("router")
+        tls, key = content["transport"]["link"]["tls"], "listen_private_key_base64"
+        tls[key] = other.content("router")["transport"]["link"]["tls"][key]
+        system.rewrite("router", content)
+        wait_until(lambda: "the former rules hold: " in router.complaints, 20)
+        assert f"zv security renew router --dir {system.folder} writes it again" in (
+            router.complaints
+        )
+        wait_until(lambda: "the former rules hold: " in health.read_text(), 10)
+        with system.client("guest") as guest:
+            assert list(guest.info.routers_zid())
+        assert "took the new rules" not in router.complaints
+        system.renew("router")
+        wait_until(lambda: "took the new rules" in router.complaints, 20)
+        wait_until(lambda: health.read_text() == "ok\n", 10)
 
 
 # What is denied is said

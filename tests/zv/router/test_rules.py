@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from tests.support.secured import secured
+from zenoh_vision.errors import ConfigurationError
 from zv.router import rules
 from zv.router.rules import RouterRules
+
+ANY = "tcp/127.0.0.1:0"
 
 
 def test_a_file_that_others_can_read_is_taken_once_its_mode_is_mended(tmp_path, monkeypatch):
     monkeypatch.setattr(rules, "LOOK_S", 0.0)
     system = secured(tmp_path)
     file = system.file("router")
-    followed = RouterRules(str(file))
+    followed = RouterRules(str(file), ANY)
     assert not followed.changed()
     text = file.read_text()
     file.write_text(f"{text}\n")
@@ -28,7 +33,7 @@ def test_a_file_that_others_can_read_is_taken_once_its_mode_is_mended(tmp_path, 
 def test_a_file_that_is_as_it_was_taken_has_no_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(rules, "LOOK_S", 0.0)
     file = secured(tmp_path).file("router")
-    followed = RouterRules(str(file))
+    followed = RouterRules(str(file), ANY)
     for wrong in (lambda: file.chmod(0o640), lambda: file.rename(f"{file}.away")):
         wrong()
         assert not followed.changed()
@@ -46,7 +51,58 @@ def test_a_damaged_file_is_told_with_the_command_that_writes_it_again(tmp_path, 
     monkeypatch.setattr(rules, "LOOK_S", 0.0)
     system = secured(tmp_path)
     system.add(router="far", host=("far.example",))
-    followed = RouterRules(str(system.file(name)))
+    followed = RouterRules(str(system.file(name)), ANY)
     system.file(name).write_text("{")
     assert not followed.changed()
     assert f"zv security renew {name} --dir {system.folder} writes it again" in followed.fault
+
+
+def test_a_file_is_compared_by_what_is_in_it(tmp_path, monkeypatch):
+    """Its size, times and inode may be those of the former one."""
+    monkeypatch.setattr(rules, "LOOK_S", 0.0)
+    file = secured(tmp_path).file("router")
+    followed = RouterRules(str(file), ANY)
+    about, text = file.stat(), file.read_text()
+    file.write_text(text.replace("It holds", "It HOLDS"))
+    os.utime(file, ns=(about.st_atime_ns, about.st_mtime_ns))
+    now = file.stat()
+    assert (now.st_mtime_ns, now.st_size, now.st_ino) == (
+        about.st_mtime_ns,
+        about.st_size,
+        about.st_ino,
+    )
+    assert followed.changed()
+    file.touch()
+    assert not followed.changed()
+
+
+def test_the_router_runs_with_the_text_that_was_checked(tmp_path, monkeypatch):
+    monkeypatch.setattr(rules, "LOOK_S", 0.0)
+    system = secured(tmp_path)
+    file = system.file("router")
+    followed = RouterRules(str(file), ANY)
+    system.revoke("camera_front")
+    assert followed.changed()
+    file.write_text("{")  # before it is opened
+    assert "camera_front: announce" not in followed.config.get_json("access_control")
+    assert not followed.changed()
+    assert "cut short or damaged" in followed.fault
+
+
+def test_rules_with_which_no_router_can_run_give_way_to_the_former_ones(tmp_path, monkeypatch):
+    monkeypatch.setattr(rules, "LOOK_S", 0.0)
+    system = secured(tmp_path)
+    followed = RouterRules(str(system.file("router")), ANY)
+    former = followed.config
+    assert not followed.reject(ConfigurationError("at the start"))
+    good = system.file("router").read_text()
+    system.file("router").write_text(f"{good}\n")
+    assert followed.changed()
+    assert followed.reject(ConfigurationError("the key is another's"))
+    assert followed.config is former
+    assert not followed.changed()
+    assert followed.fault == "the former rules hold: the key is another's"
+    assert not followed.reject(ConfigurationError("nor with these"))
+    system.file("router").write_text(good)
+    assert not followed.changed()
+    assert followed.fault == ""
