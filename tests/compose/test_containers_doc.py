@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support import detector_models
 from tests.support.containers.stack import Stack, compose_command, run
 from tests.support.containers.witness import Witness
 from tests.support.pictures.encoded import write_video
@@ -18,7 +19,14 @@ from tests.support.viewer.pages import Page
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.compose, pytest.mark.timeout(1500)]
-WORDS = ("docker", "cp", "curl", "ZV_VIDEO=./walk.avi", "ZV_COMPOSE_CONNECT=tcp/192.0.2.1:7447")
+WORDS = (
+    "docker",
+    "cp",
+    "curl",
+    "ZV_VIDEO=./walk.avi",
+    "ZV_TRACKER_MODEL=/models/yolo11n.onnx",
+    "ZV_COMPOSE_CONNECT=tcp/192.0.2.1:7447",
+)
 
 
 def written() -> list[str]:
@@ -54,6 +62,11 @@ def test_a_compose_command_runs_as_written(line: str, image: str, clone: Path):
         return
     if "ZV_VIDEO" in settings:
         write_video(clone / "walk.avi", frames=300, rate_hz=30)
+    if "ZV_TRACKER_MODEL" in settings:
+        (clone / "models").mkdir()
+        (clone / "models").chmod(0o755)
+        model = detector_models.save(clone / "models" / "yolo11n.onnx", "yolov8", size=640)
+        model.chmod(0o644)
     if rest[0] == "up":
         with Stack(clone, overrides, settings) as stack, Witness(stack.endpoint) as witness:
             witness.flows(10)

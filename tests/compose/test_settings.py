@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import zenoh
 
+from tests.support import detector_models
 from tests.support.containers.stack import HANDSHAKE_MS, OURS, Stack, run
 from tests.support.containers.witness import Witness
 from tests.support.listening import Listener, newest, open_client, wait_for_nodes
@@ -101,6 +102,43 @@ def test_a_video_that_cannot_be_read_says_so(new_stack, tmp_path: Path):
     stack = new_stack("video", ZV_VIDEO=str(secret))
     wait_until(lambda: "/video: " in stack.logs("camera"), 60)
     assert "Traceback" not in stack.logs("camera")
+
+
+def test_a_model_that_is_mounted(new_stack, tmp_path: Path):
+    tmp_path.chmod(0o755)
+    pictures, models = tmp_path / "pictures", tmp_path / "models"
+    for folder in (pictures, models):
+        folder.mkdir()
+        folder.chmod(0o755)
+    for step in range(40):
+        box = 20 + 4 * step, 60, 60 + 4 * step, 140
+        cv2.imwrite(str(pictures / f"{step:02}.png"), detector_models.scene({1: box}, (320, 240)))
+    detector_models.save(models / "tiny.onnx", "yolov8")
+    for file in (*pictures.iterdir(), *models.iterdir()):
+        file.chmod(0o644)
+    stack = new_stack(
+        "video", "model",
+        ZV_VIDEO=str(pictures), ZV_CAMERA_LOOP="true", ZV_CAMERA_RATE="15",
+        ZV_MODELS=str(models), ZV_TRACKER_MODEL="/models/tiny.onnx",
+    )  # fmt: skip
+    with connected(stack) as session:
+        tracks = Listener(session, "vision/front/tracks")
+
+        def classes() -> set[str]:
+            return {each["class"] for found in tracks.messages for each in found.body["tracks"]}
+
+        wait_until(classes, 60)
+        assert classes() == {"green"}
+    assert "model tiny.onnx by OpenCV on cpu, layout yolov8" in stack.logs("tracker")
+
+
+def test_a_model_that_is_not_there_is_named(new_stack, tmp_path: Path):
+    tmp_path.chmod(0o755)
+    stack = new_stack(
+        "model", services=("router", "tracker"),
+        ZV_MODELS=str(tmp_path), ZV_TRACKER_MODEL="/models/none.onnx",
+    )  # fmt: skip
+    wait_until(lambda: "/models/none.onnx: No such file" in stack.logs("tracker"), 60)
 
 
 def test_two_cameras_each_with_its_tracker(new_stack):
