@@ -40,7 +40,8 @@ class BoxLife:
         shown_s: A confirmed track that is not seen for longer than this is lost,
         leaving_s: or than this at the border of the picture.
         border_s: There it ends if it is not seen for longer than this.
-        proven: or than this share of the time for which it was followed before.
+        brief_s: Elsewhere, if neither for longer than this nor for longer than it was followed.
+        proven: It is shown at most for this share of the time for which it was followed before.
         hidden_s: Time constant with which the predicted motion of a hidden object slows down.
         size_s: Time constant with which the size follows a change,
         noise: unless it is larger than a model's noise: this natural logarithm of the ratio,
@@ -60,6 +61,7 @@ class BoxLife:
     shown_s: float = 0.3
     leaving_s: float = 0.0
     border_s: float = 1.0
+    brief_s: float = 1.0
     proven: float = 0.5
     hidden_s: float = 1.0
     size_s: float = 0.2
@@ -201,7 +203,10 @@ class BoxTracker:
                 kept_s = min(life.border_s, self.keep_lost_s)
                 ended = missing_s > kept_s and track.missed > 0
             else:
-                ended = missing_s > self.keep_lost_s and track.missed > 0
+                kept_s = self.keep_lost_s
+                if track.missed > life.tentative_runs:
+                    kept_s = min(kept_s, max(life.brief_s, state.seen_s - state.born_s))
+                ended = missing_s > kept_s and track.missed > 0
             if missing_s > 0:
                 state.slow_down(math.exp(-self._dt_s / life.hidden_s))
             if not ended:

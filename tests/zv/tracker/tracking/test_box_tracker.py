@@ -106,6 +106,26 @@ def test_at_the_border_a_track_is_lost_at_once_but_keeps_its_id_for_a_second():
     assert tracks == []
 
 
+@pytest.mark.parametrize(("followed", "kept"), [(3, 10), (15, 14), (40, 20)])
+def test_a_track_that_is_lost_is_kept_no_longer_than_it_was_followed(followed: int, kept: int):
+    """Where it is now is known the less, the shorter it was seen; another may appear there."""
+    film = Film()
+    for _ in range(followed):
+        film.show(box(100, 0.9))
+    lengths = [len(film.show()) for _ in range(30)]
+    assert sum(lengths) == pytest.approx(kept, abs=1)  # frames of 0.1 s
+
+
+def test_a_slow_model_may_miss_a_new_track_twice():
+    tracker = BoxTracker(SIZE)
+    lengths = []
+    for second, found in enumerate([[box(100, 0.9)], [box(100, 0.9)], [], [], []]):
+        tracker.predict(second)
+        tracker.see(found)
+        lengths.append(len(tracker.finish()))
+    assert lengths == [1, 1, 1, 1, 0]
+
+
 def test_sure_boxes_are_assigned_before_others_and_duplicates_begin_nothing():
     found = [box(102, 0.3), box(110, 0.9), box(112, 0.8)]
     matches = match_boxes([expected(100)], found, BoxLimits())
