@@ -115,6 +115,7 @@ export class Inspector {
 		for (const frames of this.cameras.values()) frames.setPaused(paused);
 		if (paused) this.align();
 		byId("pause").setAttribute("aria-pressed", String(paused));
+		this.grid.requestPaint(); // what is written on a picture may differ, also without a new one
 		this.tick();
 	}
 
