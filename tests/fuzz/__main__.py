@@ -20,7 +20,9 @@ def main() -> None:
     more = {}
     if name in HOW:
         first = [file.read_bytes() for file in sorted(corpus.iterdir())]
-        more["custom_mutator"] = Mutator(name, first, atheris.Mutate)
+        # Fuzz() puts another function in the place of atheris.Mutate.
+        mutator = Mutator(name, first, lambda data, size: bytes(atheris.Mutate(data, size)))
+        more["custom_mutator"] = mutator
     atheris.Setup([sys.argv[0], *flags, str(corpus)], targets.TARGETS[name], **more)
     atheris.Fuzz()
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from tests.fuzz.mutation import HOW, Mutator
 from tests.fuzz.start import corpus_of
 from tests.fuzz.targets import SEEDS, TARGETS, seeds
+from tests.support.processes import ROOT
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -28,6 +31,15 @@ def test_inputs_that_are_changed_within_their_structure_are_read_or_refused(name
     assert len(made) > 200
     for data in made:
         TARGETS[name](data)
+
+
+@pytest.mark.parametrize("name", ["rights", "router_answer"])
+def test_the_fuzzer_runs(name: str):
+    pytest.importorskip("atheris", reason="make fuzz installs it")
+    command = [sys.executable, "-m", "tests.fuzz", name, "-runs=2000"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "Done 2000 runs" in done.stderr
 
 
 @pytest.mark.parametrize(
