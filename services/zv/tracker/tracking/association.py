@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zv.tracker.tracking import boxes
 from zv.tracker.tracking.appearance import Scene
-from zv.tracker.tracking.pieces import PieceLimits, around_largest, joined
+from zv.tracker.tracking.pieces import PieceLimits, around_largest, joined, parted
 from zv.tracker.tracking.region import Region, union
 from zv.tracker.tracking.state import TrackState
 
@@ -33,6 +33,7 @@ class AssociationLimits:
             object of its own, not a part of another.
         part: A track that is not confirmed yet is a part of another one if its area is smaller
             than this share of the other's.
+        parted_s: An object that has looked like two for this long is divided.
         pieces: The constants of joining pieces.
     """
 
@@ -44,15 +45,18 @@ class AssociationLimits:
     alike_area: float = 1.7
     proven_s: float = 0.4
     part: float = 0.3
+    parted_s: float = 0.4
     pieces: PieceLimits = field(default_factory=PieceLimits)
 
 
 @dataclass(frozen=True, slots=True)
 class Follow:
-    """The track is seen alone, as this region."""
+    """The track is seen as this region, alone or perhaps not; ``parted`` if it looks like two."""
 
     track: TrackState
     region: Region
+    alone: bool
+    parted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +65,15 @@ class Share:
 
     tracks: tuple[TrackState, ...]
     regions: tuple[Region, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """The track is two objects, of which the first keeps its id."""
+
+    track: TrackState
+    mine: Region
+    other: Region
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +90,7 @@ class Begin:
     region: Region
 
 
-Decision = Follow | Share | End | Begin
+Decision = Follow | Share | Split | End | Begin
 
 
 def associate(
@@ -112,8 +125,7 @@ def associate(
             lost = _lost_before(track, union(owned), tracks, scene, now_s, limits)
             if lost is not None:
                 decisions.append(End(track))
-            found = owned[0] if convex else around_largest(owned, limits.pieces)
-            decisions.append(Follow(lost or track, found))
+            decisions.append(_alone(lost or track, owned, scene, now_s, limits, convex=convex))
         else:
             decisions += _together(members, owned, scene, limits)
     used = {part for each in decisions for part in _parts_used(each)}
@@ -149,6 +161,31 @@ def _links(
     for number, found in boxes.assigned(costs):
         links[rows[number], columns[found]] = True
     return links
+
+
+def _alone(
+    track: TrackState,
+    owned: list[Region],
+    scene: Scene | None,
+    now_s: float,
+    limits: AssociationLimits,
+    *,
+    convex: bool,
+) -> Decision:
+    """Return what the regions of one track are."""
+    largest = (owned[0], owned[1]) if len(owned) > 1 else None
+    parts = largest if convex else parted(track, owned)
+    if parts is None:
+        return Follow(track, around_largest(owned, limits.pieces), alone=True)
+    if track.parted_s is None or now_s - track.parted_s < limits.parted_s:
+        return Follow(track, union(owned), alone=False, parted=True)
+    costs = []
+    for part in parts:
+        away = math.dist(part.center, track.box.center) / track.side
+        unlike = 0.5 if scene is None else track.appearance.distance(scene, part)
+        costs.append(away + unlike)
+    mine, other = parts if costs[0] <= costs[1] else parts[::-1]
+    return Split(track, mine, other)
 
 
 def _lost_before(
@@ -193,7 +230,8 @@ def _together(
         for column, region in enumerate(owned):
             if column not in taken:
                 mine[_nearest(members, region)].append(region)
-        return [Follow(members[row], union(parts)) for row, parts in mine.items()]
+        return [Follow(members[row], union(parts), alone=True) for row, parts in mine.items()]
+    whole = union(owned)
     largest = max(each.area for each in members)
     established = [each for each in members if _established(each, largest, limits)]
     if len(established) > 1:
@@ -202,7 +240,7 @@ def _together(
     else:
         most = max(established or members, key=lambda each: (each.confirmed, each.area, -each.id))
         parts = [each for each in members if each is not most]
-        rest = Follow(most, union(owned))
+        rest = Follow(most, whole, alone=True)
     return [*map(End, parts), rest]
 
 
@@ -219,6 +257,8 @@ def _parts_used(decision: Decision) -> Sequence[Region]:
             return [*region.parts, region]
         case Share(_, regions):
             return regions
+        case Split(_, mine, other):
+            return [*mine.parts, mine, *other.parts, other]
         case _:
             return []
 

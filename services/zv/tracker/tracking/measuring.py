@@ -70,14 +70,17 @@ class Moment:
         return max(1.0, LIMITS.border * min(self.size))
 
 
-def measure(track: TrackState, found: Region, moment: Moment, scene: Scene | None) -> None:
-    """Correct an object by the bounding box of its own foreground, which shows no other object.
+def measure(
+    track: TrackState, found: Region, moment: Moment, scene: Scene | None, *, alone: bool
+) -> None:
+    """Correct an object by the bounding box of its own foreground.
 
     Args:
         track: The object, predicted to the moment.
         found: All of its foreground.
         moment: The frame.
         scene: The pixels of the frame, from which the appearance is learned; None to not learn it.
+        alone: Whether that foreground shows no other object.
     """
     at_border, now_s = moment.at_border(found), moment.now_s
     if track.grouped_s is not None and now_s - track.grouped_s > LIMITS.group_memory_s:
@@ -87,7 +90,7 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene | Non
     (x, width), (y, height) = _centre(found, track, moment, (dx, dy))
     complete = width and height
     track.was_inside |= not at_border
-    follows = entering or track.grouped_s is None
+    follows = entering or (alone and track.grouped_s is None)
     share = max(1 - math.exp(-moment.dt_s / MOTION.size_s), 1 / (track.hits + 1))
     track.resize(
         found.width if width or follows else track.width,
@@ -96,7 +99,8 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene | Non
         1.0 if entering else share,
     )
     track.shown = found
-    track.alone_s += moment.dt_s
+    if alone:
+        track.alone_s += moment.dt_s
     if entering:  # it moves as its edge inside the picture; its box is the part in view
         track.correct((x, y), now_s)
         track.place_at(found.center)
@@ -105,7 +109,7 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene | Non
     else:
         track.correct((x, y), now_s, (width, height))
     since_s = now_s - track.learned_s
-    if scene is not None and complete and since_s >= LIMITS.learn_every_s:
+    if scene is not None and alone and complete and since_s >= LIMITS.learn_every_s:
         share = 1 - math.exp(-min(since_s / LIMITS.appearance_s, 1.0))
         track.appearance.learn(scene, _around(found.center, track), share)
         track.learned_s = now_s

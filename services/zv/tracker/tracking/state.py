@@ -59,6 +59,7 @@ class TrackState:
         travelled: Largest distance from its origin, in smaller sides of its box.
         confirmed: Whether it was ever confirmed.
         grouped_s: When it last shared a region with others; None if that is long ago.
+        parted_s: Since when it has looked like two objects; None if it does not.
         stands_at: Where it stands, or stood last.
         stands_s: Since when it has stood there.
         tested_s: When it was last tested for being a ghost.
@@ -91,6 +92,7 @@ class TrackState:
     travelled: float = 0.0
     confirmed: bool = False
     grouped_s: float | None = None
+    parted_s: float | None = None
     tested_s: float = 0.0
     learned_s: float = 0.0
     alone_s: float = 0.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from zv.tracker.tracking import boxes
-from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.appearance import Appearance, Scene
 from zv.tracker.tracking.association import (
     AssociationLimits,
     Begin,
@@ -16,6 +16,7 @@ from zv.tracker.tracking.association import (
     End,
     Follow,
     Share,
+    Split,
     associate,
 )
 from zv.tracker.tracking.groups import divide
@@ -167,12 +168,18 @@ class Tracker:
     def _apply(self, decision: Decision, scene: Scene | None) -> None:
         moment = self._moment
         match decision:
-            case Follow(track, region):
+            case Follow(track, region, alone, parted):
+                if not parted:
+                    track.parted_s = None
+                elif track.parted_s is None:
+                    track.parted_s = moment.now_s
                 if track.grouped_s is not None and not self._near_another(track):
                     track.grouped_s = None  # its foreground is no longer shared with others
-                measure(track, region, moment, scene)
+                measure(track, region, moment, scene, alone=alone)
             case Share(tracks, regions):
                 self._share(tracks, regions, scene)
+            case Split(track, mine, other):
+                self._split(track, mine, other, scene)
             case End(track):
                 self.drop(track)
             case Begin(region):
@@ -182,15 +189,16 @@ class Tracker:
                 ):
                     self._begin(region, scene)
 
-    def _begin(self, region: Region, scene: Scene | None) -> None:
+    def _begin(self, region: Region, scene: Scene | None) -> TrackState | None:
         if len(self.states) >= MAX_TRACKS:
-            return
+            return None
         moment = self._moment
         state = new_state(self.next_id, region, moment.now_s, moment.cut(region))
         self.next_id += 1
         self.states.append(state)
         if scene is not None:
             state.appearance.learn(scene, state.box, 1.0)
+        return state
 
     def _share(
         self, tracks: Sequence[TrackState], regions: Sequence[Region], scene: Scene | None
@@ -199,10 +207,25 @@ class Tracker:
         portions = None if scene is None else divide(tracks, regions, scene)
         for number, track in enumerate(tracks):
             track.grouped_s = moment.now_s
+            track.parted_s = None
             if portions is None:
                 track.correct((track.x.position, track.y.position), moment.now_s)
             elif not measure_portion(track, portions[number], moment):
                 track.slow_down(math.exp(-moment.dt_s / self.parameters.life.hidden_s))
+
+    def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene | None) -> None:
+        track.parted_s = None
+        track.resize(mine.width, mine.height, mine.area, 1.0)
+        track.appearance = Appearance()
+        track.correct(mine.center, self._moment.now_s)
+        if scene is not None:
+            track.appearance.learn(scene, track.box, 1.0)
+        second = self._begin(other, scene)
+        if second is not None:
+            second.x.velocity, second.y.velocity = track.x.velocity, track.y.velocity
+            second.confirmed = track.confirmed
+            second.travelled = track.travelled
+            second.was_inside = track.was_inside
 
     def _near_another(self, track: TrackState) -> bool:
         """Return whether another object, possibly hidden, is expected in the track's box."""
