@@ -136,7 +136,7 @@ class Lockstep:
             if late is not None and now_s - looked_s > LOOK_S:
                 looked_s = now_s
                 which = f"frame {header.seq} of {header.camera}"
-                if not self._runs(late):
+                if self._has_ended(late):
                     raise ExpectationNotMet(f"{late} ended before it answered {which}")
                 if now_s - begun_s > self._answer_s:
                     raise ExpectationNotMet(
@@ -147,9 +147,10 @@ class Lockstep:
     def _key(self, node: str) -> str:
         return keys.node_key(self._namespace, node)
 
-    def _runs(self, name: str) -> bool:
+    def _has_ended(self, name: str) -> bool:
         query = Query(self._key(name), tokens=True)
-        return bool(ask(self._link.session, [query], self._stopping)[0])
+        (replies,) = ask(self._link.session, [query], self._stopping)
+        return not (replies or replies.timed_out or self._stopping())
 
     def _follow(self, about: NodeDescription | None, cameras: Collection[str]) -> bool:
         """Follow a node once it takes frames of some of the cameras; return whether it does."""

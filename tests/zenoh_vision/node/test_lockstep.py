@@ -1,0 +1,37 @@
+"""What ends a wait for the answers of nodes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from zenoh_vision import Header
+from zenoh_vision.errors import ExpectationNotMet
+from zenoh_vision.node.lockstep import Follower, Lockstep
+from zenoh_vision.transport.query import Replies
+
+FRAME = Header(camera="front", epoch=1, seq=3, stamp_ns=1, width=4, height=4)
+
+
+@pytest.mark.parametrize(
+    ("timed_out", "error"),
+    [
+        (False, "tracker_front ended before it answered frame 3 of front"),
+        (True, "tracker_front has not answered frame 3 of front within 0.2 s"),
+    ],
+    ids=["not listed", "no list"],
+)
+def test_a_node_has_ended_if_a_complete_list_of_nodes_is_without_it(
+    timed_out: bool, error: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replies = Replies()
+    replies.timed_out = timed_out
+    monkeypatch.setattr("zenoh_vision.node.lockstep.ask", lambda *_: [replies])
+    monkeypatch.setattr("zenoh_vision.node.lockstep.LOOK_S", 0.0)
+    link = SimpleNamespace(session=None)
+    lockstep = Lockstep(link, "vision", ["tracker_front"], answer_s=0.2)  # type: ignore[arg-type]
+    lockstep._followers["tracker_front"] = Follower("tracker_front", frozenset({"front"}))
+    with pytest.raises(ExpectationNotMet) as caught:
+        lockstep.wait(FRAME)
+    assert str(caught.value) == error
