@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import msgpack
 import pytest
@@ -87,13 +88,14 @@ def test_the_first_frame_of_an_epoch_waits_for_the_reply_and_no_longer_than_its_
     with open_client(router.endpoint) as camera:
         queryable = camera.declare_queryable(KEY, answer)
         wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
-        monkeypatch.setattr("zv.tracker.camera_plane.REPLY_S", 20.0)
-        assert where(plane, header(epoch=5)) == (1, 0.5)
+        monkeypatch.setattr("zv.tracker.camera_plane.Query", partial(Query, timeout_s=20.0))
+        with monkeypatch.context() as patched:
+            patched.setattr("zv.tracker.camera_plane.REPLY_S", 20.0)
+            assert where(plane, header(epoch=5)) == (1, 0.5)
         queryable.undeclare()
         silent = threading.Event()
         queryable = camera.declare_queryable(KEY, lambda _: silent.wait(20))
         wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
-        monkeypatch.undo()
         begun_s = time.monotonic()
         assert where(plane, header(epoch=6)) == (1, 0.5)
         assert not plane._replied.is_set()
