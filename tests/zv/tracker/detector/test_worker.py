@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -24,11 +25,13 @@ class SlowModel:
         self.runs: list[list[str]] = []
         self.go = threading.Semaphore(0)
         self.error: Exception | None = None
+        self.limits = (0.0, 0.0)
 
     def prepared(self, size: tuple[int, int], reduced: Any) -> Any:
         return reduced(*size)
 
-    def detect(self, pictures: Sequence[str], _: float, __: float) -> list[Found]:
+    def detect(self, pictures: Sequence[str], least: float, overlap: float) -> list[Found]:
+        self.limits = least, overlap
         self.runs.append(list(pictures))
         self.go.acquire()
         if self.error is not None:
@@ -74,6 +77,28 @@ def test_what_waits_is_seen_at_once_if_the_model_allows_it(model: SlowModel):
     model.go.release(3)
     wait_until(lambda: len(done) == 5)
     assert model.runs == [["a"], ["b", "c", "d"], ["e"]]
+    worker.close()
+
+
+def test_a_batch_has_the_least_limits_of_its_cameras_and_shares_its_time(model: SlowModel):
+    model.most = 2
+    done: list[Request] = []
+    worker = ModelWorker(model, done.append)  # type: ignore[arg-type]
+    worker.submit(request("a"))
+    wait_until(lambda: model.runs)
+    worker.submit(Request("b", (1, 1), lambda *_: "b", 0.3, 0.4))
+    worker.submit(Request("c", (1, 1), lambda *_: "c", 0.2, 0.7))
+    model.go.release(1)
+    wait_until(lambda: len(model.runs) == 2)
+    time.sleep(0.3)
+    model.go.release(1)
+    wait_until(lambda: len(done) == 3)
+    ended_s = time.monotonic()
+    assert model.limits == (0.2, 0.4)
+    b, c = done[1:]
+    assert b.run_s == c.run_s
+    assert b.begun_s is not None
+    assert 0.3 <= b.run_s + c.run_s <= ended_s - b.begun_s  # both, not each, took the run
     worker.close()
 
 
