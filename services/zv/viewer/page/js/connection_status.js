@@ -53,7 +53,7 @@ export function showConnection(system, connection, watches) {
 		draw();
 		if (failures % 4 !== 2) return;
 		// A WebSocket does not tell why it is refused, so try HTTP now and then.
-		const { status } = await fetch("page/icon.svg", { cache: "no-store" }).catch(() => ({}));
+		const { status } = await fetch("page/icon.svg", { cache: "no-store" }).catch(() => ({ status: 0 }));
 		if (status === 401 && !connection.isOpen) {
 			banner("The session has ended. Open the address that the viewer printed.", "refused");
 		}

@@ -11,13 +11,17 @@ const HIDE_WORDS = { top: "top line", bars: "tools and figures", captions: "capt
 const COLUMNS = Array.from({ length: MOST_COLUMNS }, (_, index) => index + 1);
 
 // The lists: field of the layout, what stands for null, the other choices.
+/** @type {[string, string, (number | string)[]][]} */
 const LISTS = [["columns", "as fits", COLUMNS], ["width", "as sent", WIDTHS],
 	["quality", "as sent", QUALITIES], ["panel", "as it is", ["none", ...PANELS]]];
 
 export class LayoutMenu {
 	/** `change(part)` changes some fields of the layout and shows it. */
 	constructor(system, transfer, change) {
-		Object.assign(this, { system, transfer, change, layout: null });
+		this.system = system;
+		this.transfer = transfer;
+		this.change = change;
+		this.layout = null;
 		for (const [name, none, choices] of LISTS) {
 			const list = byId(`layout-${name}`);
 			setOptions(list, [["", none], ...choices.map((choice) => [choice, choice])]);

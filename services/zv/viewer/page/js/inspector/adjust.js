@@ -11,7 +11,11 @@ const AS_SENT = { range: "sent", low: 0, high: 255, map: "grey" };
 export class Adjust {
 	/** `changed()` is called after each choice. */
 	constructor(orientations, changed) {
-		Object.assign(this, { orientations, changed, key: null, camera: null, toned: null });
+		this.orientations = orientations;
+		this.changed = changed;
+		this.key = null;
+		this.camera = null;
+		this.toned = null;
 		this.choices = new KeptChoices("tones");
 		this.menu = byId("adjust-menu");
 		this.menu.addEventListener("toggle", changed);
@@ -42,7 +46,8 @@ export class Adjust {
 
 	/** The menu is now about this stream. */
 	follow({ key, camera }) {
-		Object.assign(this, { key, camera });
+		this.key = key;
+		this.camera = camera;
 		const choice = this.of(key);
 		byId("range").value = choice.range;
 		byId("colour-map").value = choice.map;

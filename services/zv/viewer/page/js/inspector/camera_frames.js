@@ -13,7 +13,12 @@ const WINDOW_MS = 1000;
 export class CameraFrames {
 	/** `changed(this)` is called when there is another frame. */
 	constructor(watches, changed) {
-		Object.assign(this, { watches, frame: null, keys: [], messages: [], shown: [], stops: [] });
+		this.watches = watches;
+		this.frame = null;
+		this.keys = [];
+		this.messages = [];
+		this.shown = [];
+		this.stops = [];
 		this.joiner = new FrameJoiner(release);
 		this.playback = new Playback((frame, isNew) => {
 			this.frame = frame;
@@ -32,8 +37,14 @@ export class CameraFrames {
 		if (followed === this.followed) return;
 		const isMore = keys.some((key) => !this.keys.includes(key));
 		this.stop();
-		Object.assign(this, { followed, keys, messages, optionsOf, shown: [], lastFrameAt: null,
-			trails: new Trails(), statistics: new StreamStatistics() }); // of the leading stream
+		this.followed = followed;
+		this.keys = keys;
+		this.messages = messages;
+		this.optionsOf = optionsOf;
+		this.shown = [];
+		this.lastFrameAt = null;
+		this.trails = new Trails();
+		this.statistics = new StreamStatistics(); // of the leading stream
 		if (!this.playback.paused) this.start();
 		else if (isMore) this.next(); // one that has them all
 	}

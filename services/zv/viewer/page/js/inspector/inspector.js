@@ -25,8 +25,14 @@ export class Inspector {
 	 * for all of them.
 	 */
 	constructor(system, watches, connection, go, { orientations, transfer, setTransfer }) {
-		Object.assign(this, { system, watches, connection, go, transfer, keys: [], lead: null,
-			paused: false });
+		this.system = system;
+		this.watches = watches;
+		this.connection = connection;
+		this.go = go;
+		this.transfer = transfer;
+		this.keys = [];
+		this.lead = null;
+		this.paused = false;
 		this.cameras = new Map(); // name of a group of streams -> their CameraFrames
 		this.apart = new Set(); // keys of streams whose frames are not those of their camera
 		const follow = () => this.follow();

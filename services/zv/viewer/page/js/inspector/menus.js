@@ -7,7 +7,9 @@ import { KeptChoices, loadPreference, savePreference } from "../ui/preferences.j
 export class Menus {
 	/** `changed()` is called after each choice; `showBeside(keys)` with the streams to show. */
 	constructor(system, changed, showBeside) {
-		Object.assign(this, { system, changed, showBeside });
+		this.system = system;
+		this.changed = changed;
+		this.showBeside = showBeside;
 		this.overlays = new KeptChoices("overlays"); // topic -> whether it is drawn
 		this.overlayOn = loadPreference("overlayOn", true);
 		this.trails = loadPreference("trails", true);

@@ -15,7 +15,9 @@ const REACH_PX = 9; // a shape within this distance of the pointer is selected
  */
 export class View {
 	constructor(scale, x, y) {
-		Object.assign(this, { scale, x, y });
+		this.scale = scale;
+		this.x = x;
+		this.y = y;
 	}
 
 	/** The whole frame in the middle of the pane. */
@@ -66,7 +68,10 @@ export class PaneGrid {
 	 * pointer first.
 	 */
 	constructor({ orientationOf, lookOf, painted, editor }) {
-		Object.assign(this, { orientationOf, lookOf, painted, editor });
+		this.orientationOf = orientationOf;
+		this.lookOf = lookOf;
+		this.painted = painted;
+		this.editor = editor;
 		this.views = new Map(); // key -> Pane
 		this.panes = []; // in their order; the first leads
 		this.mode = "fit"; // or "actual", or "free" as the user left it
@@ -113,7 +118,10 @@ export class PaneGrid {
 		this.setView("fit", this.view);
 	}
 
-	/** Show one frame pixel per screen pixel, with the frame's point `at` in the middle. */
+	/**
+	 * Show one frame pixel per screen pixel, with the frame's point `at` in the middle.
+	 * @param {{ x: number, y: number }} at
+	 */
 	actual(at = this.view) {
 		this.setView("actual", new View(1, at.x, at.y));
 	}
@@ -132,7 +140,8 @@ export class PaneGrid {
 	}
 
 	setView(mode, view) {
-		Object.assign(this, { mode, view });
+		this.mode = mode;
+		this.view = view;
 		setData(byId("panes"), { mode });
 		byId("fit").setAttribute("aria-pressed", String(mode === "fit"));
 		byId("actual").setAttribute("aria-pressed", String(mode === "actual"));

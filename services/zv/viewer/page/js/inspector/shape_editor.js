@@ -14,7 +14,11 @@ const MOST_UNDONE = 100;
 export class ShapeEditor {
 	/** `changed()` is called when something is to be drawn again. */
 	constructor(system, connection, changed) {
-		Object.assign(this, { system, connection, changed, camera: null, isActive: false });
+		this.system = system;
+		this.connection = connection;
+		this.changed = changed;
+		this.camera = null;
+		this.isActive = false;
 		this.sending = 0;
 		this.clear();
 		system.on("parameters nodes hello", () => this.read());
@@ -44,9 +48,9 @@ export class ShapeEditor {
 
 	/** Return the shapes to draw, with these counts; with corners only while they are edited. */
 	marks(counts) {
-		const { zones, lines, regions, ignore, isActive, draft } = this;
-		return { zones, lines, regions, ignore, counts, chosen: isActive ? this.chosen : undefined,
-			draft: draft?.points };
+		const shapes = Object.fromEntries(Object.keys(KINDS).map((kind) => [kind, this[kind]]));
+		return { ...shapes, counts, chosen: this.isActive ? this.chosen : undefined,
+			draft: this.draft?.points };
 	}
 
 	/** Show and edit the shapes of this camera; null ends it. */
@@ -62,7 +66,9 @@ export class ShapeEditor {
 
 	clear() {
 		for (const kind of Object.keys(KINDS)) this[kind] = [];
-		Object.assign(this, { draft: null, choice: null, held: null });
+		this.draft = null;
+		this.choice = null;
+		this.held = null;
 		this.done = []; // own changes: {kind, before, after}, as texts
 		this.base = {}; // kind -> the tracker's text that the shapes are, or a change is based on
 		this.seen = {}; // kind -> the tracker's text that was read last
@@ -105,7 +111,8 @@ export class ShapeEditor {
 
 	toggle() {
 		this.isActive = !this.isActive && this.canEdit;
-		Object.assign(this, { draft: null, choice: null });
+		this.draft = null;
+		this.choice = null;
 		this.refuse("");
 		this.draw();
 	}
@@ -120,7 +127,8 @@ export class ShapeEditor {
 	}
 
 	begin(kind) {
-		Object.assign(this, { draft: { kind, points: [] }, choice: null });
+		this.draft = { kind, points: [] };
+		this.choice = null;
 		this.refuse("");
 		this.draw();
 	}
@@ -151,7 +159,8 @@ export class ShapeEditor {
 		const { kind, points } = this.draft;
 		const name = freeName(kind, this[kind]);
 		this[kind] = [...this[kind], { name, world: false, points }];
-		Object.assign(this, { draft: null, choice: { kind, index: this[kind].length - 1 } });
+		this.draft = null;
+		this.choice = { kind, index: this[kind].length - 1 };
 		this.send(kind);
 	}
 

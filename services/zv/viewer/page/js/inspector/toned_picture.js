@@ -10,7 +10,11 @@ export class TonedPicture {
 	}
 
 	reset() {
-		Object.assign(this, { item: null, made: null, image: null, range: null, histogram: null });
+		this.item = null;
+		this.made = null;
+		this.image = null;
+		this.range = null;
+		this.histogram = null;
 	}
 
 	/**
@@ -23,8 +27,13 @@ export class TonedPicture {
 		const values = valuesOf(item.picture);
 		const isPlain = choice.range === "sent" && !(values.isGrey && choice.map !== "grey")
 			&& !(values.isDepth && values.isExact);
-		Object.assign(this, { item, made, values, isPlain, image: item.bitmap, histogram: null,
-			range: { low: values.low, high: values.high } });
+		this.item = item;
+		this.made = made;
+		this.values = values;
+		this.isPlain = isPlain;
+		this.image = item.bitmap;
+		this.histogram = null;
+		this.range = { low: values.low, high: values.high };
 		if (isPlain && !isMeasured) return;
 		const pixels = this.read(item.bitmap);
 		if (isMeasured || choice.range === "auto") this.histogram = histogramOf(pixels.data, values);

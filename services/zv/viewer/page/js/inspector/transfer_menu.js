@@ -11,11 +11,16 @@ const PATHS = ["stream", "snapshot"];
 export class TransferMenu {
 	/** `setCommon(choice)` sets that of all streams; `changed()` is called after other choices. */
 	constructor(transfer, setCommon, changed) {
-		Object.assign(this, { transfer, setCommon, changed, stream: null });
-		for (const [name, numbers, words] of [
+		this.transfer = transfer;
+		this.setCommon = setCommon;
+		this.changed = changed;
+		this.stream = null;
+		/** @type {[string, number[], (size: number) => string][]} */
+		const choices = [
 			["width", WIDTHS, (width) => `at most ${width} pixels wide`],
 			["quality", QUALITIES, (quality) => `JPEG ${quality}`],
-		]) {
+		];
+		for (const [name, numbers, words] of choices) {
 			const list = byId(`transfer-${name}`);
 			setOptions(list, [["", "as sent"], ...numbers.map((number) => [number, words(number)])]);
 			list.addEventListener("change", () => this.choose());

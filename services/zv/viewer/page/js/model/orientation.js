@@ -8,7 +8,8 @@ const TEXT = /^(0|90|180|270)(m?)$/;
 /** Mirrored first, left to right, then turned clockwise by a number of quarters. */
 export class Orientation {
 	constructor(quarters = 0, mirrored = false) {
-		Object.assign(this, { quarters, mirrored });
+		this.quarters = quarters;
+		this.mirrored = mirrored;
 	}
 
 	/** Return the orientation of a text such as "90" or "180m"; of any other, that of the frame. */

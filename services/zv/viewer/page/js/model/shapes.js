@@ -43,6 +43,7 @@ export function distanceToEdge([x, y], [ax, ay], [bx, by]) {
  * `corner` is null for an edge. Null if there is neither. `shapes` has a list for each kind.
  */
 export function shapeAt(shapes, point, reach) {
+	/** @type {any} */
 	let best = null;
 	const offer = (away, found) => {
 		if (away <= reach && !(best && best.away <= away)) best = { away, found };

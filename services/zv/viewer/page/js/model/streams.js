@@ -93,13 +93,23 @@ export class StreamStatistics {
 
 	/** Reset to the state before the first picture. */
 	reset() {
-		Object.assign(this, { samples: [], intervals: [], lost: 0, skipped: 0, lastAt: null });
+		this.samples = [];
+		this.intervals = [];
+		this.lost = 0;
+		this.skipped = 0;
+		this.lastAt = null;
 	}
 
-	/** Count one picture that arrived at `now`, ms; `skipped` others were not sent to this page. */
+	/**
+	 * Count one picture that arrived at `now`, ms; `skipped` others were not sent to this page.
+	 * @param {number} now
+	 * @param {{ skipped?: number, lost?: number, header?: any }} picture
+	 */
 	add(now, { skipped = 0, lost = 0, header } = {}) {
 		if (header?.epoch !== this.epoch) {
-			Object.assign(this, { epoch: header?.epoch, samples: [], intervals: [] });
+			this.epoch = header?.epoch;
+			this.samples = [];
+			this.intervals = [];
 		}
 		if (this.samples.length) {
 			this.intervals = [now - this.lastAt, ...this.intervals].slice(0, INTERVALS);

@@ -55,7 +55,7 @@ export function locked({ flags }) {
 }
 
 /** Show why a change was refused and what is allowed, or nothing if it was not. */
-export function showRefusal(target, { ok, error, allowed }) {
+export function showRefusal(target, { ok, error = "", allowed = "" }) {
 	target.hidden = ok;
 	setText(target, ok ? "" : [error, allowed].filter(Boolean).join(". Allowed: "));
 }
@@ -65,7 +65,10 @@ export class Control {
 	constructor(parameter, change) {
 		const { node, name, unit, description } = parameter;
 		const id = `parameter-${node}-${name}`;
-		Object.assign(this, { parameter, change, busy: false, edited: false });
+		this.parameter = parameter;
+		this.change = change;
+		this.busy = false;
+		this.edited = false;
 		this.field = this.makeField({ id, "aria-describedby": `${id}-words ${id}-error`,
 			oninput: () => this.edited = true,
 			onblur: () => this.endEdit(),

@@ -12,7 +12,9 @@ export class Dock {
 	 * page is not hidden. `need(kinds)` is called with the kinds of text that the open panel needs.
 	 */
 	constructor(panels, need) {
-		Object.assign(this, { panels, need, open: "" });
+		this.panels = panels;
+		this.need = need;
+		this.open = "";
 		this.buttons = [...byId("panels").querySelectorAll("button")];
 		for (const button of this.buttons) {
 			button.addEventListener("click", () => this.toggle(button.dataset.panel));
@@ -65,7 +67,11 @@ export class Dock {
 export class CameraList {
 	/** `current()` returns the camera in the large view, or null; `changed()` is called on choice. */
 	constructor(list, system, current, changed, { withAll = false } = {}) {
-		Object.assign(this, { list, system, current, withAll, before: null });
+		this.list = list;
+		this.system = system;
+		this.current = current;
+		this.withAll = withAll;
+		this.before = null;
 		list.addEventListener("change", changed);
 	}
 

@@ -16,7 +16,11 @@ const CHOSEN_BY = ["camera", "kind", "zone", "since", "until"];
 
 export class EventsPanel {
 	constructor(system, watches) {
-		Object.assign(this, { system, watches, rows: [], made: 0 });
+		this.visible = false; // set by the dock
+		this.system = system;
+		this.watches = watches;
+		this.rows = [];
+		this.made = 0;
 		this.stops = new Map(); // key of a stream -> the function that ends its watch
 		const fields = Object.fromEntries(CHOSEN_BY.map((name) => [name, byId(`event-${name}`)]));
 		this.kept = new KeptEvents(fields, () => this.draw());
@@ -31,7 +35,7 @@ export class EventsPanel {
 
 	draw() {
 		const { isKept, words, hasEarlier, query } = this.kept;
-		this.kept.show(Boolean(this.visible));
+		this.kept.show(this.visible);
 		const isLive = this.visible && isKept === false;
 		const streams = this.system.streams.filter(({ type }) => isLive && type === TYPE);
 		const wanted = streams.slice(0, MOST_CAMERAS).map(({ key }) => [key, (one) => this.take(one)]);

@@ -7,7 +7,9 @@ const SLOT_MS = 250;
 
 export class FieldRecorder {
 	constructor(system, watches) {
-		Object.assign(this, { system, watches, camera: null });
+		this.system = system;
+		this.watches = watches;
+		this.camera = null;
 		this.stops = new Map(); // key of a stream -> the function that ends its watch
 		// Topic and name -> [{low, high, newest}], the points {at, value} of each quarter of a second
 		// that has any: few enough to be drawn however fast they come, and no spike is lost.
@@ -21,7 +23,8 @@ export class FieldRecorder {
 			this.series.clear();
 			this.known.clear();
 		}
-		Object.assign(this, { camera, fields });
+		this.camera = camera;
+		this.fields = fields;
 		const kept = fields.map((field) => field.join(" "));
 		for (const name of this.series.keys()) if (!kept.includes(name)) this.series.delete(name);
 		this.watches.syncMessages(this.stops, new Map(this.system.streams

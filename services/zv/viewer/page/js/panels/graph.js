@@ -18,6 +18,7 @@ const LETTER_WIDTH = 6.7;
 export class GraphPanel {
 	/** `current()` returns the camera in the large view, or null. */
 	constructor(system, current) {
+		this.visible = false; // set by the dock
 		this.system = system;
 		this.cameras = new CameraList(byId("graph-camera"), system, current, () => this.draw(),
 			{ withAll: true });

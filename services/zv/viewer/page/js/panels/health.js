@@ -11,6 +11,7 @@ const SETTLE_MS = 100; // one drawing for the reports of many nodes
 
 export class HealthPanel {
 	constructor(system) {
+		this.visible = false; // set by the dock
 		this.system = system;
 		this.rows = new Map(); // node -> {element, message, about, counters, and the cells}
 		system.on("nodes health", () => this.drawSoon());

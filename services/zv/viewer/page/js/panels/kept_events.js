@@ -40,7 +40,12 @@ export function momentOf({ picture, frames_later: later }) {
 export class KeptEvents {
 	/** `fields` are the controls by what they choose; `changed()` is called when rows or words do. */
 	constructor(fields, changed) {
-		Object.assign(this, { fields, changed, rows: [], words: "", isKept: null, hasEarlier: false });
+		this.fields = fields;
+		this.changed = changed;
+		this.rows = [];
+		this.words = "";
+		this.isKept = null;
+		this.hasEarlier = false;
 		for (const [name, field] of Object.entries(fields)) {
 			if (name in CHOICES) setOptions(field, [["", CHOICES[name]]]);
 			field.addEventListener("change", () => this.restart());
@@ -85,7 +90,8 @@ export class KeptEvents {
 	}
 
 	take({ kept = this.isKept, fault, events = [], choices }, isPage) {
-		Object.assign(this, { isKept: kept, words: fault.trim() });
+		this.isKept = kept;
+		this.words = fault.trim();
 		if (isPage && !fault) this.hasEarlier = events.length >= 100;
 		this.rows = merged(this.rows, events);
 		for (const name of choices ? Object.keys(CHOICES) : []) {

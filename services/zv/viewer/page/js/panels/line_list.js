@@ -8,7 +8,11 @@ const DRAW_MS = 200; // one drawing for the lines of a busy system
 export class LineList {
 	/** `lines()` returns them, each with a `key`; `make(line)` makes the element of one. */
 	constructor(id, lines, make) {
-		Object.assign(this, { list: byId(id), lines, make, views: new Map(), isClosed: true });
+		this.list = byId(id);
+		this.lines = lines;
+		this.make = make;
+		this.views = new Map();
+		this.isClosed = true;
 	}
 
 	drawSoon() {

@@ -15,8 +15,18 @@ const MOST_SCHEMAS = 50;
 export class MessagePanel {
 	/** `current()` returns the camera in the large view; `plot(topic, name)` plots a number. */
 	constructor(system, connection, watches, current, plot) {
-		Object.assign(this, { system, watches, current, plot, message: null, isHeld: false,
-			toggled: new Set(), most: ROWS, stops: new Map(), views: new Map(), schemas: new Map() });
+		this.visible = false; // set by the dock
+		this.system = system;
+		this.watches = watches;
+		this.current = current;
+		this.plot = plot;
+		this.message = null;
+		this.isHeld = false;
+		this.toggled = new Set();
+		this.most = ROWS;
+		this.stops = new Map();
+		this.views = new Map();
+		this.schemas = new Map();
 		this.list = byId("message-stream");
 		this.list.addEventListener("change", () => this.draw());
 		byId("message-search").addEventListener("input", () => this.drawRows());
@@ -41,18 +51,22 @@ export class MessagePanel {
 		const streams = this.system.streams.filter(({ kind }) => kind === "message");
 		if (this.visible) {
 			const camera = this.current();
-			const order = [...streams].sort((a, b) => (b.camera === camera) - (a.camera === camera));
+			const rank = (stream) => (stream.camera === camera ? 0 : 1);
+			const order = [...streams].sort((a, b) => rank(a) - rank(b));
 			setOptions(this.list, order.map(({ key, camera: of, topic }) => [key, `${of} / ${topic}`]));
 		}
-		const wanted = this.visible && this.key && !this.isHeld
-			? [[this.key, (message) => this.take(message)]] : [];
+		const wanted = new Map();
+		if (this.visible && this.key && !this.isHeld) {
+			wanted.set(this.key, (message) => this.take(message));
+		}
 		if (this.message && this.message.key !== this.key) this.forget();
-		this.watches.syncMessages(this.stops, new Map(wanted));
+		this.watches.syncMessages(this.stops, wanted);
 		if (this.visible) this.drawRows();
 	}
 
 	forget() {
-		Object.assign(this, { message: null, most: ROWS });
+		this.message = null;
+		this.most = ROWS;
 		this.toggled.clear();
 	}
 
@@ -82,7 +96,7 @@ export class MessagePanel {
 		const query = byId("message-search").value;
 		const { rows, left, isCut } = message
 			? rowsOf(this.fields, { toggled: this.toggled, query, most: this.most })
-			: { rows: [], left: 0 };
+			: { rows: [], left: 0, isCut: false };
 		const schema = message?.type ? this.schemaOf(message.type) : null;
 		syncViews(byId("message-rows"), this.views, rows, (row) => this.makeRow(row));
 		for (const row of rows) this.views.get(row.key).update(row, schema);

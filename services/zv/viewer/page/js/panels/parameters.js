@@ -24,7 +24,10 @@ export function condition({ description }, parameters) {
 export class ParametersPanel {
 	/** `current()` returns the camera in the large view, or null. */
 	constructor(system, connection, current) {
-		Object.assign(this, { system, connection, current });
+		this.visible = false; // set by the dock
+		this.system = system;
+		this.connection = connection;
+		this.current = current;
 		this.sections = new Map(); // node and names of its parameters -> {element, update}
 		system.on("parameters nodes streams hello", () => this.draw());
 	}

@@ -23,7 +23,9 @@ const CHARTS = [
 export class PlotsPanel {
 	/** `current()` returns the camera in the large view, or null. */
 	constructor(system, watches, current) {
-		Object.assign(this, { system, views: new Map() });
+		this.visible = false; // set by the dock
+		this.system = system;
+		this.views = new Map();
 		this.cameras = new CameraList(byId("plots-camera"), system, current, () => this.draw());
 		this.recorder = new FieldRecorder(system, watches);
 		this.fields = loadFields();

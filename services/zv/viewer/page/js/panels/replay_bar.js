@@ -11,7 +11,12 @@ const TINY_S = 1e-6; // so that a jump to the same place is a change
 
 export class ReplayBar {
 	constructor(system, watches, connection) {
-		Object.assign(this, { system, watches, connection, state: null, heldUntil: 0, tiny: 0 });
+		this.system = system;
+		this.watches = watches;
+		this.connection = connection;
+		this.state = null;
+		this.heldUntil = 0;
+		this.tiny = 0;
 		this.stops = new Map();
 		const position = byId("replay-position");
 		byId("replay-speed").append(...SPEEDS.map((speed) => (

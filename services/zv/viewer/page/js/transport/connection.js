@@ -30,7 +30,8 @@ export class Connection extends Events {
 		this.address = address;
 		this.delay = FIRST_DELAY_MS;
 		this.queue = [];
-		Object.assign(this, { credit: BURST, creditAt: 0 });
+		this.credit = BURST;
+		this.creditAt = 0;
 		this.requests = new Map(); // id -> function that takes the reply
 		this.nextId = 1;
 		this.on("reply", (reply) => this.resolve(reply));

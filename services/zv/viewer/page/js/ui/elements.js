@@ -36,6 +36,10 @@ export function setData(target, values) {
 	}
 }
 
+/**
+ * Return an element of the page, whatever kind it is.
+ * @returns {any}
+ */
 export function byId(id) {
 	return document.getElementById(id);
 }

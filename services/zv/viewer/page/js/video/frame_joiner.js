@@ -61,7 +61,9 @@ export class FrameJoiner {
 		// The server sends the pictures of a stream in order, so a lower number is a valid restart.
 		if (isLead && (epoch !== this.epoch || seq < this.taken)) {
 			if (epoch !== this.epoch) for (const each of this.parts.values()) each.apartSince = null;
-			Object.assign(this, { epoch, taken: -1, last: null });
+			this.epoch = epoch;
+			this.taken = -1;
+			this.last = null;
 			this.drop((frame) => frame.epoch !== epoch || frame.seq > seq);
 		}
 		if (part) {

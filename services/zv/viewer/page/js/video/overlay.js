@@ -101,14 +101,14 @@ function drawMark(context, mark, toCanvas, ratio) {
 		x: end(...corners.map((one) => one.x)), y: end(...corners.map((one) => one.y)) }));
 	const centre = toCanvas(mark);
 	const colour = colourOf(mark.id);
-	for (const [style, line] of [[OUTLINE, 4], [colour, 2]]) {
+	for (const { style, line } of [{ style: OUTLINE, line: 4 }, { style: colour, line: 2 }]) {
 		context.strokeStyle = style;
 		context.lineWidth = line * ratio;
 		context.setLineDash((style === colour ? DASHES.get(mark.state) ?? [] : []).map((d) => d * ratio));
 		context.strokeRect(from.x, from.y, to.x - from.x, to.y - from.y);
 	}
 	context.setLineDash([]);
-	for (const [style, radius] of [[OUTLINE, 4.5], [colour, 3.5]]) {
+	for (const { style, radius } of [{ style: OUTLINE, radius: 4.5 }, { style: colour, radius: 3.5 }]) {
 		context.fillStyle = style;
 		context.beginPath();
 		context.arc(centre.x, centre.y, radius * ratio, 0, 2 * Math.PI);

@@ -20,7 +20,9 @@ export class Playback {
 	}
 
 	setPaused(paused) {
-		Object.assign(this, { paused, index: paused ? this.frames.length - 1 : null, wantsOne: false });
+		this.paused = paused;
+		this.index = paused ? this.frames.length - 1 : null;
+		this.wantsOne = false;
 	}
 
 	/** Whether no further frame is to be shown now. */

@@ -7,6 +7,7 @@ const MAX_WATCHES = 30; // the server's limit is 32
 const SETTLE_MS = 60; // so that scrolling past a tile causes no watch and unwatch
 const HIDDEN_MS = 2000;
 const RETRY_MS = 5000;
+/** @type {ImageBitmapOptions} */
 const EXACT = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
 
 export class Watches {
@@ -125,10 +126,12 @@ export class Watches {
 		clearTimeout(this.timer);
 		this.timer = null;
 		if (!this.connection.isOpen) return;
-		const wanted = new Map(this.hidden ? [] : [
+		/** @type {any[]} */
+		const all = this.hidden ? [] : [
 			...[...new Set(this.messages.values())].map((key) => [key, null]),
 			...[...this.pictures].map(([key, watch]) => [key, watch.size]),
-		].slice(0, MAX_WATCHES));
+		];
+		const wanted = new Map(all.slice(0, MAX_WATCHES));
 		for (const key of this.sent.keys()) {
 			if (wanted.has(key)) continue;
 			this.connection.send({ op: "unwatch", key });

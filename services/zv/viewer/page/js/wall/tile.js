@@ -10,7 +10,10 @@ const QUALITY = 70;
 export class Tile {
 	/** `wall` has what all tiles share. */
 	constructor(stream, wall) {
-		Object.assign(this, { key: stream.key, stream, wall, watches: wall.watches });
+		this.key = stream.key;
+		this.stream = stream;
+		this.wall = wall;
+		this.watches = wall.watches;
 		this.statistics = new StreamStatistics();
 		this.stop = null; // ends the watch
 		this.reset();

@@ -19,7 +19,12 @@ export class Wall {
 	 * the fragment of the URL that shows a stream large.
 	 */
 	constructor(system, watches, { orientations, transfer }, linkTo) {
-		Object.assign(this, { system, watches, orientations, transfer, linkTo, open: false });
+		this.system = system;
+		this.watches = watches;
+		this.orientations = orientations;
+		this.transfer = transfer;
+		this.linkTo = linkTo;
+		this.open = false;
 		this.chosen = []; // keys; none for all streams
 		this.columns = null; // tiles in a row; null for as wide as possible
 		this.tiles = new Map(); // key -> Tile
@@ -43,7 +48,8 @@ export class Wall {
 
 	/** Show these streams in this order, or all if there are none, in so many columns. */
 	arrange({ only, columns }) {
-		Object.assign(this, { chosen: only, columns });
+		this.chosen = only;
+		this.columns = columns;
 		this.draw();
 	}
 
@@ -64,7 +70,7 @@ export class Wall {
 	move(key) {
 		const links = [...this.list.querySelectorAll("a")];
 		if (!links.length) return false;
-		const at = links.indexOf(document.activeElement);
+		const at = links.findIndex((link) => link === document.activeElement);
 		const columns = getComputedStyle(this.list).gridTemplateColumns.split(" ").length;
 		const step = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -columns, ArrowDown: columns }[key];
 		links[at < 0 ? 0 : at + step]?.focus();
