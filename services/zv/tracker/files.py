@@ -69,6 +69,9 @@ def draw_objects(settings: TrackerSettings, options: FileOptions) -> None:
     log.info(
         "%s, layout %s, input %dx%d: %.0f ms", model.words, model.layout, *model.size, spent_ms
     )
+    for count, why in ((found.not_finite, "NaN or infinite"), (found.left_out, "too many")):
+        if count:
+            log.warning("%d boxes of the model were left out: %s", count, why)
     boxes = [
         each
         for each in kept_boxes(found.detections, detector_parameters(settings))

@@ -11,6 +11,10 @@ import pytest
 from tests.support import detector_models
 from tests.support.detector_models import scene
 from tests.support.typist import type_zv
+from zv.tracker.detector.model import Found, Model
+from zv.tracker.file_options import FileOptions
+from zv.tracker.files import draw_objects
+from zv.tracker.settings import TrackerSettings
 
 BOXES = {0: (100, 70, 300, 210), 2: (120, 400, 230, 460)}
 
@@ -47,6 +51,18 @@ def test_without_a_name_the_picture_is_beside_where_one_works(folder: Path):
     done = track("--model", "tiny.onnx", "--classes", "blue:0.6")
     assert done.stdout == "blue 0.70 120,400 110x60\n"
     assert (folder / "street_boxes.jpg").is_file()
+
+
+def test_boxes_of_a_model_that_are_left_out_are_said(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    monkeypatch.setattr(Model, "detect", lambda *_: [Found([], not_finite=3, left_out=70)])
+    draw_objects(TrackerSettings(model="tiny.onnx"), FileOptions(image="street.png"))
+    said = [record.message for record in caplog.records if record.levelname == "WARNING"]
+    assert said == [
+        "3 boxes of the model were left out: NaN or infinite",
+        "70 boxes of the model were left out: too many",
+    ]
 
 
 def test_an_image_without_objects_says_so(folder: Path):
