@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -168,10 +169,15 @@ def test_zoom_and_pixel_value_under_the_pointer(open_tab: Open) -> None:
     tab.wait_until_live(EDGES)
     tab.page.keyboard.press("1")
     tab.wait("document.querySelector('#zoom').textContent.startsWith('1')")
-    tab.page.hover(".pane-surface")  # its middle
-    place, value = tab.wait(
+    pixel = (
         "document.querySelector('#pixel').textContent.match(/^(\\d+, \\d+) = (\\d+)$/)?.slice(1)"
     )
+
+    def pointed_at() -> Any:
+        tab.page.hover(".pane-surface")  # its middle, which moves where a button appears above it
+        return tab.page.evaluate(pixel)
+
+    place, value = wait_until(pointed_at, poll_s=0.1)
     assert value in {"0", "255"}
     x, y = place.split(", ")
     assert abs(int(x) - WIDTH / 2) <= 1
