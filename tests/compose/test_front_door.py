@@ -266,6 +266,7 @@ def test_every_compose_file_is_clean(file: str, clone: Path, docker):
         "ZV_COMPOSE_CONNECT": "tcp/192.0.2.1:7447",
         "ZV_SECURITY": "/tmp",
         "ZV_SECURITY_OWNER": "1000:1000",
+        "ZV_TRACKER_MODEL": "/models/one.onnx",
         "PATH": "/usr/bin:/bin",
     }
     done = subprocess.run(
