@@ -212,6 +212,6 @@ def _same(one: Parameter | None, other: Parameter | None) -> bool:
     """Tell whether nothing of two descriptions differs but a value that changes by itself."""
     if one == other:
         return True
-    if one is None or other is None or "volatile" not in (other.flags or ()):
+    if one is None or other is None or not {"volatile", "read_only"} & {*(other.flags or ())}:
         return False
     return one.model_copy(update={"value": other.value}) == other

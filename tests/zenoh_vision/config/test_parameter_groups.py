@@ -28,9 +28,9 @@ class Dials:
     def __init__(self) -> None:
         self.values = {"zoom": 0, "heat": 20}
         self.told: Callable[[], None] | None = None
+        self.flags = {"heat": ("volatile",)}
 
     def parameters(self) -> list[Parameter]:
-        flags = {"heat": ("volatile",)}
         return [
             Parameter(
                 node="",
@@ -38,7 +38,7 @@ class Dials:
                 type="int",
                 value=value,
                 default=0,
-                flags=flags.get(name),
+                flags=self.flags.get(name),
             )
             for name, value in self.values.items()
         ]
@@ -125,8 +125,10 @@ def test_a_change_of_its_own_is_a_revision_once_the_group_tells(store, changes):
     assert store.newest.value("dial.zoom") == 30
 
 
-def test_a_value_that_changes_all_the_time_is_read_and_makes_no_revision(store, changes):
+@pytest.mark.parametrize("flag", ["volatile", "read_only"])
+def test_a_value_that_the_device_changes_is_read_and_makes_no_revision(store, changes, flag: str):
     dials = Dials()
+    dials.flags = {"heat": (flag,)}
     store.add(dials)
     dials.values["heat"] = 99
     assert store.current().value("dial.heat") == 99
