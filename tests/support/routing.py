@@ -80,6 +80,27 @@ class Router:
         )
         return port_answers(self.port)
 
+    @contextmanager
+    def supervised(self) -> Iterator[None]:
+        """Start it again when it ends since Zenoh locked up (zenoh #2619), as ``zv up`` does."""
+        done = threading.Event()
+
+        def watch() -> None:
+            while not done.wait(0.5):
+                program = self._program
+                if program is None or program.process.poll() is None:
+                    continue
+                if "Zenoh has locked up" in program.complaints:
+                    self.launch()
+
+        thread = threading.Thread(target=watch, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+
     def kill(self) -> None:
         """End it without a goodbye, as a crash does."""
         self._harmed = True

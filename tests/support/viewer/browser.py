@@ -51,7 +51,11 @@ class Running:
 @contextmanager
 def running(folder: Path, *viewer_flags: object) -> Iterator[Running]:
     """Yield a router with a viewer on a free port; services are started by the test."""
-    with a_router(folder) as router, some_services(router.endpoint, folder) as service:
+    with (
+        a_router(folder) as router,
+        router.supervised(),
+        some_services(router.endpoint, folder) as service,
+    ):
         viewer = service("view", "--port", 0, *viewer_flags)
         address = viewer.lines(r"http://\S+")[0][0]
         yield Running(router, service, viewer, address)
