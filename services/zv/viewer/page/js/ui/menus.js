@@ -6,12 +6,14 @@ const WIDEST_PX = 360;
 
 export function placeMenus() {
 	for (const menu of document.querySelectorAll("[popover]")) {
-		menu.addEventListener("beforetoggle", ({ newState }) => newState === "open" && place(menu));
+		menu.addEventListener("beforetoggle", ({ newState }) => newState === "open" && follow(menu));
 	}
-	addEventListener("resize", () => {
-		const open = document.querySelector(":popover-open");
-		if (open) place(open);
-	});
+}
+
+/** Keep an open menu at its button, which moves when the window or what is above it changes. */
+function follow(menu) {
+	place(menu);
+	requestAnimationFrame(() => menu.matches(":popover-open") && follow(menu));
 }
 
 /** Put the upper right corner of a menu below that of its button, so that it stays in the window. */
