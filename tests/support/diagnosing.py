@@ -14,9 +14,11 @@ from tests.support.waiting import DEADLINE_S
 from zenoh_vision.errors import VisionError
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.declarations import Sessions
 from zv.tools.doctor.command import run
 from zv.tools.doctor.observation import Observation
 from zv.tools.doctor.options import DoctorOptions
+from zv.tools.shared.discovery import Discovery
 from zv.tools.shared.output import Output
 
 SMALL = ("--width", 160, "--height", 120)
@@ -80,7 +82,9 @@ def levels(session: zenoh.Session, namespace: str, node: str) -> list[int]:
     return [each.body["level"] for each in ask(session, f"@{namespace}/diagnostics/{node}")]
 
 
-def observation(*nodes: NodeState, **more: Any) -> Observation:
+def observation(*nodes: NodeState, publishers: Sessions | None = None, **more: Any) -> Observation:
     """Return what zv doctor has seen: these nodes."""
+    described = tuple(each.description for each in nodes if each.description)
+    discovery = Discovery(described, publishers or {}, {}, answered=True)
     known = {"routers": {}, "reached": (), "parameters": {}}
-    return Observation(**{**known, **more}, nodes=list(nodes))
+    return Observation(**{**known, **more}, nodes=list(nodes), discovery=discovery)

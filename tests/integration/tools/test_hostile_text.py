@@ -179,12 +179,12 @@ def test_what_the_doctor_advises_is_safe_to_paste(remedy: Callable[[str], str]):
 
 @pytest.fixture
 def remedy() -> Callable[[str], str]:
+    from tests.support.diagnosing import observation
     from tests.support.node_states import node_state
-    from zv.tools.doctor.observation import Observation
     from zv.tools.doctor.remedies import remedy_for
 
     def of(name: str) -> str:
         node = node_state(name)
-        return remedy_for("stale", node, Observation({}, (), [node], {})).partition(": ")[2]
+        return remedy_for("stale", node, observation(node)).partition(": ")[2]
 
     return of

@@ -108,7 +108,7 @@ def name_findings(seen: Observation) -> list[Finding]:
 
 def misnamed_findings(session: ToolSession, seen: Observation) -> Iterator[Finding]:
     """Find streams of frames whose camera's name is none: nothing of zv shows or takes them."""
-    for key in sorted(seen.publishers)[:MAX_KEYS]:
+    for key in sorted(seen.discovery.publishers)[:MAX_KEYS]:
         camera = camera_of(key)
         is_frames = suffix_of(key) in (COMPRESSED.name, RAW.name) and "*" not in key
         if key.startswith(f"{session.namespace}/") and is_frames and not is_name(camera):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 from zenoh_vision.health.fleet import Fleet
@@ -13,9 +13,9 @@ from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.keys import camera_of, suffix_of
 from zenoh_vision.messages import Parameter
 from zenoh_vision.topics import COMPRESSED, RAW
-from zenoh_vision.transport.declarations import ROUTERS, Sessions
+from zenoh_vision.transport.declarations import ROUTERS
 from zv.tools.doctor.other_cameras import ArrivalCounter, OtherCamera
-from zv.tools.shared.discovery import discover, intersect
+from zv.tools.shared.discovery import Discovery, discover
 from zv.tools.shared.nodes import parameters_by_session, running_nodes
 from zv.tools.shared.session import ToolSession
 
@@ -51,7 +51,7 @@ class Observation:
         left_out: How many more nodes there are, none of which answers.
         others: The cameras that are not nodes.
         others_left_out: How many more of them there are.
-        publishers: Ids of the sessions that declared a publisher, by key expression.
+        discovery: What the nodes say at the end, and what was declared at the beginning.
         own: Id of this tool's session.
         parameters: Parameters by node and name; empty if no node answers for its parameters.
     """
@@ -60,10 +60,10 @@ class Observation:
     reached: tuple[str, ...]
     nodes: list[NodeState]
     parameters: dict[tuple[str, str], Parameter]
+    discovery: Discovery
     left_out: int = 0
     others: tuple[OtherCamera, ...] = ()
     others_left_out: int = 0
-    publishers: Sessions = field(default_factory=dict)
     own: str = ""
 
     def value(self, node: str, parameter: str) -> float | None:
@@ -76,15 +76,10 @@ class Observation:
             return next((each.rate_hz for each in described if each.rate_hz), None)
         return None
 
-    def publishers_of(self, key: str) -> list[str]:
-        """Return the names of the nodes that publish a key."""
-        publishing = (n for n in self.nodes if n.description and key in n.description.publishes)
-        return sorted({node.name for node in publishing})
-
     def is_published(self, key: str) -> bool:
         """Tell whether a node publishes a key, or any other program has declared that it does."""
         others = any(each.key == key for each in self.others)
-        return bool(others or self.publishers_of(key) or self.strangers(key)[1])
+        return bool(others or self.discovery.nodes_publishing(key) or self.strangers(key)[1])
 
     def strangers(self, key: str) -> tuple[list[str], bool]:
         """Return the programs, except nodes, that may send on a key, and whether that is certain.
@@ -93,9 +88,8 @@ class Observation:
         does not tell from which session a sample came.
         """
         known = {each.session for each in self.nodes} | {self.own}
-        declared = {zid for on, ids in self.publishers.items() if intersect(on, key) for zid in ids}
         connected = {zid for router in self.routers.values() for zid in router.addresses}
-        found = declared - known
+        found = self.discovery.sessions_publishing(key) - known
         return sorted(map(self._session, found or connected - known)), bool(found)
 
     def _session(self, zid: str) -> str:
@@ -149,7 +143,9 @@ def observe(session: ToolSession, for_s: float) -> Observation:
         left_out=left_out,
         others=arrivals.close(),
         others_left_out=arrivals.left_out,
-        publishers=declared.publishers,
+        discovery=replace(
+            declared, nodes=tuple(n.description for n in fleet.nodes() if n.description)
+        ),
         own=str(session.link.session.zid()),
         parameters={(each.node, each.name): each for those in known for each in those},
     )

@@ -147,7 +147,7 @@ def sources_of(node: NodeState, seen: Observation) -> list[str]:
     about = node.description
     if about is None or about.service == "camera":
         return [node.name]
-    named = (name for key in about.subscribes for name in seen.publishers_of(key))
+    named = (name for key in about.subscribes for name in seen.discovery.nodes_publishing(key))
     return list(dict.fromkeys(named))
 
 
@@ -185,7 +185,7 @@ def _who_sends(seen: Observation, key: str) -> str:
 def _twins(seen: Observation, node: NodeDescription) -> str:
     """Return the name that two publishers of a node's input share; empty if none does."""
     names = Counter(each.name for each in seen.nodes)
-    publishing = (name for key in node.subscribes for name in seen.publishers_of(key))
+    publishing = (name for key in node.subscribes for name in seen.discovery.nodes_publishing(key))
     return next((name for name in publishing if names[name] > 1), "")
 
 

@@ -137,7 +137,9 @@ def _lost_before(seen: Observation, node: NodeState, span_s: float) -> float:
     reports.
     """
     assert node.description is not None
-    sending = {name for key in node.description.subscribes for name in seen.publishers_of(key)}
+    sending = {
+        name for key in node.description.subscribes for name in seen.discovery.nodes_publishing(key)
+    }
     changes = [each.change for each in seen.cameras() if each.name in sending]
     return sum(sum(each.losses.values()) / each.span_s * span_s for each in changes if each)
 
@@ -212,7 +214,7 @@ def _why_stale(seen: Observation, node: NodeState) -> str:
     subscribed = node.description.subscribes
 
     def is_published(key: str) -> bool:
-        return key in others or bool(seen.publishers_of(key))
+        return key in others or bool(seen.discovery.nodes_publishing(key))
 
     for key in subscribed:
         twin = other_form(key)

@@ -11,8 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
-import zenoh
-
 from zenoh_vision import keys
 from zenoh_vision.error_text import did_you_mean, joined, similar_names
 from zenoh_vision.errors import PayloadError
@@ -28,6 +26,7 @@ from zenoh_vision.transport.declarations import (
     declared_key,
     sessions_in,
 )
+from zenoh_vision.transport.matching import SessionIndex, intersect
 from zenoh_vision.transport.query import Query, messages_in
 from zv.tools.shared.session import ToolSession
 
@@ -37,8 +36,7 @@ TOKENS_S = 5.0
 """Time limit for a list of tokens. A router sends it at once, but thousands take time."""
 
 MAX_KEYS = 2000
-MAX_PATTERNS = 100
-"""Most keys that are listed, and most wildcard expressions that are compared with each."""
+"""Most keys that are listed."""
 
 MAX_NAMES = 2000
 MAX_COMPARED = 200
@@ -87,9 +85,13 @@ class Discovery:
             if any(intersect(each, key) for each in node.subscribes)
         )
 
+    def sessions_publishing(self, key: str) -> set[str]:
+        """Return the ids of the sessions that declared a publisher of a key."""
+        return self._publisher_index.matching(key)
+
     def publisher_count(self, key: str) -> int:
         """Return the number of known publishers of a key."""
-        return max(len(self.nodes_publishing(key)), len(self._publisher_index.matching(key)))
+        return max(len(self.nodes_publishing(key)), len(self.sessions_publishing(key)))
 
     def others_publish(self, key: str) -> bool:
         """Tell whether a program that is not a node has declared a publisher of a key.
@@ -111,12 +113,12 @@ class Discovery:
         return found
 
     @cached_property
-    def _publisher_index(self) -> _Index:
-        return _Index(self.publishers)
+    def _publisher_index(self) -> SessionIndex:
+        return SessionIndex(self.publishers)
 
     @cached_property
-    def _subscriber_index(self) -> _Index:
-        return _Index(self.subscribers)
+    def _subscriber_index(self) -> SessionIndex:
+        return SessionIndex(self.subscribers)
 
     def nothing_on(self, pattern: str, *, pictures: bool = False) -> str:
         """Return the error text for a key expression on which nothing arrived.
@@ -224,27 +226,3 @@ def tokens_query(namespace: str) -> Query:
 def _carries_messages(key: str) -> bool:
     topic = topic_of(key)
     return topic is not None and topic.message is not None
-
-
-class _Index:
-    """Finds the sessions of a key in time that does not grow with the number of keys."""
-
-    def __init__(self, sessions: Sessions) -> None:
-        self._exact = sessions
-        self._patterns = [key for key in sessions if "*" in key][:MAX_PATTERNS]
-
-    def matching(self, key: str) -> set[str]:
-        """Return the sessions whose key or pattern matches a key."""
-        found = set(self._exact.get(key, ()))
-        for pattern in self._patterns:
-            if intersect(pattern, key):
-                found |= self._exact[pattern]
-        return found
-
-
-def intersect(pattern: str, key: str) -> bool:
-    """Tell whether a key expression matches a key; False if it is not a key expression."""
-    try:
-        return zenoh.KeyExpr(pattern).intersects(zenoh.KeyExpr(key))
-    except zenoh.ZError:
-        return False  # a node's description may have any text

@@ -10,7 +10,8 @@ from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.keys import type_of
 from zenoh_vision.topics import TOPICS, topic_of
 from zenoh_vision.transport.connection import Connection
-from zv.tools.shared.discovery import MAX_KEYS, Discovery, discover, intersect
+from zenoh_vision.transport.matching import intersect
+from zv.tools.shared.discovery import MAX_KEYS, Discovery, discover
 from zv.tools.shared.output import Output, view_of
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.shared.statistics import TOO_MANY, StreamMonitor, StreamStatistics, rate_of_parts

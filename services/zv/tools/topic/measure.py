@@ -10,8 +10,9 @@ from typing import Any
 from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.topics import COMPRESSED
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.matching import intersect
 from zv.status.display import Display
-from zv.tools.shared.discovery import discover, intersect, waiting_for
+from zv.tools.shared.discovery import discover, waiting_for
 from zv.tools.shared.output import Output, view_of
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.shared.statistics import (

@@ -18,8 +18,8 @@ from zenoh_vision.messages import (
     Parameter,
     ParameterList,
 )
+from zenoh_vision.transport.matching import matches
 from zv.viewer import events
-from zv.viewer.discovery.matching import matches
 from zv.viewer.topics import is_stream, kind_of
 
 LINES = 200

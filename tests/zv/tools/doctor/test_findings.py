@@ -17,7 +17,7 @@ from zenoh_vision.health.node_state import NodeState
 from zv.registry import model_of
 from zv.tools.doctor import remedies
 from zv.tools.doctor.network import name_findings
-from zv.tools.doctor.observation import Observation, Router, router_of
+from zv.tools.doctor.observation import Router, router_of
 from zv.tools.doctor.other_cameras import OtherCamera
 from zv.tools.doctor.streams import (
     camera_findings,
@@ -48,7 +48,7 @@ def test_what_a_camera_lost_is_compared_over_the_consumers_time(missed: int):
     lost, arrived = {"dropped.overwritten": 4}, {"received": 90 - missed, "missed": missed}
     camera = observed("camera_front", 2.0, {"captured": 60, **lost}, publishes=(key,))
     tracker = observed("tracker_front", 3.0, arrived, subscribes=(key,))
-    found = loss_findings(Observation({}, (), [camera, tracker], {}))
+    found = loss_findings(observation(camera, tracker))
     named = [finding.text.partition(" loses")[0] for finding in found]
     # Six are those that the camera lost itself; six more were lost on the way.
     assert named == ["camera_front", "tracker_front"][: missed // 6]
@@ -119,14 +119,14 @@ def test_what_makes_a_service_cheaper_are_options_of_it(service):
     ids=["flows", "a single frame", "silent", "too early to say"],
 )
 def test_a_camera_that_is_not_a_node_is_judged_by_what_arrives(camera, level, text):
-    (finding,) = camera_findings(Observation({}, (), [], {}, others=(camera,)))
+    (finding,) = camera_findings(observation(others=(camera,)))
     assert (finding.level, finding.check) == (level, "cameras")
     assert finding.text.startswith(text)
 
 
 def test_only_some_of_very_many_cameras_are_checked_and_that_is_reported():
     one = OtherCamera("v/a/image", 9, 3.0, 3.0)
-    *_, last = camera_findings(Observation({}, (), [], {}, others=(one,), others_left_out=7))
+    *_, last = camera_findings(observation(others=(one,), others_left_out=7))
     assert (last.level, last.text[:20]) == ("WARN", "7 more programs that")
 
 

@@ -1,10 +1,10 @@
-"""Which streams the expressions of subscribers match."""
+"""Which keys the expressions of other programs match."""
 
 import pytest
 import zenoh
 
-from zv.viewer.discovery import matching
-from zv.viewer.discovery.matching import MAX_TESTS, matches
+from zenoh_vision.transport import matching
+from zenoh_vision.transport.matching import MAX_TESTS, SessionIndex, matches
 
 KEYS = sorted(
     ["v/front/image", "v/front/image/compressed", "v/image", "v/rear/image", "w/front/image"]
@@ -68,3 +68,15 @@ def test_a_key_without_wildcards_and_one_of_another_camera_cost_no_comparison(mo
     made = count_comparisons(monkeypatch)
     assert matches(["v/image", "v/front/*"], KEYS) == {"v/front/*": ["v/front/image"]}
     assert made == ["v/front/image", "v/front/image/compressed"]
+
+
+def test_the_sessions_of_a_key_are_those_of_it_and_of_expressions_that_match_it():
+    sessions = {"v/front/image": {"a"}, "v/*/image": {"b", "a"}, "v/**": {"c"}, "w/*": {"d"}}
+    index = SessionIndex({key: frozenset(ids) for key, ids in sessions.items()})
+    assert index.matching("v/front/image") == {"a", "b", "c"}
+    assert index.matching("v//no key") == set()
+
+
+def test_no_session_is_found_by_an_expression_that_takes_long_to_match():
+    deep = "/".join(["**/a"] * 12) + "/**"
+    assert SessionIndex({deep: frozenset("a")}).matching("/".join("a" * 60)) == set()
