@@ -136,3 +136,19 @@ def topic_named(topic: Topic | str) -> Topic:
 def topic_of(key: str) -> Topic | None:
     """Return the topic that a key belongs to, whatever its namespace and camera."""
     return TOPICS.get(keys.suffix_of(key))
+
+
+def is_frame_key(key: str) -> bool:
+    """Tell whether the samples on a key are frames of a camera."""
+    return keys.suffix_of(key) in (COMPRESSED.name, RAW.name) and not key.startswith("@")
+
+
+def misnamed_camera(key: str, namespace: str) -> str:
+    """Return the camera of a stream of frames whose name is none, such as ``cam-1``; else empty.
+
+    Another program may publish on any key.
+    """
+    camera = keys.camera_of(key)
+    if not is_frame_key(key) or not key.startswith(f"{namespace}/"):
+        return ""
+    return "" if "*" in camera or keys.is_name(camera) else camera

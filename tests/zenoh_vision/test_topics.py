@@ -6,7 +6,7 @@ import pytest
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.topics import TOPICS
+from zenoh_vision.topics import TOPICS, misnamed_camera
 
 STAGES = ("smoothed", "magnitude", "direction", "suppressed", "thresholded")
 
@@ -80,3 +80,19 @@ def test_these_are_names(name: str):
 )
 def test_these_are_no_names(name: str):
     assert not keys.is_name(name)
+
+
+@pytest.mark.parametrize(
+    ("key", "camera"),
+    [
+        ("vision/cam-1/image/compressed", "cam-1"),
+        ("vision/Front/image", "Front"),
+        ("vision/front/image/compressed", ""),
+        ("vision/*/image/compressed", ""),
+        ("vision/cam-1/centroid", ""),
+        ("other/cam-1/image", ""),
+        ("vision/cam-1/image/" + "x" * 200, ""),
+    ],
+)
+def test_a_camera_whose_name_is_none_is_known_by_its_frames(key: str, camera: str):
+    assert misnamed_camera(key, "vision") == camera

@@ -15,7 +15,7 @@ from zenoh_vision import keys
 from zenoh_vision.errors import ExpectationNotMet, PayloadError
 from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.messages import Header, NodeDescription
-from zenoh_vision.topics import COMPRESSED, RAW, topic_of
+from zenoh_vision.topics import is_frame_key, topic_of
 from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.query import Query, ask, messages_in
 from zenoh_vision.transport.session import direct
@@ -199,7 +199,7 @@ def _taken(about: NodeDescription, namespace: str) -> set[str]:
     taken = set()
     for key in about.subscribes:
         chunks = key.split("/")
-        if chunks[0] == namespace and keys.suffix_of(key) in (COMPRESSED.name, RAW.name):
+        if chunks[0] == namespace and is_frame_key(key):
             taken |= set(about.cameras) if chunks[1] == "*" else {chunks[1]}
     return taken
 

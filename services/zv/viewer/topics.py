@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from zenoh_vision import keys, topics
+from zenoh_vision import keys
 from zenoh_vision.topics import topic_of
 
 COMPRESSED = "/compressed"
@@ -32,18 +32,6 @@ def is_stream(key: str, namespace: str) -> bool:
         and keys.is_name(chunks[1])
         and all(CHUNK.fullmatch(chunk) for chunk in chunks)
     )
-
-
-def misnamed_camera(key: str, namespace: str) -> str:
-    """Return the camera of a stream of frames whose name is none, such as ``cam-1``; else empty.
-
-    Another program may publish on any key.
-    """
-    chunks = key.split("/", 2)
-    if len(key) > MAX_CHARACTERS or len(chunks) != 3 or chunks[0] != namespace:
-        return ""
-    is_of_frames = chunks[2] in (topics.COMPRESSED.name, topics.RAW.name)
-    return "" if not is_of_frames or "*" in chunks[1] or keys.is_name(chunks[1]) else chunks[1]
 
 
 def kind_of(key: str) -> Kind:

@@ -3,7 +3,7 @@
 import pytest
 
 from zenoh_vision.keys import RAW_IMAGE
-from zv.viewer.topics import Kind, is_stream, kind_of, misnamed_camera, resolve
+from zv.viewer.topics import Kind, is_stream, kind_of, resolve
 
 IMAGE = "vision/front/image/compressed"
 RAW = "vision/front/image"
@@ -68,19 +68,3 @@ def test_keys_of_other_namespaces_are_not_streams():
     twin = "mine/vision/front/image/compressed"
     assert resolve("/vision/front/image", "mine", KNOWN) == twin
     assert resolve("/vision/front/image", "mine", [RAW, twin], raw=True) == twin
-
-
-@pytest.mark.parametrize(
-    ("key", "camera"),
-    [
-        ("vision/cam-1/image/compressed", "cam-1"),
-        ("vision/Front/image", "Front"),
-        ("vision/front/image/compressed", ""),
-        ("vision/*/image/compressed", ""),
-        ("vision/cam-1/centroid", ""),
-        ("other/cam-1/image", ""),
-        ("vision/cam-1/image/" + "x" * 200, ""),
-    ],
-)
-def test_a_camera_whose_name_is_none_is_known_by_its_frames(key: str, camera: str):
-    assert misnamed_camera(key, "vision") == camera

@@ -10,10 +10,10 @@ import zenoh
 
 from zenoh_vision import keys
 from zenoh_vision.messages import NodeDescription
+from zenoh_vision.topics import is_frame_key
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.query import Query, ask, messages_in
 from zenoh_vision.transport.session import direct
-from zv.tools.bag.tape import is_frame_key
 
 SETTLE_S = 0.3
 """A node declares its token last, but its inputs and a user's topics may come after it."""

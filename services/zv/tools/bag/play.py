@@ -26,7 +26,7 @@ from zenoh_vision.host.lifeline import end_with_parent
 from zenoh_vision.messages import Header, Level, NodeDescription, Replay
 from zenoh_vision.node.lockstep import Lockstep
 from zenoh_vision.node.node import Node
-from zenoh_vision.topics import REPLAY, Topic, topic_of
+from zenoh_vision.topics import REPLAY, Topic, is_frame_key, topic_of
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.declarations import ROUTERS
 from zenoh_vision.transport.publisher import Outgoing, StreamPublisher
@@ -38,7 +38,7 @@ from zv.tools.bag.keyboard import HELP, Keyboard
 from zv.tools.bag.live_nodes import LiveWatch, camera_among, publishers
 from zv.tools.bag.play_options import MAX_SPEED, PlayerParameters, PlayOptions, renamed
 from zv.tools.bag.player import Deviation, Player, Wish
-from zv.tools.bag.tape import RecordedTape, is_frame_key
+from zv.tools.bag.tape import RecordedTape
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
 

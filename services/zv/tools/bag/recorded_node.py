@@ -12,9 +12,9 @@ from typing import Any, Final
 from zenoh_vision import keys
 from zenoh_vision.errors import ExpectationNotMet, PayloadError
 from zenoh_vision.messages import Diagnostics, NodeDescription, Parameter, ParameterList
+from zenoh_vision.topics import is_frame_key
 from zv.bag.record import Record
 from zv.bag.recording import Recording
-from zv.tools.bag.tape import is_frame_key
 
 NODE_KEY: Final = re.compile(r"@[a-z0-9_]+/node/[a-z0-9_]+")
 LOOKED_AT: Final = 20_000

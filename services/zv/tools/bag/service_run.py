@@ -18,6 +18,7 @@ from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 from zenoh_vision.messages import Header, NodeDescription, ParameterList
 from zenoh_vision.node.lockstep import FrameId, answer_keys
+from zenoh_vision.topics import is_frame_key
 from zenoh_vision.transport.publisher import MESSAGE_DELIVERY
 from zenoh_vision.transport.query import Query, ask, messages_in
 from zenoh_vision.transport.router import private_router
@@ -25,7 +26,6 @@ from zenoh_vision.transport.session import direct
 from zv.bag.private_system import Child
 from zv.bag.record import Record
 from zv.tools.bag.answered import frame_id
-from zv.tools.bag.tape import is_frame_key
 
 log = logging.getLogger(__name__)
 

@@ -7,18 +7,12 @@ from collections.abc import Iterator, Sequence
 from zenoh_vision import keys
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError
 from zenoh_vision.messages import ReplayMark, TrackEvent
-from zenoh_vision.topics import COMPRESSED, EVENTS, RAW, REPLAY, topic_of
+from zenoh_vision.topics import EVENTS, REPLAY, topic_of
 from zv.bag.record import Record
 from zv.bag.recording import Recording, matcher
 
-FRAMES = (COMPRESSED.name, RAW.name)
 LATCHED = ("camera_info",)
 """Topics whose newest message holds until the next one, also after a jump."""
-
-
-def is_frame_key(key: str) -> bool:
-    """Tell whether the samples on a key are frames of a camera."""
-    return keys.suffix_of(key) in FRAMES and not key.startswith("@")
 
 
 class RecordedTape:

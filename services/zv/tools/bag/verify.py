@@ -19,6 +19,7 @@ from zenoh_vision.config.constraints import toml_line
 from zenoh_vision.config.settings import Settings, load_settings, local_path, read_config
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.host.signals import StopSignals
+from zenoh_vision.topics import is_frame_key
 from zenoh_vision.transport.connection import Connection
 from zv.bag.comparison import MISSING, Difference, Tolerances, first_difference, values_of
 from zv.bag.private_system import zv_command
@@ -29,7 +30,7 @@ from zv.tools.bag.answered import AnsweredFrame, answered_frames, frame_id
 from zv.tools.bag.difference_picture import drawn
 from zv.tools.bag.recorded_node import RecordedNode, recorded_node
 from zv.tools.bag.service_run import ServiceRun, has_whole_header, marked
-from zv.tools.bag.tape import LATCHED, is_frame_key
+from zv.tools.bag.tape import LATCHED
 from zv.tools.bag.updated import Updated
 from zv.tools.bag.verify_options import VerifyOptions, assigned
 from zv.tools.shared.output import Output

@@ -11,9 +11,8 @@ from itertools import groupby
 from zenoh_vision.error_text import joined, shortened, similar_names
 from zenoh_vision.health.fleet import SILENT_S
 from zenoh_vision.health.node_state import ClockOffset, NodeState
-from zenoh_vision.keys import camera_of, is_name, suffix_of
 from zenoh_vision.node.announcement import installed_version
-from zenoh_vision.topics import COMPRESSED, RAW
+from zenoh_vision.topics import misnamed_camera
 from zv.tools.doctor.finding import Finding, or_ok
 from zv.tools.doctor.observation import Observation
 from zv.tools.shared.discovery import other_namespaces
@@ -109,9 +108,7 @@ def name_findings(seen: Observation) -> list[Finding]:
 def misnamed_findings(session: ToolSession, seen: Observation) -> Iterator[Finding]:
     """Find streams of frames whose camera's name is none: nothing of zv shows or takes them."""
     for key in sorted(seen.discovery.publishers)[:MAX_KEYS]:
-        camera = camera_of(key)
-        is_frames = suffix_of(key) in (COMPRESSED.name, RAW.name) and "*" not in key
-        if key.startswith(f"{session.namespace}/") and is_frames and not is_name(camera):
+        if camera := misnamed_camera(key, session.namespace):
             said = f"someone publishes {key}, but {shortened(camera)} is no name of a camera"
             remedy = f"rename it: letters a-z, digits and _ are allowed, such as {_as_name(camera)}"
             yield Finding("FAIL", "names", said, remedy)

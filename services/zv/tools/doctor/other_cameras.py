@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 
 from zenoh_vision.keys import camera_of, is_name
-from zenoh_vision.topics import COMPRESSED, RAW, topic_of
+from zenoh_vision.topics import is_frame_key
 from zv.tools.shared.discovery import Discovery
 from zv.tools.shared.session import ToolSession
 from zv.tools.shared.statistics import StreamMonitor, rate_of_parts
@@ -80,4 +80,4 @@ class ArrivalCounter:
 
 def _is_of_frames(key: str) -> bool:
     """Tell whether a key is that of a camera's frames; anyone can declare any key."""
-    return topic_of(key) in (COMPRESSED, RAW) and is_name(camera_of(key)) and len(key) <= MAX_KEY
+    return is_frame_key(key) and is_name(camera_of(key)) and len(key) <= MAX_KEY

@@ -20,6 +20,7 @@ from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadErro
 from zenoh_vision.health.fleet import Event, ParameterGone
 from zenoh_vision.health.fleet_monitor import Kind, follow
 from zenoh_vision.messages import MESSAGES, NodeDescription, Parameter, ParameterList
+from zenoh_vision.topics import misnamed_camera
 from zenoh_vision.transport.declarations import (
     ROUTERS,
     declaration_in,
@@ -30,7 +31,7 @@ from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.query import Reply, messages_in
 from zv.viewer.discovery.network import Key, Mailbox, Network, in_slices
 from zv.viewer.discovery.system_state import SystemState
-from zv.viewer.topics import is_stream, misnamed_camera
+from zv.viewer.topics import MAX_CHARACTERS, is_stream
 
 log = logging.getLogger("viewer")
 
@@ -270,9 +271,9 @@ class SystemMonitor:
         async for key, sessions in in_slices(map(declaration_in, listed)):
             if sessions and is_stream(key, self._namespace):
                 found.add(key)
-            elif sessions and (camera := misnamed_camera(key, self._namespace)):
-                misnamed.add(camera)
-        self.system.set_misnamed(misnamed)
+            elif sessions and len(key) <= MAX_CHARACTERS:
+                misnamed.add(misnamed_camera(key, self._namespace))
+        self.system.set_misnamed(misnamed - {""})
         cut = listed.timed_out or bool(listed.left_out)
         self.system.set_published(found, complete=not cut)
         self._settle_soon()
