@@ -6,11 +6,15 @@ and row. It ends in the form of a family of models, so that a test decodes what 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
+from functools import cache
+from math import ceil
 from pathlib import Path
 
 import numpy as np
 import onnx
+import onnxruntime
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
@@ -65,7 +69,7 @@ def save(
     metadata: Mapping[str, str] | None = None,
     operator: str = "",
     outputs: Sequence[str] = (),
-    heavy: int = 0,
+    takes_s: float = 0,
 ) -> Path:
     """Write a model of a layout, whose classes are those of ``NAMES``.
 
@@ -77,7 +81,7 @@ def save(
         metadata: Texts in it; by default the names of its classes.
         operator: An operator that is put before the first output, such as one that nobody knows.
         outputs: Other names of the outputs.
-        heavy: Number of convolutions that only take time.
+        takes_s: How long one thread takes for a picture at least, on this machine.
     """
     graph = Graph()
     side = "S" if dynamic else size
@@ -96,7 +100,7 @@ def save(
     if layout == "dfine":
         sizes = helper.make_tensor_value_info("orig_target_sizes", TensorProto.INT64, [batch, 2])
         inputs.append(sizes)
-    corners, present = _boxes(graph, _slowed(graph, image, heavy), layout, size)
+    corners, present = _boxes(graph, _slowed(graph, image, takes_s), layout, size)
     found = FORMS[layout](graph, corners, present, size)
     if operator:
         found = {name: graph.node(operator, each) for name, each in found.items()}
@@ -122,16 +126,43 @@ def save(
     return path
 
 
-def _slowed(graph: Graph, image: str, heavy: int) -> str:
+def _slowed(graph: Graph, image: str, takes_s: float) -> str:
     """Add convolutions whose results are multiplied by 0."""
-    if not heavy:
+    if not takes_s:
         return image
+    return graph.node("Add", image, _convolved(graph, image, ceil(takes_s / _convolution_s())))
+
+
+def _convolved(graph: Graph, image: str, count: int) -> str:
     slow = graph.node("Conv", image, graph.constant(np.full((64, 3, 3, 3), 0.01)), pads=[1] * 4)
     kernel = graph.constant(np.full((64, 64, 3, 3), 1 / (64 * 9)))  # numbers near 0 are slow
-    for _ in range(heavy):
+    for _ in range(count):
         slow = graph.node("Conv", slow, kernel, pads=[1] * 4)
-    last = graph.node("Conv", slow, graph.constant(np.zeros((3, 64, 1, 1))))
-    return graph.node("Add", image, last)
+    return graph.node("Conv", slow, graph.constant(np.zeros((3, 64, 1, 1))))
+
+
+@cache
+def _convolution_s() -> float:
+    """Return the least time that one thread takes for a convolution."""
+    graph, count = Graph(), 20
+    output = _convolved(graph, "images", count)
+    values = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, 3, SIZE, SIZE])
+        for name in ("images", output)
+    ]
+    made = helper.make_graph(graph.nodes, "slow", values[:1], values[1:], graph.weights)
+    model = helper.make_model(made, opset_imports=[helper.make_opsetid("", 12)], ir_version=8)
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(model.SerializeToString(), options)
+    picture = np.full((1, 3, SIZE, SIZE), 0.5, np.float32)
+
+    def run_s() -> float:
+        begun_s = time.perf_counter()
+        session.run(None, {"images": picture})
+        return time.perf_counter() - begun_s
+
+    return min(run_s() for _ in range(5)) / count
 
 
 def _boxes(graph: Graph, image: str, layout: str, size: int) -> tuple[str, str]:
