@@ -25,6 +25,9 @@ LEAST_SHARE: Final = 0.0008
 LARGER: Final = 1.25
 """The main object changes only to one whose box is larger by this factor."""
 
+UNSEEN_S: Final = 0.3
+"""It stays the main object, where it is expected, while it is not seen for at most this time."""
+
 
 def working_scale(width: int, height: int) -> int:
     """Return n for processing frames of this size at 1/n of it: 2 at 768x576."""
@@ -135,7 +138,9 @@ class PipelineWithIds:
     def _choose_main(self) -> None:
         """Choose the main object of the tracks."""
         areas = {
-            each.id: each.box[2] * each.box[3] for each in self.tracks if each.state == "confirmed"
+            each.id: each.box[2] * each.box[3]
+            for each in self.tracks
+            if each.state == "confirmed" or (each.id == self._main and each.missing_s <= UNSEEN_S)
         }
         largest = max(areas, key=lambda number: (areas[number], -number), default=None)
         if largest is None:

@@ -43,9 +43,8 @@ class LifeLimits:
         seen_share: Share of that age for which it must have been seen: other things flicker.
         confirm_sides: How far it must have moved, in smaller sides of its box.
         rest_s: It must move so far within one motion: what stands for longer begins anew.
-        shown_s: A confirmed track that is not seen for longer than this is lost,
-        leaving_s: or than this at the border of the picture.
-        tentative_s: One that was never confirmed ends if it is not seen for longer than this.
+        gone_s: A track that was never confirmed, or is at the border of the picture, ends if it is
+            not seen for longer than this.
         protected_sides: An object that has travelled farther is not learned while it stands,
         protect_s: for this long.
         still_s: What has stood for this long may be a ghost, and is tested in this interval.
@@ -59,9 +58,7 @@ class LifeLimits:
     seen_share: float = 0.8
     confirm_sides: float = 1.0
     rest_s: float = 2.0
-    shown_s: float = 0.3
-    leaving_s: float = 0.1
-    tentative_s: float = 0.3
+    gone_s: float = 0.3
     protected_sides: float = 1.0
     protect_s: float = 120.0
     still_s: float = 1.0
@@ -144,7 +141,7 @@ class Tracker:
             for state in self.states
             if state.travelled > life.protected_sides
             and now_s - state.stands_s < life.protect_s
-            and state.missing_s(now_s) < life.shown_s
+            and state.missing_s(now_s) < life.gone_s
         ]
 
     def suspects(self) -> list[TrackState]:
@@ -247,35 +244,15 @@ class Tracker:
                 and state.hits >= life.confirm_hits
                 and state.travelled >= life.confirm_sides
             )
-            missing_s = state.missing_s(now_s)
-            if not state.confirmed:
-                ended = missing_s > life.tentative_s
-            elif self._leaving(state):
-                ended = missing_s > life.shown_s
-            else:
-                ended = missing_s > self.parameters.keep_lost_s
-            if not ended:
+            stays = state.confirmed and not self._moment.at_border(state.box)
+            if state.missing_s(now_s) <= (self.parameters.keep_lost_s if stays else life.gone_s):
                 kept.append(state)
         self.states = kept
 
-    def _outside(self, state: TrackState) -> bool:
-        """Return whether most of an object is expected outside of the picture."""
-        width, height = self._moment.size
-        return not (0 < state.x.position < width and 0 < state.y.position < height)
-
-    def _leaving(self, state: TrackState) -> bool:
-        """Return whether an object is expected at the border, or outside of it."""
-        return self._outside(state) or self._moment.at_border(state.box)
-
     def _state_name(self, state: TrackState) -> Literal["tentative", "confirmed", "lost"]:
-        life = self.parameters.life
         if not state.confirmed:
             return "tentative"
-        if self._outside(state):
-            shown_s = 0.0
-        else:
-            shown_s = life.leaving_s if self._leaving(state) else life.shown_s
-        return "confirmed" if state.missing_s(self._moment.now_s) <= shown_s else "lost"
+        return "lost" if state.missing_s(self._moment.now_s) else "confirmed"
 
     def _track(self, state: TrackState) -> Track:
         scale, box, now_s = self._scale, state.shown or state.box, self._moment.now_s

@@ -77,6 +77,18 @@ def test_the_main_track_changes_only_to_a_clearly_larger_one():
     assert len(set(ids)) == 1
 
 
+def test_the_main_track_stays_where_it_is_expected_while_it_is_not_seen_for_0_3_s():
+    robust, mains = RobustTracker(), []
+    for k in range(66):
+        shown = frame(k) if k < 60 else backdrop()
+        robust.update(shown, k * TENTH)
+        mains.append(robust.centroid)
+    assert mains[59] is not None
+    assert mains[59].state == "confirmed"
+    gap = [None if main is None else (main.id, main.state) for main in mains[60:]]
+    assert gap == [(mains[59].id, "lost")] * 3 + [None] * 3
+
+
 def test_a_change_of_the_size_begins_new_tracks_with_unused_ids():
     robust = RobustTracker()
     for k in range(60):
