@@ -90,6 +90,19 @@ class Header(Message):
         Name | None,
         Field(description="camera that took it, where a relay sends it as that of another"),
     ] = None
+    rotated: Annotated[
+        int | None,
+        Field(
+            ge=90,
+            le=270,
+            multiple_of=90,
+            description="degrees clockwise by which it is rotated since the camera's start",
+        ),
+    ] = None
+    mirrored: Annotated[
+        bool | None,
+        Field(description="true if it is then mirrored left to right, since the camera's start"),
+    ] = None
 
     @property
     def run(self) -> tuple[int, int]:

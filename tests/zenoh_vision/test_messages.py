@@ -34,11 +34,12 @@ def test_a_header_is_these_bytes():
 
 def test_a_header_leaves_out_what_does_not_apply():
     optional = {"encoding", "received_ns", "done_ns", "assumed"}
-    optional |= {"replay", "replayed_ns", "lockstep", "origin"}
+    optional |= {"replay", "replayed_ns", "lockstep", "origin", "rotated", "mirrored"}
     assert set(Header.model_fields) - set(HEADER.to_map()) == optional
     whole = HEADER.model_copy(
         update={"encoding": "bgr8", "received_ns": 0, "done_ns": 0, "assumed": False}
         | {"replay": 0, "replayed_ns": 0, "lockstep": False, "origin": "front"}
+        | {"rotated": 90, "mirrored": False}
     )
     assert set(whole.to_map()) == set(Header.model_fields)
 

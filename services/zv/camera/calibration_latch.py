@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.image.turn import Size
 from zenoh_vision.messages import CameraInfo, Header
-from zv.camera.geometry import Geometry, Size
+from zv.camera.geometry import Geometry
 
 
 def without_encoding(header: Header) -> Header:

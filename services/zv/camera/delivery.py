@@ -5,13 +5,19 @@ from __future__ import annotations
 import logging
 
 from zenoh_vision.image.pixel_formats import DEEP
+from zenoh_vision.image.turn import Size, Turn
 from zv.camera.convert import check_depth
+from zv.camera.geometry import Geometry
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
 
 KEEPS_DEPTH = (
     "the source delivers 16 bits (%s), published as 8; --encoding mono16 keeps them, "
     "16UC1 publishes them as depth in millimetres"
+)
+MOVED = (
+    "region = {} shows another part of the scene, since the picture was {}; set region = {} for "
+    "the part before"
 )
 KEEPS_METRES = (
     "the source delivers depth in metres (%s), published as 8 bits; --encoding 32FC1 keeps it"
@@ -24,6 +30,9 @@ class Delivery:
     Args:
         kind: Kind of the source.
         log: Called with a line for the user.
+
+    Attributes:
+        moved: A text that says that the region was set before the picture was turned; else empty.
     """
 
     def __init__(self, kind: str, log: logging.Logger) -> None:
@@ -34,7 +43,9 @@ class Delivery:
         self._size = (0, 0)
         self._opened_with: tuple[int | None, int | None] = (None, None)
         self._region = ""
+        self._region_turn = Turn()
         self._rotate = 0
+        self.moved = ""
 
     def check(self, wanted: CameraSettings) -> None:
         """Check that pictures can be published with these settings, once the first has arrived.
@@ -73,9 +84,20 @@ class Delivery:
                 keeps = KEEPS_METRES if picture.encoding == "32FC1" else KEEPS_DEPTH
                 self._log.warning(keeps, picture.encoding)
         if settings.region != self._region:
-            self._region = settings.region
+            self._region, self._region_turn = settings.region, settings.geometry.turn
             again = "" if picture.form is None else "; its JPEGs are encoded again"
             part = f"region {settings.region} of" if settings.region else "all of"
             size = "x".join(map(str, settings.geometry.turned_size(picture.size)))
             whole = f"{size}{again if settings.region else ''}"
             self._log.info("published from now on: %s %s", part, whole)
+        self.moved = self._moved(settings.geometry, picture.size)
+
+    def _moved(self, geometry: Geometry, size: Size) -> str:
+        """Return in which way the region was moved by a turn of the picture; else empty."""
+        further = geometry.turn.since(self._region_turn)
+        if geometry.box is None or further == Turn():
+            return ""
+        before = further.box(geometry.box, self._region_turn.size(size))
+        if before == geometry.box:
+            return ""
+        return MOVED.format(self._region, further, ",".join(map(str, before)))

@@ -6,17 +6,14 @@ calibrated in the source's picture is brought there by the same ``Geometry``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
 
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.image.picture import Picture
+from zenoh_vision.image.turn import Size, Turn
 from zenoh_vision.messages import Box, Track
-
-Size = tuple[int, int]
-"""Width and height, pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +31,11 @@ class Geometry:
     rotate: int = 0
 
     @property
+    def turn(self) -> Turn:
+        """How the picture is turned."""
+        return Turn.of(self.rotate, self.flip)
+
+    @property
     def sideways(self) -> bool:
         """Whether left and right are exchanged."""
         return self.flip in ("horizontal", "both")
@@ -45,7 +47,7 @@ class Geometry:
 
     def turned_size(self, size: Size) -> Size:
         """Return the size of a source's picture after it is turned."""
-        return size if self.rotate % 180 == 0 else (size[1], size[0])
+        return self.turn.size(size)
 
     def check(self, size: Size) -> None:
         """Check that the rectangle is within a source's pictures of a size.
@@ -99,23 +101,14 @@ class Geometry:
         seen = seen.mirrored(sideways=self.sideways, upside_down=self.upside_down)
         return seen if self.box is None else seen.cropped(*self.box)
 
-    def _flipped(self, box: Box, size: Size) -> Box:
-        """Return where a rectangle of a picture is in the flipped one; its own inverse."""
-        x, y, width, height = box
-        x = size[0] - x - width if self.sideways else x
-        y = size[1] - y - height if self.upside_down else y
-        return x, y, width, height
-
     def _of_source(self, box: Box, size: Size) -> Box:
         """Return where a rectangle of the turned picture is in the source's, which has a size."""
-        turned = self.turned_size(size)
-        return rotated(self._flipped(box, turned), turned, -self.rotate % 360)
+        return self.turn.inverse.box(box, self.turned_size(size))
 
     def _track(self, track: Track, size: Size) -> Track | None:
-        turned = self.turned_size(size)
-        x, y, width, height = self._flipped(rotated(track.box, size, self.rotate), turned)
-        left, top, *limits = self.box or (0, 0, *turned)
-        vx, vy = TURNED_VELOCITY[self.rotate](track.vx, track.vy)
+        x, y, width, height = self.turn.box(track.box, size)
+        left, top, *limits = self.box or (0, 0, *self.turned_size(size))
+        vx, vy = self.turn.vector(track.vx, track.vy)
         right, bottom = min(limits[0], x + width - left), min(limits[1], y + height - top)
         left, top = max(0, x - left), max(0, y - top)
         wide, high = right - left, bottom - top
@@ -128,34 +121,7 @@ class Geometry:
                 "x": float(left + int(wide / 2)),
                 "y": float(top + int(high / 2)),
                 "area": track.area * wide * high / (width * height),
-                "vx": -vx if self.sideways else vx,
-                "vy": -vy if self.upside_down else vy,
+                "vx": vx,
+                "vy": vy,
             }
         )
-
-
-TURNED_VELOCITY: Final[dict[int, Callable[[float, float], tuple[float, float]]]] = {
-    0: lambda vx, vy: (vx, vy),
-    90: lambda vx, vy: (-vy, vx),
-    180: lambda vx, vy: (-vx, -vy),
-    270: lambda vx, vy: (vy, -vx),
-}
-"""A velocity in the picture rotated clockwise, by the degrees; y points down."""
-
-
-def rotated(box: Box, size: Size, degrees: int) -> Box:
-    """Return where a rectangle of a picture is in the picture rotated clockwise.
-
-    Args:
-        box: The rectangle.
-        size: That of the picture.
-        degrees: 0, 90, 180 or 270.
-    """
-    (x, y, width, height), (across, down) = box, size
-    if degrees == 90:
-        return down - y - height, x, height, width
-    if degrees == 180:
-        return across - x - width, down - y - height, width, height
-    if degrees == 270:
-        return y, across - x - width, height, width
-    return box

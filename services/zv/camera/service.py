@@ -22,6 +22,7 @@ from zenoh_vision.calibration.camera_model import CalibrationFault
 from zenoh_vision.calibration.ros_yaml import read_calibration
 from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.host.lifeline import is_supervised
+from zenoh_vision.image.turn import Size, Turn
 from zenoh_vision.node.lockstep import Lockstep
 from zenoh_vision.node.outputs import Published
 from zenoh_vision.topics import COMPRESSED, Topic, topic_named
@@ -31,7 +32,7 @@ from zv.camera.calibration_latch import CalibrationLatch, without_encoding
 from zv.camera.capture import Capture
 from zv.camera.convert import Converter
 from zv.camera.delivery import Delivery
-from zv.camera.geometry import Geometry, Size
+from zv.camera.geometry import Geometry
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
 from zv.camera.source_policy import OpenSource, SourceOpener, expected_rate
@@ -113,7 +114,8 @@ def run(
                 wait_for_subscribers(node, settings.wait_for, stopping)
             for captured in capture.frames(stopping, report, remark):
                 delivery.note(captured)
-                publish(node, converter, captured, limit, latch)
+                node.report("region", Level.WARN if delivery.moved else Level.OK, delivery.moved)
+                publish(node, converter, captured, limit, latch, settings.geometry.turn)
             if capture.ended:
                 log.info("%s; --loop plays it again and again", capture.ended)
                 node.report("source", Level.OK, capture.ended)  # in the last report
@@ -149,7 +151,7 @@ def publish_all(
         for captured in lossless.frames(parameters, node.counters, open_source, stopping):
             if not count:
                 lockstep.find({node.camera}, None)
-            frame = framed(node, converter, captured, latch)
+            frame = framed(node, converter, captured, latch, settings.geometry.turn)
             if frame is not None and send(node, lockstep, frame):
                 lockstep.wait(frame.header)
                 count += 1
@@ -196,13 +198,14 @@ def publish(
     captured: CapturedFrame,
     limit: StreamLimit,
     latch: CalibrationLatch | None = None,
+    at_start: Turn = Turn(),  # noqa: B008 - a frozen value
 ) -> Published | None:
     """Publish one captured frame, its calibration and ground truth; count the outcome.
 
     Returns:
         What became of it; None if it is no picture that can be published.
     """
-    frame = framed(node, converter, captured, latch)
+    frame = framed(node, converter, captured, latch, at_start)
     if frame is None:
         return None
     published = node.publish_picture(COMPRESSED, frame, compress=limit.compress)
@@ -215,8 +218,16 @@ def framed(
     converter: Converter,
     captured: CapturedFrame,
     latch: CalibrationLatch | None,
+    at_start: Turn,
 ) -> Frame | None:
     """Return the frame of what was captured; publish its calibration and ground truth.
+
+    Args:
+        node: Publishes them.
+        converter: Makes the picture of the frame.
+        captured: What was captured.
+        latch: Makes the calibration; None without one.
+        at_start: How the picture was turned at the start of the camera.
 
     Returns:
         None if it is no picture that can be published, which is counted.
@@ -228,6 +239,7 @@ def framed(
     except PayloadError as error:
         node.drop(error)
         return None
+    turn = geometry.turn.since(at_start)
     header = Header(
         camera=settings.camera,
         epoch=captured.epoch,
@@ -241,6 +253,8 @@ def framed(
         replay=captured.replay,
         replayed_ns=None if captured.replay is None else time.time_ns(),
         lockstep=None if captured.replay is None else True,
+        rotated=turn.degrees or None,
+        mirrored=turn.mirrored or None,
     )
     if latch is not None:
         send_calibration(node, latch, header, geometry, source.size)

@@ -33,6 +33,7 @@ from zv.tracker.scene_report import SceneReport
 from zv.tracker.settings import TrackerSettings
 from zv.tracker.tracking.track import Track
 from zv.tracker.tracking.tracker import TrackingParameters
+from zv.tracker.turned_shapes import TurnedShapes
 
 log = logging.getLogger(__name__)
 
@@ -47,9 +48,9 @@ Pixels = NDArray[np.uint8]
 class CameraTracking:
     """Tracks the objects of one camera and publishes the results.
 
-    The background is learned anew for a new epoch, size, pipeline or range of depth, and when the
-    camera's clock was set back; a change of another setting keeps it. Ids start again from 1 in
-    each epoch.
+    The background is learned anew for a new epoch, size, orientation, pipeline or range of depth,
+    and when the camera's clock was set back; a change of another setting keeps it. Ids start again
+    from 1 in each epoch.
 
     Args:
         node: Publishes the results.
@@ -70,6 +71,7 @@ class CameraTracking:
         self._detector = DetectorTracker(detector_parameters(settings))
         self._trails = Trails()
         self._events = EventPublisher(node, settings)
+        self._shapes = TurnedShapes(node, camera, settings)
         self._world = CameraWorld(node, camera)
         self._report = SceneReport()
         self._reported = ""
@@ -82,6 +84,7 @@ class CameraTracking:
             frame: The next frame of the camera.
             picture: Its pixels, as returned by ``decoded``.
         """
+        self._shapes.follow(frame)
         settings: TrackerSettings = frame.revision.settings
         self._frame_s = time.monotonic()
         self._apply(frame, settings)
@@ -99,6 +102,7 @@ class CameraTracking:
             frame: The next frame of the camera; one that was begun and not finished is given up.
             picture: Its pixels, as returned by ``decoded``; None if that needs none.
         """
+        self._shapes.follow(frame)
         self._frame_s = time.monotonic()
         self._apply(frame, frame.revision.settings)
         header = frame.header

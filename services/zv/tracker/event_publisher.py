@@ -124,10 +124,12 @@ class EventPublisher:
 def tracks_end(before: Header, now: Header) -> bool:
     """Return whether all tracks end between two successive frames.
 
-    They end with their run, since ids start again, and when the camera's clock is set back, since
-    times before and after cannot be compared. For a smaller step back, no time has passed.
+    They end with their run, since ids start again; when the camera's clock is set back, since
+    times before and after cannot be compared; and when the camera is rotated or mirrored, since
+    places cannot. For a smaller step back, no time has passed.
     """
-    return now.run != before.run or now.stamp_ns < before.stamp_ns - SET_BACK_NS
+    turned = (now.rotated, now.mirrored) != (before.rotated, before.mirrored)
+    return now.run != before.run or turned or now.stamp_ns < before.stamp_ns - SET_BACK_NS
 
 
 def rules_of(settings: TrackerSettings) -> EventRules:

@@ -85,3 +85,23 @@ def test_a_region_is_checked_against_the_size_that_a_device_is_opened_with_then(
         delivery.note(captured(settings, 640, 480))
         with nullcontext() if fits else pytest.raises(ParameterRefused, match="not within"):
             delivery.check(settings.model_copy(update=change))
+
+
+def test_a_region_that_shows_another_part_since_the_picture_was_turned_is_said():
+    delivery = Delivery("device", LOG)
+    still = CameraSettings(source="0", region="80,60,160,120")
+    delivery.note(captured(still, 640, 480))
+    assert not delivery.moved
+    turned = still.model_copy(update={"rotate": 90})
+    delivery.note(captured(turned, 640, 480))
+    # The picture is now 480x640: x = 480 - 60 - 120, y = 80.
+    assert delivery.moved == (
+        "region = 80,60,160,120 shows another part of the scene, since the picture was rotated by "
+        "90 degrees; set region = 300,80,120,160 for the part before"
+    )
+    delivery.note(captured(turned.model_copy(update={"region": "300,80,120,160"}), 640, 480))
+    assert not delivery.moved
+    delivery.note(captured(still.model_copy(update={"region": "300,80,120,160"}), 640, 480))
+    assert "set region = 80,60,160,120" in delivery.moved
+    delivery.note(captured(turned.model_copy(update={"region": ""}), 640, 480))
+    assert not delivery.moved
