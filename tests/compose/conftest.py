@@ -57,7 +57,6 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def image(docker: None, clone: Path) -> str:
-    """The image of this checkout."""
     stack = Stack(clone)
     stack.compose("build")
     return IMAGE

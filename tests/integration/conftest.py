@@ -91,7 +91,6 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture
 def client(router: Router) -> Iterator[zenoh.Session]:
-    """A plain Zenoh session at the router."""
     with open_client(router.endpoint) as session:
         yield session
 

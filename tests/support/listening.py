@@ -85,7 +85,6 @@ class Listener:
 
 
 def message_of(sample: zenoh.Sample) -> Message:
-    """Copy a sample out of Zenoh."""
     return Message(
         key=str(sample.key_expr),
         payload=sample.payload.to_bytes(),

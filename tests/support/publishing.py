@@ -88,7 +88,6 @@ class PlainCamera:
         return seq
 
     def put(self, payload: bytes, attachment: bytes | None) -> None:
-        """Publish anything."""
         self._session.put(
             self._key,
             payload,

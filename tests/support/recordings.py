@@ -16,7 +16,6 @@ BEGIN_NS = 1_750_000_000_000_000_000
 
 
 def frame_header(seq: int, rate_hz: float = 30.0, **changes: object) -> dict[str, object]:
-    """Return the header of a frame of a camera."""
     return {
         "camera": "front",
         "epoch": BEGIN_NS,

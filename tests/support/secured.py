@@ -97,7 +97,6 @@ def quietly(command: Any, options: Any, namespace: str = "vision") -> str:
 
 
 def secured(folder: Path, **options: Any) -> Secured:
-    """Make a folder of certificates."""
     return Secured(folder / "security", free_port()).init(**options)
 
 
@@ -128,7 +127,6 @@ def official(system: Secured, folder: Path, name: str = "router") -> Iterator[No
 
 
 def port_of(system: Secured, name: str) -> int:
-    """Return the port on which a router listens."""
     (endpoint,) = system.content(name)["listen"]["endpoints"]
     return int(endpoint.partition("#")[0].rpartition(":")[2])
 

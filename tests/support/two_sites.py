@@ -18,7 +18,6 @@ ENDPOINT = "tcp/127.0.0.1:7447"
 
 
 def ip(*words: str) -> None:
-    """Run ``ip``."""
     subprocess.run(["ip", *words], check=True, capture_output=True, timeout=10)
 
 

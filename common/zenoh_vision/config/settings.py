@@ -205,13 +205,7 @@ def local_path(
 def _from_folder(
     model: type[BaseModel], values: Mapping[str, object], folder: Path
 ) -> dict[str, Any]:
-    """Return the values of a file with its relative paths made relative to the working directory.
-
-    Args:
-        model: The options.
-        values: By option.
-        folder: Of the file.
-    """
+    """Return the values of a file, with its relative paths relative to the working directory."""
     paths = {name: local_path(model, name, value) for name, value in values.items()}
     return {**values, **{name: str(folder / path) for name, path in paths.items() if path}}
 

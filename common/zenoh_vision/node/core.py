@@ -20,12 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Core:
-    """Who a node is, what it counts, and its link to the router.
-
-    Attributes:
-        stopping: Whether a stop was requested.
-        inputs: The open inputs.
-    """
+    """Who a node is, what it counts, its open inputs, and its link to the router."""
 
     name: str
     service: str

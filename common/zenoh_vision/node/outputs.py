@@ -65,10 +65,6 @@ class FrameOutputs:
 class Outputs:
     """The publishers of a node, one for each topic and camera that it publishes.
 
-    Args:
-        core: Of the node.
-        publishes: What is published.
-
     Raises:
         ConfigurationError: The environment names a transport that does not exist.
         ValueError: The table has no topic of a name, or the node does not serve a camera.

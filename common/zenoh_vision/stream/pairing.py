@@ -54,15 +54,7 @@ class PairBuffer(Generic[T]):
         self._alone: deque[tuple[Side, T]] = deque()
 
     def put(self, side: Side, stamp_ns: int, item: T, now_ns: int, size: int = 0) -> None:
-        """Add an item that arrived now.
-
-        Args:
-            side: Of which stream it is.
-            stamp_ns: The stamp in its header.
-            item: The item.
-            now_ns: Monotonic time.
-            size: Its bytes.
-        """
+        """Add an item of ``size`` bytes that arrived now, by a monotonic clock."""
         queue = self._queues[side]
         if queue and stamp_ns < queue[-1].stamp_ns:
             # The clock of the stream was set back: no partners can follow for the items that wait.
@@ -75,11 +67,7 @@ class PairBuffer(Generic[T]):
             self._leave(side)
 
     def take(self, now_ns: int) -> Iterator[tuple[T | None, T | None]]:
-        """Yield the complete pairs, and the items without a partner, with None beside them.
-
-        Args:
-            now_ns: Monotonic time.
-        """
+        """Yield the complete pairs, and the items without a partner, with None beside them."""
         while True:
             while self._alone:
                 side, item = self._alone.popleft()

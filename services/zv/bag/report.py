@@ -242,7 +242,6 @@ def rest_account(
 def _add(
     keys: dict[str, KeyReport], senders: dict[str, Counter[str]], account: Mapping[str, Any]
 ) -> None:
-    """Add an account."""
     for key, fields in account["keys"].items():
         found = keys.setdefault(key, KeyReport(key))
         for name in ("taken", "bytes", "repeated", "unnumbered"):

@@ -19,12 +19,7 @@ MAX_WAITING = 4
 
 
 class CalibrationSource:
-    """The calibration of one camera.
-
-    Args:
-        node: Open.
-        camera: The camera's name.
-    """
+    """The calibration of one camera, taken by an open node."""
 
     def __init__(self, node: Node, camera: str) -> None:
         self._node = node

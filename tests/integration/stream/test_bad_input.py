@@ -162,7 +162,6 @@ class System:
         return found
 
     def __post_init__(self) -> None:
-        """Begin to count."""
         self._begin()
 
     def _begin(self) -> None:

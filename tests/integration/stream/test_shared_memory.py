@@ -56,7 +56,6 @@ def taker(router) -> Iterator[Node]:
 
 
 def subscribed(client: zenoh.Session, key: str) -> bool:
-    """Tell whether somebody subscribes to a key."""
     with client.declare_publisher(key) as publisher:
         return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
 

@@ -38,7 +38,6 @@ RUNS: dict[type[ToolOptions], Callable[..., None]] = {
 
 @pytest.fixture
 def client(endpoint: str) -> Iterator[zenoh.Session]:
-    """A plain Zenoh session at the router."""
     with open_client(endpoint) as session:
         yield session
 

@@ -57,7 +57,6 @@ class BeltCamera(PlainCamera):
         self._start_ns = time.time_ns()
 
     def belt_s(self, stamp_ns: int) -> float:
-        """Return the belt's time at a stamp."""
         return self._belt.time_s(0) + (stamp_ns - self._start_ns) / 1e9
 
     def send_next(self) -> None:

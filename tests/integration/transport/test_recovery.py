@@ -55,7 +55,6 @@ class Watch:
         self.tokens.append((time.monotonic(), str(sample.key_expr), alive))
 
     def wait_for_flow(self) -> None:
-        """Wait until everything flows."""
         wait_for_nodes(self.client, *NODES)
         for listener in self.streams.values():
             listener.wait_for(10, 15)

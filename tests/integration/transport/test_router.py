@@ -30,8 +30,6 @@ def a_router(folder: Path, listen: str, file: str | None) -> Program:
 
 
 def listens(router: Program) -> str:
-    """Return what the router says that it listens on."""
-
     def said() -> re.Match[str] | None:
         assert router.process.poll() is None, router.complaints
         return re.search(r"router listens on (.*)\n", router.complaints)

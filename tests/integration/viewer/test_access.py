@@ -57,7 +57,6 @@ NO_REQUESTS = (
 
 @pytest.fixture
 def guarded(service: Service) -> Viewer:
-    """A viewer that asks for a token."""
     return Viewer(service("view", "--port", 0, "--token", TOKEN))
 
 

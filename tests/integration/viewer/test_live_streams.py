@@ -110,7 +110,6 @@ async def test_without_shown_two_pictures_come_and_then_the_newest(viewer: Viewe
 
 
 def seq_of_newest(viewer: Viewer) -> int:
-    """Return the number of the newest picture that the viewer has."""
     return int(viewer.get("/snapshot?topic=/front/image/compressed").headers["x-seq"])
 
 

@@ -76,7 +76,6 @@ class Observer:
         self._closing.callback(self._ended.set)
 
     def close(self) -> None:
-        """Leave."""
         self._closing.close()
 
     def back_s(self, since_ns: int) -> dict[str, float]:

@@ -16,7 +16,6 @@ import zenoh
 
 
 def main() -> None:
-    """Subscribe and print."""
     endpoint, *keys = sys.argv[1:]
     config = zenoh.Config()
     for name, value in {

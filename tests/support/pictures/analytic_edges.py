@@ -60,7 +60,6 @@ class Judged:
 
 
 def judge(step: Step, edges: NDArray[np.uint8]) -> Judged:
-    """Compare an edge map with the step."""
     middle = (SIDE - 1) / 2
     x, y = np.meshgrid(np.arange(SIDE) - middle, np.arange(SIDE) - middle)
     distance = step.distance(x, y)

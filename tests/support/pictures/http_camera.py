@@ -30,7 +30,6 @@ def level(index: int) -> int:
 
 
 def picture(index: int) -> bytes:
-    """Return a picture as a JPEG."""
     pixels = np.full((HEIGHT, WIDTH, 3), level(index), np.uint8)
     return cv2.imencode(".jpg", pixels)[1].tobytes()
 

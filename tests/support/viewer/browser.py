@@ -126,7 +126,6 @@ class Tab:
         wait_until(is_shown, explain=lambda: f"{key} {x}, {y}: {seen} {self.text}")
 
     def wait_until_live(self, key: str) -> None:
-        """Wait until a stream is shown live."""
         self.wait(f"document.querySelector('{canvas(key)}')?.dataset.live === 'true'")
 
     def pixels(self, key: str) -> list[int]:

@@ -63,7 +63,6 @@ class Camera:
 
 @contextmanager
 def event_camera(client: zenoh.Session) -> Iterator[Camera]:
-    """Yield one that answers."""
     found = Camera(client)
     try:
         yield found

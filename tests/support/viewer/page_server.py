@@ -62,7 +62,6 @@ class PageServer:
         self.tell("hello", **facts, now_ns=str(now_ns))
 
     def tell(self, op: str, **fields: object) -> None:
-        """Send a text."""
         self._socket.send(json.dumps({"op": op, **fields}))
 
     def show(self, key: str, payload: bytes, header: dict[str, Any], **about: object) -> None:

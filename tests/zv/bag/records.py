@@ -46,7 +46,6 @@ def frame(seq: int, camera: str = "front", size: int = 1000) -> Record:
 
 
 def message(seq: int, name: str = "centroid", schema: str = "vision.Centroid.v1") -> Record:
-    """Return a message of a tracker."""
     fields = {"x": None, "y": None, "box": None, "area": None}
     attachment = header(seq, node="tracker_front")
     return Record(
@@ -60,12 +59,10 @@ def message(seq: int, name: str = "centroid", schema: str = "vision.Centroid.v1"
 
 
 def arrived(record: Record, clock: LogClock) -> Record:
-    """Return a record that arrived now."""
     return replace(record, log_time_ns=clock.now_ns())
 
 
 def written(path: Path, records: list[Record], chunk_bytes: int = 5000) -> Path:
-    """Write a recording."""
     writer = Writer(path, {"namespace": "vision"}, chunk_bytes=chunk_bytes)
     for record in records:
         writer.add(record)

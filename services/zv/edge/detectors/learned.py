@@ -80,9 +80,6 @@ class EdgeNetwork:
 
     A network of OpenCV has one input size, with buffers of that size. One network is kept for each
     of the last ``SIZES`` sizes.
-
-    Args:
-        weights: The ONNX file.
     """
 
     def __init__(self, weights: Traversable) -> None:

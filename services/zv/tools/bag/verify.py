@@ -84,15 +84,7 @@ def run(options: VerifyOptions, _connection: Connection, output: Output) -> None
 
 
 class Verification:
-    """One run of a node over a recording.
-
-    Args:
-        recording: Open.
-        node: Of the recording.
-        options: Of the command.
-        output: For results and remarks.
-        stopping: Whether to give up.
-    """
+    """One run of a node over an open recording."""
 
     def __init__(
         self,

@@ -91,6 +91,5 @@ def _within(connection: Connection, most_s: float) -> Connection:
 
 
 def _keys_of(message: type[Message]) -> list[str]:
-    """Return the keys on which a message is sent."""
     found = [topic.key("{ns}", "{camera}") for topic in TOPICS.values() if topic.message is message]
     return found or [OTHER_KEYS[message.schema_name]]

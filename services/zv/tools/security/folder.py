@@ -102,11 +102,7 @@ class System:
 
 
 class Folder:
-    """Reads and writes the files of one system.
-
-    Args:
-        path: The folder.
-    """
+    """Reads and writes the files of one system."""
 
     def __init__(self, path: str) -> None:
         self.path = Path(path)

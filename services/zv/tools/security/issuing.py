@@ -85,11 +85,7 @@ def role_of_node(
 
 @dataclass(frozen=True, slots=True)
 class Issuing:
-    """Gives certificates to holders, in one folder.
-
-    Attributes:
-        authority: Signs.
-    """
+    """Gives certificates to holders, in one folder."""
 
     folder: Folder
     authority: Issued

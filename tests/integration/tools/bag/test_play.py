@@ -41,7 +41,6 @@ Play = Callable[..., Program]
 
 @pytest.fixture
 def client(router: Router) -> Iterator[zenoh.Session]:
-    """A plain Zenoh session at the router of the services."""
     with open_client(router.endpoint) as session:
         yield session
 

@@ -18,7 +18,6 @@ from tests.support.standing_in import StandIn
 
 @pytest.fixture(scope="package")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Router]:
-    """A router."""
     with a_router(tmp_path_factory.mktemp("router")) as router:
         yield router
 

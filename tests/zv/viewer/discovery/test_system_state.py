@@ -21,8 +21,6 @@ from zv.viewer.websocket.sender import Outbox
 
 
 class Told:
-    """A system and what it told."""
-
     def __init__(self) -> None:
         self.texts: list[dict] = []
         self.system = SystemState("vision", self._say)

@@ -84,7 +84,6 @@ class Registry:
         self._picture: list[EncodedPicture] = [A_PICTURE]
 
     def pictures(self, *_: object) -> Any:
-        """Return the feed of the picture."""
         return SimpleNamespace(
             take=lambda: self._picture.pop() if self._picture else None,
             want=lambda: None, close=lambda: None, skipped=0, lost=0,
@@ -92,7 +91,6 @@ class Registry:
         )  # fmt: skip
 
     def messages(self, key: str, ready: asyncio.Event, _: int) -> MessageFeed:
-        """Return a feed of messages that begin with the key."""
         stream: Any = SimpleNamespace(feeds=set(), closed=True)
         feed = MessageFeed(stream, ready)
         for _ in range(QUEUE):
