@@ -12,9 +12,9 @@ import pytest
 import zenoh
 
 from tests.support import detector_models
-from tests.support.containers.stack import HANDSHAKE_MS, OURS, Stack, run
-from tests.support.containers.witness import Witness
-from tests.support.listening import Listener, newest, open_client, wait_for_nodes
+from tests.support.containers.stack import OURS, Stack, run
+from tests.support.containers.witness import Witness, opened
+from tests.support.listening import Listener, newest, wait_for_nodes
 from tests.support.pictures.encoded import write_video
 from tests.support.processes import Program, missing
 from tests.support.programs import rtsp_camera
@@ -36,13 +36,6 @@ def gateway(image: str) -> str:
 
 def connected(stack: Stack) -> zenoh.Session:
     return wait_until(lambda: opened(stack.endpoint), 60)
-
-
-def opened(endpoint: str) -> zenoh.Session | None:
-    try:
-        return open_client(endpoint, HANDSHAKE_MS)
-    except zenoh.ZError:
-        return None
 
 
 def test_quality_rate_size_and_namespace_by_env(new_stack):

@@ -33,10 +33,15 @@ class Taker:
         return FrameIntake(key, self.consumer, buffering, **options)
 
     def counted(self) -> dict[str, int]:
-        found = self.counters.snapshot()
-        dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
-        assert found["received"] == found["processed"] + dropped + found["pending"]
-        return found
+        return balanced(self.counters)
+
+
+def balanced(counters: FrameCounters) -> dict[str, int]:
+    """Return the counts of a consumer, which balance."""
+    found = counters.snapshot()
+    dropped = sum(count for name, count in found.items() if name.startswith("dropped."))
+    assert found["received"] == found["processed"] + dropped + found["pending"]
+    return found
 
 
 def sample(seq: int, payload: bytes | memoryview = JPEG, key: str = KEY, **fields: object):

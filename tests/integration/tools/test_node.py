@@ -13,11 +13,10 @@ from typing import Any
 
 import pytest
 
-from tests.integration.conftest import a_router, some_services
+from tests.integration.conftest import some_services
 from tests.support.fork_server import ZV
 from tests.support.listening import open_client, wait_for_nodes
 from tests.support.processes import START_S, Program
-from tests.support.routing import Router
 from tests.support.standing_in import StandIn
 from tests.support.typist import zv
 from tests.support.waiting import wait_until
@@ -26,30 +25,24 @@ SMALL = ("--width", 160, "--height", 120, "--rate", 5)
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Router]:
-    with a_router(tmp_path_factory.mktemp("router")) as router:
-        yield router
-
-
-@pytest.fixture(scope="module")
-def twins(shared: Router, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Program]]:
+def twins(endpoint: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Program]]:
     """Two cameras of one name, and a tracker."""
-    with some_services(shared.endpoint, tmp_path_factory.mktemp("nodes")) as start:
+    with some_services(endpoint, tmp_path_factory.mktemp("nodes")) as start:
         cameras = [start("camera", *SMALL) for _ in range(2)]
         tracker = start("tracker")
-        with open_client(shared.endpoint) as session:
+        with open_client(endpoint) as session:
             wait_for_nodes(session, "camera_front", "tracker_front")
-        wait_until(lambda: len(listed(shared)) == 3)
+        wait_until(lambda: len(listed(endpoint)) == 3)
         yield [*cameras, tracker]
 
 
-def listed(router: Router, *arguments: str) -> list[dict[str, Any]]:
-    done = zv(router.endpoint, "node", "list", "--json", *arguments)
+def listed(endpoint: str, *arguments: str) -> list[dict[str, Any]]:
+    done = zv(endpoint, "node", "list", "--json", *arguments)
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def test_two_nodes_of_one_name_are_two_lines_with_their_processes(shared, twins):
-    nodes = listed(shared)
+def test_two_nodes_of_one_name_are_two_lines_with_their_processes(endpoint, twins):
+    nodes = listed(endpoint)
     assert [each["node"] for each in nodes] == ["camera_front", "camera_front", "tracker_front"]
     assert {each["pid"] for each in nodes} == {program.process.pid for program in twins}
     assert {each["host"] for each in nodes} == {socket.gethostname()}
@@ -58,8 +51,8 @@ def test_two_nodes_of_one_name_are_two_lines_with_their_processes(shared, twins)
     assert "vision/front/centroid" in nodes[2]["publishes"]
 
 
-def test_the_table_has_a_line_for_each(shared, twins):
-    done = zv(shared.endpoint, "node", "list")
+def test_the_table_has_a_line_for_each(endpoint, twins):
+    done = zv(endpoint, "node", "list")
     assert done.returncode == 0
     lines = [line.split() for line in done.stdout.splitlines() if "_front" in line]
     assert [line[:2] for line in lines] == [
@@ -70,8 +63,8 @@ def test_the_table_has_a_line_for_each(shared, twins):
     assert {line[4] for line in lines} == {str(program.process.pid) for program in twins}
 
 
-def test_info_says_what_a_node_publishes_and_how_it_does(shared, twins):
-    done = zv(shared.endpoint, "node", "info", "tracker_front")
+def test_info_says_what_a_node_publishes_and_how_it_does(endpoint, twins):
+    done = zv(endpoint, "node", "info", "tracker_front")
     assert done.returncode == 0, done.stderr
     text = " ".join(done.stdout.split())
     assert text.startswith("tracker_front service tracker cameras front version ")
@@ -79,20 +72,20 @@ def test_info_says_what_a_node_publishes_and_how_it_does(shared, twins):
     assert "publishes vision/front/centroid vision/front/tracks" in text
     assert "subscribes vision/front/image/compressed" in text
     assert "closing = 20 pixels (0 to 255)" in text  # a parameter
-    both = zv(shared.endpoint, "node", "info", "camera_*", "--json").stdout.splitlines()
+    both = zv(endpoint, "node", "info", "camera_*", "--json").stdout.splitlines()
     assert {json.loads(line)["pid"] for line in both} == {
         program.process.pid for program in twins[:2]
     }
 
 
-def test_a_name_that_nobody_has_is_1_and_the_near_one_is_named(shared, twins):
-    done = zv(shared.endpoint, "node", "info", "traker_front")
+def test_a_name_that_nobody_has_is_1_and_the_near_one_is_named(endpoint, twins):
+    done = zv(endpoint, "node", "info", "traker_front")
     assert (done.returncode, done.stdout) == (1, "")
     assert "did you mean tracker_front?" in done.stderr
 
 
-def test_a_namespace_without_nodes_is_1_and_those_with_some_are_named(shared, twins):
-    done = zv(shared.endpoint, "node", "list", "--namespace", "visoin")
+def test_a_namespace_without_nodes_is_1_and_those_with_some_are_named(endpoint, twins):
+    done = zv(endpoint, "node", "list", "--namespace", "visoin")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == (
         "zv: no node in namespace visoin: did you mean vision? these exist: vision\n"
@@ -100,11 +93,11 @@ def test_a_namespace_without_nodes_is_1_and_those_with_some_are_named(shared, tw
 
 
 @pytest.mark.quiet
-def test_a_killed_node_is_gone_within_2_s_and_a_new_one_is_listed(shared, tmp_path):
+def test_a_killed_node_is_gone_within_2_s_and_a_new_one_is_listed(endpoint, tmp_path):
     flags = ["node", "list", "--watch", "--json", "--namespace", "watched"]
     with (
-        some_services(shared.endpoint, tmp_path) as start,
-        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch", forked=ZV) as watching,
+        some_services(endpoint, tmp_path) as start,
+        Program([*flags, "--connect", endpoint], tmp_path, "watch", forked=ZV) as watching,
     ):
 
         def events() -> list[tuple[str, int]]:
@@ -127,40 +120,40 @@ def test_a_killed_node_is_gone_within_2_s_and_a_new_one_is_listed(shared, tmp_pa
         assert len(events()) == 4
 
 
-def test_parameters_are_shown_if_the_node_answers_for_them(shared):
-    with open_client(shared.endpoint) as session:
+def test_parameters_are_shown_if_the_node_answers_for_them(endpoint):
+    with open_client(endpoint) as session:
         node = StandIn(
             session,
             "edge_front",
             namespace="tuned",
             parameters={"sigma": {"value": 2.0, "minimum": 0.0, "maximum": 20.0, "unit": "px"}},
         )
-        done = zv(shared.endpoint, "node", "info", "edge_front", "--namespace", "tuned")
-        record = zv(shared.endpoint, "node", "info", "edge_front", "--namespace", "tuned", "--json")
+        done = zv(endpoint, "node", "info", "edge_front", "--namespace", "tuned")
+        record = zv(endpoint, "node", "info", "edge_front", "--namespace", "tuned", "--json")
         del node
     assert "  parameters  sigma = 2.0 px (0 to 20)" in done.stdout.splitlines()
     assert json.loads(record.stdout)["parameters"][0]["maximum"] == 20.0
 
 
-def test_a_node_that_does_not_answer_is_listed_so(shared):
-    with open_client(shared.endpoint) as session:
+def test_a_node_that_does_not_answer_is_listed_so(endpoint):
+    with open_client(endpoint) as session:
         node = StandIn(session, "edge_front", namespace="dumb", answers=False)
-        done = zv(shared.endpoint, "node", "list", "--namespace", "dumb")
+        done = zv(endpoint, "node", "list", "--namespace", "dumb")
         del node
     assert done.returncode == 0
     assert "does not answer" in done.stdout
 
 
-def test_of_many_nodes_only_the_one_that_leaves_is_reported(shared, tmp_path):
+def test_of_many_nodes_only_the_one_that_leaves_is_reported(endpoint, tmp_path):
     flags = ["node", "list", "--watch", "--namespace", "crowd"]
     names = [f"edge_n{n}" for n in range(8)]
     with (
         ExitStack() as sessions,
-        Program([*flags, "--connect", shared.endpoint], tmp_path, "watch", forked=ZV) as watching,
+        Program([*flags, "--connect", endpoint], tmp_path, "watch", forked=ZV) as watching,
     ):
         nodes = {}
         for name in names:
-            session = sessions.enter_context(open_client(shared.endpoint))
+            session = sessions.enter_context(open_client(endpoint))
             nodes[name] = session, StandIn(session, name, namespace="crowd")
         watching.lines(r"here  edge_n\d  edge 0.1.0 on elsewhere, pid \d+", count=8)
         for gone, name in enumerate(names[:4]):

@@ -12,7 +12,6 @@ from tests.integration.conftest import a_router
 from tests.support.fork_server import ZV
 from tests.support.listening import open_client
 from tests.support.processes import START_S, Program
-from tests.support.routing import Router
 from tests.support.standing_in import StandIn
 from tests.support.terminal import Terminal
 from tests.support.typist import zv
@@ -20,17 +19,11 @@ from tests.support.waiting import wait_until
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Router]:
-    with a_router(tmp_path_factory.mktemp("router")) as router:
-        yield router
-
-
-@pytest.fixture(scope="module")
-def hurting(shared: Router) -> Iterator[None]:
+def hurting(endpoint: str) -> Iterator[None]:
     """Three nodes: one well, one that loses frames, one in error."""
     with ExitStack() as sessions:
         kept = [
-            StandIn(sessions.enter_context(open_client(shared.endpoint)), node, **about)
+            StandIn(sessions.enter_context(open_client(endpoint)), node, **about)
             for node, about in {
                 "a_well": {"namespace": "hurts"},
                 "b_losing": {
@@ -47,8 +40,8 @@ def hurting(shared: Router) -> Iterator[None]:
         kept.clear()
 
 
-def test_top_once_shows_those_that_hurt_first(shared, hurting):
-    done = zv(shared.endpoint, "top", "--once", "--namespace", "hurts")
+def test_top_once_shows_those_that_hurt_first(endpoint, hurting):
+    done = zv(endpoint, "top", "--once", "--namespace", "hurts")
     assert done.returncode == 0, done.stderr
     rows = [line.split() for line in done.stdout.splitlines()]
     nodes = [row for row in rows if row and row[0] in ("a_well", "b_losing", "c_error")]
@@ -62,25 +55,25 @@ def test_top_once_shows_those_that_hurt_first(shared, hurting):
     assert "\x1b" not in done.stdout
 
 
-def test_top_as_json_is_an_object_for_each_node(shared, hurting):
-    done = zv(shared.endpoint, "top", "--once", "--json", "--namespace", "hurts")
+def test_top_as_json_is_an_object_for_each_node(endpoint, hurting):
+    done = zv(endpoint, "top", "--once", "--json", "--namespace", "hurts")
     records = [json.loads(line) for line in done.stdout.splitlines()]
     assert [record["node"] for record in records] == ["c_error", "b_losing", "a_well"]
     assert records[1]["lost"] == pytest.approx(0.2)
     assert records[0]["level"] == "ERROR"
 
 
-def test_top_in_a_pipe_is_lines_until_ctrl_c(shared, hurting, tmp_path):
+def test_top_in_a_pipe_is_lines_until_ctrl_c(endpoint, hurting, tmp_path):
     flags = ["top", "--namespace", "hurts", "--every", "300ms"]
-    with Program([*flags, "--connect", shared.endpoint], tmp_path, "top", forked=ZV) as top:
+    with Program([*flags, "--connect", endpoint], tmp_path, "top", forked=ZV) as top:
         top.lines(r"c_error +ERROR .*\(no source\)", count=2)
         top.lines(r"hurts at tcp/.*: 3 nodes, 1 ERROR")
         assert top.interrupt() == 0
         assert top.complaints == ""
 
 
-def test_top_on_a_terminal_is_a_table_until_ctrl_c(shared, hurting):
-    terminal = Terminal(["top", "--namespace", "hurts", "--connect", shared.endpoint], columns=120)
+def test_top_on_a_terminal_is_a_table_until_ctrl_c(endpoint, hurting):
+    terminal = Terminal(["top", "--namespace", "hurts", "--connect", endpoint], columns=120)
     # At the first look there is nothing to compare with.
     text = terminal.until(lambda text: 0 < text.rfind("b_losing") < text.rfind("a_well"))
     assert text.rfind("c_error  ERROR") < text.rfind("b_losing")
@@ -90,8 +83,8 @@ def test_top_on_a_terminal_is_a_table_until_ctrl_c(shared, hurting):
     assert "Traceback" not in terminal.text
 
 
-def test_top_once_without_a_node_is_1(shared, hurting):
-    done = zv(shared.endpoint, "top", "--once", "--namespace", "hurtz")
+def test_top_once_without_a_node_is_1(endpoint, hurting):
+    done = zv(endpoint, "top", "--once", "--namespace", "hurtz")
     assert (done.returncode, done.stdout) == (1, "")
     assert "no node in namespace hurtz" in done.stderr
 

@@ -98,7 +98,7 @@ class Witness:
     """
 
     def __init__(self, endpoint: str, keys: Iterable[str] = STREAMS) -> None:
-        self.session = wait_until(lambda: _opened(endpoint), 60)
+        self.session = wait_until(lambda: opened(endpoint), 60)
         self.streams = {key: Stream(self.session, key) for key in keys}
         self.health = Listener(self.session, "@vision/diagnostics/*")
 
@@ -165,7 +165,7 @@ class Witness:
         return wait_until(reports, 10, lambda: f"no health of {node}")[0].body["counters"]
 
 
-def _opened(endpoint: str) -> zenoh.Session | None:
+def opened(endpoint: str) -> zenoh.Session | None:
     try:
         return open_client(endpoint, HANDSHAKE_MS)
     except zenoh.ZError:
