@@ -35,6 +35,7 @@ from mcap.records import Schema as SchemaRecord
 from zenoh_vision.errors import SourceError
 from zv.bag.layout import encoded
 from zv.bag.record import ChunkLost, Record, RecordingError
+from zv.bag.renaming import rename_new, sync_folder
 from zv.bag.schemas import CHANNEL_KIND, Schema
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -146,6 +147,7 @@ class Writer:
         self._file = -1
         self._chunk_bytes = chunk_bytes
         self.size = self._synced = 0
+        self._is_named = False
         self.messages = 0
         self.first_ns = self.last_ns = 0
         self._counts: Counter[int] = Counter()
@@ -398,34 +400,61 @@ class Writer:
             self._counts[channel] += len(entries)
             self.messages += len(entries)
 
+    def sync_name(self) -> None:
+        """Wait until the file's name is on the disk, without which its contents are lost.
+
+        Raises:
+            OSError: The disk failed.
+        """
+        sync_folder(self.partial.parent)
+        self._is_named = True
+
     def sync(self) -> None:
         """Wait until what is written is on the disk, and free the page cache of it.
 
-        Safe beside the other methods, on another thread.
+        Safe beside the methods that write, on another thread.
 
         Raises:
             OSError: The disk failed.
         """
         size = self.size
         os.fdatasync(self._file)
-        if not self._synced:  # the file's name is on the disk only with its folder
-            _sync_folder(self.partial.parent)
+        if not self._is_named:
+            self.sync_name()
         # The cache is of use to other programs, and nobody reads what was recorded so soon.
         os.posix_fadvise(self._file, self._synced, size - self._synced, os.POSIX_FADV_DONTNEED)
         self._synced = size
 
     def close(self, end: Mapping[str, str] | None = None) -> Path:
-        """Write what waits, the metadata ``end``, index and summary, and give the file its name.
+        """Complete the file, wait until it is on the disk, and give it its name.
+
+        Raises:
+            ChunkLost: As for ``finish``.
+            OSError: So.
+            RecordingError: As for ``publish``.
+        """
+        self.finish(end)
+        return self.publish()
+
+    def finish(self, end: Mapping[str, str] | None = None) -> None:
+        """Write what waits, the metadata ``end``, index and summary.
 
         Raises:
             ChunkLost: As for ``flush``; the file can still be closed.
             OSError: It cannot be written: it stays ``.partial``, and is readable as far as it is.
-            RecordingError: Another file has got the name meanwhile.
         """
         self.flush()
         if end:
             self.add_metadata("zenoh_vision.end", end)
         self._write([record_bytes(DataEnd(0)), *self._summary(self.size + DATA_END_BYTES), MAGIC])
+
+    def publish(self) -> Path:
+        """Wait until the file, which is complete, is on the disk, and give it its name.
+
+        Raises:
+            OSError: The disk failed: it stays ``.partial``.
+            RecordingError: Another file has got the name meanwhile.
+        """
         os.fsync(self._file)
         self.abandon()
         if self.partial != self.path:
@@ -522,36 +551,3 @@ class Writer:
 
 
 DATA_END_BYTES: Final = len(record_bytes(DataEnd(0)))
-
-
-def rename_new(source: Path, target: Path) -> None:
-    """Give a file another name, which no file may have.
-
-    Raises:
-        RecordingError: There is such a file.
-        OSError: It cannot be renamed.
-    """
-    try:
-        os.link(source, target)
-    except FileExistsError:
-        raise RecordingError(f"{target} exists already; the recording stays {source}") from None
-    except OSError:  # a file system without hard links
-        if target.exists():
-            raise RecordingError(f"{target} exists already; it stays {source}") from None
-        source.rename(target)
-    else:
-        source.unlink()
-    _sync_folder(target.parent)
-
-
-def _sync_folder(path: Path) -> None:
-    """Wait until the names in a folder are on the disk.
-
-    Raises:
-        OSError: The disk failed.
-    """
-    folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgpack
+import pytest
 
 from zv.bag.record import Record, ZenohTime
 from zv.bag.recorder.files import Files
 from zv.bag.recorder.plan import Plan
+from zv.bag.recording import Recording
 from zv.bag.samples import LogClock
 from zv.bag.writer import Writer
 
@@ -86,3 +90,44 @@ def recorded(path: Path, frames: int, size: int = 1000, account_at: int | None =
             files._write_account()
     files.stop()
     return path.read_bytes()
+
+
+class Camera:
+    """Sends numbered frames to a recorder's files, in a time that the test makes."""
+
+    def __init__(self, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.clock = LogClock()
+        self.files = Files(plan, {"namespace": "vision"}, list, self.clock)
+        self.sent = 0
+        self.now_s = 1000.0
+        made = SimpleNamespace(monotonic=lambda: self.now_s, time_ns=time.time_ns)
+        monkeypatch.setattr("zv.bag.recorder.files.time", made)
+
+    def send(self, seconds: float = 0.0, count: int = 1) -> None:
+        """Send frames, and let seconds pass."""
+        for _ in range(count):
+            self.files.add(arrived(frame(self.sent), self.clock))
+            self.sent += 1
+        self.now_s += seconds
+        self.files.tick()
+
+
+def numbers(recording: Recording) -> list[int]:
+    """Return the numbers of the frames of a recording, each of which is what was sent."""
+    found = []
+    for channel, _, message in recording.messages():
+        if channel.topic.strip("/") == "vision/front/image/compressed":
+            picture = bytes(message.data).partition(b"\xff\xd8")[2]
+            assert frame(picture[0]).payload in b"\xff\xd8" + picture
+            found.append(picture[0])
+    return found
+
+
+def seqs_in(paths: list[Path]) -> list[int]:
+    """Return the numbers of the frames of closed files, one file after the other."""
+    found = []
+    for path in paths:
+        with Recording(path) as recording:
+            assert recording.is_closed
+            found += numbers(recording)
+    return found

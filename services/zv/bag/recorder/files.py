@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from zenoh_vision.error_text import printable
 from zv.bag.derived import add_derived
 from zv.bag.record import ChunkLost, Record, RecordingError
 from zv.bag.recorder.ledger import Ledger
 from zv.bag.recorder.plan import Plan
 from zv.bag.recorder.series import Series
+from zv.bag.recorder.syncer import Syncer, said
 from zv.bag.ros2.profile import PROFILE, add_ros2, has_ros2
 from zv.bag.samples import LogClock
 from zv.bag.schemas import ACCOUNT
@@ -30,7 +28,9 @@ FLUSH_S: Final = 0.5
 """A chunk is closed after this time, and the disk told to keep it: what is not yet in a chunk is
 lost when the process dies."""
 
-JOIN_S: Final = 1.0
+MAX_CLOSING: Final = 4
+"""Files that wait for the disk to be closed; the one that is written is then not split."""
+
 ACCOUNT_S: Final = 60.0
 ACCOUNT_TOPIC: Final = "zenoh_vision/account"
 HOLD_S: Final = 5.0
@@ -74,7 +74,8 @@ class Files:
         self._is_between = False
         self._begun_s = self._flushed_s = self._account_s = self._failed_s = self._lost_s = -1e9
         self._account_ns = self._last_ns = 0
-        self._syncer = Syncer()
+        self._syncer: Syncer | None = None
+        self._closing: list[Syncer] = []
 
     @property
     def writing(self) -> Path | None:
@@ -96,7 +97,7 @@ class Files:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise RecordingError(f"cannot make the folder {folder}: {error.strerror}") from None
-        self._series.make_room(None)
+        self._make_room()
         about = {
             **self._about,
             "begun_ns": str(time.time_ns()),
@@ -111,7 +112,7 @@ class Files:
         if begin_ns is not None:
             self.ledger.forget()
         self._account_ns = begin_ns or self._last_ns or self._clock.now_ns()
-        self._syncer.watch(self._writer)
+        self._syncer = Syncer(self._writer)
         for record in self._state():
             self._add(replace(record, log_time_ns=self._account_ns, origin="query"))
 
@@ -138,6 +139,7 @@ class Files:
         if record.origin == "stream":
             self.ledger.take(record)
         self._add(record)
+        self._keep(time.monotonic())  # not only when all that waits is written
 
     def _add(self, record: Record) -> None:
         assert self._writer is not None
@@ -152,46 +154,72 @@ class Files:
 
     def tick(self) -> None:
         """Do what is due: close the chunk, write the account, begin another file."""
+        self._note_closed()
         if self._writer is None:
             return
         now_s = time.monotonic()
         if now_s - self._account_s >= ACCOUNT_S:
             self._write_account()
-        if now_s - self._flushed_s >= FLUSH_S:
-            self._flushed_s = now_s
-            self._attempt(self._writer.flush)
-            self._syncer.sync()
-            self._note_disk()
+        self._keep(now_s)
         if self._is_due(now_s):
             self.close()
             self._is_between = True  # the next record begins the next file
-        elif self._plan.total_bytes:
-            self._series.make_room(self._writer.partial)
 
-    def close(self) -> Path | None:
-        """Close the file; return its path, or None if there is none, or it cannot be closed."""
-        writer = self._writer
-        if writer is None:
-            return None
+    def _keep(self, now_s: float) -> None:
+        """Close the chunk and have the disk keep it, if it is time."""
+        if self._writer is None or self._syncer is None or now_s - self._flushed_s < FLUSH_S:
+            return
+        self._flushed_s = now_s
+        if self._writer.pending_bytes:  # that nothing can be written says nothing of the disk
+            self._attempt(self._writer.flush)
+        self._syncer.sync()
+        if self._syncer.failure and not self.failure:
+            self.failure = f"cannot write {self._plan.output}: {self._syncer.failure}"
+            log.error("%s", self.failure)
+        self._make_room()
+
+    def close(self) -> None:
+        """Write the end of the file, and have it closed; ``paths`` has it when it is."""
+        writer, syncer = self._writer, self._syncer
+        if writer is None or syncer is None:
+            return
         self._write_account()
-        self._writer = None
-        self._syncer.watch(None)
+        self._writer = self._syncer = None
+        self._closing.append(syncer)
+        self._attempt(writer.flush)
         try:
-            self._attempt(writer.flush)
-            path = writer.close({"ended_ns": str(time.time_ns()), "how": "closed"})
-        except (OSError, ChunkLost, RecordingError) as error:
-            writer.abandon()
-            self.failure = f"cannot close {writer.partial}: {_said(error)}"
-            log.error("%s; `zv bag repair` completes it", self.failure)
-            return None
+            writer.finish({"ended_ns": str(time.time_ns()), "how": "closed"})
+        except (OSError, ChunkLost) as error:
+            self._note_unclosed(writer, said(error))
+            syncer.end(is_complete=False)
+        else:
+            syncer.end(is_complete=True)
         self.written_bytes += writer.size
-        self.paths.append(path)
-        return path
 
     def stop(self) -> None:
-        """Close the file and end the thread for the disk."""
+        """Close the file, and wait until all are closed."""
         self.close()
-        self._syncer.close()
+        for each in self._closing:
+            each.wait()
+        self._note_closed()
+
+    def _note_closed(self) -> None:
+        """Note the files that were closed meanwhile, in their order."""
+        while self._closing and self._closing[0].has_ended:
+            ended = self._closing.pop(0)
+            if ended.path is not None:
+                self.paths.append(ended.path)
+            elif ended.failure:
+                self._note_unclosed(ended.writer, ended.failure)
+
+    def _note_unclosed(self, writer: Writer, why: str) -> None:
+        self.failure, self._lost_s = f"cannot close {writer.partial}: {why}", time.monotonic()
+        log.error("%s; `zv bag repair` completes it", self.failure)
+
+    def _make_room(self) -> None:
+        writers = [each.writer for each in self._closing]
+        writers += [] if self._writer is None else [self._writer]
+        self._series.make_room([name for each in writers for name in (each.path, each.partial)])
 
     @property
     def size(self) -> int:
@@ -200,7 +228,7 @@ class Files:
 
     def _is_due(self, now_s: float) -> bool:
         assert self._writer is not None
-        if self._plan.last_s:
+        if self._plan.last_s or len(self._closing) >= MAX_CLOSING:
             return False
         size, age_s = self._plan.split_bytes, self._plan.split_s
         is_large = size is not None and self._writer.size + self._writer.pending_bytes >= size
@@ -233,7 +261,8 @@ class Files:
             self._fail(error)
         else:
             held = time.monotonic() - self._lost_s < HOLD_S
-            if self.failure and not self._syncer.failure and not held:
+            is_synced = self._syncer is None or not self._syncer.failure
+            if self.failure and is_synced and not held:
                 log.warning("%s can be written again", self._plan.output)
                 self.failure = ""
 
@@ -243,7 +272,7 @@ class Files:
         self._note_failure(error.cause)
 
     def _note_failure(self, error: OSError) -> None:
-        text = f"cannot write {self._plan.output}: {_said(error)}"
+        text = f"cannot write {self._plan.output}: {said(error)}"
         if text != self.failure:
             log.error("%s; what arrives until it can be written again is missed", text)
         self.failure, self._lost_s = text, time.monotonic()
@@ -261,11 +290,6 @@ class Files:
         self.failure = ""
         return True
 
-    def _note_disk(self) -> None:
-        if self._syncer.failure and not self.failure:
-            self.failure = f"cannot write {self._plan.output}: {self._syncer.failure}"
-            log.error("%s", self.failure)
-
 
 def add_account(writer: Writer, account: Mapping[str, Any], profile: str) -> None:
     """Add an account to a file: a message, or metadata where all messages are those of ROS.
@@ -280,52 +304,3 @@ def add_account(writer: Writer, account: Mapping[str, Any], profile: str) -> Non
     else:
         at_ns = account["end_ns"]
         writer.add_message(ACCOUNT_TOPIC, ACCOUNT, (data.encode(),), at_ns, at_ns)
-
-
-class Syncer:
-    """Has what was written reach the disk, on a thread that may wait for the disk.
-
-    Attributes:
-        failure: What the disk said; empty if nothing.
-    """
-
-    def __init__(self) -> None:
-        self.failure = ""
-        self._writer: Writer | None = None
-        self._is_due, self._ended = threading.Event(), False
-        self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
-        self._thread.start()
-
-    def watch(self, writer: Writer | None) -> None:
-        """Sync this file from now on."""
-        with self._lock:
-            self._writer = writer
-
-    def sync(self) -> None:
-        """Begin to sync the file, or do it again after the sync that goes on; does not wait."""
-        self._is_due.set()
-
-    def close(self) -> None:
-        """End the thread."""
-        self._ended = True
-        self._is_due.set()
-        self._thread.join(JOIN_S)
-
-    def _run(self) -> None:
-        while self._is_due.wait() and not self._ended:
-            self._is_due.clear()
-            with self._lock:
-                if self._writer is None:
-                    continue
-                try:
-                    self._writer.sync()
-                    self.failure = ""
-                except OSError as error:
-                    self.failure = _said(error)
-
-
-def _said(error: Exception) -> str:
-    return printable(
-        os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-    )

@@ -98,6 +98,7 @@ class Recorder:
         """Why the last seconds are to be written, while no file can be made for them."""
         self._health_prefix = keys.diagnostics_key(namespace, "")
         self._queryable: object = None
+        self._told = 0
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
@@ -190,10 +191,8 @@ class Recorder:
             self._queue.done(records)
             if is_last:
                 break
-        path = self._files.close()
-        if path is not None:
-            self._done(path)
         self._files.stop()
+        self._tell()
 
     def _take(self, record: Record) -> None:
         if record.key.startswith(self._health_prefix):
@@ -211,7 +210,6 @@ class Recorder:
             self._files.add(record)
 
     def _tick(self) -> None:
-        before = len(self._files.paths)
         if self._memory is not None:
             while reason := self._triggers.asked():
                 self._begin(reason)
@@ -220,7 +218,12 @@ class Recorder:
             if self._files.writing is not None and time.monotonic() > self._until_s:
                 self._files.close()
         self._files.tick()
-        for path in self._files.paths[before:]:
+        self._tell()
+
+    def _tell(self) -> None:
+        """Say which files were closed since the last time."""
+        for path in self._files.paths[self._told :]:
+            self._told += 1
             log.info("wrote %s", path)
             self._done(path)
 

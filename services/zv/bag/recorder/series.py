@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from zv.bag.recorder.plan import Plan
@@ -52,26 +53,26 @@ class Series:
         found = [each for each in self._plan.output.parent.iterdir() if form.fullmatch(each.name)]
         yield from sorted(found, key=lambda each: each.name[len(self._stem) :])
 
-    def make_room(self, writing: Path | None) -> int:
-        """Delete the oldest files until all are within the limit; return how many.
+    def make_room(self, writing: Collection[Path]) -> None:
+        """Delete the oldest files until all are within the limit.
 
         Args:
-            writing: The file that is being written, which is not deleted.
+            writing: Names of files that are being written or closed, which are not deleted.
         """
         limit = self._plan.total_bytes
         if limit is None or not self._plan.is_series:
-            return 0
-        deleted = 0
+            return
+        sizes: dict[Path, int] = {}
         try:
-            sizes = {path: path.stat().st_size for path in self.files()}
+            for path in self.files():
+                with suppress(FileNotFoundError):  # it has got its name meanwhile
+                    sizes[path] = path.stat().st_size
             for path in list(sizes):
                 if sum(sizes.values()) <= limit:
                     break
-                if path != writing:
+                if path not in writing:
                     path.unlink(missing_ok=True)
                     del sizes[path]
-                    deleted += 1
                     log.info("deleted %s: the recordings are over %d MB", path, limit // 10**6)
         except OSError as error:
             log.warning("the oldest recording cannot be deleted: %s", error)
-        return deleted
