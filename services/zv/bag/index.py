@@ -35,6 +35,9 @@ MAX_TRIES: Final = 1_000_000
 MAX_READ: Final = 4
 """How often the search may read a file as a whole, to check what seems to be a chunk."""
 
+CUT_OFF: Final = "the last"
+"""Begins the problem of a file which lacks nothing but its end."""
+
 OUTSIDE: Final = range(Opcode.HEADER, Opcode.DATA_END + 1)
 PRIVATE: Final = 0x80
 """Opcodes from here on are those of programs, and are skipped."""
@@ -184,11 +187,26 @@ def _walk(file: ChunkFile) -> Index:
             resumed = search.next_chunk(place + 1)
             if resumed is None:
                 rest = file.size - place
-                found.problems.append(f"the last {rest} bytes are not readable: {error}")
+                found.problems.append(f"{CUT_OFF} {rest} bytes are not readable: {error}")
                 break
             found.problems.append(f"{resumed - place} bytes at {place} are damaged: {error}")
             place = resumed
+    _cut_torn(file, found)
     return found
+
+
+def _cut_torn(file: ChunkFile, found: Index) -> None:
+    """Leave out the last chunks if they are not whole.
+
+    After a power cut, a file may have zeros in place of what had not reached the disk.
+    """
+    size = len(found.chunks)
+    while found.chunks and not file.is_chunk(found.chunks[-1].offset):
+        found.end = found.chunks.pop().offset
+    if len(found.chunks) < size:
+        found.metadata_places = [each for each in found.metadata_places if each < found.end]
+        found.problems = [each for each in found.problems if not each.startswith(CUT_OFF)]
+        found.problems.append(f"{CUT_OFF} {file.size - found.end} bytes are not readable: torn")
 
 
 def _note_at(file: ChunkFile, found: Index, place: int, opcode: int) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, MessageIndex, Metadata, Schema
 
 from zv.bag.chunks import (
     RECORD_HEAD,
@@ -19,13 +19,14 @@ from zv.bag.chunks import (
     records_in,
     stream_of,
 )
+from zv.bag.index import CUT_OFF
 from zv.bag.record import RecordingError
 from zv.bag.recorder.files import add_account
 from zv.bag.recording import Recording
 from zv.bag.report import rest_account
 from zv.bag.schemas import CHANNEL_KIND
 from zv.bag.schemas import Schema as OurSchema
-from zv.bag.writer import PARTIAL, Writer
+from zv.bag.writer import PARTIAL, Writer, record_bytes
 
 Progress = Callable[[int, int], None]
 """Called with the bytes that are done, and those of the whole file."""
@@ -65,30 +66,26 @@ def repair(
     """
     with Recording(path) as recording:
         if recording.is_closed and not recording.problems and output is None:
-            return None
+            if not path.name.endswith(PARTIAL):
+                return None
+            messages = 0 if recording.statistics is None else recording.statistics.message_count
+            return Repaired(_named(path), messages, 0, in_place=True)
         account = rest_account(recording, list(recording.accounts()), notes=[KILLED])
         if output is not None:
             return _copied(recording, output, account, progress)
-        problems = [each for each in recording.problems if not each.startswith("the last ")]
+        problems = [each for each in recording.problems if not each.startswith(CUT_OFF)]
         if problems or recording.is_closed:
-            raise RecordingError(
-                f"{path} is damaged, and not only cut off ({problems[0] if problems else ''}): "
-                "give -o FILE, into which what is readable is copied"
-            )
+            raise _damaged(path, problems[0] if problems else "")
         chunks, metadata = list(recording.chunks), recording.metadata_places
         readable, profile, size = recording.readable_bytes, recording.profile, recording.size
-    name = path.name.removesuffix(PARTIAL)
-    writer = Writer.resumed(path, path.with_name(name))
+    writer = _resumed(path)
     if writer.size != size:
         writer.abandon()
         raise RecordingError(f"{path} was written to while it was read; repair it again")
     end = chunks[-1].offset + chunks[-1].length if chunks else readable
     file = ChunkFile(path)
     try:
-        for chunk in chunks:
-            place = chunk.offset, chunk.length
-            writer.adopt(place, *_contents(file, chunk), _index_after(file, chunk, chunks))
-            progress(chunk.offset, size)
+        _adopt(writer, file, chunks, progress)
         for at in metadata:
             length = RECORD_HEAD.size + file.head(at)[1]
             writer.adopt_metadata(at, length, file.record(at, Metadata.read).name)
@@ -104,6 +101,26 @@ def repair(
         file.close()
         writer.abandon()
     return Repaired(closed, writer.messages, size - end, in_place=True)
+
+
+def _adopt(
+    writer: Writer, file: ChunkFile, chunks: Sequence[ChunkPlace], progress: Progress
+) -> None:
+    """Add the chunks of a file to its summary; the index of the last one is yet to be written.
+
+    Raises:
+        RecordingError: An index after a chunk is damaged.
+    """
+    for chunk in chunks:
+        contents = _contents(file, chunk)
+        index = None
+        if chunk is not chunks[-1]:
+            index = _index_after(file, chunk, contents[2])
+            if index is None:
+                end = chunk.offset + chunk.length
+                raise _damaged(writer.partial, f"the index at {end} is not whole")
+        writer.adopt((chunk.offset, chunk.length), *contents, index)
+        progress(chunk.offset, file.size)
 
 
 def _contents(file: ChunkFile, chunk: ChunkPlace) -> tuple[list[Schema], list[Channel], list[Any]]:
@@ -124,19 +141,46 @@ def _contents(file: ChunkFile, chunk: ChunkPlace) -> tuple[list[Schema], list[Ch
 
 
 def _index_after(
-    file: ChunkFile, chunk: ChunkPlace, chunks: list[ChunkPlace]
+    file: ChunkFile, chunk: ChunkPlace, messages: Iterable[tuple[int, int, int]]
 ) -> dict[int, int] | None:
-    """Return where the message indexes of a chunk are, by channel; None for the last chunk."""
-    if chunk is chunks[-1]:
-        return None
+    """Return where the message indexes of a chunk are, by channel; None if they are not as written.
+
+    They have no CRC, so after a power cut they may be torn.
+    """
+    entries: dict[int, list[tuple[int, int]]] = {}
+    for channel, log_ns, offset in messages:
+        entries.setdefault(channel, []).append((log_ns, offset))
     found: dict[int, int] = {}
     place = chunk.offset + chunk.length
-    while True:
-        opcode, length = file.head(place)
-        if opcode != Opcode.MESSAGE_INDEX:
-            return found
-        found[int.from_bytes(file.read(place + RECORD_HEAD.size, 2), "little")] = place
-        place += RECORD_HEAD.size + length
+    for channel, each in entries.items():
+        data = record_bytes(MessageIndex(channel, each))
+        if file.read(place, len(data)) != data:
+            return None
+        found[channel] = place
+        place += len(data)
+    return found
+
+
+def _resumed(path: Path) -> Writer:
+    return Writer.resumed(path, path.with_name(path.name.removesuffix(PARTIAL)))
+
+
+def _named(path: Path) -> Path:
+    """Give a complete file its name: power was cut, or the recorder killed, just before that."""
+    writer = _resumed(path)
+    try:
+        return writer.publish()
+    except OSError as error:
+        raise RecordingError(f"cannot rename {path}: {error.strerror}") from None
+    finally:
+        writer.abandon()
+
+
+def _damaged(path: Path, why: str) -> RecordingError:
+    return RecordingError(
+        f"{path} is damaged, and not only cut off ({why}): "
+        "give -o FILE, into which what is readable is copied"
+    )
 
 
 def _copied(

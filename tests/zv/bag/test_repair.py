@@ -57,6 +57,50 @@ def test_a_closed_file_needs_no_repair(tmp_path: Path, whole: bytes) -> None:
     assert (tmp_path / "whole.mcap").read_bytes() == whole
 
 
+def test_a_complete_file_that_has_not_got_its_name_gets_it(tmp_path: Path, whole: bytes) -> None:
+    partial = tmp_path / "run.mcap.partial"
+    partial.write_bytes(whole)
+    done = repair(partial)
+    assert done is not None
+    assert (done.path, done.in_place, done.lost_bytes) == (tmp_path / "run.mcap", True, 0)
+    assert done.path.read_bytes() == whole
+    assert not partial.exists()
+
+
+def test_zeros_in_place_of_the_last_chunks_are_cut_off(tmp_path: Path, whole: bytes) -> None:
+    partial = tmp_path / "run.mcap.partial"
+    with Recording(tmp_path / "whole.mcap") as recording:
+        chunks = list(recording.chunks)
+        everything = list(recording.records())
+    head = chunks[-2].offset + 57  # of a chunk whose contents have not reached the disk
+    partial.write_bytes(whole[:head] + bytes(chunks[-1].offset + chunks[-1].length - head))
+    done = repair(partial)
+    assert done is not None
+    assert done.in_place
+    with Recording(done.path) as recording:
+        left = list(recording.records())
+    assert left == [each for each in everything if each.log_time_ns < chunks[-2].first_ns]
+    assert left
+
+
+def test_an_index_that_is_torn_is_not_believed(tmp_path: Path, whole: bytes) -> None:
+    partial = tmp_path / "run.mcap.partial"
+    with Recording(tmp_path / "whole.mcap") as recording:
+        chunk = recording.chunks[4]
+        everything = list(recording.records())
+    torn = bytearray(whole[:-30])
+    entry = chunk.offset + chunk.length + 15  # after opcode, length, channel and size
+    torn[entry : entry + 16] = bytes(16)
+    partial.write_bytes(torn)
+    with pytest.raises(RecordingError, match="give -o FILE"):
+        repair(partial)
+    assert partial.read_bytes() == torn
+    done = repair(partial, tmp_path / "copy.mcap")
+    assert done is not None
+    with Recording(done.path) as recording:
+        assert list(recording.records()) == everything
+
+
 def test_a_damaged_file_is_copied_without_the_damaged_part(tmp_path: Path, whole: bytes) -> None:
     path = tmp_path / "damaged.mcap"
     with Recording(tmp_path / "whole.mcap") as recording:
