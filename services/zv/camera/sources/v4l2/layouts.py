@@ -31,6 +31,8 @@ GREY: Final = {"GREY": "u1", "Y10 ": "<u2", "Y12 ": "<u2", "Y14 ": "<u2", "Y16 "
 """Type of the pixels of grey formats; those of 16 bits keep their values, 0 to 1023 of ``Y10``."""
 
 HALF: Final = Fraction(1, 2)
+SWAPPED: Final = (1, 0, 3, 2)
+"""Two bytes exchanged: libav shows wrong colours for its own formats with the high byte first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +45,16 @@ class Layout:
             share of those of the first plane, its rows as a share of the picture's.
         interleaved: Whether the second plane of the driver has the samples of libav's second and
             third plane in turn.
+        order: Of each four bytes that libav stores, their places in the driver's four; empty if
+            they are the same.
+        bits: Of each 16 that the driver stores, how many it uses: the lowest.
     """
 
     name: str
     planes: tuple[tuple[int, Fraction, Fraction], ...] = ((0, Fraction(1), Fraction(1)),)
     interleaved: bool = False
+    order: tuple[int, ...] = ()
+    bits: int = 16
 
 
 def _three(name: str, order: tuple[int, int], rows: Fraction) -> Layout:
@@ -60,23 +67,29 @@ def _two(name: str, share: Fraction, rows: Fraction) -> Layout:
     return Layout(name, ((0, Fraction(1), Fraction(1)), (1, share, rows)))
 
 
-def _turns(order: tuple[int, int]) -> Layout:
+def _turns(order: tuple[int, int], name: str = "yuv420p", rows: Fraction = HALF) -> Layout:
     one = Fraction(1)
-    return Layout("yuv420p", ((0, one, one), (order[0], one, HALF), (order[1], one, HALF)), True)
+    return Layout(name, ((0, one, one), (order[0], one, rows), (order[1], one, rows)), True)
 
 
 LAYOUTS: Final = {
     "YUYV": Layout("yuyv422"),
     "UYVY": Layout("uyvy422"),
     "YVYU": Layout("yvyu422"),
+    "VYUY": Layout("uyvy422", order=(2, 1, 0, 3)),
     "NV12": _turns((1, 2)),
     "NV21": _turns((2, 1)),
     "NV16": _two("nv16", Fraction(1), Fraction(1)),
+    "NV61": _turns((2, 1), "yuv422p", Fraction(1)),
     "NV24": _two("nv24", Fraction(2), Fraction(1)),
     "NV42": _two("nv42", Fraction(2), Fraction(1)),
     "YU12": _three("yuv420p", (1, 2), HALF),
     "YV12": _three("yuv420p", (2, 1), HALF),
     "422P": _three("yuv422p", (1, 2), Fraction(1)),
+    "VUYA": Layout("vuyx"),
+    "VUYX": Layout("vuyx"),
+    **dict.fromkeys(("AYUV", "XYUV", "YUV4"), Layout("vuyx", order=(3, 2, 1, 0))),
+    **dict.fromkeys(("YUVA", "YUVX"), Layout("vuyx", order=(2, 1, 0, 3))),
     "RGB3": Layout("rgb24"),
     "BGR3": Layout("bgr24"),
     "XR24": Layout("bgr0"),
@@ -93,21 +106,37 @@ LAYOUTS: Final = {
     "RGBO": Layout("rgb555le"),
     "XR15": Layout("rgb555le"),
     "AR15": Layout("rgb555le"),
+    "XB15": Layout("bgr555le"),
+    "AB15": Layout("bgr555le"),
+    "RGBR": Layout("rgb565le", order=SWAPPED),
+    "RGBQ": Layout("rgb555le", order=SWAPPED),
     "BA81": Layout("bayer_bggr8"),
     "GBRG": Layout("bayer_gbrg8"),
     "GRBG": Layout("bayer_grbg8"),
     "RGGB": Layout("bayer_rggb8"),
+    **{
+        fourcc: Layout(f"bayer_{pattern}16le", bits=bits)
+        for pattern, *fourccs in (
+            ("bggr", "BG10", "BG12", "BYR2"),
+            ("gbrg", "GB10", "GB12", "GB16"),
+            ("grbg", "BA10", "BA12", "GR16"),
+            ("rggb", "RG10", "RG12", "RG16"),
+        )
+        for fourcc, bits in zip(fourccs, (10, 12, 16), strict=True)
+    },
 }
 """How libav stores each format that is neither JPEG nor grey. Alpha, which cameras set to anything,
 is ignored."""
 
 PREFERENCE: Final = (
     *JPEG,
-    *("YUYV", "NV12", "NV21", "YU12", "YV12", "UYVY", "YVYU", "422P", "NV16", "NV24", "NV42"),
+    *("YUYV", "NV12", "NV21", "YU12", "YV12", "UYVY", "YVYU", "VYUY", "422P", "NV16", "NV61"),
+    *("NV24", "NV42", "VUYA", "VUYX", "AYUV", "XYUV", "YUV4", "YUVA", "YUVX"),
     *("BGR3", "RGB3", "XR24", "AR24", "BGR4", "BX24", "BA24", "RGB4", "XB24", "AB24", "RX24"),
-    *("RA24", "RGBP", "RGBO", "XR15", "AR15"),
+    *("RA24", "RGBP", "RGBR", "RGBO", "RGBQ", "XR15", "AR15", "XB15", "AB15"),
     *("GREY", "Y16 ", "Y16B", "Y14 ", "Y12 ", "Y10 ", "Z16 "),
-    *("BA81", "GBRG", "GRBG", "RGGB"),
+    *("BA81", "GBRG", "GRBG", "RGGB", "BYR2", "GB16", "GR16", "RG16"),
+    *("BG12", "GB12", "BA12", "RG12", "BG10", "GB10", "BA10", "RG10"),
 )
 """The formats that can be read, the cheapest to handle first: JPEGs are passed on; YUYV and 4:2:0
 become pixels or a JPEG only for who wants them; the others are converted when they arrive. Grey
@@ -174,7 +203,16 @@ def _fill(frame: VideoFrame, data: NDArray[np.uint8], form: Granted, layout: Lay
             target[:, : plane.width] = pairs[:, place - 1 :: 2]
             continue  # the other plane has the other samples of the same rows
         width = min(plane.line_size, stride)
-        target[:, :width] = _rows(data, offset, stride, rows, width)
+        if layout.order:
+            width -= width % len(layout.order)
+        row = _rows(data, offset, stride, rows, width)
+        if layout.order:
+            fours = row.reshape(rows, -1, len(layout.order))
+            row = fours[..., layout.order].reshape(rows, width)
+        target[:, :width] = row
+        if layout.bits < 16:
+            values = target.view("<u2")
+            values <<= 16 - layout.bits
         offset += stride * rows
 
 

@@ -51,17 +51,29 @@ def pixels(red: list[int], blue: list[int]) -> np.ndarray:
 
 
 BAYER = {"BA81": "BGGR", "GBRG": "GBRG", "GRBG": "GRBG", "RGGB": "RGGB"}
+DEEP_BAYER = {
+    10: {"BG10": "BGGR", "GB10": "GBRG", "BA10": "GRBG", "RG10": "RGGB"},
+    12: {"BG12": "BGGR", "GB12": "GBRG", "BA12": "GRBG", "RG12": "RGGB"},
+    16: {"BYR2": "BGGR", "GB16": "GBRG", "GR16": "GRBG", "RG16": "RGGB"},
+}
 
 
-def mosaic(order: str) -> np.ndarray:
+def mosaic(order: str, bits: int = 8) -> np.ndarray:
     """Return a picture that is red on the left and blue on the right, one colour a pixel."""
-    found = np.zeros((HEIGHT, WIDTH + PADDING), np.uint8)
+    found = np.zeros((HEIGHT, WIDTH + PADDING), np.uint8 if bits == 8 else "<u2")
+    bright = 2**bits - 1
     for index, letter in enumerate(order):
         row, column = divmod(index, 2)
         part = found[row::2, column:WIDTH:2]
-        part[:, : WIDTH // 4] = 255 * (letter == "R")
-        part[:, WIDTH // 4 :] = 255 * (letter == "B")
-    return found.ravel()
+        part[:, : WIDTH // 4] = bright * (letter == "R")
+        part[:, WIDTH // 4 :] = bright * (letter == "B")
+    return found.ravel().view(np.uint8)
+
+
+def four(order: str) -> np.ndarray:
+    """Return a picture of four bytes a pixel, such as ``AYUV``."""
+    red, blue = (dict(zip("YUV", each, strict=True)) for each in (RED_YUV, BLUE_YUV))
+    return pixels([red.get(each, 9) for each in order], [blue.get(each, 9) for each in order])
 
 
 HALF_W, HALF_H = WIDTH // 2, HEIGHT // 2
@@ -69,14 +81,18 @@ BUFFERS = {
     "YUYV": packed("YUYV"),
     "UYVY": packed("UYVY"),
     "YVYU": packed("YVYU"),
+    "VYUY": packed("VYUY"),
     "NV12": planes("UV", HALF_W, HALF_H, together=True),
     "NV21": planes("VU", HALF_W, HALF_H, together=True),
     "NV16": planes("UV", HALF_W, HEIGHT, together=True),
+    "NV61": planes("VU", HALF_W, HEIGHT, together=True),
     "NV24": planes("UV", WIDTH, HEIGHT, together=True),
     "NV42": planes("VU", WIDTH, HEIGHT, together=True),
     "YU12": planes("UV", HALF_W, HALF_H),
     "YV12": planes("VU", HALF_W, HALF_H),
     "422P": planes("UV", HALF_W, HEIGHT),
+    **{each: four(each) for each in ("VUYA", "VUYX", "AYUV", "XYUV", "YUVA", "YUVX")},
+    "YUV4": four("AYUV"),
     "RGB3": pixels([255, 0, 0], [0, 0, 255]),
     "BGR3": pixels([0, 0, 255], [255, 0, 0]),
     "XR24": pixels([0, 0, 255, 9], [255, 0, 0, 9]),
@@ -93,12 +109,21 @@ BUFFERS = {
     "RGBO": pixels([0x00, 0x7C], [0x1F, 0x00]),
     "XR15": pixels([0x00, 0x7C], [0x1F, 0x00]),
     "AR15": pixels([0x00, 0x7C], [0x1F, 0x00]),
+    "XB15": pixels([0x1F, 0x00], [0x00, 0x7C]),
+    "AB15": pixels([0x1F, 0x00], [0x00, 0x7C]),
+    "RGBR": pixels([0xF8, 0x00], [0x00, 0x1F]),
+    "RGBQ": pixels([0x7C, 0x00], [0x00, 0x1F]),
     **{fourcc: mosaic(order) for fourcc, order in BAYER.items()},
+    **{
+        fourcc: mosaic(order, bits)
+        for bits, fourccs in DEEP_BAYER.items()
+        for fourcc, order in fourccs.items()
+    },
 }
 
 
 def stride_of(fourcc: str) -> int:
-    if fourcc in ("NV12", "NV21", "NV16", "NV24", "NV42", "YU12", "YV12", "422P", *BAYER):
+    if fourcc in {"NV12", "NV21", "NV16", "NV61", "NV24", "NV42", "YU12", "YV12", "422P", *BAYER}:
         return WIDTH + PADDING
     return BUFFERS[fourcc].size // HEIGHT
 
