@@ -128,7 +128,14 @@ def test_the_list_has_every_device_with_formats_sizes_rates_and_controls():
         255.0,
         ["inactive", "volatile"],
     )
+    assert first["compound"]["u16_8x16_matrix"] == "8x16 u16"
+    assert first["compound"]["u32_dynamic_array"] == "up to 100 u32"
+    assert first["compound"]["area"] == "structure of 8 bytes"
+    names = {each["name"].removeprefix("control.") for each in first["controls"]}
+    assert not names & set(first["compound"])
     text = listed()
+    assert "no parameters, since they are no single values: " in text
+    assert "u16_8x16_matrix (8x16 u16)" in text
     assert text.startswith(f"{FIRST}  vivid\n  also /dev/video0\n")
     assert "1280x720   12.5, 10, 5, 4, 2, 1 Hz" in text
     assert Path("/dev/video1").exists()

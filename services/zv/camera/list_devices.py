@@ -63,6 +63,9 @@ def lines(device: Listed) -> Iterator[str]:
             for one in device.controls
         ]
         yield from _aligned([("control", "value", "default", "allowed", ""), *controls])
+    if device.compound:
+        forms = ", ".join(f"{name} ({form})" for name, form in device.compound)
+        yield printable(f"  no parameters, since they are no single values: {forms}")
 
 
 def _offered(formats: Iterable[OfferedFormat]) -> Iterator[tuple[str, str, str]]:

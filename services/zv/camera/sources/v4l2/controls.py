@@ -32,7 +32,7 @@ TYPES: Final = {
     int(v4l2.V4L2_CTRL_TYPE_INTEGER_MENU): "str",
     int(v4l2.V4L2_CTRL_TYPE_STRING): "str",
 }
-"""Types of controls that are parameters. Arrays and structures are not: no camera needs them."""
+"""Types of controls that are parameters. A parameter is one value: no array and no structure."""
 
 MENUS: Final = (int(v4l2.V4L2_CTRL_TYPE_MENU), int(v4l2.V4L2_CTRL_TYPE_INTEGER_MENU))
 MASK: Final = int(v4l2.V4L2_CTRL_TYPE_BITMASK)
@@ -369,7 +369,7 @@ def _read_all(driver: Driver, before: Mapping[str, Control]) -> dict[str, Contro
             break
         is_scalar = not asked.nr_of_dims and not asked.flags & v4l2.V4L2_CTRL_FLAG_DISABLED
         if is_scalar and int(asked.type) in TYPES:
-            name = _name_of(asked.name, asked.id, found)
+            name = name_of(asked.name, asked.id, found)
             found[name] = _control(driver, name, asked, before.get(name))
         asked.id |= NEXT
     return found
@@ -413,7 +413,7 @@ def _menu(driver: Driver, asked: Any) -> Iterator[tuple[int, str]]:
         yield index, label
 
 
-def _name_of(title: Any, number: int, taken: Mapping[str, Control]) -> str:
+def name_of(title: Any, number: int, taken: Mapping[str, Control]) -> str:
     """Return the name of a control as ``v4l2-ctl`` has it: ``exposure_time_absolute``."""
     name = re.sub(r"[^a-z0-9]+", "_", text_of(title).lower()).strip("_") or f"{number:x}"
     return f"{name}_{number:x}" if name in taken else name

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from zenoh_vision.host.video_devices import device_nodes, stable_paths
 from zenoh_vision.messages import Parameter
+from zv.camera.sources.v4l2.compound import compound_controls
 from zv.camera.sources.v4l2.controls import Controls
 from zv.camera.sources.v4l2.driver import Driver
 from zv.camera.sources.v4l2.layouts import preference
@@ -50,6 +51,8 @@ class Listed:
         path: A path that stays the same when the device is plugged in again, if it has one.
         node: ``/dev/video0``.
         other_paths: Its other stable paths.
+        compound: Its controls that are no parameters, since they are arrays or structures: the name
+            of each and its form.
         error: Why it cannot be opened; empty if it can.
     """
 
@@ -61,6 +64,7 @@ class Listed:
     bus: str = ""
     formats: tuple[OfferedFormat, ...] = ()
     controls: tuple[Parameter, ...] = ()
+    compound: tuple[tuple[str, str], ...] = ()
     error: str = ""
 
     def to_map(self) -> dict[str, Any]:
@@ -75,6 +79,7 @@ class Listed:
             "error": self.error or None,
             "formats": [_format_map(each) for each in self.formats],
             "controls": [_control_map(each) for each in self.controls],
+            "compound": dict(self.compound),
         }
 
 
@@ -98,6 +103,7 @@ def listed_devices() -> Iterator[Listed]:
                     bus=driver.bus,
                     formats=tuple(_formats(driver)),
                     controls=tuple(Controls(driver).parameters()),
+                    compound=tuple(compound_controls(driver)),
                 )
         except OSError as error:
             yield replace(listed, error=error.strerror or str(error))
