@@ -1,8 +1,9 @@
 """The recorder does not wait for the disk, and the disk keeps each chunk as early as it can.
 
-A sync ends when a test says so, so no machine is too slow. Of these follows what a power cut can
+A sync ends when a test says so, so no machine is too slow. From these follows what a power cut can
 take at most: what waits for its chunk, and what came during the sync that goes on and the one
-before it.
+before it. It does not follow how long a file system has a write wait for a sync of another file,
+which is one sync more where a file begins: so ext4 in a virtual machine, of which power was cut.
 """
 
 from __future__ import annotations
