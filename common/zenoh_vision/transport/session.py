@@ -154,3 +154,4 @@ def close_session(session: zenoh.Session) -> None:
     closing = threading.Thread(target=session.close, daemon=True)
     closing.start()
     closing.join(CLOSE_TIMEOUT_S)
+    abandon(closing)  # an interpreter that ends while Zenoh closes a session crashes

@@ -30,3 +30,17 @@ def test_told_to_stop_it_does_not_wait_for_an_attempt_without_an_answer(monkeypa
             session.open_session(connection, stopping)
         assert abandoned_threads.any_is_alive()
     wait_until(lambda: not abandoned_threads.any_is_alive())
+
+
+def test_a_session_that_does_not_close_in_time_ends_with_the_process(monkeypatch):
+    """An interpreter that ended meanwhile crashed: 139 of an edge detector on a busy machine."""
+    monkeypatch.setattr(session, "CLOSE_TIMEOUT_S", 0.01)
+    may_close = threading.Event()
+
+    class Slow:
+        close = staticmethod(may_close.wait)
+
+    session.close_session(Slow())  # type: ignore[arg-type]
+    assert abandoned_threads.any_is_alive()
+    may_close.set()
+    wait_until(lambda: not abandoned_threads.any_is_alive())
