@@ -134,11 +134,20 @@ def run_program(
     )
 
 
+def held_bytes(pid: int) -> int:
+    """Return how much memory a process holds now."""
+    return _status_bytes(pid, "VmRSS")
+
+
 def peak_bytes(pid: int) -> int:
     """Return the most memory that a process has held."""
-    found = re.search(r"VmHWM:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+    return _status_bytes(pid, "VmHWM")
+
+
+def _status_bytes(pid: int, name: str) -> int:
+    found = re.search(rf"{name}:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
     assert found
-    return int(found[1]) * 1000
+    return int(found[1]) * 1024
 
 
 def environment() -> dict[str, str]:
