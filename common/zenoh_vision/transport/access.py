@@ -29,6 +29,10 @@ from zenoh_vision.transport.query import Query, Replies, send
 from zenoh_vision.transport.session import direct
 
 CHECK_S: Final = 3.0
+SETTLED_S: Final = 60.0
+"""Until a router that denies nothing is asked again, unless something has changed: its answer may
+lock it up while somebody declares something (zenoh #2619)."""
+
 CONFIRM_S: Final = 0.5
 ANSWER_S: Final = 1.0
 MOST_SHOWN: Final = 4
@@ -80,7 +84,8 @@ class AccessCheck:
         self._missing: set[Declared] = set()
         self._open = 0
         self._unknown = False
-        self._due_s = time.monotonic() + ANSWER_S / 2
+        self._due_s = time.monotonic()
+        self._state: object = None
         self._round = 0
         self._suspected: set[Declared] = set()
         self._own_token = ""
@@ -89,17 +94,26 @@ class AccessCheck:
     def check(self, announces: str) -> None:
         """Ask the router again if that is due; returns at once. Call about once a second.
 
+        It is due after the connection, what is declared or the file has changed, every few seconds
+        while something is denied, and otherwise once a minute.
+
         Args:
             announces: Key of the node's token.
         """
         self._own_token = announces
-        if time.monotonic() < self._due_s or not self._link.connected:
+        if not self._link.connected:
             return
-        self._due_s = time.monotonic() + CHECK_S
+        session, now_s = self._link.session, time.monotonic()
+        own, routers = str(session.zid()), self._link.routers()
         wanted = tuple(sorted(self._declared()))
-        session = self._link.session
-        own = str(session.zid())
+        state = (own, routers, wanted, self.credentials)
         with self._lock:
+            if state != self._state:
+                self._state, self._due_s = state, min(self._due_s, now_s + CONFIRM_S)
+                self._round += 1  # what is answered to the round before tells nothing of this state
+            if now_s < self._due_s:
+                return
+            self._due_s = now_s + CHECK_S
             self._round, self._missing, self._open = self._round + 1, set(), len(wanted)
             self._unknown = False
         for each in wanted:
@@ -125,10 +139,15 @@ class AccessCheck:
         # what is missing once only, as while the router starts again.
         missing = self._missing & self._declared()
         self._suspected, confirmed = missing, missing & self._suspected
-        if missing - confirmed:
-            self._due_s = min(self._due_s, time.monotonic() + CONFIRM_S)
-        else:
+        is_sure = missing == confirmed
+        if is_sure:
             self.denied = self._words(confirmed)
+        now_s = time.monotonic()
+        with self._lock:
+            if not is_sure:
+                self._due_s = min(self._due_s, now_s + CONFIRM_S)
+            elif not self.denied and number == self._round:
+                self._due_s = now_s + SETTLED_S
 
     def _words(self, missing: set[Declared]) -> str:
         rights = self.credentials.rights

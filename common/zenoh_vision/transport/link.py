@@ -22,6 +22,7 @@ import zenoh
 
 from zenoh_vision import keys
 from zenoh_vision.errors import RouterUnreachable, VisionError
+from zenoh_vision.host.abandoned_threads import abandon
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.declarations import Kind
 from zenoh_vision.transport.handshake import RefusalProbe
@@ -126,11 +127,16 @@ class Link:
     @property
     def connected(self) -> bool:
         """Whether the session is connected to a router, or to a peer if a file configures one."""
+        return bool(self.routers())
+
+    def routers(self) -> frozenset[str]:
+        """Return the ids of the routers, or peers, to which the session is connected now."""
         info = self._session.info
         try:
-            return any(True for ids in (info.routers_zid, info.peers_zid) for _ in ids())
+            both = (*info.routers_zid(), *info.peers_zid())
+            return frozenset(map(str, both))
         except zenoh.ZError:
-            return False  # the session is being closed
+            return frozenset()  # the session is being closed
 
     def declare(self, declare: Callable[[zenoh.Session], T]) -> Declaration[T]:
         """Declare something on this session, and on each that replaces it.
@@ -168,6 +174,7 @@ class Link:
         self._closed.set()
         # No attempt may begin while the interpreter ends: Zenoh would abort the process.
         self._thread.join(CLOSE_TIMEOUT_S)
+        abandon(self._thread)
         close_session(self._session)
 
     def _open(self, give_up: Callable[[], bool]) -> zenoh.Session:
