@@ -390,7 +390,7 @@ class Diagnostics(Message):
     """Health of one node, once a second; the counters are totals since its start."""
 
     schema_name: ClassVar[str] = "vision.Diagnostics.v1"
-    omit_nil: ClassVar[tuple[str, ...]] = ("latency_histogram_ms", "routes")
+    omit_nil: ClassVar[tuple[str, ...]] = ("latency_histogram_ms", "routes", "source_lag_ms")
 
     node: str
     stamp_ns: Nanoseconds
@@ -409,6 +409,10 @@ class Diagnostics(Message):
             description="how its frames come, by key: shm (shared memory), jpeg or raw (Zenoh)",
             max_length=MAX_ROUTES,
         ),
+    ] = None
+    source_lag_ms: Annotated[
+        float | None,
+        Field(description="a camera: age of the newest picture when it came from the source"),
     ] = None
 
 

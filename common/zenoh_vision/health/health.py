@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from zenoh_vision.errors import PayloadError
@@ -41,7 +41,12 @@ class Watched(Protocol):
 
 
 class Health:
-    """Collects a node's state and makes its diagnostics; safe between threads."""
+    """Collects a node's state and makes its diagnostics; safe between threads.
+
+    Attributes:
+        source_lag_ms: Returns how old the newest picture of a camera's source was when it came;
+            None if that is unknown.
+    """
 
     def __init__(self, node: str, counters: FrameCounters, clock: Clock = SYSTEM_CLOCK) -> None:
         self.latency = LatencyMonitor()
@@ -56,6 +61,7 @@ class Health:
         self._loop_alive_s: float | None = None
         self._started_s = self._now_s()
         self._inputs: list[Watched] = []
+        self.source_lag_ms: Callable[[], float | None] = lambda: None
         self._lock = threading.Lock()
 
     @property
@@ -135,6 +141,7 @@ class Health:
             latency_ms=self.latency.percentiles(now_s),
             latency_histogram_ms=self.latency.histogram(),
             routes=self._routes(),
+            source_lag_ms=self.source_lag_ms(),
         )
 
     def _routes(self) -> dict[str, str] | None:

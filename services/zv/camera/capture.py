@@ -96,6 +96,10 @@ class Capture:
             self._reader.abandon()
             self._reader.join(JOIN_S)
 
+    def lag_ms(self) -> float | None:
+        """Return how old the source's newest picture was when it came; None if that is unknown."""
+        return None if self._reader is None else self._reader.lag.newest_ms(time.monotonic())
+
     def open(self) -> str:
         """Open the source for the first time, and return its description.
 

@@ -38,6 +38,13 @@ class LagMonitor:
         while self._skips and self._skips[0][0] < now_s - SKIPPED_WINDOW_S:
             self._skips.popleft()
 
+    def newest_ms(self, now_s: float) -> float | None:
+        """Return the age of the newest picture when it came; None if none came in the window."""
+        newest = next(reversed(tuple(self._ages)), None)
+        if newest is None or newest[0] < now_s - WINDOW_S:
+            return None
+        return 1000 * newest[1]
+
     def words(self, now_s: float, max_lag_s: float) -> str:
         """Return what is the matter; empty if nothing is, or if there is no limit.
 

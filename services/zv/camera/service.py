@@ -95,6 +95,7 @@ def run(
             publish_all(node, parameters, settings, open_source or SourceOpener(), calibration)
         return
     with Capture(parameters, node.counters, open_source) as capture:
+        node.health.source_lag_ms = capture.lag_ms
         node.expect_rate(expected_rate(capture.kind, settings))
         delivery = Delivery(capture.kind, log)
         parameters.check(delivery.check)

@@ -30,13 +30,21 @@ STYLES = {
 }
 TRANSIENT_STYLE = "yellow"
 
-NUMBERS = {"rate": "Hz", "p50": "ms", "p99": "ms", "lost": "%", "cpu": "%", "memory": "MB"}
+NUMBERS = {
+    "rate": "Hz",
+    "p50": "ms",
+    "p99": "ms",
+    "lag": "ms",
+    "lost": "%",
+    "cpu": "%",
+    "memory": "MB",
+}
 """Fields of a row that are numbers, and their units."""
 
 TITLES = {"cpu": "CPU %", "memory": "MB"}
 """Titles of columns, where they are not made of field and unit."""
 
-OPTIONAL = ("lost", "route", "host")
+OPTIONAL = ("lag", "lost", "route", "host")
 """Columns that are shown only if at least one row has a value."""
 
 
@@ -49,6 +57,7 @@ class Row:
     rate: str = ""
     p50: str = ""
     p99: str = ""
+    lag: str = ""
     lost: str = ""
     dropped: str = ""
     unwanted: str = ""
@@ -88,6 +97,7 @@ def row_of(
         rate=number(report.rate_hz, 1),
         p50=number(latency.p50, 1),
         p99=number(latency.p99, 1),
+        lag=number(report.source_lag_ms, 1),
         lost=number(lost and 100 * lost, 1),
         dropped=dropped,
         unwanted=unwanted,

@@ -115,6 +115,12 @@ def test_the_route_of_each_input_is_said(camera: Camera):
     assert camera.health.diagnostics().routes == {"b": "shm", "c": "jpeg"}
 
 
+def test_the_lag_of_a_source_is_said_while_the_camera_knows_it(camera: Camera):
+    assert "source_lag_ms" not in camera.health.diagnostics().to_map()
+    camera.health.source_lag_ms = lambda: 41.5
+    assert camera.health.diagnostics().to_map()["source_lag_ms"] == 41.5
+
+
 def test_conditions_end_one_by_one_and_leave_the_others_as_they_are(camera: Camera):
     health = camera.health
     health.report("source", Level.ERROR, "the source ended")

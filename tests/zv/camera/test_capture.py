@@ -308,6 +308,18 @@ def test_a_source_that_lags_has_true_stamps_counts_what_it_skipped_and_says_so()
         wait_until(lambda: rig.remarks[-1] == ("lag", ""))
 
 
+def test_how_old_the_newest_picture_was_when_it_came_is_known():
+    with rigged("rtsp://camera/1", live=True) as rig:
+        assert rig.capture.lag_ms() is None
+
+        def lag_ms(*late: str) -> float:
+            rig.give(1, *late)
+            return rig.capture.lag_ms() or 0.0
+
+        wait_until(lambda: lag_ms("late") >= 3000)
+        wait_until(lambda: lag_ms() < 3000)
+
+
 def test_equal_pictures_are_left_out_when_that_is_wanted():
     with rigged("0", live=True, frozen_after=0.0, skip_repeats=True) as rig:
         rig.give(1, "same")

@@ -150,3 +150,10 @@ def test_skipped_pictures_are_said_for_ten_seconds():
     assert lag.words(15.1, 0.5).startswith("7 pictures of the last 10 s were skipped")
     assert lag.words(20.5, 0.5).startswith("2 pictures")
     assert lag.words(25.5, 0.5) == ""
+
+
+def test_the_lag_is_that_of_the_newest_picture_of_the_last_second():
+    lag = monitor((10.0, 3.2, 0), (10.5, 0.25, 0))
+    assert lag.newest_ms(10.6) == 250
+    assert lag.newest_ms(11.6) is None
+    assert monitor().newest_ms(0.0) is None

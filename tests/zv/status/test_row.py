@@ -53,3 +53,10 @@ def test_what_a_node_says_is_text_and_no_markup():
     row = Row("[red]x[/red]", "running", host="[b]roof", message="[blink]hello")
     shown = rendered(view_of([row]).table())
     assert all(words in shown for words in ("[red]x[/red]", "[b]roof", "[blink]"))
+
+
+def test_how_far_a_source_is_behind_has_a_column_if_a_camera_knows_it():
+    rows = [Row("camera_front", "running", p99="9.0", lag="41.5"), Row("edge", "running")]
+    assert "lag ms" in rendered(view_of(rows).table())
+    assert "lag ms" not in rendered(view_of(rows[1:]).table())
+    assert "lag 41.5 ms" in line_of(rows[0])

@@ -36,6 +36,8 @@ class Scrape:
         self.add(families.LEVEL, report.level, node)
         self.add(families.UPTIME, report.uptime_s, node)
         self.add(families.RATE, report.rate_hz, node)
+        if report.source_lag_ms is not None:
+            self.add(families.SOURCE_LAG, report.source_lag_ms / 1000, node)
         for name, count in report.counters.items():
             if name.startswith(DROPPED):
                 self.add(families.DROPPED, count, node, name.removeprefix(DROPPED))

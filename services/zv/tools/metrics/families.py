@@ -55,6 +55,9 @@ REPORT_AGE = _gauge(
 RATE = _gauge(
     "frame_rate_hertz", "Frames published or processed per second by a node, over 5 s.", "node"
 )
+SOURCE_LAG = _gauge(
+    "source_lag_seconds", "Age of a camera's newest frame when it came from its source.", "node"
+)
 DROPPED = _counter("frames_dropped", "Frames that were not used, by reason.", "node", "reason")
 OTHER = _counter("other", "Any other counter of a node, by its name.", "node", "counter")
 LATENCY = Family(
@@ -95,6 +98,6 @@ MICROSECONDS = ("model_us", "model_wait_us")
 """Those of them that count microseconds."""
 
 FAMILIES = (
-    *(ROUTER_UP, NODE_UP, NODE_INFO, LEVEL, UPTIME, REPORT_AGE, RATE),
+    *(ROUTER_UP, NODE_UP, NODE_INFO, LEVEL, UPTIME, REPORT_AGE, RATE, SOURCE_LAG),
     *(*COUNTERS.values(), DROPPED, OTHER, LATENCY, REJECTED),
 )

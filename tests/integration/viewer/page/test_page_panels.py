@@ -167,6 +167,28 @@ def test_closed_panels_and_a_hidden_page_ask_for_nothing_and_draw_nothing(
     tab.wait(drawn)
 
 
+def test_the_health_of_a_camera_says_how_far_its_source_is_behind(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    node = {"node": "camera_front", "service": "camera", "version": "1", "host": "a", "pid": 7}
+    server.tell("nodes", nodes=[node | {"alive": True, "cameras": ["front"]}])
+    known = {"level": 0, "message": "ok", "uptime_s": 9.0, "counters": {}, "rate_hz": 30.0}
+    known |= {"latency_ms": {"p50": 1.0, "p99": 2.0}}
+    about = "document.querySelector('#health .about')?.textContent"
+    tab.page.keyboard.press("h")
+
+    def tell(**fields: object) -> None:
+        diagnostics = known | fields
+        at_ns, name = str(NOW_NS), "camera_front"
+        server.tell("health", node=name, diagnostics=diagnostics, lost="0", at_ns=at_ns)
+
+    tell(source_lag_ms=41.5)
+    tab.wait(f"{about}?.endsWith(', its source is 42 ms behind the capture')")
+    tell()
+    tab.wait(f"!{about}.includes('behind')")
+
+
 def test_a_number_of_an_unknown_message_is_plotted_and_an_event_is_listed(
     opened: tuple[Tab, PageServer],
 ) -> None:

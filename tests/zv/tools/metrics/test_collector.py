@@ -96,6 +96,14 @@ def test_health_is_level_uptime_rate_and_age(fleet: Fleet):
     assert 2.0 <= found["zenoh_vision_node_report_age_seconds", "tracker_front"] < 10.0
 
 
+def test_the_lag_of_a_source_is_in_seconds_and_has_no_series_where_it_is_unknown(fleet: Fleet):
+    fleet.report("tracker_front", health(), time.monotonic_ns())
+    lagging = health("camera_front", source_lag_ms=41.5)
+    fleet.report("camera_front", lagging, time.monotonic_ns())
+    found = {key: value for key, value in series(fleet).items() if "lag" in key[0]}
+    assert found == {("zenoh_vision_source_lag_seconds", "camera_front"): 0.0415}
+
+
 def test_latencies_are_a_histogram_in_seconds(fleet: Fleet):
     fleet.report("tracker_front", health(), time.monotonic_ns())
     name, node = "zenoh_vision_frame_latency_seconds", "tracker_front"

@@ -50,6 +50,8 @@ export class HealthPanel {
 		const { diagnostics, rate: hz, p50, p99, lost } = this.system.report(node.node) ?? {};
 		const taken = Object.entries(diagnostics?.routes ?? {}).map(([key, way]) => `${key} by ${way}`);
 		const way = taken.length ? `, takes ${taken.join(", ")}` : "";
+		const lag = diagnostics?.source_lag_ms;
+		const behind = lag == null ? "" : `, its source is ${number(lag, 0)} ms behind the capture`;
 		const uptime = diagnostics ? `, up ${duration(1000 * diagnostics.uptime_s)}` : "";
 		const texts = {
 			level,
@@ -58,7 +60,7 @@ export class HealthPanel {
 			p99: number(p99, 1),
 			lost: diagnostics ? count(lost) : "–",
 			message: message || "well",
-			about: `${node.service} ${node.version} on ${node.host}, process ${node.pid}${uptime}${way}`,
+			about: `${node.service} ${node.version} on ${node.host}, process ${node.pid}${uptime}${way}${behind}`,
 		};
 		for (const [name, text] of Object.entries(texts)) setText(row[name], text);
 		setData(row.element, { level });
