@@ -71,7 +71,7 @@ class TrackingParameters:
     """The parameters of ``Tracker``."""
 
     keep_lost_s: float = 2.0  # how long a track that is not seen is kept
-    min_area: float = 40.0  # of the foreground of a new object, square pixels of the mask
+    min_area: float = 40.0  # of what begins or is confirmed, square pixels of the mask
     convex: bool = False  # each region is an object, none a part of one
     life: LifeLimits = field(default_factory=LifeLimits)
     association: AssociationLimits = field(default_factory=AssociationLimits)
@@ -243,6 +243,7 @@ class Tracker:
                 and now_s - state.born_s >= life.confirm_s
                 and state.hits >= life.confirm_hits
                 and state.travelled >= life.confirm_sides
+                and state.area >= self.parameters.min_area
             )
             stays = state.confirmed and not self._moment.at_border(state.box)
             if state.missing_s(now_s) <= (self.parameters.keep_lost_s if stays else life.gone_s):

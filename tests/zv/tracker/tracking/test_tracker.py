@@ -83,6 +83,14 @@ def test_a_strip_along_the_border_that_shrinks_and_breaks_is_never_confirmed():
         assert [track.state for track in tracks] == ["tentative"]
 
 
+@pytest.mark.parametrize(("height", "state"), [(40, "confirmed"), (30, "tentative")])
+def test_what_has_become_smaller_than_the_least_area_is_not_confirmed(height: int, state: str):
+    found = tracker(min_area=500)  # 70 % of 20x40 are 560, of 20x30 they are 420
+    for k in range(20):
+        tracks = step(found, [box(50 + 6 * k, 100, height=height if k else 40)], k / 10)
+    assert [track.state for track in tracks] == [state]
+
+
 @pytest.mark.parametrize("rate", [5, 10, 30])
 def test_what_is_seen_in_two_of_three_frames_is_never_confirmed(rate: int):
     found = tracker()
