@@ -25,7 +25,6 @@ RULES: dict[str, dict[str, Any]] = {
     "noise in the distance": {"foreground.background.noise": 0.0},
     "medians at the start": {"foreground.background.starts_s": (0.5,)},
     "strong pixels": {"region.strong": 0.0},
-    "thin regions left out": {"region.thickness": 0.0},
     "cutting thin ends": {"region.thin": 0.0},
     "joining pieces": {
         "tracking.association.pieces.stacked": -9.0,

@@ -21,14 +21,12 @@ class RegionLimits:
         strong: Least share of a region's pixels that must be strong.
         thin: Rows and columns at the ends of a region with less than this share of the fullest one
             are cut off: arms, sticks, links to something else.
-        thickness: Least mean thickness, pixels; thinner ones are jittering edges.
         most: Largest number of regions; the smallest of more are left out, so that the time for a
             frame is bounded.
     """
 
     strong: float = 0.03
     thin: float = 0.05
-    thickness: float = 2.0
     most: int = 400
 
 
@@ -50,8 +48,6 @@ def regions_of(
     found = []
     for label in wanted[np.argsort(-areas[wanted - 1], kind="stable")][: limits.most].tolist():
         x, y, width, height, area = stats[label].tolist()
-        if area < limits.thickness * max(width, height):
-            continue
         window = slice(y, y + height), slice(x, x + width)
         own = labels[window] == label
         if np.count_nonzero(strong[window][own]) < limits.strong * area:
