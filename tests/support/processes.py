@@ -134,20 +134,11 @@ def run_program(
     )
 
 
-def held_bytes(pid: int) -> int:
-    """Return how much memory a process holds now."""
-    return _status_bytes(pid, "VmRSS")
-
-
 def peak_bytes(pid: int) -> int:
     """Return the most memory that a process has held."""
-    return _status_bytes(pid, "VmHWM")
-
-
-def _status_bytes(pid: int, name: str) -> int:
-    found = re.search(rf"{name}:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+    found = re.search(r"VmHWM:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
     assert found
-    return int(found[1]) * 1024
+    return int(found[1]) * 1000
 
 
 def environment() -> dict[str, str]:
