@@ -115,7 +115,7 @@ def test_several_cameras_share_a_model_that_is_slower_than_they_are(
 
 @pytest.mark.quiet
 def test_frames_do_not_wait_for_a_model_that_takes_seconds(service, client, tmp_path: Path):
-    tracker = detector(service, tmp_path, "--model-threads", "1", takes_s=1.5)
+    tracker = detector(service, tmp_path, "--model-threads", "1", takes_s=2.0)
     wait_for_nodes(client, "tracker_front", deadline_s=60)
     tracks = Listener(client, "vision/front/tracks")
     with PlainCamera(client, pictures=walk(1)).at(15):
