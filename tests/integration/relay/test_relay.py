@@ -49,11 +49,16 @@ def test_pictures_are_slower_and_smaller_and_keep_identity_and_coordinates(site)
         relayed.wait_for(8)
         headers = [message.header for message in relayed.messages]
         stamps = np.array([header["stamp_ns"] for header in headers])
-        assert np.diff(stamps).mean() == pytest.approx(2e8, rel=0.2)
+        assert np.median(np.diff(stamps)) == pytest.approx(2e8, rel=0.2)
         assert {(h["camera"], h["width"], h["height"]) for h in headers} == {("front", 320, 240)}
-        originals.wait_for(20)
-        known = {(h["epoch"], h["seq"]) for h in (m.header for m in originals.messages)}
-        assert {(h["epoch"], h["seq"]) for h in headers[2:6]} <= known
+
+        def stamps_of_both() -> list[tuple[int, int]]:
+            # Either may have missed a frame: each is a subscriber that drops what comes too fast.
+            first, second = stamps_by_frame(originals), stamps_by_frame(relayed)
+            both = [(first[frame], second[frame]) for frame in first.keys() & second]
+            return both if len(both) >= 4 else []
+
+        assert all(original == copy for original, copy in wait_until(stamps_of_both))
         shown = cv2.imdecode(np.frombuffer(relayed.messages[-1].payload, np.uint8), 1)
         assert shown.shape == (120, 160, 3)
     program.interrupt()
@@ -105,6 +110,11 @@ def test_a_rectified_part_is_a_camera_with_a_calibration_of_its_own(site):
 
     wait_until(is_reported)
     program.interrupt()
+
+
+def stamps_by_frame(listener: Listener) -> dict[tuple[int, int], int]:
+    headers = [message.header for message in listener.messages]
+    return {(header["epoch"], header["seq"]): header["stamp_ns"] for header in headers}
 
 
 def newest_calibration(endpoint: str) -> dict:
