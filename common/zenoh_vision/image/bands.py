@@ -16,7 +16,7 @@ from functools import partial
 from typing import Final
 
 from zenoh_vision.host.parallel import workers
-from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_SIDE
+from zenoh_vision.image.limits import MAX_PIXELS, MAX_SIDE
 
 BAND_PIXELS = 400_000
 """A picture with more pixels is encoded in two bands, or in one for each so many pixels. Two bands

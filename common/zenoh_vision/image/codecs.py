@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import bands
-from zenoh_vision.image.pixel_formats import ENCODINGS, MAX_PIXELS, Pixels
+from zenoh_vision.image.limits import MAX_PIXELS
+from zenoh_vision.image.pixel_formats import ENCODINGS, Pixels
 from zenoh_vision.keys import JPEG, PNG
 
 MAX_COMPRESSED_BYTES: Final = 32 << 20

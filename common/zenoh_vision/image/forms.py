@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame, check_shows
+from zenoh_vision.image.limits import MAX_PIXEL_BYTES, MAX_SIDE
 from zenoh_vision.image.picture import JpegPicture, Picture, PixelPicture, PngPicture
-from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES, MAX_SIDE
 from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE
 from zenoh_vision.messages import Header
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image import codecs, limits, pixel_formats
 from zenoh_vision.image.depth import ValueRange, eight_bits
 from zenoh_vision.image.pixel_formats import DEEP, ENCODINGS, Pixels
 from zenoh_vision.keys import JPEG, PNG
@@ -466,7 +466,7 @@ def check_size(width: int, height: int) -> None:
     Raises:
         PayloadError: ``too_large``.
     """
-    most, longest = pixel_formats.MAX_PIXELS, pixel_formats.MAX_SIDE
+    most, longest = limits.MAX_PIXELS, limits.MAX_SIDE
     if not 0 < width * height <= most:
         raise PayloadError("too_large", f"{width}x{height} pixels, at most {most} in all")
     if max(width, height) > longest:

@@ -15,15 +15,9 @@ from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import depth
+from zenoh_vision.image.limits import MAX_PIXELS
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
-
-MAX_PIXELS: Final = 7680 * 4320
-MAX_SIDE: Final = 65_500
-"""libjpeg's limit of a side, pixels."""
-
-MAX_PIXEL_BYTES: Final = 4
-MAX_RAW_BYTES: Final = MAX_PIXELS * MAX_PIXEL_BYTES
 
 
 @dataclass(frozen=True, slots=True)

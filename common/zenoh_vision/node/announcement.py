@@ -8,8 +8,6 @@ import socket
 import threading
 import time
 from contextlib import suppress
-from functools import cache
-from importlib import metadata
 
 import zenoh
 
@@ -25,20 +23,12 @@ from zenoh_vision.node.query_server import QueryServer
 from zenoh_vision.topics import message_topic
 from zenoh_vision.transport.publisher import Outgoing, StreamPublisher
 from zenoh_vision.transport.zenoh_config import credentials_of
+from zenoh_vision.version import installed_version
 
 log = logging.getLogger(__name__)
 
 PERIOD_S = 1.0
 CLOSE_S = 1.0
-
-
-@cache
-def installed_version() -> str:
-    """Return the version of this distribution, ``unknown`` when run without installing it."""
-    try:
-        return metadata.version("zenoh-vision")
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 class Announcement:

@@ -23,8 +23,9 @@ from zenoh_vision.health.health import Health
 from zenoh_vision.host.clock import SYSTEM_CLOCK, Clock
 from zenoh_vision.host.signals import StopSignals
 from zenoh_vision.image.frame import Frame, Want
+from zenoh_vision.image.limits import MAX_PIXELS
 from zenoh_vision.image.picture import Picture
-from zenoh_vision.image.pixel_formats import MAX_PIXELS, Pixels
+from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import Transport
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Header

@@ -7,7 +7,7 @@ from typing import Any
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.image.pixel_formats import MAX_PIXEL_BYTES
+from zenoh_vision.image.limits import MAX_PIXEL_BYTES
 from zenoh_vision.messages import Stamped
 from zenoh_vision.node.core import Core
 from zenoh_vision.node.inputs import POLL_S, Input, check_open

@@ -13,7 +13,7 @@ from zenoh_vision.image import forms
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.forms import PictureForm
 from zenoh_vision.image.frame import Frame, Want
-from zenoh_vision.image.pixel_formats import MAX_PIXELS
+from zenoh_vision.image.limits import MAX_PIXELS
 from zenoh_vision.keys import JPEG, RAW_IMAGE, RouteName
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffering, latest

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass, field
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.image.pixel_formats import MAX_RAW_BYTES
+from zenoh_vision.image.limits import MAX_RAW_BYTES
 from zenoh_vision.keys import RouteName
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 

@@ -104,6 +104,29 @@ for words in {list(ENTRIES)!r}:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize(
+    "module",
+    [
+        "metrics.command",
+        "topic.list",
+        "topic.measure",
+        "node.listing",
+        "param.commands",
+        "top.command",
+        "doctor.command",
+    ],
+)
+def test_tools_that_decode_no_picture_load_no_opencv(module: str):
+    # It takes 100 ms and 30 MB.
+    program = f"""
+import sys
+import zv.tools.{module}
+print({{"cv2", "numpy", "av"}} & set(sys.modules))
+"""
+    done = run_program([sys.executable, "-c", program])
+    assert (done.stdout, done.stderr) == ("set()\n", "")
+
+
 @pytest.mark.parametrize("command", list(BY_COMMAND))
 def test_garbage_collections_do_not_visit_what_a_service_imports(command: str):
     # A full collection that visits all of it delays a frame by 20 ms.

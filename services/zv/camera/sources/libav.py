@@ -17,8 +17,8 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
+from zenoh_vision.image.limits import MAX_PIXELS, MAX_RAW_BYTES
 from zenoh_vision.image.picture import JpegPicture, Picture
-from zenoh_vision.image.pixel_formats import MAX_PIXELS, MAX_RAW_BYTES
 from zv.camera.sources.libav_frames import FrameConverter
 from zv.camera.sources.mjpeg import DamagedJpeg, upright_jpeg
 

@@ -11,8 +11,8 @@ from itertools import groupby
 from zenoh_vision.error_text import joined, shortened, similar_names
 from zenoh_vision.health.fleet import SILENT_S
 from zenoh_vision.health.node_state import ClockOffset, NodeState
-from zenoh_vision.node.announcement import installed_version
 from zenoh_vision.topics import misnamed_camera
+from zenoh_vision.version import installed_version
 from zv.tools.doctor.finding import Finding, or_ok
 from zv.tools.doctor.observation import Observation
 from zv.tools.shared.discovery import other_namespaces

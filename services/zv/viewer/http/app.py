@@ -9,7 +9,7 @@ from functools import partial
 
 from aiohttp import web
 
-from zenoh_vision.node.announcement import installed_version
+from zenoh_vision.version import installed_version
 from zv.viewer import events
 from zv.viewer.discovery.monitor import SystemMonitor
 from zv.viewer.http.access import SECURITY_HEADERS, Access
