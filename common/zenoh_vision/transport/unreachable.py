@@ -41,7 +41,7 @@ class Diagnosis:
         self._endpoint = next(filter(None, map(tcp_endpoint, endpoints)), None)
         self._for_s = for_s
         self._thread = threading.Thread(target=self._examine, name="diagnosis", daemon=True)
-        if self._endpoint is not None and self._endpoint.scheme == "tcp":
+        if self._endpoint is not None and self._endpoint.scheme in ("tcp", "tls"):
             self._thread.start()
 
     @property
@@ -59,12 +59,14 @@ class Diagnosis:
 def examined(endpoint: TcpEndpoint, for_s: float) -> str:
     """Return why a router at an endpoint is not reached, in words that follow its address.
 
-    Empty if nothing listens there.
+    Empty if nothing listens there, or if TLS is spoken there: ``handshake`` tells more of that.
     """
     began_s = time.monotonic()
     host = endpoint.address
     try:
         with socket.create_connection((host, endpoint.port), for_s) as link:
+            if endpoint.scheme == "tls":
+                return ""
             link.settimeout(max(0.1, for_s - (time.monotonic() - began_s)))
             link.sendall(greeting())
             answer = link.recv(64)

@@ -156,6 +156,14 @@ def test_a_router_under_another_name_is_not_spoken_to(router: Secured):
     assert "its certificate does not name 127.0.0.9: zv security renew router --host" in said
 
 
+def test_a_name_of_a_router_that_nobody_knows_is_named(system: Secured):
+    said = refused(system, system.file("guest"), connect="tls/no-such-router.invalid:7447")
+    assert said.endswith(
+        ": the name no-such-router.invalid is not known here; check its spelling, and the name "
+        "server"
+    )
+
+
 def test_without_a_router_nothing_is_said_of_a_refusal(system: Secured):
     said = refused(system, system.file("guest"), connect=f"tls/127.0.0.1:{free_port()}")
     assert "no Zenoh router at tls/127.0.0.1:" in said
