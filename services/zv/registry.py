@@ -49,6 +49,16 @@ class Service:
     alone: tuple[str, str] | None = None
 
 
+TRACKER_PICTURES = ("tracked/compressed", "mask/compressed", "background/compressed")
+EDGE_PICTURES = (
+    "edges/compressed",
+    "edges/smoothed/compressed",
+    "edges/magnitude/compressed",
+    "edges/direction/compressed",
+    "edges/suppressed/compressed",
+    "edges/thresholded/compressed",
+)
+
 SERVICES = {
     "router": Service(
         "zv.router.settings:RouterSettings",
@@ -69,15 +79,7 @@ SERVICES = {
         "Publish the moving objects of each frame, with ids.",
         "zv tracker --camera front --min-area 400",
         of_several=True,
-        publishes=(
-            "centroid",
-            "tracks",
-            "events",
-            "prediction",
-            "tracked/compressed",
-            "mask/compressed",
-            "background/compressed",
-        ),
+        publishes=("centroid", "tracks", "events", "prediction", *TRACKER_PICTURES),
         # One of the two images, by the setting transport.
         consumes=("image/compressed", "image", "camera_info"),
     ),
@@ -85,15 +87,7 @@ SERVICES = {
         "zv.edge.settings:EdgeSettings",
         "Publish the edges of each frame; or find those of a file.",
         "zv edge --camera front --sigma 2 --high 150\nzv edge --image in.png --out out.png",
-        publishes=(
-            "edges/compressed",
-            "edges/smoothed/compressed",
-            "edges/magnitude/compressed",
-            "edges/direction/compressed",
-            "edges/suppressed/compressed",
-            "edges/thresholded/compressed",
-            "edges/contours",
-        ),
+        publishes=(*EDGE_PICTURES, "edges/contours"),
         consumes=("image/compressed", "image"),  # one of them, by the setting transport
         alone=("zv.edge.file_options:FileOptions", "zv.edge.files:run"),
     ),
@@ -112,7 +106,12 @@ SERVICES = {
         "zv relay --camera front --rectify --to front_flat",
         # The first by default, the others as the camera ``to``.
         publishes=("relayed/compressed", "image/compressed", "camera_info"),
-        consumes=("image/compressed", "image", "camera_info"),
+        # One of the pictures, by the setting key.
+        consumes=(
+            *("image/compressed", "image", "camera_info"),
+            *TRACKER_PICTURES,
+            *EDGE_PICTURES,
+        ),
     ),
     "viewer": Service(
         "zv.viewer.settings:ViewerSettings",

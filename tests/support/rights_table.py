@@ -20,6 +20,10 @@ EDGE = {
 RELAYED = {"relayed/compressed"}
 PICTURES = {"image/compressed", "image"}
 INPUT = PICTURES | {"camera_info"}
+SHOWN_PICTURES = {
+    *PICTURES, "tracked/compressed", "mask/compressed", "background/compressed",
+    *(EDGE - {"edges/contours"}),
+}  # fmt: skip
 TOLD = {"events", "tracked/compressed", "image/compressed"}
 SUFFIXES = CAMERA | TRACKER | EDGE | RELAYED | {"replay", "brightness", "anything"}
 
@@ -43,7 +47,7 @@ CONSUMES = {
     "tracker_front": of(INPUT, "front"),
     "tracker": of(INPUT, *LIVE),
     "edge_front": of(PICTURES, "front"),
-    "relay_front": of(INPUT, "front"),
+    "relay_front": of(SHOWN_PICTURES | {"camera_info"}, "front"),
     "notify": of(TOLD, *LIVE) | (of(TOLD, "walk") & PLAYED),
     "brightness_front": {"vision/front/image/compressed"},
 }
