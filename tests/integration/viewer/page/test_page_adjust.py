@@ -189,8 +189,28 @@ def test_a_stream_that_has_ended_stays_so_whatever_happens_to_others(
     server.tell("streams", streams=[stream(CAMERA), stream(other)])
     tab.wait(f"document.querySelector('.tile[data-key=\"{other}\"]')")
     assert tab.page.evaluate(state).startswith("no picture since")
+
+    def is_shown() -> bool:
+        # While the tiles move, the page may for a moment not watch the stream.
+        server.show_grey(CAMERA, 1, 50)
+        return bool(tab.page.evaluate(f"{state} === ''"))
+
+    wait_until(is_shown, poll_s=0.1)
+
+
+def test_a_picture_stays_in_its_place_while_its_figures_change(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    """A corner that is clicked meanwhile would be drawn elsewhere."""
+    tab, server = opened
+    _open(tab, server, CAMERA)
     server.show_grey(CAMERA, 1, 50)
-    tab.wait(f"{state} === ''")
+    tab.wait_for_red(CAMERA, 10, 24, 50)
+    before = tab.place(CAMERA, 10, 24)
+    tab.page.evaluate(
+        "for (const one of document.querySelectorAll('#figures dd')) one.textContent = '9'.repeat(40)"
+    )
+    assert tab.place(CAMERA, 10, 24) == before
 
 
 def test_menus_are_below_their_buttons_in_browsers_without_css_anchors(
