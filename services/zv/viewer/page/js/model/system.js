@@ -117,7 +117,7 @@ export class System extends Events {
 	}
 
 	onHealth({ node, diagnostics, lost: total, at_ns: at }) {
-		const now = performance.now() - Math.max(0, this.now - milliseconds(at));
+		const now = Math.min(performance.now(), milliseconds(at) - this.clockOffset);
 		const history = this.histories.get(node) ?? [];
 		const lost = Number(total); // a text if it is very large
 		const before = history.at(-1) ?? { at: now, lost };
