@@ -88,7 +88,9 @@ def test_a_key_that_two_patterns_match_counts_once(endpoint, client):
 def test_hz_is_the_rate_that_a_plain_subscriber_sees(client, zv):
     listener = Listener(client, "vision/c/image/compressed")
     with Paced(40, counting(client, "vision/c/image/compressed")):
+        started_s = time.monotonic()
         (line,) = zv(HzOptions(keys=("vision/c/**",), for_=1.5), as_json=True)
+        took_s = time.monotonic() - started_s
     found = json.loads(line)
     # The tool's messages are some of the listener's in a row: which, it does not say.
     times_s, count = [message.at_s for message in listener.messages], found["messages"]
@@ -101,7 +103,7 @@ def test_hz_is_the_rate_that_a_plain_subscriber_sees(client, zv):
     assert (found["key"], found["node"]) == ("vision/c/image/compressed", "camera_c")
     assert (found["lost"], found["repeated"], found["restarts"]) == (0, 0, 0)
     assert found["min_ms"] <= found["p50_ms"] <= found["p99_ms"] <= found["max_ms"]
-    assert found["seconds"] == pytest.approx(1.5, abs=0.1)
+    assert 1.4 < found["seconds"] <= max(1.6, took_s)  # longer only on a busy machine
 
 
 def test_bw_is_the_rate_times_the_size_and_delay_the_age(client, zv):
