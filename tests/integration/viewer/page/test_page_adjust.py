@@ -207,9 +207,8 @@ def test_a_picture_stays_in_its_place_while_its_figures_change(
     server.show_grey(CAMERA, 1, 50)
     tab.wait_for_red(CAMERA, 10, 24, 50)
     before = tab.place(CAMERA, 10, 24)
-    tab.page.evaluate(
-        "for (const one of document.querySelectorAll('#figures dd')) one.textContent = '9'.repeat(40)"
-    )
+    figures = "document.querySelectorAll('#figures dd')"
+    tab.page.evaluate(f"for (const one of {figures}) one.textContent = '9'.repeat(40)")
     assert tab.place(CAMERA, 10, 24) == before
 
 
