@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support.fork_server import ZV
 from tests.support.listening import newest, open_client
 from tests.support.processes import ROOT, START_S, Program, run_program
+from tests.support.secured import embedded, secured
 from tests.support.systems import running_router
 from tests.support.typist import type_zv
 from zenoh_vision.errors import ConfigurationError
@@ -81,6 +84,27 @@ def test_the_service_runs_with_its_name_its_settings_and_its_schema(folder: Path
             assert "mean grey level" in schema["properties"]["value"]["description"]
             assert program.interrupt() == 0
             assert "Traceback" not in program.complaints
+
+
+def test_the_rights_that_it_names_are_all_that_it_needs(folder: Path, tmp_path: Path):
+    printed = type_zv(["new", "service", NAME], folder=tmp_path).stdout
+    (command,) = re.findall(r"^  zv (security add .+?)  ", printed, re.MULTILINE)
+    system = secured(tmp_path)
+    done = type_zv(command.split(), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+    def words(name: str) -> list[str | Path]:
+        return ["--connect", system.endpoint, "--credentials", system.file(name)]
+
+    with (
+        embedded(system, tmp_path),
+        Program(["camera", *words("camera_front")], tmp_path, "camera", forked=ZV),
+        Program([folder / f"{NAME}.py", *words(f"{NAME}_front")], tmp_path, NAME) as program,
+        system.client("guest") as session,
+    ):
+        assert newest(session, f"vision/front/{NAME}", START_S)
+        assert newest(session, f"@vision/diagnostics/{NAME}_front", START_S)
+        assert "denies" not in program.complaints
 
 
 def test_its_launch_file_starts_it_beside_a_camera_and_the_viewer(folder: Path):
