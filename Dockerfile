@@ -42,7 +42,7 @@ ARG REVISION=unknown
 ARG ZV_WEIGHTS=yes
 LABEL org.opencontainers.image.title="zenoh-vision" \
       org.opencontainers.image.description="Cameras and vision on the network without ROS, over Eclipse Zenoh" \
-      org.opencontainers.image.licenses="Apache-2.0${ZV_WEIGHTS:+ AND LicenseRef-BSDS500-weights}" \
+      org.opencontainers.image.licenses="Apache-2.0 AND MIT${ZV_WEIGHTS:+ AND LicenseRef-BSDS500-weights}" \
       org.opencontainers.image.version="${VERSION}" \
       org.opencontainers.image.revision="${REVISION}"
 RUN apt-get update \

@@ -1,7 +1,8 @@
 """Puts the weights of the edge detector ``learned`` into the wheel, and their licence beside ours.
 
 Hatchling runs it for every build. They are left out if the environment variable ``ZV_WEIGHTS`` is
-set but empty: ``ZV_WEIGHTS= pip install .``; metadata and files then are of Apache-2.0 alone.
+set but empty: ``ZV_WEIGHTS= pip install .``; metadata and files then are of Apache-2.0
+and, the library of the viewer's plots, of MIT.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 FOLDER = "edge/detectors"
 WEIGHTS = f"{FOLDER}/learned.onnx"
 TERMS = f"services/zv/{FOLDER}/learned.md"
+UPLOT_TERMS = "services/zv/viewer/page/vendor/LICENSE"
 
 
 def with_weights() -> bool:
@@ -28,8 +30,8 @@ class Licence(MetadataHookInterface):
     def update(self, metadata: dict[str, Any]) -> None:
         """Set the licence expression and the files with the terms."""
         more = with_weights()
-        metadata["license"] = "Apache-2.0" + " AND LicenseRef-BSDS500-weights" * more
-        metadata["license-files"] = ["LICENSE", *([TERMS] if more else [])]
+        metadata["license"] = "Apache-2.0 AND MIT" + " AND LicenseRef-BSDS500-weights" * more
+        metadata["license-files"] = ["LICENSE", UPLOT_TERMS, *([TERMS] if more else [])]
 
 
 class Weights(BuildHookInterface[Any]):

@@ -37,13 +37,14 @@ def test_a_wheel_cannot_be_uploaded_by_mistake():
 
 
 TERMS = "services/zv/edge/detectors/learned.md"
+UPLOT = "services/zv/viewer/page/vendor/LICENSE"
 
 
 @pytest.mark.parametrize(
     ("weights", "expression", "files"),
     [
-        (None, "Apache-2.0 AND LicenseRef-BSDS500-weights", ["LICENSE", TERMS]),
-        ("", "Apache-2.0", ["LICENSE"]),
+        (None, "Apache-2.0 AND MIT AND LicenseRef-BSDS500-weights", ["LICENSE", TERMS, UPLOT]),
+        ("", "Apache-2.0 AND MIT", ["LICENSE", UPLOT]),
     ],
     ids=["as it is", "without the weights"],
 )
@@ -74,7 +75,7 @@ def test_without_its_weights_learned_is_refused_with_the_reason(tmp_path, monkey
 def test_the_label_of_an_image_follows_the_flag_that_its_wheel_follows():
     lines = (ROOT / "Dockerfile").read_text()
     assert lines.count("ARG ZV_WEIGHTS=yes\n") == 2  # of the stage that builds, and of the image
-    assert 'licenses="Apache-2.0${ZV_WEIGHTS:+ AND LicenseRef-BSDS500-weights}"' in lines
+    assert 'licenses="Apache-2.0 AND MIT${ZV_WEIGHTS:+ AND LicenseRef-BSDS500-weights}"' in lines
 
 
 def locked(name: str) -> dict[str, str]:

@@ -11,6 +11,7 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 
 INDEX = "index.html"
+VENDOR = "vendor/"
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -35,11 +36,12 @@ class PageFile:
 def page_files() -> dict[str, PageFile]:
     """Return the files of the page by their paths below ``page``, such as ``js/main.js``.
 
-    Comments are left out, but not their lines, so that an error names the line in the source. The
-    index names all modules, so that a browser requests them at once and not level by level.
+    Comments are left out, but not their lines, so that an error names the line in the source; of
+    what others wrote they are its notice of copyright, and stay. The index names all modules, so
+    that a browser requests them at once and not level by level.
     """
     bodies = dict(_read(resources.files("zv.viewer").joinpath("page")))
-    modules = sorted(name for name in bodies if name.endswith(".js"))
+    modules = sorted(name for name in bodies if name.startswith("js/"))
     links = "".join(f'<link rel="modulepreload" href="page/{name}">\n' for name in modules)
     bodies[INDEX] = bodies[INDEX].replace(b"</head>", links.encode() + b"</head>")
     return {name: _file(name, body) for name, body in bodies.items()}
@@ -56,8 +58,8 @@ def _read(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, bytes]]:
             yield from _read(entry, f"{prefix}{entry.name}/")
         elif _ending(entry.name) in TYPES:
             body = entry.read_bytes()
-            is_code = _ending(entry.name) in (".js", ".css")
-            yield prefix + entry.name, COMMENT.sub(_blank, body) if is_code else body
+            is_ours = _ending(entry.name) in (".js", ".css") and prefix != VENDOR
+            yield prefix + entry.name, COMMENT.sub(_blank, body) if is_ours else body
 
 
 def _blank(comment: re.Match[bytes]) -> bytes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -19,42 +18,48 @@ SERVICES = ()
 
 CENTROID = "vision/front/centroid"
 LINES = 1000
-MINUS = "\u2212"
 MINUTE_NS = 60 * 10**9
 SLACK_S = 25
 """How long a busy machine may take for a test; what is compared is two minutes apart."""
 
-# A clock that can be put forward; and what is written on the charts and where, kept as it happens:
-# of a canvas, only pixels are left.
-KEEP_TEXTS = """
+# A clock that can be put forward; and the plots by the elements that they are in.
+KEEP_PLOTS = """
     const now = performance.now.bind(performance);
     performance.now = () => now() + (window.passed ?? 0);
-    const write = CanvasRenderingContext2D.prototype.fillText;
-    CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-        (this.canvas.texts ??= {})[text] = x;
-        (this.canvas.colours ??= new Set()).add(this.fillStyle);
-        write.call(this, text, x, y);
-    };
+    let made;
+    Object.defineProperty(window, "uPlot", { get: () => made, set: (Plot) => {
+        made = Object.assign(function (options, data, place) {
+            return place.plot = new Plot(options, data, place);
+        }, Plot);
+    } });
 """
 
-# How many seconds before "now" the first line of a chart is seen, one number for each column.
-AGES = """(title => {
-    const canvas = document.querySelector(`canvas[aria-label^="${title}"]`);
+# The plot of a title.
+PLOT = """(title => [...document.querySelectorAll(".plot")]
+    .find((one) => one.querySelector("h3").firstChild.data === title)?.querySelector("div").plot)"""
+
+LABELS = (".legend", "small:last-child")
+
+# How many seconds before now the first line of a plot is seen, one number for each column.
+AGES = f"""(title => {{
+    const plot = {PLOT}(title);
+    const {{ canvas }} = plot.ctx;
     const colour = document.createElement("canvas").getContext("2d");
     colour.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--series-1");
     colour.fillRect(0, 0, 1, 1);
     const wanted = colour.getImageData(0, 0, 1, 1).data;
-    const { width, height } = canvas;
-    const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    const {{ width, height }} = canvas;
+    const from = plot.bbox.top + 8; // below the marks of events
+    const copy = new OffscreenCanvas(width, height).getContext("2d");
     copy.drawImage(canvas, 0, 0);
-    const { data } = copy.getImageData(0, 0, width, height);
+    const {{ data }} = copy.getImageData(0, 0, width, height);
     const isLine = (at) => data[at + 3] > 120
         && [0, 1, 2].every((part) => Math.abs(data[at + part] - wanted[part]) < 40);
     const columns = [...Array(width).keys()].filter((x) =>
-        [...Array(height).keys()].some((y) => isLine(4 * (y * width + x))));
-    const { now, "\u22121": before } = canvas.texts;
-    return columns.map((x) => 60 * (now - x) / (now - (before - 8)));
-})"""
+        [...Array(height).keys()].slice(from, from + plot.bbox.height).some((y) =>
+            isLine(4 * (y * width + x))));
+    return columns.map((x) => (plot.scales.x.max - plot.posToVal(x, "x", true)) / 1000);
+}})"""
 
 
 @pytest.fixture
@@ -62,7 +67,7 @@ def opened(browser: Any, system: Running) -> Iterator[tuple[Tab, PageServer]]:
     """The page, and who talks to it."""
     centroid = stream(CENTROID, "vision.Centroid.v1")
     with served_page(browser, system.address, centroid) as (found, server):
-        found.page.add_init_script(KEEP_TEXTS)
+        found.page.add_init_script(KEEP_PLOTS)
         found.open()
         found.wait("document.querySelector('#link').dataset.state === 'up'")
         yield found, server
@@ -114,12 +119,54 @@ def test_a_centroid_stands_in_its_plot_where_it_came_whatever_the_cameras_clock(
     found = tab.page.evaluate(ages)
     assert {round(age / 60) for age in found} == {0, 2}
     assert all(min(age % 120, -age % 120) < SLACK_S for age in found), found  # and none between
-    texts = tab.page.evaluate("document.querySelector('canvas[aria-label^=\"Centroid x\"]').texts")
-    places = [texts["now"], *(texts[f"{MINUS}{back}"] - 8 for back in range(1, 6))]
-    assert tab.page.evaluate("document.querySelector('canvas[aria-label^=Rate]').colours.size") == 1
-    steps = [right - left for right, left in pairwise(places)]
-    assert min(steps) > 20
-    assert max(steps) - min(steps) < 0.01
+
+
+def test_a_plot_shows_what_is_under_the_pointer_zooms_and_keeps_half_an_hour(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    events = "vision/front/events"
+    about = {CENTROID: "vision.Centroid.v1", events: "vision.TrackEvent.v1"}
+    server.tell("streams", streams=[stream(key, type_) for key, type_ in about.items()])
+    tab.page.keyboard.press("p")
+    wait_until(lambda: tab.page.evaluate("true") and server.watches(events))
+    wait_until(lambda: server.watches(CENTROID))
+    _tell_centroids(server)
+    crossed = {"event": "line_crossed", "id": 7, "zone": "gate", "direction": "in"}
+    server.tell("message", key=events, header=None, body=crossed)
+    plot = f"{PLOT}('Centroid x')"
+    section = f"{plot}.root.closest('.plot')"
+    legend, moment = (f"{section}.querySelector('{part}').textContent" for part in LABELS)
+    tab.wait(f"{legend} === 'x 400'")
+    span = f"({plot}.scales.x.max - {plot}.scales.x.min)"
+    assert abs(tab.page.evaluate(span) - 300_000) < 1
+
+    left, top, width = tab.page.evaluate(
+        f"(({{ left, top, width }}) => [left, top, width])({plot}.over.getBoundingClientRect())"
+    )
+    newest = f"{plot}.valToPos({plot}.data[0].at(-1), 'x')"
+    tab.wait(f"{newest} < {width - 3}")
+    tab.page.mouse.move(left + 0.8 * width, top + 20)
+    tab.page.mouse.down()
+    tab.page.mouse.move(left + width - 1, top + 20, steps=3)
+    tab.page.mouse.up()
+    tab.wait(f"Math.abs({span} - 60_000) < 2000")
+    tab.page.mouse.move(left + tab.page.evaluate(newest), top + 30)
+    tab.wait(f"/^x [14]00line crossed 7, gate, in$/.test({legend})")
+    assert tab.page.evaluate(f"/^\\d\\d:\\d\\d:\\d\\d$/.test({moment})")
+    others = "[...document.querySelectorAll('.plot h3')].map((one) => one.lastChild.textContent)"
+    moments = set(tab.page.evaluate(others)) - {""}  # of plots that have any data
+    assert len(moments) == 1
+    tab.page.mouse.move(left + 5, top + 30)  # where nothing came
+    tab.wait(f"{legend} === 'x \u2013'")
+
+    tab.page.click("#plot-newest")
+    tab.wait(f"Math.abs({span} - 300_000) < 1 && document.querySelector('#plot-newest').disabled")
+    tab.page.evaluate("window.passed = 600_000")
+    tab.wait(f"{legend} === 'x 400' && {moment}.startsWith('newest value 10 min')")
+    assert tab.page.evaluate(f"{AGES}('Centroid x')") == []
+    tab.page.select_option("#plot-span", "30")
+    tab.wait(f"{AGES}('Centroid x').some((age) => Math.abs(age - 600) < {SLACK_S})")
 
 
 def test_closed_panels_and_a_hidden_page_ask_for_nothing_and_draw_nothing(
@@ -152,9 +199,9 @@ def test_closed_panels_and_a_hidden_page_ask_for_nothing_and_draw_nothing(
     tab.page.evaluate(
         """() => {
             window.drawn = [];
-            const clear = CanvasRenderingContext2D.prototype.fillText;
-            CanvasRenderingContext2D.prototype.fillText = function (...given) {
-                window.drawn.push(given[0]);
+            const clear = CanvasRenderingContext2D.prototype.clearRect;
+            CanvasRenderingContext2D.prototype.clearRect = function (...given) {
+                window.drawn.push(this.canvas.className);
                 clear.apply(this, given);
             };
         }"""
@@ -207,9 +254,7 @@ def test_a_number_of_an_unknown_message_is_plotted_and_an_event_is_listed(
     tab.page.select_option("#plot-field", "regions.0.mean")
     tab.page.click("#plot-add")
     server.tell("message", key="vision/front/brightness", header=header, body=brightness)
-    plot = (
-        "document.querySelector('canvas[aria-label^=\"Brightness regions.0.mean\"]').parentElement"
-    )
+    plot = "document.querySelector('#field-plots .plot:last-child')"
     tab.wait(f"{plot}.querySelector('.legend').textContent === 'regions.0.mean 12.5'")
     assert json.loads(tab.page.evaluate("localStorage.getItem('zv.plots')"))[-1] == [
         "brightness", "regions.0.mean",

@@ -3,7 +3,7 @@ import test from "node:test";
 
 import { bend, locked, parse, positionOf, STEPS, valueAt } from "./panels/controls.js";
 import { numericFields } from "./model/fields.js";
-import { axis, joinedParts } from "./panels/chart.js";
+import { columns, lonely } from "./panels/chart.js";
 import { FieldRecorder } from "./panels/field_recorder.js";
 import { layOut } from "./panels/graph.js";
 import { condition } from "./panels/parameters.js";
@@ -93,23 +93,6 @@ test("a key may have the name of something that every object has", () => {
   }
 });
 
-test("a scale begins at 0 and ends at a round number above all values", () => {
-  assert.deepEqual(axis([3, null, 29.9]), { low: 0, high: 30, ticks: [0, 10, 20, 30] });
-  assert.deepEqual(axis([]).ticks[0], 0);
-  for (const top of [0.02, 1, 7.3, 480, 12_345]) {
-    const { high, ticks } = axis([top]);
-    assert.ok(high >= top && ticks.length >= 2 && ticks.length <= 6, `${top}: ${ticks}`);
-  }
-});
-
-test("a scale reaches below 0, and leaves the 0 out only where values are far from it", () => {
-  assert.deepEqual(axis([-40, 20]), { low: -40, high: 20, ticks: [-40, -20, 0, 20] });
-  assert.deepEqual(axis([-3]), { low: -3, high: 0, ticks: [-3, -2, -1, 0] });
-  assert.deepEqual(axis([1000, 1003]), { low: 1000, high: 1003, ticks: [1000, 1001, 1002, 1003] });
-  assert.equal(axis([700, 1000]).low, 0);
-  assert.equal(axis([1000, 1000]).low, 0);
-});
-
 test("the numbers of any message have names joined by dots, and are bounded", () => {
   const header = { camera: "front", epoch: "1790", seq: 7, width: 640 };
   const body = { mean: 3.5, moving: true, name: "x", none: null, box: [1, 2],
@@ -162,24 +145,39 @@ function recorded(points) {
 }
 
 test("of fast messages each spike is kept, few points are drawn, and they stay while more come", () => {
-  const fast = Array.from({ length: 36_000 }, (_, index) => [index * 10, index % 7]); // 6 min, 100 Hz
+  const fast = Array.from({ length: 186_000 }, (_, index) => [index * 10, index % 7]); // 31 min, 100 Hz
   fast[20_001] = [200_010, -500];
   fast[30_002] = [300_020, 900];
   const points = recorded(fast);
-  assert.ok(points.length <= 3 * 5 * 60 * 4 + 3);
-  assert.ok(points[0][0] >= 59_700 && points.at(-1)[0] === 359_990); // of the last 5 minutes
+  assert.ok(points.length <= 3 * 30 * 60 * 4 + 3);
+  assert.ok(points[0][0] >= 59_700 && points.at(-1)[0] === 1_859_990); // of the last 30 minutes
   for (const spike of [fast[20_001], fast[30_002]]) assert.ok(points.some((one) => `${one}` === `${spike}`));
-  const later = recorded([...fast, [360_000, 1]]);
+  const later = recorded([...fast, [1_860_000, 1]]);
   assert.deepEqual(later.slice(0, -1).slice(-3000), points.slice(-3000));
 });
 
+test("of a part of the time one quarter of a second before it is drawn too, or the newest of all", () => {
+  const recorder = new FieldRecorder({ streams: [] }, Watches.prototype);
+  recorder.follow("front", [], [["brightness", "mean"]]);
+  for (const at of [1000, 2000, 3000]) recorder.take("brightness", { body: { mean: 5 } }, at);
+  const from = (moment) => recorder.points("brightness", "mean", moment).map(({ at }) => at);
+  assert.deepEqual([from(0), from(2500), from(9000)], [[1000, 2000, 3000], [2000, 3000], [3000]]);
+});
+
 test("points of slow messages are joined, and a line is broken where they fail to come", () => {
-  const lengths = (times) => joinedParts(times.map((at) => ({ at }))).map((part) => part.length);
-  assert.deepEqual(lengths([0, 5000, 10_000, 15_000]), [4]); // 0.2 Hz
-  assert.deepEqual(lengths([0, 60_000, 120_000]), [3]);
-  assert.deepEqual(lengths([0, 5000, 10_000, 15_000, 31_000]), [4, 1]);
-  assert.deepEqual(lengths([0, 100, 200, 3600, 7200]), [4, 1]); // 3400 ms are joined, 3600 are not
-  assert.deepEqual([lengths([7]), lengths([])], [[1], []]);
+  const values = (times) => columns(times.map((at) => ({ at, value: at })))[1];
+  assert.deepEqual(values([0, 5000, 10_000, 15_000]), [0, 5000, 10_000, 15_000]); // 0.2 Hz
+  assert.deepEqual(values([0, 60_000, 120_000]), [0, 60_000, 120_000]);
+  assert.deepEqual(values([0, 5000, 10_000, 15_000, 31_000]), [0, 5000, 10_000, 15_000, null, 31_000]);
+  assert.deepEqual(values([0, 100, 200, 3600, 7200]), [0, 100, 200, 3600, null, 7200]); // 3.4 s, 3.6 s
+  const points = [0, 1000, 2000, 8000].map((at, value) => ({ at, value }));
+  assert.deepEqual(columns(points, 100), [[100, 1100, 2100, 5100, 8100], [0, 1, 2, null, 3]]);
+  assert.deepEqual(columns([]), [[], []]);
+});
+
+test("a value with none beside it is drawn as a dot, whatever other lines have between", () => {
+  assert.deepEqual(lonely([1, undefined, null, undefined, 5, null, 7, undefined, 8]), [0, 4]);
+  assert.deepEqual([lonely([3]), lonely([]), lonely([1, 2])], [[0], [], []]);
 });
 
 test("a line of a node that serves several cameras says that it is of all of them", () => {

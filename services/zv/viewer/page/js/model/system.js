@@ -5,7 +5,7 @@
 import { Events, milliseconds } from "../transport/connection.js";
 
 const LINES_KEPT = 1000;
-export const HISTORY_MS = 5 * 60 * 1000;
+export const HISTORY_MS = 30 * 60 * 1000;
 const LATE_MS = 500; // a message that says the time may be this late, on a slow link
 const GAP_MS = 3000; // reports come once a second, but not while the page is hidden
 
@@ -20,7 +20,7 @@ export class System extends Events {
 		this.nodes = [];
 		this.matches = new Map(); // key expression with wildcards -> the keys of streams that it matches
 		// node -> [{at, diagnostics, lost, rate, p50, p99, drops|null}], `at` by the page's own clock,
-		// which makes no steps.
+		// which makes no steps; only the newest has its diagnostics.
 		this.histories = new Map();
 		this.parameters = new Map(); // node -> (name -> parameter)
 		this.lines = [];
@@ -121,6 +121,7 @@ export class System extends Events {
 		const history = this.histories.get(node) ?? [];
 		const lost = Number(total); // a text if it is very large
 		const before = history.at(-1) ?? { at: now, lost };
+		before.diagnostics = null;
 		const { rate_hz: rate, latency_ms: latency } = diagnostics;
 		// The counters of a restarted node begin at 0.
 		const more = Math.max(0, lost - before.lost);

@@ -1,129 +1,174 @@
-// Draws lines over the last minutes on a canvas, with their names and newest values below it.
+// Draws lines over time by uPlot, with the moments of events; names and values stand below. A
+// pointer shows the values at its moment in all charts, a drag zooms into a part of the time.
 
 import { median } from "../model/streams.js";
-import { HISTORY_MS } from "../model/system.js";
-import { element } from "../ui/elements.js";
-import { number } from "../ui/format.js";
+import { element, setText } from "../ui/elements.js";
+import { clock, duration, number } from "../ui/format.js";
 
-const MINUTE_MS = 60_000;
 const FONT = '11px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace';
+const HEIGHT = 116;
 const GAP_MS = 3500;
 const GAP_STEPS = 3; // a line is broken where points are further apart, and GAP_MS
-const DOT = 3;
-const LEFT = 46;
-const RIGHT = 8;
-const TOP = 6;
-const BOTTOM = 18;
-const NEAR = 0.2; // values that differ by less than this share of them are shown without the 0
+const MINUTE_MS = 60_000;
+const NEAR_PX = 4; // events under the pointer
+const REACH_PX = 20; // and values
+const MARK_PX = 6;
+const MOST_WORDS = 4; // of events at one place
+const LONGEST_TICK = 6;
 
-/** A chart's elements; `remove()`, if given, is called by a button. */
+/** A chart's elements. */
 export class Chart {
-	constructor(title, unit, remove = null) {
-		this.canvas = element("canvas", { role: "img", "aria-label": `${title}, 5 minutes` });
+	/** `zoom(part)` is called with [from, to], or null for the newest; `remove()` by a button. */
+	constructor(title, unit, zoom, remove = null) {
+		this.title = title;
+		this.zoom = zoom;
+		this.place = element("div");
+		this.moment = element("small");
 		this.legend = element("p", { class: "legend" });
 		this.element = element("section", { class: "plot" },
-			element("h3", {}, title, element("small", {}, unit)),
+			element("h3", {}, title, element("small", {}, unit), this.moment),
 			remove && element("button", { type: "button", class: "quiet remove", onclick: remove,
 				"aria-label": `Remove the plot of ${title}` }, "✕"),
-			this.canvas, this.legend);
+			this.place, this.legend);
 	}
 
-	/** Draw lines [{name, colour, dash, points: [{at, value}]}]; `colour(name)` is the theme's. */
-	draw(lines, now, colour) {
-		drawLines(this.canvas, lines, now, colour);
-		drawLegend(this.legend, lines);
-	}
-}
-
-/** Write each name with the newest values of its lines. */
-function drawLegend(legend, lines) {
-	legend.replaceChildren(...[...Map.groupBy(lines, (line) => line.name)].map(([name, own]) => {
-		const swatch = element("i", { class: "swatch" });
-		swatch.style.color = own[0].colour;
-		const values = own.map(({ points }) => points.at(-1)?.value)
-			.map((value) => number(value, Math.abs(value) < 1 ? 4 : 1));
-		return element("span", {}, swatch, `${name} ${values.join(" / ")}`);
-	}));
-}
-
-/** Draw lines over time up to `now`, ms, with gaps. */
-function drawLines(canvas, lines, now, colour) {
-	const { clientWidth: width, clientHeight: height } = canvas;
-	canvas.width = Math.round(width * devicePixelRatio); // also clears it
-	canvas.height = Math.round(height * devicePixelRatio);
-	const context = canvas.getContext("2d");
-	context.scale(devicePixelRatio, devicePixelRatio);
-	const values = lines.flatMap((line) => line.points.map(({ value }) => value));
-	const { low, high, ticks } = axis(values);
-	const x = (at) => LEFT + (1 - (now - at) / HISTORY_MS) * (width - LEFT - RIGHT);
-	const y = (value) => TOP + (high - value) / (high - low) * (height - TOP - BOTTOM);
-	context.font = FONT;
-	context.fillStyle = colour("dim");
-	context.textAlign = "right";
-	for (const tick of ticks) {
-		context.fillText(tickText(tick), LEFT - 6, y(tick) + 4);
-		stroke(context, colour("line"), 1, [[LEFT, y(tick)], [width - RIGHT, y(tick)]]);
-	}
-	for (let back = 0; back <= HISTORY_MS / MINUTE_MS; back += 1) {
-		const text = back === 0 ? "now" : `−${back}`;
-		context.fillText(text, x(now - back * MINUTE_MS) + (back ? 8 : 0), height - 4);
-	}
-	for (const { dash, points, ...line } of lines) {
-		context.setLineDash(dash);
-		const seen = points.filter(({ at, value }) => at >= now - HISTORY_MS && value !== null);
-		for (const part of joinedParts(seen)) {
-			stroke(context, line.colour, 1.5, part.map(({ at, value }) => [x(at), y(value)]));
+	/**
+	 * Draw lines [{name, colour, dash, points: [{at, value}]}] and marks [{at, words}] between
+	 * `from` and `to`; `offset` makes their times milliseconds since 1970, `colour(name)` is the theme's.
+	 */
+	draw(lines, marks, { from, to, offset }, colour) {
+		this.lines = lines;
+		this.marks = marks;
+		this.offset = offset;
+		const size = { width: this.place.clientWidth, height: HEIGHT };
+		const look = JSON.stringify([colour("dim"), lines.map(({ colour: own, dash }) => [own, dash])]);
+		if (look !== this.look) {
+			this.plot?.destroy();
+			this.plot = new uPlot({ ...size, ...this.options(colour) }, null, this.place);
+			const canvas = this.plot.root.querySelector("canvas");
+			canvas.setAttribute("role", "img");
+			canvas.setAttribute("aria-label", `${this.title} over time`);
 		}
+		this.look = look;
+		if (this.plot.width !== size.width) this.plot.setSize(size);
+		const tables = lines.map(({ points }) => columns(points, offset));
+		this.plot.batch(() => {
+			this.plot.setData(tables.length ? uPlot.join(tables) : [[]], false);
+			this.plot.setScale("x", { min: from + offset, max: to + offset });
+		});
+		this.drawLegend();
 	}
+
+	options(colour) {
+		const axis = { font: FONT, stroke: colour("dim"), ticks: { show: false } };
+		const times = (_plot, ticks, _axis, _space, step) =>
+			ticks.map((at) => clock(at).slice(0, step < MINUTE_MS ? 8 : 5));
+		return {
+			ms: 1,
+			padding: [6, 8, 0, 0],
+			legend: { show: false },
+			axes: [
+				{ ...axis, size: 20, gap: 3, space: 60, values: times, grid: { show: false } },
+				{ ...axis, size: 46, gap: 4, space: 20, values: (_plot, ticks) => ticks.map(tickText),
+					grid: { stroke: colour("line"), width: 1 } },
+			],
+			series: [{}, ...this.lines.map(({ colour: stroke, dash }) => ({ stroke, dash, width: 1.5,
+				points: { show: true, size: 4, fill: stroke, filter: (plot, at) => lonely(plot.data[at]) } }))],
+			cursor: {
+				y: false,
+				points: { size: 5 },
+				hover: { prox: REACH_PX },
+				drag: { setScale: false },
+				sync: { key: "plots", filters: { pub: (type) => type.startsWith("mousem") || type === "mouseleave" } },
+				bind: { dblclick: () => () => this.zoom(null) },
+			},
+			hooks: {
+				setCursor: [() => this.drawLegend()],
+				setSelect: [(plot) => this.select(plot)],
+				draw: [(plot) => this.drawMarks(plot, colour("accent"))],
+			},
+		};
+	}
+
+	/** Zoom into what was chosen by a drag. */
+	select(plot) {
+		const { left, width } = plot.select;
+		if (!width) return;
+		const [from, to] = [left, left + width].map((x) => plot.posToVal(x, "x") - this.offset);
+		plot.setSelect({ left: 0, width: 0 }, false);
+		this.zoom([from, to]);
+	}
+
+	drawMarks({ ctx: context, bbox, valToPos }, colour) {
+		context.save(); // the library remembers what it has set
+		context.fillStyle = colour;
+		for (const { at } of this.marks) {
+			const x = valToPos(at + this.offset, "x", true);
+			if (x < bbox.left || x > bbox.left + bbox.width) continue;
+			context.fillRect(Math.round(x), bbox.top, devicePixelRatio, MARK_PX * devicePixelRatio);
+		}
+		context.restore();
+	}
+
+	/** Write each name with the values of its lines: those under the pointer, else the newest. */
+	drawLegend() {
+		const { cursor, data, posToVal, valToPos } = this.plot;
+		const isPointed = cursor.left >= 0 && data[0].length > 0;
+		const values = this.lines.map(({ points }, index) => isPointed
+			? data[index + 1][cursor.idxs[index + 1]] : points.at(-1)?.value);
+		const groups = Map.groupBy(this.lines.keys(), (index) => this.lines[index].name);
+		const parts = [...groups].map(([name, own]) => {
+			const swatch = element("i", { class: "swatch" });
+			swatch.style.color = this.lines[own[0]].colour;
+			const texts = own.map((index) => number(values[index], Math.abs(values[index]) < 1 ? 4 : 1));
+			return element("span", {}, swatch, `${name} ${texts.join(" / ")}`);
+		});
+		setText(this.moment, isPointed ? clock(posToVal(cursor.left, "x")) : this.age());
+		const near = !isPointed || !this.place.matches(":hover") ? [] : this.marks.filter(({ at }) =>
+			Math.abs(valToPos(at + this.offset, "x") - cursor.left) < NEAR_PX);
+		const words = near.slice(-MOST_WORDS).map((mark) => element("b", {}, mark.words));
+		const others = near.length - words.length;
+		this.legend.replaceChildren(...parts, ...words, others ? `and ${others} more events` : "");
+	}
+
+	/** How old the newest value is, if it is older than what is shown. */
+	age() {
+		const newest = Math.max(...this.lines.map(({ points }) => points.at(-1)?.at ?? -Infinity));
+		const { min, max } = this.plot.scales.x;
+		return newest + this.offset < min && newest > -Infinity
+			? `newest value ${duration(max - newest - this.offset)} before` : "";
+	}
+}
+
+/** A number of the scale, short enough for the margin: "250", "1.5e9". */
+function tickText(tick) {
+	const text = String(Number(tick?.toPrecision(12)));
+	return text.length <= LONGEST_TICK ? text : tick.toExponential(1).replace("e+", "e");
 }
 
 /**
- * A scale between round numbers, with a few ticks; null values are left out. It contains 0, unless
- * the values are all far from it and near each other.
+ * Points {at, value} as columns for uPlot. A null breaks the line where they fail to come for longer
+ * than usual, however slow that is.
  */
-export function axis(values) {
-	const known = values.filter((value) => value !== null);
-	const least = known.reduce((best, value) => Math.min(best, value), known[0] ?? 0);
-	const most = known.reduce((best, value) => Math.max(best, value), known[0] ?? 0);
-	const isFar = most - least < NEAR * Math.max(Math.abs(least), Math.abs(most));
-	const [from, to] = isFar && most > least ? [least, most] : [Math.min(0, least), Math.max(0, most)];
-	const span = to - from || 1;
-	const power = 10 ** Math.floor(Math.log10(span / 3));
-	const step = [1, 2, 2.5, 5, 10].map((by) => by * power).find((by) => by >= span / 3);
-	const first = Math.floor(from / step + 1e-9);
-	const last = Math.max(first + 1, Math.ceil((from + span) / step - 1e-9));
-	const ticks = Array.from({ length: last - first + 1 }, (_, index) =>
-		Number(((first + index) * step).toPrecision(12)));
-	return { low: ticks[0], high: ticks.at(-1), ticks };
-}
-
-/** A number of the scale, short enough for the margin: "250", "1.5e+9". */
-function tickText(tick) {
-	const text = String(tick);
-	return text.length <= 6 ? text : tick.toExponential(1).replace("e+", "e");
-}
-
-/** The parts of a line whose points {at} follow one another as usual, however slow that is. */
-export function joinedParts(points) {
+export function columns(points, offset = 0) {
 	const steps = points.slice(1).map(({ at }, index) => at - points[index].at);
 	const longest = Math.max(GAP_MS, GAP_STEPS * (median(steps) ?? 0));
-	const parts = [];
-	points.forEach((point, index) => {
-		if (!index || steps[index - 1] > longest) parts.push([]);
-		parts.at(-1).push(point);
+	const [times, values] = [[], []];
+	points.forEach(({ at, value }, index) => {
+		if (steps[index - 1] > longest) {
+			times.push((at + points[index - 1].at) / 2 + offset);
+			values.push(null);
+		}
+		times.push(at + offset);
+		values.push(value);
 	});
-	return parts;
+	return [times, values];
 }
 
-/** Draw a line through points [x, y], or a dot if there is but one. */
-function stroke(context, colour, width, points) {
-	context.strokeStyle = colour;
-	context.lineWidth = width;
-	context.beginPath();
-	for (const [x, y] of points) context.lineTo(x, y);
-	context.stroke();
-	if (points.length > 1) return;
-	const [[x, y]] = points;
-	context.fillStyle = colour;
-	context.fillRect(x - DOT / 2, y - DOT / 2, DOT, DOT);
+/** The places of values that have none beside them, which a line does not show. */
+export function lonely(values) {
+	const known = [...values.keys()].filter((at) => values[at] !== undefined);
+	const isNone = (at) => (values[at] ?? null) === null;
+	return known.filter((at, index) =>
+		!isNone(at) && isNone(known[index - 1]) && isNone(known[index + 1]));
 }

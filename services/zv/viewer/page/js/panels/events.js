@@ -8,7 +8,7 @@ import { clock, dayAndClock, number } from "../ui/format.js";
 import { KeptEvents, momentOf } from "./kept_events.js";
 import { LineList } from "./line_list.js";
 
-const TYPE = "vision.TrackEvent.v1";
+export const TYPE = "vision.TrackEvent.v1";
 const MOST_CAMERAS = 8;
 const ROWS_KEPT = 500;
 const LONGEST_TEXT = 60;
@@ -73,7 +73,8 @@ function keptRow(row) {
 			wordsOf(row))));
 }
 
-function wordsOf({ event, id, zone, direction, x, y, class: name }) {
+/** What happened, in words. */
+export function wordsOf({ event, id, zone, direction, x, y, class: name }) {
 	const place = Number.isFinite(x) && Number.isFinite(y) ? `at ${number(x, 0)}, ${number(y, 0)}` : "";
 	const words = [`${String(event ?? "?").replaceAll("_", " ")} ${id ?? ""}`, name, zone, direction, place];
 	return words.filter(Boolean).map((word) => String(word).slice(0, LONGEST_TEXT)).join(", ");

@@ -54,9 +54,11 @@ export class FieldRecorder {
 		}
 	}
 
-	/** The points of a number that are to be drawn, oldest first. */
-	points(topic, name) {
-		return (this.series.get(`${topic} ${name}`) ?? []).flatMap(({ low, high, newest }) =>
+	/** The points of a number to draw from this moment on, oldest first, and those just before it. */
+	points(topic, name, from = -Infinity) {
+		const kept = this.series.get(`${topic} ${name}`) ?? [];
+		const begin = kept.findIndex(({ newest }) => newest.at >= from);
+		return kept.slice(begin < 0 ? -1 : Math.max(0, begin - 1)).flatMap(({ low, high, newest }) =>
 			[...new Set([low, high, newest])].sort((a, b) => a.at - b.at));
 	}
 

@@ -1,13 +1,16 @@
-// The panel of plots over the last minutes: rate, latency and losses of each node, and any number
-// in any message of the chosen camera, also of a schema that this page does not know.
+// The panel of plots over the last minutes, or a part of the last half hour: rate, latency and losses
+// of each node, and any number in any message of the chosen camera, also of a schema that this page
+// does not know; the camera's events are marked.
 
 import { byId, setOptions, syncViews } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Chart } from "./chart.js";
 import { CameraList } from "./dock.js";
+import { EventMarks } from "./event_marks.js";
 import { FieldRecorder } from "./field_recorder.js";
 
 const DRAW_MS = 500;
+const MINUTE_MS = 60_000;
 const COLOURS = 4;
 const MOST_FIELDS = 8;
 const LONGEST_NAME = 100;
@@ -28,13 +31,21 @@ export class PlotsPanel {
 		this.views = new Map();
 		this.cameras = new CameraList(byId("plots-camera"), system, current, () => this.draw());
 		this.recorder = new FieldRecorder(system, watches);
+		this.events = new EventMarks(system, watches);
 		this.fields = loadFields();
+		this.part = null; // [from, to] of a zoom, by the page's own clock
+		this.zoom = (part) => {
+			this.part = part;
+			this.draw();
+		};
 		this.charts = CHARTS.map((chart) => {
-			const view = new Chart(chart.title, chart.unit);
+			const view = new Chart(chart.title, chart.unit, this.zoom);
 			byId("plots").append(view.element);
 			return { ...chart, view };
 		});
 		byId("plot-topic").addEventListener("change", () => this.draw());
+		byId("plot-span").addEventListener("change", () => this.zoom(null));
+		byId("plot-newest").addEventListener("click", () => this.zoom(null));
 		byId("plot-add").addEventListener("click", () => this.add());
 		system.on("streams", () => this.draw());
 		setInterval(() => this.draw(), DRAW_MS);
@@ -46,26 +57,32 @@ export class PlotsPanel {
 		const topics = this.visible
 			? [byId("plot-topic").value, ...this.fields.map(([topic]) => topic)].filter(Boolean) : [];
 		this.recorder.follow(camera, topics, this.fields);
+		this.events.follow(this.visible ? camera : null);
 		if (!this.visible) return;
 		this.drawMenu(camera);
+		byId("plot-newest").disabled = !this.part;
 		const style = getComputedStyle(document.documentElement);
 		const colour = (name) => style.getPropertyValue(`--${name}`);
 		const now = performance.now();
-		const lines = (fields) => linesOf(this.system, camera, fields, colour);
-		for (const { fields, view } of this.charts) view.draw(lines(fields), now, colour);
+		const [from, to] = this.part ?? [now - byId("plot-span").value * MINUTE_MS, now];
+		const span = { from, to, offset: this.system.clockOffset };
+		const draw = (view, lines) => view.draw(lines, this.events.marks, span, colour);
+		for (const { fields, view } of this.charts) {
+			draw(view, linesOf(this.system, camera, fields, colour));
+		}
 		syncViews(byId("field-plots"), this.views, this.fields.map((field) => field.join(" ")),
 			(key) => this.makeChart(this.fields.find((field) => field.join(" ") === key)));
 		for (const [topic, name] of this.fields) {
-			const points = this.recorder.points(topic, name);
+			const points = this.recorder.points(topic, name, from);
 			const line = { name, colour: colour("series-1"), dash: [], points };
-			this.views.get(`${topic} ${name}`).draw([line], now, colour);
+			draw(this.views.get(`${topic} ${name}`), [line]);
 		}
 	}
 
 	makeChart(field) {
 		const [topic, name] = field;
 		const title = `${topic[0].toUpperCase()}${topic.slice(1)} ${name}`;
-		return new Chart(title, "", () => this.setFields(this.fields.filter((one) => one !== field)));
+		return new Chart(title, "", this.zoom, () => this.setFields(this.fields.filter((one) => one !== field)));
 	}
 
 	/** Offer the message streams of the camera, and the numbers in the newest of the chosen one. */
