@@ -87,3 +87,17 @@ def test_the_values_of_a_node_are_read_with_their_names(open_tab: Open) -> None:
         f"/level (OK|WARN).*rate .*p50 .*p99 .*lost/s.test("
         f"document.querySelector('{row}')?.textContent)"
     )
+
+
+def test_without_javascript_the_page_is_the_list_of_streams_with_links_and_pictures(
+    browser: Any, system: Running
+) -> None:
+    with tab(browser, system.address, java_script_enabled=False) as opened:
+        opened.open()
+        link = opened.page.locator("a", has=opened.page.locator("img")).first
+        link.wait_for()
+        assert opened.page.url == f"{system.address}streams"
+        assert opened.page.locator(f"img[src*='{CAMERA}']").is_visible()
+        link.click()
+        opened.page.wait_for_url("**/stream_viewer?topic=/vision/front/**")
+        opened.page.locator("img").wait_for()

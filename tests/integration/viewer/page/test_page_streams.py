@@ -32,6 +32,23 @@ def test_a_camera_of_another_program_that_sends_only_raw_pixels_has_a_tile(
             tab.wait_until_live("vision/r1/image")
 
 
+def test_a_camera_whose_name_is_none_is_named_with_the_rule(
+    open_tab: Open, system: Running
+) -> None:
+    tab = open_tab()
+    tab.wait_until_live(CAMERA)
+    assert not tab.page.is_visible("#wall-misnamed")
+    with open_client(system.router.endpoint) as session:
+        keys = [f"vision/{camera}/image/compressed" for camera in ("cam-1", "Front")]
+        publishers = [session.declare_publisher(key) for key in keys]
+        tab.page.wait_for_selector("#wall-misnamed:visible")
+        wait_until(lambda: "Front, cam-1" in tab.page.inner_text("#wall-misnamed"))
+        assert "only letters a-z, digits and _" in tab.page.inner_text("#wall-misnamed")
+        for publisher in publishers:
+            publisher.undeclare()
+    tab.page.wait_for_selector("#wall-misnamed", state="hidden")
+
+
 def test_one_stream_large_moves_and_is_as_it_came(open_tab: Open) -> None:
     tab = open_tab(CAMERA)
     tab.wait_until_live(CAMERA)
