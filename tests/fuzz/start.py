@@ -26,7 +26,10 @@ projection_matrix: {rows: 3, cols: 4, data: [30, 0, 16, 0, 0, 30, 12, 0, 0, 0, 1
 KEY = "vision/front/image/compressed"
 TEXTS = {
     "calibration": [CALIBRATION],
-    "router_list": [b'{"clients":["ab"],"peers":[],"sessions":[{"peer":"ab"}]}'],
+    "router_list": [
+        b'{"clients":["ab"],"peers":[],"sessions":[{"peer":"ab"}]}',
+        b'{"version":"v1.10.2-1","sessions":[{"peer":"ab","shm":true,"links":[{"dst":"tcp/a:1"}]}]}',
+    ],
     "page_command": [
         json.dumps(each).encode()
         for each in (
@@ -76,6 +79,10 @@ def _inputs(target: str) -> list[bytes]:
             return encoded
         case "picture":
             return _pictures()
+        case "banded":
+            return [_banded()]
+        case "jpeg_stream":
+            return [bytes([size]) + _stream() for size in (0, 40, 255)]
         case "frame":
             return _frames()
         case "recording":
@@ -85,6 +92,26 @@ def _inputs(target: str) -> list[bytes]:
 
 def _pictures() -> list[bytes]:
     return [codecs.encode_jpeg(NOISE, "bgr8", 60), codecs.encode_png(NOISE)]
+
+
+def _banded() -> bytes:
+    """Return a JPEG that says that it is of 2000x2000 pixels, in four bands of 32 MCUs."""
+    jpeg = codecs.encode_jpeg(NOISE, "bgr8", 60)
+    size, scan = jpeg.index(b"\xff\xc0") + 5, jpeg.index(b"\xff\xda")
+    side, interval = (2000).to_bytes(2), (125 * 32).to_bytes(2)
+    head = jpeg[:size] + side + side + jpeg[size + 4 : scan] + b"\xff\xdd\0\4" + interval
+    restarts = b"".join(bytes((0xFF, 0xD0 + number)) for number in range(3))
+    return head + jpeg[scan:-2] + restarts + jpeg[-2:]
+
+
+def _stream() -> bytes:
+    """Return two parts of a multipart stream; the picture in one has been turned."""
+    jpeg = codecs.encode_jpeg(NOISE, "bgr8", 60)
+    tag = bytes.fromhex("01120003000000010006000000000000")
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\1" + tag
+    turned = jpeg[:2] + b"\xff\xe1" + (2 + len(exif)).to_bytes(2) + exif + jpeg[2:]
+    head = b"--b\r\nContent-Type: image/jpeg\r\nX-Timestamp: 12.5\r\n\r\n"
+    return head + turned + b"\r\n" + head + jpeg + b"\r\n--b--"
 
 
 def _frames() -> list[bytes]:

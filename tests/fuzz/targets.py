@@ -18,7 +18,8 @@ from zenoh_vision import messages
 from zenoh_vision.calibration.ros_yaml import read_calibration
 from zenoh_vision.errors import ConfigurationError, PayloadError
 from zenoh_vision.health.message_limits import check
-from zenoh_vision.image import codecs, forms
+from zenoh_vision.image import bands, codecs, forms
+from zenoh_vision.image.exif import as_stored, orientation_of
 from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE
 from zenoh_vision.message_codec import Message, unpack
 from zenoh_vision.messages import Diagnostics, Header, NodeDescription, Parameter
@@ -27,6 +28,9 @@ from zenoh_vision.transport.declarations import declaration_in, session_ids
 from zenoh_vision.transport.unreachable import is_acknowledgement, is_refusal
 from zv.bag.record import RecordingError
 from zv.bag.recording import Recording
+from zv.camera.sources.jpeg_splitter import JpegSplitter
+from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
+from zv.tools.doctor.observation import router_of
 from zv.tools.shared.json_schema import UnusableSchema, error_in, parsed
 from zv.viewer.websocket.commands import MalformedCommand, parse_command
 
@@ -62,6 +66,24 @@ def picture(data: bytes) -> None:
             codecs.decode_jpeg(data, "bgr8")
 
 
+def banded(data: bytes) -> None:
+    """Find the bands of a JPEG that is decoded in several threads."""
+    found = bands.layout(data)
+    if found is not None:
+        bands.decode(data, found, lambda *_: None)
+
+
+def jpeg_stream(data: bytes) -> None:
+    """Find the JPEGs in what a camera sends by HTTP, in pieces whose size the first byte says."""
+    splitter = JpegSplitter()
+    size = 1 + (data or b"\0")[0]
+    for begin in range(1, len(data), size):
+        for packet in splitter.feed(data[begin : begin + size]):
+            assert orientation_of(as_stored(packet.data)) == 1
+            with suppress(DamagedJpeg):
+                whole_jpeg(packet.data)
+
+
 def frame(data: bytes) -> None:
     """Open a frame of the form, and with the header, that the first bytes say."""
     encoding = (JPEG, PNG, RAW_IMAGE, BITS)[(data or b"\0")[0] % 4]
@@ -75,12 +97,13 @@ def frame(data: bytes) -> None:
 
 
 def router_list(data: bytes) -> None:
-    """Read what a router's admin space says of a key, and of its sessions."""
+    """Read what a router's admin space says of a key, of its sessions, and of itself."""
     payload = _Payload(data)
     key = "@/abc/router/publisher/vision/front/image"
     reply: Any = SimpleNamespace(key=key, ok=SimpleNamespace(payload=payload))
     _, sessions = declaration_in(reply)
     assert all(isinstance(each, str) for each in sessions | session_ids([reply]))
+    router_of("ab", data)
 
 
 class _Payload:
@@ -148,6 +171,8 @@ TARGETS: Mapping[str, Callable[[bytes], None]] = {
         message,
         msgpack,
         picture,
+        banded,
+        jpeg_stream,
         frame,
         router_list,
         page_command,
