@@ -184,9 +184,9 @@ class DetectorTracker(PipelineWithIds):
         """Return the boxes of the tracks, at the reduced size: they are not learned."""
         assert self._tracker is not None
         moving = [
-            each.state.box
-            for each in self._tracker.tracks
-            if each.state.confirmed and each.state.speed > PROTECTED_SPEED
+            each.box
+            for each in self._tracker.states
+            if each.confirmed and each.speed > PROTECTED_SPEED
         ]
         scale = self._scale
         return [

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from zv.tracker.tracking import boxes
 from zv.tracker.tracking.region import Region
+from zv.tracker.tracking.state import BoxState
 
 
 class ScoredBox(NamedTuple):
@@ -34,32 +35,12 @@ class ScoredBox(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
-    """Where a track is expected.
-
-    Attributes:
-        box: Its box.
-        deviation: Standard deviation of its centre, pixels.
-        confirmed: Whether it was ever confirmed.
-        missing_s: Seconds since it was last seen.
-        name: Name of its class.
-    """
-
-    box: Region
-    deviation: tuple[float, float]
-    confirmed: bool
-    missing_s: float
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
 class BoxLimits:
     """The constants of the association of boxes.
 
     Attributes:
         overlap: Least intersection over union of a box and the box that is expected.
         unsure_overlap: The same for boxes that are not sure enough to begin a track.
-        unsure_s: A track that was not seen for longer than this is not continued by such a box.
         gate_sides: Half of the distance, in sides, at which a box may still be the track's,
             without the uncertainty of its place.
         log_area: Largest ratio of their areas, as a natural logarithm.
@@ -69,38 +50,34 @@ class BoxLimits:
 
     overlap: float = 0.3
     unsure_overlap: float = 0.4
-    unsure_s: float = 1.0
     gate_sides: float = 0.5
     log_area: float = 0.7
     other_class: float = 0.3
     same: float = 0.7
 
 
-class Matches(NamedTuple):
-    """The result of an association.
-
-    Attributes:
-        pairs: Index of a track and of its box.
-        new: Indices of the boxes that are new objects.
-    """
-
-    pairs: list[tuple[int, int]]
-    new: list[int]
-
-
 def match_boxes(
-    tracks: Sequence[Expected], found: Sequence[ScoredBox], limits: BoxLimits
-) -> Matches:
-    """Return which box belongs to which track, and which are new objects.
+    tracks: Sequence[BoxState],
+    expected: Sequence[Region],
+    found: Sequence[ScoredBox],
+    limits: BoxLimits,
+) -> tuple[list[tuple[int, int]], list[int]]:
+    """Return which box belongs to which track, by indices, and which boxes are new objects.
 
     Boxes that are sure are assigned first, those that are not to the tracks that are left: an
     object that is partly hidden has a low score. Source: Y. Zhang et al., "ByteTrack: multi-object
     tracking by associating every detection box", 2022. What moved farther than its own size is
     then found by its distance.
+
+    Args:
+        tracks: The tracks.
+        expected: The box in which each is expected in the picture.
+        found: The boxes of the model.
+        limits: The constants.
     """
     sure = [number for number, each in enumerate(found) if each.score >= each.least]
     unsure = [number for number, each in enumerate(found) if each.score < each.least]
-    shared = boxes.unions([each.box for each in tracks], [each.region for each in found])
+    shared = boxes.unions(expected, [each.region for each in found])
     costs = 1 - shared + _other_class(tracks, found, limits)
     pairs: list[tuple[int, int]] = []
 
@@ -116,12 +93,12 @@ def match_boxes(
 
     everything = list(range(len(tracks)))
     confirmed = [row for row in everything if tracks[row].confirmed]
-    recent = [row for row in confirmed if tracks[row].missing_s <= limits.unsure_s]
-    assign(confirmed, sure, shared >= limits.overlap)
-    assign(recent, unsure, shared >= limits.unsure_overlap)
-    assign(everything, sure, shared >= limits.overlap)
+    near = shared >= limits.overlap
+    assign(confirmed, sure, near)
+    assign(confirmed, unsure, shared >= limits.unsure_overlap)
+    assign(everything, sure, near)
     if len(pairs) < min(len(tracks), len(sure)):
-        away = _distances(tracks, found, limits)
+        away = _distances(tracks, expected, found, limits)
         costs = np.where(np.isfinite(away), away, boxes.IMPOSSIBLE)
         assign(everything, sure, np.isfinite(away))
     taken = {column for _, column in pairs}
@@ -134,30 +111,32 @@ def match_boxes(
         if not known or boxes.unions([region], known).max() < limits.same:
             new.append(column)
             known.append(region)
-    return Matches(pairs, new)
+    return pairs, new
 
 
 def _other_class(
-    tracks: Sequence[Expected], found: Sequence[ScoredBox], limits: BoxLimits
+    tracks: Sequence[BoxState], found: Sequence[ScoredBox], limits: BoxLimits
 ) -> NDArray[np.float64]:
-    differs = [[track.name != each.name for each in found] for track in tracks]
+    differs = [[track.class_name != each.name for each in found] for track in tracks]
     return limits.other_class * np.array(differs, np.float64).reshape(len(tracks), len(found))
 
 
 def _distances(
-    tracks: Sequence[Expected], found: Sequence[ScoredBox], limits: BoxLimits
+    tracks: Sequence[BoxState],
+    expected: Sequence[Region],
+    found: Sequence[ScoredBox],
+    limits: BoxLimits,
 ) -> NDArray[np.float64]:
     """Return the cost of each pair that may be one object by distance, size and class, else inf."""
     costs = np.full((len(tracks), len(found)), np.inf)
     centers = np.array([each.region.center for each in found])
     areas = np.array([each.region.area for each in found])
-    for row, track in enumerate(tracks):
-        reach = limits.gate_sides / 2 * math.sqrt(max(4.0, track.box.area))
-        (x, y), (across, down) = track.box.center, track.deviation
-        away = np.square((centers[:, 0] - x) / (across + reach))
-        away += np.square((centers[:, 1] - y) / (down + reach))
-        ratio = np.abs(np.log((areas + 1) / (track.box.area + 1)))
-        same = np.array([each.name == track.name for each in found])
+    for row, (track, box) in enumerate(zip(tracks, expected, strict=True)):
+        reach = limits.gate_sides / 2 * track.side
+        away = np.square((centers[:, 0] - box.center[0]) / (math.sqrt(track.x.pp) + reach))
+        away += np.square((centers[:, 1] - box.center[1]) / (math.sqrt(track.y.pp) + reach))
+        ratio = np.abs(np.log((areas + 1) / (track.area + 1)))
+        same = np.array([each.name == track.class_name for each in found])
         fits = (away < 4.0) & (ratio < limits.log_area) & same
         costs[row, fits] = (away + ratio)[fits]
     return costs

@@ -46,6 +46,11 @@ class Region(NamedTuple):
         """Centre of the bounding box, x, y."""
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
+    def moved(self, x: float, y: float) -> Region:
+        """Return its bounding box and area at another place."""
+        edges = self.left + x, self.top + y, self.right + x, self.bottom + y
+        return Region(*edges, self.area)
+
 
 def union(regions: Sequence[Region]) -> Region:
     """Return one region with the bounding box and the total area of several."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Self
 
 from zv.tracker.tracking.appearance import Appearance
 from zv.tracker.tracking.kalman import AxisFilter
@@ -73,6 +74,8 @@ class TrackState:
         offset: From ``steady`` to the centre, x and y.
         shift: From the mean position of its pixels to ``steady``; None if unknown.
         appearance: Its silhouette and colours.
+        class_name: Name of its class, if a model says it.
+        score: How sure the model was when it last found it.
     """
 
     id: int
@@ -84,7 +87,7 @@ class TrackState:
     born_s: float
     seen_s: float
     origin: Region
-    cut: tuple[bool, bool, bool, bool]
+    cut: tuple[bool, ...]
     stands_at: Point
     stands_s: float
     shown_s: float = 0.0
@@ -102,6 +105,33 @@ class TrackState:
     offset: Point = (0.0, 0.0)
     shift: Point | None = None
     appearance: Appearance = field(default_factory=Appearance)
+    class_name: str | None = None
+    score: float | None = None
+
+    @classmethod
+    def new(
+        cls, number: int, found: Region, now_s: float, cut: tuple[bool, ...] = (False,) * 4
+    ) -> Self:
+        """Return the state of an object that was seen for the first time; ``cut`` as above."""
+        x, y = found.center
+        side = max(2.0, math.sqrt(found.width * found.height))
+        noise = (MOTION.noise_sides * side + MOTION.noise_px) ** 2
+        speed = (MOTION.speed * side) ** 2
+        return cls(
+            id=number,
+            x=AxisFilter(x, 0.0, noise, 0.0, speed),
+            y=AxisFilter(y, 0.0, noise, 0.0, speed),
+            width=found.width,
+            height=found.height,
+            area=found.area,
+            born_s=now_s,
+            seen_s=now_s,
+            origin=found,
+            cut=cut,
+            was_inside=not any(cut),
+            stands_at=(x, y),
+            stands_s=now_s,
+        )
 
     @property
     def side(self) -> float:
@@ -204,29 +234,23 @@ class TrackState:
         return max(0.0, now_s - self.seen_s)
 
 
-def new_state(
-    number: int, found: Region, now_s: float, cut: tuple[bool, bool, bool, bool] = (False,) * 4
-) -> TrackState:
-    """Return the state of an object that was seen for the first time, with the edges cut off."""
-    x, y = found.center
-    side = max(2.0, math.sqrt(found.width * found.height))
-    noise = (MOTION.noise_sides * side + MOTION.noise_px) ** 2
-    speed = (MOTION.speed * side) ** 2
-    return TrackState(
-        id=number,
-        x=AxisFilter(x, 0.0, noise, 0.0, speed),
-        y=AxisFilter(y, 0.0, noise, 0.0, speed),
-        width=found.width,
-        height=found.height,
-        area=found.area,
-        born_s=now_s,
-        seen_s=now_s,
-        origin=found,
-        cut=cut,
-        was_inside=not any(cut),
-        stands_at=(x, y),
-        stands_s=now_s,
-    )
+@dataclass(slots=True, eq=False)
+class BoxState(TrackState):
+    """The state of an object that a model finds; lengths in pixels of the picture.
+
+    Attributes:
+        found: Number of runs of the model that were sure of it.
+        missed: Number of runs that did not find it, since the last that did.
+        evidence: Sum of its scores by class, fading.
+        motion: Its region of motion in the last frame; None if it had none of its own.
+        place: The centre of its box there, as it was measured.
+    """
+
+    found: int = 1
+    missed: int = 0
+    evidence: dict[str, float] = field(default_factory=dict)
+    motion: Region | None = None
+    place: Point = (0.0, 0.0)
 
 
 def _minus(one: Point, other: Point) -> Point:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+State = Literal["tentative", "confirmed", "lost"]
+
 Box = tuple[int, int, int, int]
 """x, y, width, height in full-resolution pixels."""
 
@@ -35,7 +37,7 @@ class Track:
     """
 
     id: int
-    state: Literal["tentative", "confirmed", "lost"]
+    state: State
     x: float
     y: float
     box: Box

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 from zv.tracker.tracking import boxes
 from zv.tracker.tracking.appearance import Appearance, Scene
@@ -19,18 +18,12 @@ from zv.tracker.tracking.association import (
     Split,
     associate,
 )
+from zv.tracker.tracking.base import TrackerBase
 from zv.tracker.tracking.groups import divide
-from zv.tracker.tracking.measuring import Moment, measure, measure_portion
+from zv.tracker.tracking.measuring import measure, measure_portion
 from zv.tracker.tracking.region import Region
-from zv.tracker.tracking.state import TrackState, new_state
+from zv.tracker.tracking.state import TrackState
 from zv.tracker.tracking.track import Track
-
-MAX_STEP_S = 60.0
-"""Positions are predicted for at most this time, even if the clock was set forward by more: a
-larger variance would exhaust the precision of floating-point numbers."""
-
-MAX_TRACKS = 400
-"""Further objects are not tracked, so that the time for a frame is bounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +41,6 @@ class LifeLimits:
         protected_sides: An object that has travelled farther is not learned while it stands,
         protect_s: for this long.
         still_s: What has stood for this long may be a ghost, and is tested in this interval.
-        smoothed: A track's position is the smoothed centre if that is within this distance, in
-            sides, of the centre of its box.
         hidden_s: Time constant with which the predicted motion of a hidden object slows down.
     """
 
@@ -62,7 +53,6 @@ class LifeLimits:
     protected_sides: float = 1.0
     protect_s: float = 120.0
     still_s: float = 1.0
-    smoothed: float = 0.1
     hidden_s: float = 0.5
 
 
@@ -77,21 +67,11 @@ class TrackingParameters:
     association: AssociationLimits = field(default_factory=AssociationLimits)
 
 
-class Tracker:
-    """Turns the regions of successive frames into tracks.
+class Tracker(TrackerBase[TrackState]):
+    """Turns the regions of successive frames into tracks; see ``TrackerBase``.
 
-    All times are in seconds of the frames' stamps, and all limits of lengths in sides of the
-    objects, so that they hold at any frame rate and resolution.
-
-    Args:
-        parameters: The limits.
-        size: Width and height of the mask.
-        scale: Full-resolution pixels per pixel of the mask.
-        first_id: Id of the first track; each further one gets the next number.
-
-    Attributes:
-        states: The state of each track, oldest first.
-        next_id: The id that the next new track gets.
+    All limits of times are in seconds, and those of lengths in sides of the objects, so that they
+    hold at any frame rate and resolution.
     """
 
     def __init__(
@@ -101,18 +81,8 @@ class Tracker:
         scale: float = 1.0,
         first_id: int = 1,
     ) -> None:
+        super().__init__(TrackState, size, scale, first_id)
         self.parameters = parameters
-        self.states: list[TrackState] = []
-        self.next_id = first_id
-        self._scale = scale
-        self._moment = Moment(0.0, 0.0, size)
-
-    def predict(self, now_s: float) -> None:
-        """Predict all tracks to the time of the next frame; it never goes back."""
-        dt_s = max(0.0, now_s - self._moment.now_s)
-        self._moment = Moment(now_s, dt_s, self._moment.size)
-        for state in self.states:
-            state.predict(min(dt_s, MAX_STEP_S))
 
     def update(self, regions: Sequence[Region], scene: Scene | None = None) -> list[Track]:
         """Process the regions of the frame to which the tracks were predicted.
@@ -158,10 +128,6 @@ class Tracker:
             state.tested_s = now_s
         return found
 
-    def drop(self, state: TrackState) -> None:
-        """End a track."""
-        self.states = [each for each in self.states if each is not state]
-
     def _apply(self, decision: Decision, scene: Scene | None) -> None:
         moment = self._moment
         match decision:
@@ -187,13 +153,8 @@ class Tracker:
                     self._begin(region, scene)
 
     def _begin(self, region: Region, scene: Scene | None) -> TrackState | None:
-        if len(self.states) >= MAX_TRACKS:
-            return None
-        moment = self._moment
-        state = new_state(self.next_id, region, moment.now_s, moment.cut(region))
-        self.next_id += 1
-        self.states.append(state)
-        if scene is not None:
+        state = self._new(region)
+        if state is not None and scene is not None:
             state.appearance.learn(scene, state.box, 1.0)
         return state
 
@@ -249,29 +210,3 @@ class Tracker:
             if state.missing_s(now_s) <= (self.parameters.keep_lost_s if stays else life.gone_s):
                 kept.append(state)
         self.states = kept
-
-    def _state_name(self, state: TrackState) -> Literal["tentative", "confirmed", "lost"]:
-        if not state.confirmed:
-            return "tentative"
-        return "lost" if state.missing_s(self._moment.now_s) else "confirmed"
-
-    def _track(self, state: TrackState) -> Track:
-        scale, box, now_s = self._scale, state.shown or state.box, self._moment.now_s
-        width, height = max(1, round(box.width * scale)), max(1, round(box.height * scale))
-        x, y = state.x.position, state.y.position
-        if math.dist((x, y), box.center) > self.parameters.life.smoothed * state.side:
-            x, y = box.center
-        return Track(
-            id=state.id,
-            state=self._state_name(state),
-            x=x * scale,
-            y=y * scale,
-            box=(round(box.left * scale), round(box.top * scale), width, height),
-            area=max(0.0, state.area) * scale * scale,
-            vx=state.x.velocity * scale,
-            vy=state.y.velocity * scale,
-            age_s=max(0.0, now_s - state.born_s),
-            missing_s=state.missing_s(now_s),
-            steady=state.steady and (state.steady[0] * scale, state.steady[1] * scale),
-            offset=(state.offset[0] * scale, state.offset[1] * scale),
-        )

@@ -8,7 +8,7 @@ import pytest
 from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.groups import divide
 from zv.tracker.tracking.region import Region
-from zv.tracker.tracking.state import TrackState, new_state
+from zv.tracker.tracking.state import TrackState
 
 SIZE = (100, 200)  # rows, columns
 RED, BLUE = (20, 20, 200), (200, 60, 20)
@@ -27,7 +27,7 @@ def painted(*objects: tuple[Box, tuple[int, int, int]]) -> Scene:
 
 def known(number: int, seen: Box, color: tuple[int, int, int], at: Box) -> TrackState:
     """Return an object that was seen alone in one box and is expected in another one."""
-    target = new_state(number, region(at), 0.0)
+    target = TrackState.new(number, region(at), 0.0)
     target.appearance.learn(painted((seen, color)), region(seen), 1.0)
     return target
 

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zv.tracker.tracking.base import MAX_TRACKS
 from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.track import Track
-from zv.tracker.tracking.tracker import MAX_TRACKS, Tracker, TrackingParameters
+from zv.tracker.tracking.tracker import Tracker, TrackingParameters
 
 SIZE = (400, 300)
 
