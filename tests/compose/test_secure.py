@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -32,7 +33,8 @@ def stack(image: str, clone: Path, system: Secured) -> Iterator[Stack]:
     lines = (system.folder / "compose.env").read_text().splitlines()
     settings = dict(line.split("=", 1) for line in lines if not line.startswith("#"))
     settings |= {"ZV_PORT": str(free_port()), "ZV_SECURE_BIND": "127.0.0.1"}
-    settings |= {"COMPOSE_PROFILES": "two-cameras,relay,notify"}
+    settings |= {"COMPOSE_PROFILES": "two-cameras,relay,notify,metrics"}
+    settings |= {"ZV_METRICS_PORT": str(free_port())}
     settings |= {"ZV_NOTIFY_WEBHOOK": "http://127.0.0.1:9/"}  # where nobody listens
     with Stack(clone, ["secure"], settings) as running:
         yield running
@@ -42,6 +44,14 @@ def newest(session: zenoh.Session, key: str) -> bool:
     return any(reply.ok for reply in session.get(key, timeout=2.0))
 
 
+def page_at(address: str) -> bytes:
+    try:
+        with urllib.request.urlopen(address, timeout=5) as answer:
+            return bytes(answer.read())
+    except OSError:
+        return b""
+
+
 def test_a_guest_sees_the_streams_and_nobody_else_sees_anything(stack: Stack, system: Secured):
     guest = Link(system.connection("guest", timeout_s=60.0))
     for suffix in ("image/compressed", "centroid", "edges/compressed"):
@@ -49,6 +59,8 @@ def test_a_guest_sees_the_streams_and_nobody_else_sees_anything(stack: Stack, sy
     for suffix in ("back/image/compressed", "back/centroid", "front/relayed/compressed"):
         wait_until(lambda key=f"vision/{suffix}": newest(guest.session, key), 60)
     wait_until(lambda: newest(guest.session, "@vision/node/notify"), 60)
+    address = f"http://{stack.compose('port', 'metrics', '9464').strip()}/metrics"
+    wait_until(lambda: b'node_up{node="camera_front"} 1' in page_at(address), 60)
     guest.close()
     for endpoint in (f"tcp/127.0.0.1:{system.port}", f"tls/127.0.0.1:{system.port}"):
         with pytest.raises(RouterUnreachable):
@@ -56,7 +68,8 @@ def test_a_guest_sees_the_streams_and_nobody_else_sees_anything(stack: Stack, sy
 
 
 def test_a_container_has_its_own_credentials_only_and_cannot_write_them(stack: Stack):
-    for service in ("camera", "tracker", "edge", "viewer", "camera-2", "relay", "notify"):
+    of_profiles = ("camera-2", "relay", "notify", "metrics")
+    for service in ("camera", "tracker", "edge", "viewer", *of_profiles):
         shown = stack.compose("exec", "-T", service, "ls", "/run/secrets")
         assert shown.split() == ["credentials.json5"]
         written = stack.compose(

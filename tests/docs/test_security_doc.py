@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import zenoh
 from tests.support.fork_server import ZV
 from tests.support.processes import START_S, Program
 from tests.support.secured import Secured, secured
+from tests.support.typist import type_zv
 from tests.support.viewer.pages import Page, run_as_written
 from tests.support.waiting import wait_until
 from zenoh_vision.cli.flags import connection_from
@@ -76,6 +78,36 @@ def test_a_tool_runs_as_written_beside_the_system(running: Secured, command: str
     done = run_as_written(command, running.folder.parent)
     assert done.returncode == 0, done.stderr
     assert "quality: " in done.stdout or "vision/front/centroid" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "node info camera_front",
+        "param get camera_front quality",
+        "topic hz vision/front/centroid --for 1s",
+        "snapshot vision/front/image/compressed -o front.jpg",
+        "bag record vision/front/** -o front.mcap --for 1s",
+        "top --once",
+    ],
+)
+def test_a_guest_sees_everything_with_each_tool(running: Secured, words: str):
+    place = running.folder.parent
+    done = type_zv([*words.split(), "--credentials", "security/guest"], folder=place)
+    assert done.returncode == 0, done.stderr
+    assert "may not" not in done.stderr
+
+
+def test_a_guest_serves_metrics(running: Secured):
+    words = ["metrics", "--listen", "127.0.0.1:0", "--credentials", running.file("guest")]
+    with Program(words, running.folder.parent, "metrics", forked=ZV) as program:
+        (url,) = wait_until(lambda: re.findall(r"http://\S+/metrics", program.output), START_S)
+
+        def served() -> bool:
+            with urllib.request.urlopen(url, timeout=5) as answer:
+                return b'zenoh_vision_node_up{node="camera_front"} 1' in answer.read()
+
+        wait_until(served, START_S)
 
 
 def test_the_table_in_a_file_connects_with_certificates(running: Secured):
