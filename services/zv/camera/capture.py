@@ -143,7 +143,9 @@ class Capture:
             limit_s = settings.frozen_after
             still = STILL.format(limit_s) if limit_s and reader.still_s >= limit_s else ""
             self._note("still", still, remark)
-            self._note("lag", reader.lag.words(time.monotonic(), settings.max_lag), remark)
+            now_s = time.monotonic()
+            self._note("lag", reader.lag.words(now_s, settings.max_lag), remark)
+            self._note("loss", reader.lag.loss_words(now_s), remark)
             if captured is None:
                 if not self._supervise(reader, report):
                     return

@@ -229,7 +229,10 @@ class SourceReader:
         # Also of one that the rate leaves out: how far the source lags does not depend on it.
         now_s = time.monotonic()
         if read.stamp_ns is not None:
-            self.lag.note(now_s, (time.time_ns() - read.stamp_ns) / 1e9, read.skipped)
+            age_s = (time.time_ns() - read.stamp_ns) / 1e9
+            self.lag.note(now_s, age_s, read.skipped, read.packets_lost)
+        if read.packets_lost:
+            self._counters.note("packets_lost", read.packets_lost)
         self._count_missing(read.skipped, "lagging")
         rate_hz = self._parameters.newest.settings.rate
         if not self._filter.allow(rate_hz, now_s):

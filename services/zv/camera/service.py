@@ -39,7 +39,11 @@ from zv.camera.source_policy import OpenSource, SourceOpener, expected_rate
 from zv.camera.stream_limit import StreamLimit
 from zv.registry import published_by
 
-OVER = {"still": "the picture changes again", "lag": "the source does not lag any more"}
+OVER = {
+    "still": "the picture changes again",
+    "lag": "the source does not lag any more",
+    "loss": "no packet was lost for 10 s",
+}
 
 
 def topics(settings: CameraSettings, *, calibrated: bool) -> list[Topic]:

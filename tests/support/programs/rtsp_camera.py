@@ -5,6 +5,8 @@ on a free port of the loopback interface, or of the address and on the port give
 moving test picture of 320x240 at 30 Hz:
 
 - ``/h264`` and ``/mjpeg``; ``/udp``, H.264 that is refused over TCP;
+- ``/h264/lossy``, ``/h265/lossy`` and ``/mjpeg/lossy``, of whose packets some never leave, by TCP
+  or UDP; each connection gets the pictures from the first, like ``/h264/whole`` and so on;
 - ``/locked``, H.264 for user ``viewer`` with password ``secret`` only.
 
 Prints the port as its first line, then serves until it is ended. ``SIGSTOP`` makes it stall.
@@ -17,15 +19,22 @@ from __future__ import annotations
 import sys
 
 CAPS = "video/x-raw,format=I420,width=320,height=240,framerate=30/1"
-PICTURE = f"videotestsrc is-live=true pattern=ball ! {CAPS} ! timeoverlay"
-H264 = "x264enc tune=zerolatency key-int-max=15 ! rtph264pay name=pay0 config-interval=1"
-H265 = "x265enc tune=zerolatency key-int-max=15 ! rtph265pay name=pay0 config-interval=1"
+PATTERN = f"videotestsrc is-live=true pattern=ball ! {CAPS}"
+PICTURE = f"{PATTERN} ! timeoverlay"
+H264 = "x264enc tune=zerolatency key-int-max=15 ! rtph264pay config-interval=1 name=pay0"
+H265 = "x265enc tune=zerolatency key-int-max=15 ! rtph265pay config-interval=1 name=pay0"
+MJPEG = "jpegenc quality=80 ! rtpjpegpay name=pay0"
+ENCODINGS = {"/h264": H264, "/h265": H265, "/mjpeg": MJPEG}
 STREAMS = {
-    "/h264": f"( {PICTURE} ! {H264} )",
-    "/h265": f"( {PICTURE} ! {H265} )",
-    "/mjpeg": f"( {PICTURE} ! jpegenc quality=80 ! rtpjpegpay name=pay0 )",
+    **{path: f"( {PICTURE} ! {encoding} )" for path, encoding in ENCODINGS.items()},
     "/locked": f"( {PICTURE} ! {H264} )",
     "/udp": f"( {PICTURE} ! {H264} )",
+}
+SMALL = "mtu=500 ! identity"  # several packets for a picture
+ALONE = {
+    f"{path}/{name}": f"( {PATTERN} ! {encoding.replace('name=pay0', SMALL)} name=pay0 {lost} )"
+    for path, encoding in ENCODINGS.items()
+    for name, lost in (("whole", ""), ("lossy", "drop-probability=0.01"))
 }
 USER, PASSWORD = "viewer", "secret"
 
@@ -63,10 +72,10 @@ def main() -> int:
     authentication.set_default_token(anonymous)
     server.set_auth(authentication)
 
-    for path, pipeline in STREAMS.items():
+    for path, pipeline in {**STREAMS, **ALONE}.items():
         factory = GstRtspServer.RTSPMediaFactory()
         factory.set_launch(pipeline)
-        factory.set_shared(True)
+        factory.set_shared(path not in ALONE)
         if path == "/udp":
             factory.set_protocols(GstRtsp.RTSPLowerTrans.UDP)
         roles = GstRtspServer.RTSPPermissions()

@@ -55,7 +55,10 @@ class ScriptedSource:
         if word == "late":  # 3 s old, and 5 older ones were skipped for it
             old_ns = time.time_ns() - 3_000_000_000
             return TimedPicture(PixelPicture(pixels), stamp_ns=old_ns, skipped=5)
-        return TimedPicture(PixelPicture(pixels), due_s=due_s, lost=3 * (word == "lost"))
+        if word == "lost":
+            now_ns = time.time_ns()
+            return TimedPicture(PixelPicture(pixels), stamp_ns=now_ns, lost=3, packets_lost=2)
+        return TimedPicture(PixelPicture(pixels), due_s=due_s)
 
     def close(self) -> None:
         self.closed = True
@@ -426,6 +429,11 @@ def test_pictures_that_were_lost_at_the_source_have_numbers_and_are_counted():
         assert [each.seq for each in found] == [0, 4, 5]
         counts = rig.counters.snapshot()
         assert (counts["captured"], counts["dropped.at_source"]) == (6, 3)
+        assert counts["packets_lost"] == 2
+        wait_until(lambda: rig.remarks)
+        ((condition, words),) = rig.remarks
+        assert condition == "loss"
+        assert words.startswith("2 packets of the last 10 s were lost in the network")
 
 
 def test_a_closed_source_gives_its_memory_back_without_the_garbage_collector():

@@ -152,6 +152,15 @@ def test_skipped_pictures_are_said_for_ten_seconds():
     assert lag.words(25.5, 0.5) == ""
 
 
+def test_lost_packets_are_said_for_ten_seconds():
+    lag = LagMonitor()
+    lag.note(10.0, 0.1, 0, 3)
+    lag.note(15.0, 0.1, 0, 1)
+    assert lag.loss_words(15.1).startswith("4 packets of the last 10 s were lost in the network")
+    assert lag.loss_words(20.5).startswith("1 packets")
+    assert lag.loss_words(25.5) == ""
+
+
 def test_the_lag_is_that_of_the_newest_picture_of_the_last_second():
     lag = monitor((10.0, 3.2, 0), (10.5, 0.25, 0))
     assert lag.newest_ms(10.6) == 250

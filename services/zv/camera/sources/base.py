@@ -22,6 +22,7 @@ class TimedPicture:
         truth: All objects in a synthetic picture; None for other sources.
         skipped: Number of pictures before this one that the source skipped, since they were old.
         lost: Number of pictures that the source took after the one before, and did not deliver.
+        packets_lost: Number of packets that the network lost after the one before.
     """
 
     picture: Picture
@@ -30,6 +31,7 @@ class TimedPicture:
     truth: tuple[Track, ...] | None = None
     skipped: int = 0
     lost: int = 0
+    packets_lost: int = 0
 
 
 class Source(Protocol):

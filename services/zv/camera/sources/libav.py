@@ -85,6 +85,7 @@ class VideoDecoder:
         self._is_turned: bool | None = None
         self._converter = FrameConverter()
         self._warned = False
+        self._damaged = 0
         rate = stream.average_rate or stream.guessed_rate
         self.rate_hz = float(rate) if rate else None
         size = f"{context.width}x{context.height}, " if context.width else ""
@@ -107,10 +108,18 @@ class VideoDecoder:
             level = logging.DEBUG if self._warned else logging.WARNING
             log.log(level, "a damaged packet of the video was skipped: %s", reason)
             self._warned = True
+            self._damaged += 1
             return
         for frame in frames:
-            if not frame.is_corrupt:
+            if frame.is_corrupt:
+                self._damaged += 1
+            else:
                 yield Decoded(self._converter.picture(frame), frame.time)
+
+    def taken_damaged(self) -> int:
+        """Return how many pictures were left out as damaged since the last call."""
+        count, self._damaged = self._damaged, 0
+        return count
 
     def forget(self) -> None:
         """Forget the pictures that are not complete: the next packet is a key picture."""

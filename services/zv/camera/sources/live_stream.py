@@ -13,11 +13,18 @@ from av.stream import Stream
 
 from zv.camera.sources.base import TimedPicture
 from zv.camera.sources.libav import Decoded, VideoDecoder, packet_time_s, video_stream
+from zv.camera.sources.packet_losses import PacketLosses
 from zv.camera.sources.packet_queue import Arrival, PacketQueue
 from zv.camera.sources.stream_clock import StreamClock, stamp_ns
 
 WITHOUT_TIMES: Final = frozenset({"h264", "hevc", "m4v", "mjpeg", "mpjpeg", "yuv4mpegpipe"})
 """Formats whose times libav counts up at a rate that the stream may not have."""
+
+RTP: Final = frozenset({"rtsp", "rtp", "sdp"})
+"""Formats whose packets libav counts, but which come as if none were missing."""
+
+SUSPECT: Final = 2
+"""Pictures that a loss may have damaged: that which ends with it, and that which begins."""
 
 CLOSE_S: Final = 2.0
 
@@ -26,7 +33,8 @@ class LiveStream:
     """The pictures of an open container that has no end.
 
     A thread receives the packets. Those that have waited for longer than ``max_lag_s`` are skipped
-    up to the newest key picture, undecoded.
+    up to the newest key picture, undecoded. After a loss nothing is delivered up to the next key
+    picture: libav would conceal the damage, and say nothing of it.
 
     Args:
         container: Owned from now on; on an error it is left open.
@@ -36,6 +44,7 @@ class LiveStream:
 
     Attributes:
         clock: Maps the stream's times to this machine's clock.
+        packets_lost: Number of packets that were lost since the last picture.
         has_times: Whether the stream has times of its own.
         summary: Size and codec, for people.
 
@@ -63,7 +72,23 @@ class LiveStream:
         self._skipped = 0
         self._is_late = False
         self._last_ns = 0
-        self._queue = PacketQueue(self._of_video(container), container.close, self._arrive)
+        self._is_damaged = False
+        self._withheld = 0
+        self._packets_lost = self._packets_told = 0
+        self._marks_damage = stream.codec_context.name != "mjpeg"  # libav drops damaged JPEGs
+        self._losses = PacketLosses() if container.format.name in RTP else None
+
+        def close() -> None:
+            container.close()
+            if self._losses is not None:
+                self._losses.stop()
+
+        self._queue = PacketQueue(self._of_video(container), close, self._arrive)
+
+    @property
+    def packets_lost(self) -> int:
+        """See the class."""
+        return self._packets_lost - self._packets_told
 
     def read(self) -> TimedPicture | None:
         """Return the next picture, with the time of its capture; None at the end of the stream.
@@ -77,14 +102,23 @@ class LiveStream:
             arrival = self._queue.take(max(0.0, deadline_s - time.monotonic()))
             if arrival is None:
                 return None
-            if not self._skips(arrival):
+            if not self._skips(arrival) and not self._withholds(arrival.packet):
                 self._decoded = self._decoder.decode(arrival.packet)
                 self._arrived_s = arrival.arrived_s
         self._skipped += self._queue.taken_overflow()
         skipped, self._skipped = self._skipped, 0
         age_s = time.monotonic() - self._captured_s(found.time_s, self._arrived_s)
         self._last_ns = stamp_ns(age_s, time.time_ns(), self._last_ns)
-        return TimedPicture(found.picture, stamp_ns=self._last_ns, skipped=skipped)
+        lost, self._withheld = self._withheld + self._decoder.taken_damaged(), 0
+        packets_lost = self.packets_lost
+        self._packets_told += packets_lost
+        return TimedPicture(
+            found.picture,
+            stamp_ns=self._last_ns,
+            skipped=skipped,
+            lost=lost,
+            packets_lost=packets_lost,
+        )
 
     def close(self) -> None:
         """Close the stream; safe to call twice."""
@@ -92,8 +126,18 @@ class LiveStream:
         self._queue.close(self._timeout_s + CLOSE_S)
 
     def _of_video(self, container: InputContainer) -> Iterator[Packet[Stream]]:
+        """Yield the packets of the video; those that a loss may have damaged are marked."""
+        suspect = 0
+        if self._losses is not None:
+            self._losses.start()
         for packet in container.demux():
+            if self._losses is not None and (lost := self._losses.taken()):
+                self._packets_lost += lost
+                suspect = SUSPECT if self._marks_damage else 0
             if packet.stream.index == self._index and packet.size:
+                if suspect:
+                    packet.is_corrupt = True
+                    suspect -= 1
                 yield packet
 
     def _arrive(self, packet: Packet[Stream], arrived_s: float) -> None:
@@ -124,6 +168,16 @@ class LiveStream:
         self._skipped += 1 + skipped
         self._decoder.forget()
         return True
+
+    def _withholds(self, packet: Packet[Stream]) -> bool:
+        """Tell whether a packet is damaged, or needs one that is."""
+        if packet.is_corrupt:
+            self._is_damaged = True
+        elif self._is_damaged and packet.is_keyframe:
+            self._is_damaged = False
+            self._decoder.forget()
+        self._withheld += self._is_damaged
+        return self._is_damaged
 
 
 def _delay_s(packet: Packet[Stream]) -> float | None:

@@ -37,9 +37,12 @@ log = logging.getLogger(__name__)
 
 QUICK: Final = {"analyzeduration": "100000", "probesize": "1000000"}
 RTSP: Final = {"allowed_media_types": "video", "fflags": "nobuffer"}
+QUEUE: Final = {"reorder_queue_size": "4"}
+"""With a queue libav sees by TCP too what the server left out. TCP keeps the order of packets, so
+they wait in it after a loss only; then four are soon there."""
 TRANSPORTS: Final = {
-    "auto": {"rtsp_flags": "prefer_tcp"},  # and what the server allows if it refuses that
-    "tcp": {"rtsp_transport": "tcp"},
+    "auto": {"rtsp_flags": "prefer_tcp", **QUEUE},  # and what the server allows if it refuses that
+    "tcp": {"rtsp_transport": "tcp", **QUEUE},
     "udp": {"rtsp_transport": "udp"},
 }
 READ_MARGIN_S: Final = 0.5
@@ -163,6 +166,7 @@ class UrlSource:
             raise SourceLost(f"{self._shown}: {self._explain(error, started_s)}") from None
         if picture is None and self.live:
             raise SourceLost(f"{self._shown}: the server ended the stream")
+        self._needs_udp = False  # if nothing comes now, it is not for a firewall
         self._say_clock()
         return picture
 
@@ -172,6 +176,7 @@ class UrlSource:
 
     def _open(self, options: UrlOptions) -> InputContainer:
         rtsp = RTSP | TRANSPORTS[options.transport] if self._url.startswith("rtsp") else {}
+        self._needs_udp = bool(rtsp) and options.transport == "udp"
         found = hardware(options.hwaccel)
         started_s = time.monotonic()
         try:
@@ -216,10 +221,18 @@ class UrlSource:
             return
         self._says_clock = False
 
+    def _losses(self) -> str:
+        """Return what the network did to the pictures that did not come; empty if unknown."""
+        stream = getattr(self, "_stream", None)  # none while it is opened
+        lost = stream.packets_lost if isinstance(stream, LiveStream) else 0
+        if lost:
+            return f": {lost} packets were lost, and no whole key picture came"
+        return "; nothing came by UDP, which a firewall may stop" if self._needs_udp else ""
+
     def _explain(self, error: Exception, started_s: float) -> str:
         # libav reports an interrupted call in many ways, so the clock decides.
         if time.monotonic() - started_s >= self._timeout_s or isinstance(error, TimeoutError):
-            return f"no usable picture from the server for {self._timeout_s:g} s"
+            return f"no usable picture from the server for {self._timeout_s:g} s{self._losses()}"
         for kind, sentence in SENTENCES:
             if isinstance(error, kind):
                 proxy = proxy_words(self._url) if isinstance(error, ConnectionError) else ""

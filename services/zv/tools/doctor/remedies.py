@@ -61,7 +61,7 @@ REMEDIES: Final = {
     ),
     "at_source": Remedy(
         "the device took pictures that were not read in time, or sent damaged ones: check its "
-        "cable, or give the camera more processor time"
+        "cable or network (packets_lost), or give the camera more processor time"
     ),
     "live": Remedy(
         "a node publishes on keys of the recording: stop it, or play under other names with --as "

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import itertools
+import re
 import signal
 import socket
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
 
-from tests.support.pictures.url_sources import SHORT_S, SLACK_S, Opened, read_until_lost
+from tests.support.pictures.url_sources import PATIENT_S, SHORT_S, SLACK_S, Opened, read_until_lost
 from tests.support.pictures.videos import decoded, shown
 from tests.support.processes import missing, need
 from tests.support.programs import rtsp_camera
-from zenoh_vision.errors import SourceError
+from zenoh_vision.errors import SourceError, SourceLost
 from zv.camera.sources.base import TimedPicture
 from zv.camera.sources.libav import VideoDecoder
 
@@ -133,9 +134,10 @@ def age_s(timed: TimedPicture) -> float:
 
 
 class Network:
-    """Passes a connection on to a port, unless it is held."""
+    """Passes a connection on to a port, unless it is held; ``change`` sees what is asked."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, change: Callable[[bytes], bytes] = lambda data: data) -> None:
+        self._change = change
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = self._server.getsockname()[1]
         self._to = port
@@ -152,14 +154,17 @@ class Network:
                 return
             far = socket.create_connection(("127.0.0.1", self._to))
             self._open += [near, far]
-            for source, target in ((near, far), (far, near)):
-                threading.Thread(target=self._pass, args=(source, target), daemon=True).start()
+            for source, target, change in ((near, far, self._change), (far, near, bytes)):
+                ends = (source, target, change)
+                threading.Thread(target=self._pass, args=ends, daemon=True).start()
 
-    def _pass(self, source: socket.socket, target: socket.socket) -> None:
+    def _pass(
+        self, source: socket.socket, target: socket.socket, change: Callable[[bytes], bytes]
+    ) -> None:
         with suppress(OSError):
             while data := source.recv(1 << 16):
                 self.passes.wait()
-                target.sendall(data)
+                target.sendall(change(data))
             target.shutdown(socket.SHUT_RDWR)
 
     def hold(self, seconds: float) -> None:
@@ -249,6 +254,44 @@ def test_rtsp_goes_over_tcp_or_udp(
     shared_rtsp: RtspCamera, opened: Opened, path: str, transport: str
 ):
     assert opened(shared_rtsp.url(path), transport=transport).read() is not None
+
+
+@pytest.mark.quiet
+@pytest.mark.parametrize("transport", ["tcp", "udp"])
+@pytest.mark.parametrize("path", ["/h264", "/h265", "/mjpeg"])
+def test_lost_packets_are_counted_and_no_picture_that_they_damage_is_shown(
+    shared_rtsp: RtspCamera, opened: Opened, path: str, transport: str
+):
+    def unlimited() -> float:
+        return 0.0
+
+    whole = opened(shared_rtsp.url(f"{path}/whole"), max_lag_s=unlimited)
+    lossy = opened(shared_rtsp.url(f"{path}/lossy"), transport=transport, max_lag_s=unlimited)
+    given, end_s = [lossy.read() for _ in range(60)], time.monotonic() + PATIENT_S
+    while sum(picture.packets_lost for picture in given) < 3 and time.monotonic() < end_s:
+        given.append(lossy.read())
+    assert sum(picture.packets_lost for picture in given) >= 3
+    assert sum(picture.lost for picture in given) > 0 or path == "/mjpeg"
+    # Both got the same pictures from the first; bit for bit, since decoding is exact.
+    wanted, end_s = {shown(picture).tobytes() for picture in given}, time.monotonic() + PATIENT_S
+    while wanted and time.monotonic() < end_s:
+        wanted.discard(shown(whole.read()).tobytes())
+    assert not wanted
+
+
+def test_udp_that_a_firewall_stops_is_said_in_time(shared_rtsp: RtspCamera, opened: Opened):
+    def divert(request: bytes) -> bytes:
+        return re.sub(rb"client_port=[0-9-]+", b"client_port=9-10", request)
+
+    with closing(Network(shared_rtsp.port, divert)) as firewall:
+        url = f"rtsp://127.0.0.1:{firewall.port}/h264"
+        started_s = time.monotonic()
+        with pytest.raises(
+            (SourceError, SourceLost), match="for 1 s; nothing came by UDP, which a"
+        ):
+            opened(url, SHORT_S, transport="udp").read()
+        assert time.monotonic() - started_s < SHORT_S + SLACK_S
+        assert opened(url).read() is not None  # auto: by TCP
 
 
 def test_a_transport_that_the_server_refuses_is_said(shared_rtsp: RtspCamera, opened: Opened):
