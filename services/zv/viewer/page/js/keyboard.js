@@ -87,7 +87,7 @@ export function listenToKeyboard(parts) {
 			return;
 		}
 		if (event.key === "Escape") {
-			if (isTyping(event)) event.target.blur();
+			if (isTyping(event)) event.target?.blur();
 			else if (!isBehind()) escape(parts);
 			return;
 		}

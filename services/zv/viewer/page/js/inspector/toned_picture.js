@@ -36,8 +36,10 @@ export class TonedPicture {
 		this.range = { low: values.low, high: values.high };
 		if (isPlain && !isMeasured) return;
 		const pixels = this.read(item.bitmap);
-		if (isMeasured || choice.range === "auto") this.histogram = histogramOf(pixels.data, values);
-		if (choice.range === "auto") this.range = automaticRange(this.histogram);
+		const isAutomatic = choice.range === "auto";
+		const histogram = isMeasured || isAutomatic ? histogramOf(pixels.data, values) : null;
+		this.histogram = histogram;
+		if (isAutomatic && histogram) this.range = automaticRange(histogram);
 		if (choice.range === "fixed") this.range = { low: choice.low, high: choice.high };
 		if (isPlain) return;
 		paintTone(pixels.data, values, { ...this.range, map: choice.map });

@@ -17,6 +17,7 @@ const MOST_KEYS = 30; // as many streams as a page watches
 const KEY = /^[A-Za-z0-9_.~-]+(\/[A-Za-z0-9_.~-]+){2,}$/;
 const LONGEST_KEY = 200;
 
+/** @type {any} */
 export const PLAIN = { keys: [], only: [], columns: null, width: null, quality: null, panel: null,
 	hide: [] };
 

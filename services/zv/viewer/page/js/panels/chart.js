@@ -18,7 +18,10 @@ const LONGEST_TICK = 6;
 
 /** A chart's elements. */
 export class Chart {
-	/** `zoom(part)` is called with [from, to], or null for the newest; `remove()` by a button. */
+	/**
+	 * `zoom(part)` is called with [from, to], or null for the newest; `remove()` by a button.
+	 * @param {(() => void) | null} remove
+	 */
 	constructor(title, unit, zoom, remove = null) {
 		this.title = title;
 		this.zoom = zoom;
@@ -153,6 +156,7 @@ function tickText(tick) {
 export function columns(points, offset = 0) {
 	const steps = points.slice(1).map(({ at }, index) => at - points[index].at);
 	const longest = Math.max(GAP_MS, GAP_STEPS * (median(steps) ?? 0));
+	/** @type {any[][]} */
 	const [times, values] = [[], []];
 	points.forEach(({ at, value }, index) => {
 		if (steps[index - 1] > longest) {

@@ -11,6 +11,8 @@ const ROWS = 300;
 const INDENT_PX = 14;
 const SCHEMA = /^[A-Za-z0-9_.-]{1,100}$/;
 const MOST_SCHEMAS = 50;
+/** @type {any} */
+const NOTHING = { rows: [], left: 0, isCut: false };
 
 export class MessagePanel {
 	/** `current()` returns the camera in the large view; `plot(topic, name)` plots a number. */
@@ -20,6 +22,7 @@ export class MessagePanel {
 		this.watches = watches;
 		this.current = current;
 		this.plot = plot;
+		/** @type {any} */
 		this.message = null;
 		this.isHeld = false;
 		this.toggled = new Set();
@@ -96,7 +99,7 @@ export class MessagePanel {
 		const query = byId("message-search").value;
 		const { rows, left, isCut } = message
 			? rowsOf(this.fields, { toggled: this.toggled, query, most: this.most })
-			: { rows: [], left: 0, isCut: false };
+			: NOTHING;
 		const schema = message?.type ? this.schemaOf(message.type) : null;
 		syncViews(byId("message-rows"), this.views, rows, (row) => this.makeRow(row));
 		for (const row of rows) this.views.get(row.key).update(row, schema);

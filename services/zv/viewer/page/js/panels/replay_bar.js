@@ -16,6 +16,7 @@ export class ReplayBar {
 		this.connection = connection;
 		this.state = null;
 		this.heldUntil = 0;
+		this.at = 0; // when the state was told
 		this.tiny = 0;
 		this.stops = new Map();
 		const position = byId("replay-position");

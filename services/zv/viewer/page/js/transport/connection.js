@@ -32,6 +32,12 @@ export class Connection extends Events {
 		this.queue = [];
 		this.credit = BURST;
 		this.creditAt = 0;
+		/** @type {any} */
+		this.socket = null;
+		/** @type {any} */
+		this.timer = null; // of the next attempt
+		this.reader = new PictureReader();
+		this.receivedAt = 0;
 		this.requests = new Map(); // id -> function that takes the reply
 		this.nextId = 1;
 		this.on("reply", (reply) => this.resolve(reply));
@@ -174,7 +180,10 @@ function readPicture(buffer) {
 	return { ...fields, ageMs, data: new Uint8Array(buffer, LENGTH_BYTES + length) };
 }
 
-/** Nanoseconds since 1970, a decimal string, as milliseconds since 1970; null stays null. */
+/**
+ * Nanoseconds since 1970, a decimal string, as milliseconds since 1970; null stays null.
+ * @returns {any}
+ */
 export function milliseconds(nanoseconds) {
 	// A double represents current times in ms to better than 1 µs, but not in ns.
 	if (nanoseconds === null || nanoseconds === undefined) return null;

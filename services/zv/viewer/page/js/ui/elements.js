@@ -68,7 +68,8 @@ export function syncViews(list, views, items, make, close = (_view) => {}) {
 
 /** Replace the rows of a list; the control that has the focus keeps it, by its `data-choice`. */
 export function replaceRows(list, rows) {
-	const focused = list.contains(document.activeElement) && document.activeElement.dataset.choice;
+	const { activeElement: active } = document;
+	const focused = list.contains(active) && active?.dataset.choice;
 	list.replaceChildren(...rows.filter(Boolean));
 	if (focused) list.querySelector(`[data-choice="${CSS.escape(focused)}"]`)?.focus();
 }

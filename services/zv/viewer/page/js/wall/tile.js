@@ -16,6 +16,8 @@ export class Tile {
 		this.watches = wall.watches;
 		this.statistics = new StreamStatistics();
 		this.stop = null; // ends the watch
+		/** @type {any} */
+		this.options = null; // of the watch
 		this.reset();
 		this.canvas = element("canvas", { width: 320, height: 240, "data-live": "false",
 			"data-key": this.key });
@@ -85,7 +87,7 @@ export class Tile {
 	/** The displayed size, unless a smaller one is chosen, and the quality. */
 	wantedOptions() {
 		const pixels = (this.element.clientWidth || 320) * Math.min(devicePixelRatio || 1, 2);
-		const displayed = WIDTHS.find((width) => width >= pixels * 0.9) ?? WIDTHS.at(-1);
+		const displayed = WIDTHS.find((width) => width >= pixels * 0.9) ?? Math.max(...WIDTHS);
 		const { width, quality } = this.wall.transfer.of(this.key);
 		return { width: Math.min(displayed, width ?? displayed), quality: quality ?? QUALITY };
 	}
