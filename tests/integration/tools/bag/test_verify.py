@@ -24,7 +24,7 @@ from tests.support.waiting import wait_until
 from zenoh_vision.keys import msgpack_of
 from zenoh_vision.messages import Diagnostics
 from zv.bag.recording import Recording
-from zv.bag.writer import Writer
+from zv.bag.writer import PARTIAL, Writer
 
 FRAMES = frames(45, still=25)
 KEY = "vision/front/tracks"
@@ -137,6 +137,8 @@ def test_parameters_that_were_changed_during_the_run_are_changed_at_the_same_fra
             change = msgpack.packb({"min_area": 1_000_000})  # from now on nothing is an object
             assert all(r.ok for r in client.get("@vision/set/tracker_front", payload=change))
             until(1)
+            written = run.with_name(run.name + PARTIAL)  # later than it arrived here
+            wait_until(lambda: last_revision(written) == 1)
             assert recorder.interrupt() == 0
     changed = next(m for m in tracks.messages if m.header["revision"] == 1)
     said = json.loads(zv(run, "--node", "tracker", "--json").output)
@@ -151,6 +153,37 @@ def test_parameters_that_were_changed_during_the_run_are_changed_at_the_same_fra
         writer.close()
     difference = json.loads(zv(left, "--node", "tracker", "--json", status=1).output)
     assert difference["frame"]["seq"] >= changed.header["seq"]
+
+
+def last_revision(path: Path) -> int:
+    """Return the revision of the newest tracks in a recording that is being written."""
+    with Recording(path) as recording:
+        *_, newest = [-1, *(one.header["revision"] for one in recording.records(keys=(KEY,)))]
+    return newest
+
+
+@pytest.mark.parametrize("follow", [False, True])
+def test_a_recording_may_end_between_the_messages_of_a_frame(
+    zv: Zv, golden: Path, tmp_path: Path, follow: bool
+):
+    with Recording(golden) as recording:
+        records = list(recording.records())
+    last = max(record.header["seq"] for record in records if record.key == KEY)
+    cut = tmp_path / "cut.mcap"
+    writer = Writer(cut, {"namespace": "vision"})
+    for record in records:
+        of_node = record.header.get("node") == "tracker_front"
+        seq = record.header.get("seq", 0) if of_node else 0
+        if (seq == last - 1 and record.key != KEY) or (seq == last and not follow):
+            continue
+        writer.add(record)
+    writer.close()
+    program = zv(cut, "--node", "tracker", status=int(follow))
+    if follow:
+        assert f"differs at frame {last - 1} of front" in program.complaints
+        assert "recorded missing" in program.complaints
+    else:
+        assert "the recording ends within the results of its last frame" in program.complaints
 
 
 def test_frames_that_the_node_did_not_answer_are_left_out(zv: Zv, golden: Path, tmp_path: Path):
