@@ -6,6 +6,7 @@ contents of a chunk against its CRC.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import struct
 import zlib
@@ -91,6 +92,17 @@ class ChunkFile:
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
+
+    def is_locked(self) -> bool:
+        """Return whether a process has it for itself, as a recorder has until it ends or dies."""
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(self._file, fcntl.LOCK_UN)
+        except BlockingIOError:
+            return True
+        except OSError:  # a file system without locks
+            pass
+        return False
 
     def read(self, place: int, length: int) -> bytes:
         """Return bytes of the file.

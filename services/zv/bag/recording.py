@@ -95,6 +95,10 @@ class Recording:
         """Close the file."""
         self._file.close()
 
+    def is_being_written(self) -> bool:
+        """Return whether a recorder still has it open."""
+        return self._file.is_locked()
+
     @property
     def start_ns(self) -> int:
         """Time of arrival of the first message, ns since 1970; 0 without messages."""

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 from zv.bag.recorder.ledger import NOT_RECEIVED, Ledger
 from zv.bag.recording import Recording
 from zv.bag.ros2.profile import PROFILE
-
-WRITING_S: Final = 3.0
-"""A file that was changed within this time is probably still being written."""
 
 
 @dataclass
@@ -259,7 +254,6 @@ def _ended(recording: Recording) -> str:
     how = recording.end.get("how", "")
     if recording.is_closed:
         return how or "closed"
-    age_s = time.time() - os.stat(recording.path).st_mtime
-    if age_s < WRITING_S:
+    if recording.is_being_written():
         return "not closed: it is being written"
     return "not closed: the recorder was killed; `zv bag repair` writes the index"

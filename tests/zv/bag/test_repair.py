@@ -137,6 +137,8 @@ def test_a_file_that_is_being_written_is_not_repaired(tmp_path: Path) -> None:
     writer.add(frame(0))
     writer.flush()
     before = writer.partial.read_bytes()
+    with Recording(writer.partial) as recording:
+        assert report_of(recording).ended == "not closed: it is being written"
     with pytest.raises(RecordingError, match="is being written"):
         repair(writer.partial)
     assert writer.partial.read_bytes() == before
@@ -144,6 +146,15 @@ def test_a_file_that_is_being_written_is_not_repaired(tmp_path: Path) -> None:
     assert writer.close() == tmp_path / "run.mcap"
     with Recording(tmp_path / "run.mcap") as recording:
         assert [each.number("seq") for each in recording.records()] == [0, 1]
+
+
+def test_a_file_that_nobody_writes_is_said_to_be_killed_at_once(
+    tmp_path: Path, whole: bytes
+) -> None:
+    partial = tmp_path / "run.mcap.partial"
+    partial.write_bytes(whole[:-30])
+    with Recording(partial) as recording:
+        assert report_of(recording).ended.startswith("not closed: the recorder was killed")
 
 
 def test_what_is_written_while_a_repair_reads_is_not_cut_off(

@@ -55,7 +55,6 @@ def test_what_was_synced_is_readable_after_each_cut_and_a_repair_completes_it(
     log = list(disk.log)
     monkeypatch.undo()
     monkeypatch.setattr(os, "fsync", lambda _: None)
-    monkeypatch.setattr("zv.bag.report.WRITING_S", -1.0)
     assert sum(isinstance(each, Name) for each in log) >= 2
     files = {each.file for each in log if isinstance(each, Name) and each.file is not None}
     chunks = {each: chunks_of(tmp_path / "whole.mcap", disk.content(each)) for each in files}
