@@ -5,6 +5,7 @@ A node answers a frame with the messages, or else the pictures, that carry the f
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,11 +21,16 @@ from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.query import Query, ask, messages_in
 from zenoh_vision.transport.session import direct
 
+log = logging.getLogger("lockstep")
+
 ASK_S = 0.05
 """How often a node is asked for its description until it has its inputs."""
 
 LOOK_S = 0.5
 """How often it is looked whether a node that does not answer still runs."""
+
+TELL_S = 2.0
+"""After this time it is said for which node one waits."""
 
 POLL_S = 0.1
 ANSWER_S = 30.0
@@ -97,15 +103,20 @@ class Lockstep:
         Raises:
             ExpectationNotMet: A node does not run, or takes no frames of the cameras.
         """
-        until_s = None if timeout_s is None else time.monotonic() + timeout_s
+        begun_s = time.monotonic()
+        is_told = False
         while not self._stopping():
             (replies,) = ask(self._link.session, [Query(self._key("*"))], self._stopping)
             found = {about.node: about for _, about in messages_in(replies, NodeDescription)}
             missing = [name for name in self._names if not self._follow(found.get(name), cameras)]
             if not missing:
                 return
-            if until_s is not None and time.monotonic() > until_s:
+            waited_s = time.monotonic() - begun_s
+            if timeout_s is not None and waited_s > timeout_s:
                 raise ExpectationNotMet(_why_not(missing[0], found, cameras))
+            if waited_s > TELL_S and not is_told:
+                is_told = True
+                log.warning("waiting: %s", _why_not(missing[0], found, cameras))
             time.sleep(ASK_S)
 
     def wait(self, header: Header, done: Callable[[], bool] | None = None) -> bool:

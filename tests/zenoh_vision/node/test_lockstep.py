@@ -35,3 +35,21 @@ def test_a_node_has_ended_if_a_complete_list_of_nodes_is_without_it(
     with pytest.raises(ExpectationNotMet) as caught:
         lockstep.wait(FRAME)
     assert str(caught.value) == error
+
+
+def test_it_is_said_once_for_which_node_one_waits(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    looks = 0
+
+    def stopping() -> bool:
+        nonlocal looks
+        looks += 1
+        return looks > 4
+
+    monkeypatch.setattr("zenoh_vision.node.lockstep.ask", lambda *_: [Replies()])
+    monkeypatch.setattr("zenoh_vision.node.lockstep.TELL_S", 0.0)
+    link = SimpleNamespace(session=None)
+    lockstep = Lockstep(link, "vision", ["tracker_front"], stopping)  # type: ignore[arg-type]
+    lockstep.find({"front"}, None)
+    assert caplog.messages == ["waiting: tracker_front does not run; nodes that run: none"]
