@@ -96,7 +96,8 @@ def allowed(model: type[BaseModel], name: str) -> str:
     """Return the allowed values of an option in words: ``a whole number from 1 to 100``."""
     listed = choices(model, name)
     if listed:
-        return ("one of " if len(listed) > 1 else "") + ", ".join(listed)
+        # An empty text alone is no word: it is written as in the default, with quotes.
+        return ("one of " if len(listed) > 1 else "") + ", ".join(each or "''" for each in listed)
     schema = schema_of(model, name)
     if is_duration(model, name):
         return f"a duration such as {EXAMPLES}{_range(schema, duration_text, ',')}"

@@ -11,6 +11,7 @@ from zenoh_vision.config.settings import Settings, load_settings
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zv.camera.settings import CameraSettings
 from zv.edge.settings import EdgeSettings
+from zv.recorder.settings import RecorderSettings
 from zv.tracker.settings import TrackerSettings
 
 
@@ -172,3 +173,9 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path):
         with pytest.raises(SourceError) as caught:
             load_settings(CameraSettings, config=path)
         assert (str(caught.value), caught.value.exit_status) == (f"{path}: {reason}", 3)
+
+
+def test_of_choices_the_empty_one_is_written_with_quotes():
+    assert "allowed: one of '', warn, error, stale" in refusal(
+        RecorderSettings, flags={"on_level": "bad"}
+    )
