@@ -36,7 +36,7 @@ def run(settings: RecorderSettings, connection: Connection) -> None:
     """Record until told to stop. While nothing can be written, its health is an error.
 
     Raises:
-        ConfigurationError: A key expression is none.
+        ConfigurationError: A key expression is none, or an option needs ``last``.
     """
     plan = settings.plan()
     with Node("recorder", camera=(), connection=connection, parameters=settings) as node:

@@ -311,6 +311,25 @@ def test_a_file_that_cannot_be_made_ends_the_command_with_status_3(
             assert "Traceback" not in program.complaints
 
 
+@pytest.mark.parametrize(
+    "words", [["bag", "record", "-o", "x.mcap"], ["recorder"]], ids=["tool", "service"]
+)
+def test_what_triggers_needs_last_seconds(endpoint: str, tmp_path: Path, words: list[str]) -> None:
+    words = [*words, "--connect", endpoint, "--on-event", "line_crossed"]
+    with Program(words, tmp_path, "record", forked=ZV, cwd=tmp_path) as program:
+        assert program.process.wait(20) == 2
+        assert "give --last" in program.complaints
+
+
+def test_last_seconds_that_nothing_triggered_are_said_not_to_be_written(
+    endpoint: str, tmp_path: Path
+) -> None:
+    words = ["bag", "record", "--connect", endpoint, "-o", str(tmp_path / "box.mcap")]
+    with Program([*words, "--last", "5s", "--for", "100ms"], tmp_path, "box", forked=ZV) as box:
+        assert box.process.wait(20) == 0
+        assert "nothing triggered it: no file was written" in box.complaints
+
+
 def test_what_a_slow_disk_cannot_take_is_counted_and_nothing_else_is_lost(
     endpoint: str, client: zenoh.Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.messages import Level
 
 MEMORY_BYTES: Final = 256 << 20
@@ -39,6 +40,9 @@ class Plan:
         memory_bytes: Limit of what waits for the disk, and of what ``last_s`` keeps.
         mode: Permissions of the files.
         profile: ``ros2`` writes messages of ROS, and leaves out what it has none for.
+
+    Raises:
+        ConfigurationError: Something triggers it, but it keeps no last seconds.
     """
 
     output: Path
@@ -54,6 +58,12 @@ class Plan:
     memory_bytes: int = MEMORY_BYTES
     mode: int = 0o600
     profile: str = ""
+
+    def __post_init__(self) -> None:
+        if self.last_s is None and (self.on_event or self.on_level):
+            raise ConfigurationError(
+                "--on-event and --on-level write the last seconds: give --last"
+            )
 
     @property
     def is_series(self) -> bool:

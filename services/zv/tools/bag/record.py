@@ -12,7 +12,7 @@ from pathlib import Path
 import msgpack
 
 from zenoh_vision import keys
-from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError
+from zenoh_vision.errors import ExpectationNotMet, PayloadError
 from zenoh_vision.message_codec import unpack
 from zenoh_vision.transport.connection import Connection
 from zv.bag.recorder.recorder import Progress, Recorder
@@ -39,11 +39,10 @@ def run(options: RecordOptions, connection: Connection, output: Output) -> None:
     """
     for each in (*options.keys, *options.exclude):
         key_expression(each)
-    if options.last is None and (options.on_event or options.on_level):
-        raise ConfigurationError("--on-event and --on-level write the last seconds: give --last")
+    plan = options.plan()
     with ToolSession(connection) as session:
         paths: list[Path] = []
-        recorder = Recorder(session.link, session.namespace, options.plan(), NAME, paths.append)
+        recorder = Recorder(session.link, session.namespace, plan, NAME, paths.append)
         signal.signal(signal.SIGUSR1, lambda *_: recorder.trigger("signal"))
         recorder.start()
         output.note(_started(options))
@@ -54,6 +53,8 @@ def run(options: RecordOptions, connection: Connection, output: Output) -> None:
             recorder.stop()
             progress = recorder.progress()
         silence = "" if progress.taken or options.last else _silence(options, session)
+    if options.last and not paths and not progress.failure:
+        output.note("nothing triggered it: no file was written")
     left = [path for path in paths if path.exists()]
     for path in left:
         _tell(path, output)
