@@ -67,7 +67,7 @@ class Updated:
         """Write what the node is now, instead of what was recorded of it."""
         key = keys.node_key(node.namespace, node.name)
         own = keys.parameters_key(node.namespace, node.name)
-        self._system = key, own
+        self._system = key, own, keys.diagnostics_key(node.namespace, node.name)
         self._message(key, about.model_copy(update={"started_ns": self._first_ns}))
         if parameters is not None:
             self._message(own, parameters)
