@@ -26,7 +26,7 @@ def cut(options: CutOptions, _: Connection, output: Output) -> None:
     """Write the part of a recording between two times.
 
     Raises:
-        ConfigurationError: The end is not after the start.
+        ConfigurationError: The end is not after the start, or the start is after the recording.
         RecordingError: A file cannot be read or made.
         ExpectationNotMet: The part is empty.
     """
@@ -84,6 +84,9 @@ def _write(
     with ExitStack() as stack, progress_on(output) as progress:
         recordings = opened(files, stack)
         begin_ns = min((each.start_ns for each in recordings if each.chunks), default=0)
+        length_s = (max(each.end_ns for each in recordings) - begin_ns) / 1e9
+        if start and start > length_s:
+            raise ConfigurationError(f"--start {start:g} s: the recording is {length_s:.1f} s long")
         records = selected(
             recordings,
             start_ns=begin_ns + round(start * 1e9) if start else None,

@@ -428,3 +428,11 @@ def test_a_video_is_private_while_it_is_written(
     zv(ExportOptions(file=str(run), output=str(tmp_path / "run.mp4")))
     assert modes == {0o600}
     assert stat.S_IMODE((tmp_path / "run.mp4").stat().st_mode) == 0o600
+
+
+def test_a_part_after_the_end_is_refused(
+    run: Path, tmp_path: Path, zv: Callable[..., dict[str, object]]
+) -> None:
+    with pytest.raises(ConfigurationError, match=r"--start 2 s: the recording is 0.9 s long"):
+        zv(CutOptions(file=str(run), output=str(tmp_path / "part.mcap"), start=2.0))
+    assert {each.name for each in tmp_path.iterdir()} == {"run.mcap"}
