@@ -149,6 +149,9 @@ def opened(paths: Iterable[str | Path], stack: ExitStack) -> list[Recording]:
     """Return recordings, which a stack closes.
 
     Raises:
-        RecordingError: One of them cannot be opened.
+        RecordingError: One of them cannot be opened, or is for ROS 2.
     """
-    return [stack.enter_context(Recording(path)) for path in paths]
+    found = [stack.enter_context(Recording(path)) for path in paths]
+    for each in found:
+        each.require_samples()
+    return found

@@ -34,7 +34,7 @@ def the_key(recording: Recording, wanted: str | None, kinds: tuple[str, ...], wh
         key = wanted.removeprefix("/")
         if key not in keys:
             raise ExpectationNotMet(
-                f"{recording.path} has no {key}; it has {', '.join(sorted(keys)) or 'nothing'}"
+                f"{recording.path} has no {key}; its keys: {recording.keys_in_words()}"
             )
         return key
     found = sorted(

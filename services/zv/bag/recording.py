@@ -127,8 +127,25 @@ class Recording:
                 found[channel.topic] = found.get(channel.topic, 0) + counts.get(channel.id, 0)
         return found
 
+    def require_samples(self) -> None:
+        """Refuse a file of another profile, which has no samples.
+
+        Raises:
+            RecordingError: It is for ROS 2.
+        """
+        if self.profile == "ros2":
+            raise RecordingError(
+                f"{self.path} is for ROS 2, without what zv plays and verifies; take the recording "
+                "that it was made of, or have `zv bag import` make one of it"
+            )
+
     def keys(self) -> list[str]:
-        """Return the keys of the samples; reads the whole file if it has no index."""
+        """Return the keys of the samples; reads the whole file if it has no index.
+
+        Raises:
+            RecordingError: It has none, since it is for ROS 2.
+        """
+        self.require_samples()
         if not self.is_closed:
             for _ in self.messages():
                 pass  # each chunk says its channels
@@ -138,6 +155,11 @@ class Recording:
             if each.metadata.get(CHANNEL_KIND) == "sample.v1"
         )
         return sorted(set(kinds))
+
+    def keys_in_words(self) -> str:
+        """Return the keys of the data, or, if there are none, those of the system."""
+        found = self.keys()
+        return ", ".join([key for key in found if not key.startswith("@")] or found) or "none"
 
     def records(
         self,

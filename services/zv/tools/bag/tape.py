@@ -52,8 +52,9 @@ class RecordedTape:
             if is_wanted(key) and not is_excluded(key) and keys.suffix_of(key) != REPLAY.name
         ]
         if not self.keys:
-            known = ", ".join(recorded) or "none"
-            raise ExpectationNotMet(f"{recording.path} has no samples to play; its keys: {known}")
+            raise ExpectationNotMet(
+                f"{recording.path} has no samples to play; its keys: {recording.keys_in_words()}"
+            )
         self.begin_ns = recording.start_ns + round(start_s * 1e9)
         self.end_ns = recording.end_ns
         if self.begin_ns > self.end_ns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tests.zv.bag.records import frame, header, message
-from zv.bag.editing import write
-from zv.bag.record import Record
+from zv.bag.editing import opened, write
+from zv.bag.record import Record, RecordingError
+from zv.bag.recording import Recording
+from zv.bag.report import report_of
 from zv.bag.ros2.cdr import cdr
 from zv.bag.ros2.messages import HASHES, TYPES, definition, ros_name
 
@@ -135,3 +138,12 @@ def test_cdr_is_byte_for_byte_that_of_another_encoder() -> None:
         arrays = [np.array(CALIBRATION[name], np.float64) for name in "dkrp"]
         theirs = kinds["sensor_msgs/msg/CameraInfo"](head, 2, 4, "plumb_bob", *arrays, 0, 0, roi)
         assert ours == bytes(store.serialize_cdr(theirs, "sensor_msgs/msg/CameraInfo"))
+
+
+def test_what_needs_the_samples_refuses_it_and_says_what_to_do(path: Path) -> None:
+    with ExitStack() as stack:
+        recording = stack.enter_context(Recording(path))
+        assert report_of(recording).is_closed
+        for refused in (recording.keys, lambda: opened([path], stack)):
+            with pytest.raises(RecordingError, match=r"is for ROS 2.*`zv bag import`"):
+                refused()

@@ -154,7 +154,7 @@ def test_fields_of_messages_are_written_as_csv(
     [
         ({"output": "x.avi"}, ConfigurationError, "allowed are FOLDER/"),
         ({"output": "x.txt", "draw": True}, ConfigurationError, "--draw is for FILE.mp4"),
-        ({"output": "f", "key": "vision/left/image"}, ExpectationNotMet, "it has vision/front/"),
+        ({"output": "f", "key": "vision/left/image"}, ExpectationNotMet, "its keys: vision/front/"),
         ({"output": "run.mcap"}, ConfigurationError, "allowed are"),
         ({"output": "f", "start": 100.0}, ExpectationNotMet, "nothing on"),
     ],
@@ -436,3 +436,17 @@ def test_a_part_after_the_end_is_refused(
     with pytest.raises(ConfigurationError, match=r"--start 2 s: the recording is 0.9 s long"):
         zv(CutOptions(file=str(run), output=str(tmp_path / "part.mcap"), start=2.0))
     assert {each.name for each in tmp_path.iterdir()} == {"run.mcap"}
+
+
+def test_the_keys_that_a_recording_has_are_told_without_those_of_the_system(
+    tmp_path: Path, zv: Callable[..., dict[str, object]]
+) -> None:
+    writer = Writer(tmp_path / "run.mcap", {"namespace": "vision"})
+    for record in (replace(records()[0], key="@vision/node/camera_front"), *records()):
+        writer.add(record)
+    wrong = ExportOptions(file=str(writer.close()), output=str(tmp_path / "f"), key="vision/x")
+    with pytest.raises(ExpectationNotMet) as caught:
+        zv(wrong)
+    assert str(caught.value).endswith(
+        "has no vision/x; its keys: vision/front/image/compressed, vision/front/tracks"
+    )
