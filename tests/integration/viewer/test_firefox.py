@@ -60,6 +60,9 @@ async def test_the_page_works_in_firefox(running: Viewer, router: Router, tmp_pa
         for key, panel in PANELS.items():
             await page.press(key)
             await page.wait(f"document.body.dataset.panel === '{panel}'")
+            if panel == "plots":
+                await page.wait("document.querySelector('.plot .legend').textContent.length > 1")
+                assert await page.evaluate("document.querySelectorAll('.plot canvas').length") == 5
         await page.press(key)
         await page.wait("document.body.dataset.panel === ''")
         await page.press("z")

@@ -198,7 +198,7 @@ def test_a_stream_that_has_ended_stays_so_whatever_happens_to_others(
     wait_until(is_shown, poll_s=0.1)
 
 
-def test_a_picture_stays_in_its_place_while_its_figures_change(
+def test_a_picture_stays_in_its_place_while_its_figures_and_its_state_change(
     opened: tuple[Tab, PageServer],
 ) -> None:
     """A corner that is clicked meanwhile would be drawn elsewhere."""
@@ -209,6 +209,8 @@ def test_a_picture_stays_in_its_place_while_its_figures_change(
     before = tab.place(CAMERA, 10, 24)
     figures = "document.querySelectorAll('#figures dd')"
     tab.page.evaluate(f"for (const one of {figures}) one.textContent = '9'.repeat(40)")
+    assert tab.place(CAMERA, 10, 24) == before
+    tab.wait("document.querySelector('#large-state').textContent === 'not live'")
     assert tab.place(CAMERA, 10, 24) == before
 
 

@@ -65,7 +65,7 @@ export class Chart {
 	options(colour) {
 		const axis = { font: FONT, stroke: colour("dim"), ticks: { show: false } };
 		const times = (_plot, ticks, _axis, _space, step) =>
-			ticks.map((at) => clock(at).slice(0, step < MINUTE_MS ? 8 : 5));
+			ticks.map((at) => clock(1000 * Math.round(at / 1000)).slice(0, step < MINUTE_MS ? 8 : 5));
 		return {
 			ms: 1,
 			padding: [6, 8, 0, 0],
