@@ -356,7 +356,8 @@ TOOLS: Final[dict[str, Tool]] = {
         "zv security add --camera left\n"
         "zv security add --node brightness_front --publishes vision/front/brightness "
         "--subscribes vision/front/image/compressed",
-        "Somebody who was revoked gets a certificate under another number.",
+        "Somebody who was revoked gets a certificate under another number; --node alone gives it "
+        "the rights that it had.",
     ),
     "security renew": Tool(
         "zv.tools.security.options:RenewOptions",

@@ -108,7 +108,7 @@ def add(options: AddOptions, _connection: Connection, output: Output) -> None:
         if options.node is None:
             named += roles_of_cameras(options.camera)
         else:
-            named.append((options.node, _own_role(options)))
+            named.append((options.node, _role_in(system, options)))
         if options.router is not None:
             named.append((options.router, Role(ROUTER)))
             if not options.host:
@@ -208,9 +208,14 @@ def revoke(options: RevokeOptions, _connection: Connection, output: Output) -> N
     output.result({"revoked": list(options.name)}, f"revoked {names}", RELOAD)
 
 
-def _own_role(options: AddOptions) -> Role:
+def _role_in(system: System, options: AddOptions) -> Role:
+    """Return the role of a node: as given, or as it was before it was revoked."""
     assert options.node is not None
     publishes, subscribes = options.publishes, options.subscribes
+    former = system.holders.get(options.node)
+    given = publishes or subscribes or options.description or options.camera
+    if former is not None and former.role.kind != ROUTER and not given:
+        return former.role
     if options.description is not None:
         about = _description(Path(options.description))
         publishes += about["publishes"]

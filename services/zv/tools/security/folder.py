@@ -91,8 +91,11 @@ class System:
                 f"nobody is called {name}; {hint}allowed: {joined(self.valid())}"
             )
         if found.revoked_s is not None:
+            words = (
+                f"--node {name}" if found.role.kind != ROUTER else f"--router {name} --host HOST"
+            )
             raise ConfigurationError(
-                f"{name} is revoked; zv security add gives it a certificate under another number"
+                f"{name} is revoked; zv security add {words} gives it another certificate"
             )
         return found
 

@@ -89,7 +89,9 @@ class AddOptions(InFolder):
     node: Annotated[
         str | None,
         Field(
-            **NAMED, description="node of a service of your own, or one of several cameras: tracker"
+            **NAMED,
+            description="node of a service of your own, or one of several cameras: tracker; or who "
+            "was revoked",
         ),
         NAME_FORM,
     ] = None

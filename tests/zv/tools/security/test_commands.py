@@ -242,6 +242,29 @@ def test_who_is_revoked_has_no_rule_and_no_file_and_comes_back_under_another_nam
         system.revoke("router")
 
 
+@pytest.mark.parametrize("name", ["viewer", "recorder", "notify", "launcher", "guest", "sum"])
+def test_whoever_is_revoked_comes_back_with_the_former_rights(system: Secured, name: str):
+    system.add(node="sum", publishes=("vision/front/sum",))
+    before = Folder(str(system.folder)).system().holder(name).role
+    system.revoke(name)
+    with pytest.raises(ConfigurationError, match=f"zv security add --node {name} gives it another"):
+        system.renew(name)
+    system.add(node=name)
+    assert Folder(str(system.folder)).system().holder(name).role == before
+    assert common_name(system, name) == f"CN={name}.2"
+    with pytest.raises(ConfigurationError, match=f"{name} have certificates already"):
+        system.add(node=name)
+
+
+def test_a_router_that_is_revoked_needs_its_name_again(system: Secured):
+    system.add(router="far", host=("far.example.com",))
+    system.revoke("far")
+    with pytest.raises(ConfigurationError, match="--node far needs"):
+        system.add(node="far")
+    with pytest.raises(ConfigurationError, match="zv security add --router far --host HOST gives"):
+        system.renew("far")
+
+
 def test_show_lists_everybody_and_the_rights_of_one(system: Secured):
     system.revoke("guest")
     listed = quietly(showing.show, ShowOptions(dir=str(system.folder)))
