@@ -31,7 +31,7 @@ RULES: dict[str, dict[str, Any]] = {
         "tracking.association.pieces.beside": -9.0,
     },
     "filled boxes": {"tracking.association.pieces.fill": 0.0},
-    "ghosts": {"ghosts.evidence": 0.0},
+    "ghosts": {"least_evidence": 0.0},
     "protection": {"tracking.life.protect_s": 0.0},
     "proof before sharing": {"tracking.association.proven_s": 0.0},
     "confirmation within one motion": {"tracking.life.rest_s": 1e9},

@@ -17,18 +17,20 @@ from zenoh_vision import Centroid, Frame, Node
 from zenoh_vision.messages import Header, Level, Tracks
 from zenoh_vision.messages import Track as TrackMessage
 from zv.tracker import shapes
-from zv.tracker.camera_world import CameraWorld
+from zv.tracker.camera_plane import CameraPlane
 from zv.tracker.detector.class_names import Wanted
 from zv.tracker.detector.model import Detection
 from zv.tracker.detector.options import classes_of
 from zv.tracker.drawing import Trails, draw_tracks
 from zv.tracker.event_publisher import EventPublisher, tracks_end
+from zv.tracker.events.sighting import places
 from zv.tracker.foreground.foreground import ForegroundParameters
 from zv.tracker.foreground.view import Shown
 from zv.tracker.pipelines.base import enlarged, working_scale
 from zv.tracker.pipelines.detector import DetectorParameters, DetectorTracker
 from zv.tracker.pipelines.largest import LargestObject, LargestObjectParameters, MovingObject, draw
 from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
+from zv.tracker.prediction.answers import PredictionAnswers
 from zv.tracker.scene_report import SceneReport
 from zv.tracker.settings import TrackerSettings
 from zv.tracker.tracking.track import Track
@@ -72,7 +74,8 @@ class CameraTracking:
         self._trails = Trails()
         self._events = EventPublisher(node, settings)
         self._shapes = TurnedShapes(node, camera, settings)
-        self._world = CameraWorld(node, camera)
+        self._plane = CameraPlane(node, camera)
+        self._predictions = PredictionAnswers(node, camera)
         self._report = SceneReport()
         self._reported = ""
         self._shown: Shown = "scene"
@@ -235,13 +238,14 @@ class CameraTracking:
     def _publish_tracks(
         self, frame: Frame, tracks: Sequence[Track], settings: TrackerSettings
     ) -> None:
-        plane, found = self._world.update(frame, tracks, settings.anchor)
+        header, plane = self._node.header(frame), self._plane.view(frame.header)
+        self._predictions.update(header, tracks, settings.anchor, plane)
         zones, lines = self._events.update(frame, tracks, settings, plane)
         self._node.publish(
             "tracks",
             Tracks(
-                header=self._node.header(frame),
-                tracks=tuple(map(track_message, tracks, found)),
+                header=header,
+                tracks=tuple(map(track_message, tracks, places(tracks, settings.anchor, plane))),
                 zones=zones,
                 lines=lines,
             ),

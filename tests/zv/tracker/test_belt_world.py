@@ -11,8 +11,8 @@ from tests.support.pictures.belt import Belt
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.calibration.plane_view import PlaneView
 from zenoh_vision.image.codecs import decode_jpeg, encode_jpeg
-from zv.tracker.camera_world import places
 from zv.tracker.events.event import Event
+from zv.tracker.events.sighting import places
 from zv.tracker.events.track_events import EventRules, TrackEvents
 from zv.tracker.pipelines.robust import RobustTracker
 from zv.tracker.prediction.paths import Paths, Predicted

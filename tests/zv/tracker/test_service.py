@@ -138,7 +138,7 @@ class Recorder:
 
 
 def test_tracks_and_stays_end_when_a_camera_has_been_silent(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("zv.tracker.camera_tracking.CameraWorld", lambda *_: NoWorld())
+    monkeypatch.setattr("zv.tracker.camera_tracking.CameraPlane", lambda *_: NoPlane())
     settings = TrackerSettings(zones="all 0,0 320,0 320,240 0,240", keep_lost=2.0)
     recorder = Recorder()
     tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
@@ -166,7 +166,7 @@ def test_tracks_and_stays_end_when_a_camera_has_been_silent(monkeypatch: pytest.
 
 
 def test_tracks_of_a_paused_replay_do_not_end(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("zv.tracker.camera_tracking.CameraWorld", lambda *_: NoWorld())
+    monkeypatch.setattr("zv.tracker.camera_tracking.CameraPlane", lambda *_: NoPlane())
     settings, recorder = TrackerSettings(), Recorder()
     for replay in (None, 7):
         tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
@@ -180,9 +180,9 @@ def test_tracks_of_a_paused_replay_do_not_end(monkeypatch: pytest.MonkeyPatch):
         assert tracking.expire(time.monotonic() + 3600) == (replay is None)
 
 
-class NoWorld:
-    def update(self, _: Frame, tracks: list[object], __: str) -> tuple[None, list[None]]:
-        return None, [None] * len(tracks)
+class NoPlane:
+    def view(self, _: Header) -> None:
+        return None
 
 
 def show(
@@ -220,7 +220,7 @@ def show(
 def test_what_makes_tracking_impossible_is_said_in_the_health_and_taken_back(
     monkeypatch: pytest.MonkeyPatch, interval_s: float, black: bool, said: str
 ):
-    monkeypatch.setattr("zv.tracker.camera_tracking.CameraWorld", lambda *_: NoWorld())
+    monkeypatch.setattr("zv.tracker.camera_tracking.CameraPlane", lambda *_: NoPlane())
     settings, recorder = TrackerSettings(), Recorder()
     tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
     room, at_s, reported = Scene(320, 240, 10.0, 1).frame(0)[0], 0.0, []

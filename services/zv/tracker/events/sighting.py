@@ -94,6 +94,14 @@ def sightings_of(
     ]
 
 
+def places(tracks: Sequence[Track], anchor: Anchor, plane: WorldPlane | None) -> list[Point | None]:
+    """Return the positions of tracks on a plane: X, Y of each anchor, None if it is not on it."""
+    if plane is None or not tracks:
+        return [None] * len(tracks)
+    points = np.array([anchor_of(track, anchor) for track in tracks], np.float64)
+    return [_pair(place) for place in plane.positions(points - HALF_PIXEL)]
+
+
 def anchor_of(track: Track, anchor: Anchor) -> Point:
     """Return the anchor of a track, x, y in full-resolution pixels."""
     return (track.x, track.y if anchor == "centre" else float(track.box[1] + track.box[3]))

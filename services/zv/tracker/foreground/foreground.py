@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.background import Background, BackgroundLimits
 from zv.tracker.foreground.light import LightLimits
-from zv.tracker.foreground.search_area import Polygon, region_mask
 from zv.tracker.foreground.view import Shown, View, ViewLimits
 from zv.tracker.tracking.region import Region
 
 Image = NDArray[np.uint8]
+
+Polygon = Sequence[tuple[float, float]]
+"""Corners x, y in full-resolution pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +124,7 @@ class ForegroundDetector:
         height, width = picture.shape[:2]
         if self._size != (width, height):
             self._size = width, height
-            self._searched = region_mask(self._size, self._scale, wanted.regions, wanted.ignored)
+            self._searched = self._area()
         if self._background is None:
             self._start(picture, now_s)
         assert self._background is not None
@@ -154,6 +156,19 @@ class ForegroundDetector:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
             strong = np.asarray(cv2.bitwise_and(strong, self._searched), np.uint8)
         return mask, strong, shown
+
+    def _area(self) -> Image | None:
+        """Return where objects are detected, 255, and ignored, 0; None if they are everywhere."""
+        regions, ignored = self._parameters.regions, self._parameters.ignored
+        if self._size is None or not (regions or ignored):
+            return None
+        mask = np.full(self._size[::-1], 0 if regions else 255, np.uint8)
+        # OpenCV also fills the pixels on the outline. Corners are given in 1/16 pixels (shift=4).
+        for polygons, value in ((regions, 255), (ignored, 0)):
+            for polygon in polygons:
+                corners = np.round((np.asarray(polygon, float) / self._scale - 0.5) * 16)
+                cv2.fillPoly(mask, [corners.astype(np.int32)], (value,), shift=4)
+        return mask
 
     def _look(self, picture: Image, hidden: Image | None, age_s: float) -> None:
         """Compare the view with the background, when that is due."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -12,59 +10,8 @@ Image = NDArray[np.uint8]
 
 BAND = np.ones((5, 5), np.uint8)
 
-
-@dataclass(frozen=True, slots=True)
-class GhostLimits:
-    """The constants of ghosts.
-
-    Attributes:
-        evidence: What has less evidence is a ghost.
-        edges: Thresholds of the edges at which a region is divided (Canny), grey levels.
-        free: Least share of a part's outline that must border on background; the evidence of a part
-            inside of an object cannot be measured.
-        least: Least area of a part, as a share of its region.
-    """
-
-    evidence: float = 1.0
-    edges: tuple[float, float] = (40.0, 80.0)
-    free: float = 0.25
-    least: float = 0.1
-
-
-def ghosts_in(
-    picture: Image, background: Image, region: Image, mask: Image, limits: GhostLimits
-) -> Image:
-    """Return the parts of a region that stands which are ghosts: (height, width) uint8, 255 there.
-
-    A region may be an object and its own ghost, such as a car that was parked and has moved by half
-    of its length. It is therefore divided at the edges in the picture.
-
-    Args:
-        picture: (height, width, 3) uint8 BGR, the part around the region.
-        background: The same part of the background.
-        region: (height, width) uint8, 255 in the region, else 0.
-        mask: The same, for all of the foreground.
-        limits: The constants.
-    """
-    ghosts, tested = np.zeros_like(region), False
-    lines = cv2.dilate(cv2.Canny(picture, *limits.edges), np.ones((3, 3), np.uint8))
-    parts = cv2.bitwise_and(region, cv2.bitwise_not(lines))
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(parts, ltype=cv2.CV_16U)
-    least = limits.least * cv2.countNonZero(region)
-    for label in range(1, count):
-        if stats[label, cv2.CC_STAT_AREA] < least:
-            continue
-        part = np.asarray(labels == label).view(np.uint8) * np.uint8(255)
-        part = np.asarray(cv2.dilate(part, BAND), np.uint8) & region
-        line = np.asarray(cv2.dilate(part, BAND), np.uint8) & ~part
-        if cv2.countNonZero(line & ~mask) < limits.free * cv2.countNonZero(line):
-            continue
-        tested = True
-        if evidence(picture, background, part, mask) < limits.evidence:
-            ghosts |= part
-    if not tested and evidence(picture, background, region, mask) < limits.evidence:
-        return region
-    return ghosts
+LEAST_EVIDENCE = 1.0
+"""What has less is a ghost."""
 
 
 def evidence(picture: Image, background: Image, part: Image, mask: Image) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from zv.tracker.foreground.concavities import cut_at_concavities
 from zv.tracker.foreground.foreground import ForegroundParameters
-from zv.tracker.foreground.ghosts import BAND, GhostLimits, ghosts_in
+from zv.tracker.foreground.ghosts import BAND, LEAST_EVIDENCE, evidence
 from zv.tracker.foreground.regions import RegionLimits, regions_of
 from zv.tracker.pipelines.base import LEAST_SHARE, Image, PipelineWithIds
 from zv.tracker.tracking.appearance import Scene
@@ -24,9 +24,6 @@ LEAST_PART = 0.25
 OUTLINE = 4
 """Pixels around a region that are compared with it."""
 
-GHOST_SHARE = 0.5
-"""If a larger share of a region is a ghost, its track ends."""
-
 
 @dataclass(frozen=True, slots=True)
 class RobustParameters:
@@ -36,7 +33,7 @@ class RobustParameters:
     tracking: TrackingParameters = field(default_factory=TrackingParameters)
     min_area: float = 0.0  # foreground of an object, square full-resolution pixels; 0: automatic
     least_share: float = LEAST_SHARE  # automatic: this share of the picture
-    ghosts: GhostLimits = field(default_factory=GhostLimits)
+    least_evidence: float = LEAST_EVIDENCE  # what stands and has less is a ghost
     region: RegionLimits = field(default_factory=RegionLimits)
     max_area: float = math.inf  # regions above it are ignored, square full-resolution pixels
     convex: bool = False  # every object is convex: another region is several that touch
@@ -122,16 +119,15 @@ class RobustTracker(PipelineWithIds):
                 slice(max(0, top - OUTLINE), bottom + OUTLINE),
                 slice(max(0, left - OUTLINE), right + OUTLINE),
             )
-            ghosts = ghosts_in(
+            found = evidence(
                 picture[window],
                 self._foreground.background_picture()[window],
                 region[window],
                 mask[window],
-                self.parameters.ghosts,
             )
-            if cv2.countNonZero(ghosts) > GHOST_SHARE * cv2.countNonZero(region):
+            if found < self.parameters.least_evidence:
                 tracker.drop(state)
-            where[window] |= np.asarray(cv2.dilate(ghosts, BAND), np.uint8)
+                where[window] |= np.asarray(cv2.dilate(region[window], BAND), np.uint8)
         if where.any():
             with self._lock:
                 self._foreground.absorb(picture, where)

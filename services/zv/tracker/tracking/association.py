@@ -26,9 +26,6 @@ class AssociationLimits:
         gate_sides: Half of the distance, in sides, at which a region may still be the track's,
             without the uncertainty of its place.
         log_area: Largest ratio of their areas, as a natural logarithm.
-        recent_s: A track that was not seen for longer than this is not found by overlap alone.
-        unlike: What looks more different than this does not continue a lost object.
-        alike_area: Largest ratio of the areas of a lost object and of what may continue it.
         proven_s: After being seen alone, whole, away from the border for this long, a track is an
             object of its own, not a part of another.
         part: A track that is not confirmed yet is a part of another one if its area is smaller
@@ -40,9 +37,6 @@ class AssociationLimits:
     overlap: float = 0.4
     gate_sides: float = 0.7
     log_area: float = 1.2
-    recent_s: float = 0.3
-    unlike: float = 0.75
-    alike_area: float = 1.7
     proven_s: float = 0.4
     part: float = 0.3
     parted_s: float = 0.4
@@ -115,17 +109,14 @@ def associate(
     if not convex:
         known = [each.box for each in tracks if _established(each, 0.0, limits)]
         regions = joined(regions, known, limits.pieces)
-    links = _links(tracks, regions, now_s, limits)
+    links = _links(tracks, regions, limits)
     decisions: list[Decision] = []
     for rows, columns in boxes.components(links):
         owned = [regions[column] for column in columns]
         members = [tracks[row] for row in rows]
         if len(members) == 1:
             track = members[0]
-            lost = _lost_before(track, union(owned), tracks, scene, now_s, limits)
-            if lost is not None:
-                decisions.append(End(track))
-            decisions.append(_alone(lost or track, owned, scene, now_s, limits, convex=convex))
+            decisions.append(_alone(track, owned, scene, now_s, limits, convex=convex))
         else:
             decisions += _together(members, owned, scene, limits)
     used = {part for each in decisions for part in _parts_used(each)}
@@ -133,16 +124,10 @@ def associate(
 
 
 def _links(
-    tracks: Sequence[TrackState],
-    regions: Sequence[Region],
-    now_s: float,
-    limits: AssociationLimits,
+    tracks: Sequence[TrackState], regions: Sequence[Region], limits: AssociationLimits
 ) -> NDArray[np.bool_]:
     """Return which regions may belong to which tracks: (tracks, regions)."""
     links = boxes.overlaps([track.box for track in tracks], regions) > limits.overlap
-    for row, track in enumerate(tracks):
-        if track.missing_s(now_s) > limits.recent_s and track.grouped_s is None:
-            links[row] = False
     rows = np.flatnonzero(~links.any(axis=1))
     columns = np.flatnonzero(~links.any(axis=0))
     if not rows.size or not columns.size:
@@ -188,34 +173,6 @@ def _alone(
     return Split(track, mine, other)
 
 
-def _lost_before(
-    new: TrackState,
-    found: Region,
-    tracks: Sequence[TrackState],
-    scene: Scene | None,
-    now_s: float,
-    limits: AssociationLimits,
-) -> TrackState | None:
-    """Return the lost object of which a new track has turned out to be the continuation.
-
-    An object that comes out from behind something is a narrow part at first, in which it is not
-    recognised.
-    """
-    if new.confirmed or scene is None:
-        return None
-    for lost in tracks:
-        if (
-            lost.confirmed
-            and lost.missing_s(now_s) > limits.recent_s
-            and lost.seen_s < new.born_s
-            and boxes.overlap(found, lost.box) > limits.overlap
-            and 1 / limits.alike_area < found.area / max(1.0, lost.area) < limits.alike_area
-            and lost.appearance.distance(scene, found) <= limits.unlike
-        ):
-            return lost
-    return None
-
-
 def _together(
     members: list[TrackState],
     owned: list[Region],
@@ -225,12 +182,7 @@ def _together(
     """Return what the regions of several tracks are."""
     pairs = _one_for_each(members, owned, scene)
     if pairs is not None:
-        mine = {row: [owned[column]] for row, column in pairs}
-        taken = {column for _, column in pairs}
-        for column, region in enumerate(owned):
-            if column not in taken:
-                mine[_nearest(members, region)].append(region)
-        return [Follow(members[row], union(parts), alone=True) for row, parts in mine.items()]
+        return [Follow(members[row], owned[column], alone=True) for row, column in pairs]
     whole = union(owned)
     largest = max(each.area for each in members)
     established = [each for each in members if _established(each, largest, limits)]
@@ -286,13 +238,3 @@ def _one_for_each(
                 costs[row, column] = away + unlike
     pairs = boxes.assigned(costs)
     return pairs if len(pairs) == len(members) else None
-
-
-def _nearest(members: list[TrackState], region: Region) -> int:
-    x, y = region.center
-
-    def away(row: int) -> tuple[float, int]:
-        box = members[row].box
-        return abs(x - box.center[0]) / box.width + abs(y - box.center[1]) / box.height, row
-
-    return min(range(len(members)), key=away)

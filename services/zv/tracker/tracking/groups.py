@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import cv2
@@ -13,9 +12,8 @@ from zv.tracker.tracking.appearance import BANDS, Scene, levels_of
 from zv.tracker.tracking.region import Region, extent, union
 from zv.tracker.tracking.state import TrackState
 
-MARGIN_SIDES = 0.1
-"""An object is searched for within its expected box plus this margin, in sides, plus twice the
-standard deviation of its position."""
+MARGIN_SIDES = 0.25
+"""An object is searched for within its expected box plus this margin, in sides."""
 
 LEAST_PRIOR = 0.05
 LEAST_COLOR = 0.0005
@@ -62,27 +60,17 @@ def divide(
     return [_portion(owner == number, origin) for number in range(len(targets))]
 
 
-def _searched(target: TrackState) -> Region:
-    """Return the box in which the pixels of an object are searched for."""
-    box, side = target.box, target.side
-    x, y = (
-        min(0.5 * side, MARGIN_SIDES * side + 2 * math.sqrt(axis.pp))
-        for axis in (target.x, target.y)
-    )
-    return Region(box.left - x, box.top - y, box.right + x, box.bottom + y, 0)
-
-
 def _likely(
     target: TrackState, levels: NDArray[np.intp], origin: tuple[int, int]
 ) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
     """Return how probable each pixel of a region is for an object, and where in the region."""
-    area = _searched(target)
+    box, looks, more = target.box, target.appearance, MARGIN_SIDES * target.side
     height, width = levels.shape
-    top, left = max(0, round(area.top) - origin[0]), max(0, round(area.left) - origin[1])
-    bottom = max(top, min(height, round(area.bottom) - origin[0]))
-    right = max(left, min(width, round(area.right) - origin[1]))
+    top = max(0, round(box.top - more) - origin[0])
+    left = max(0, round(box.left - more) - origin[1])
+    bottom = max(top, min(height, round(box.bottom + more) - origin[0]))
+    right = max(left, min(width, round(box.right + more) - origin[1]))
     window = slice(top, bottom), slice(left, right)
-    box, looks = target.box, target.appearance
     v = (np.arange(top, bottom) + origin[0] + 0.5 - box.top) / max(1.0, box.height)
     u = (np.arange(left, right) + origin[1] + 0.5 - box.left) / max(1.0, box.width)
     if looks.silhouette is None or looks.colors is None:

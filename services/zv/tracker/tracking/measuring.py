@@ -111,25 +111,18 @@ def measure(
     since_s = now_s - track.learned_s
     if scene is not None and alone and complete and since_s >= LIMITS.learn_every_s:
         share = 1 - math.exp(-min(since_s / LIMITS.appearance_s, 1.0))
-        track.appearance.learn(scene, _around(found.center, track), share)
+        track.appearance.learn(scene, found, share)
         track.learned_s = now_s
 
 
-def measure_portion(track: TrackState, portion: Region | None, moment: Moment) -> bool:
-    """Correct an object by its portion of a region that it shares with others; False if hidden."""
+def measure_portion(track: TrackState, portion: Region | None, moment: Moment) -> None:
+    """Correct an object by its portion of a region that it shares with others, if it is visible."""
     if portion is None or portion.area < LIMITS.visible * max(1.0, track.area):
-        return False
+        return
     (x, width), (y, height) = _centre(portion, track, moment)
     if width and height:
         track.shown = portion
     track.correct((x, y), moment.now_s)
-    return True
-
-
-def _around(middle: tuple[float, float], track: TrackState) -> Region:
-    """Return a box of the object's size around a measured centre."""
-    (x, y), half_width, half_height = middle, track.width / 2, track.height / 2
-    return Region(x - half_width, y - half_height, x + half_width, y + half_height, track.area)
 
 
 def _centre(

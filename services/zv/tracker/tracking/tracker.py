@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -32,7 +31,6 @@ class LifeLimits:
 
     Attributes:
         confirm_s: Age at which a track may be confirmed.
-        confirm_hits: Number of frames in which it must have been seen.
         seen_share: Share of that age for which it must have been seen: other things flicker.
         confirm_sides: How far it must have moved, in smaller sides of its box.
         rest_s: It must move so far within one motion: what stands for longer begins anew.
@@ -41,11 +39,9 @@ class LifeLimits:
         protected_sides: An object that has travelled farther is not learned while it stands,
         protect_s: for this long.
         still_s: What has stood for this long may be a ghost, and is tested in this interval.
-        hidden_s: Time constant with which the predicted motion of a hidden object slows down.
     """
 
     confirm_s: float = 0.4
-    confirm_hits: int = 3
     seen_share: float = 0.8
     confirm_sides: float = 1.0
     rest_s: float = 2.0
@@ -53,7 +49,6 @@ class LifeLimits:
     protected_sides: float = 1.0
     protect_s: float = 120.0
     still_s: float = 1.0
-    hidden_s: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,8 +163,8 @@ class Tracker(TrackerBase[TrackState]):
             track.parted_s = None
             if portions is None:
                 track.correct((track.x.position, track.y.position), moment.now_s)
-            elif not measure_portion(track, portions[number], moment):
-                track.slow_down(math.exp(-moment.dt_s / self.parameters.life.hidden_s))
+            else:
+                measure_portion(track, portions[number], moment)
 
     def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene | None) -> None:
         track.parted_s = None
@@ -202,7 +197,6 @@ class Tracker(TrackerBase[TrackState]):
                 state.seen_s == now_s
                 and state.shown_s >= life.seen_share * (now_s - state.born_s) - 1e-6
                 and now_s - state.born_s >= life.confirm_s
-                and state.hits >= life.confirm_hits
                 and state.travelled >= life.confirm_sides
                 and state.area >= self.parameters.min_area
             )

@@ -11,7 +11,6 @@ import pytest
 from zv.tracker.foreground.background import BackgroundLimits
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.regions import RegionLimits, regions_of
-from zv.tracker.foreground.search_area import region_mask
 from zv.tracker.tracking.region import Region
 
 
@@ -200,10 +199,6 @@ def test_a_region_without_strong_pixels_is_noise():
     mask = np.zeros((100, 100), np.uint8)
     mask[30:80, 40:60] = 255
     assert regions_of(mask, np.zeros_like(mask), 20, np.inf, RegionLimits()) == []
-
-
-def test_without_polygons_everything_is_searched():
-    assert region_mask((10, 10), 1.0, (), ()) is None
 
 
 def test_the_constants_say_what_they_are():
