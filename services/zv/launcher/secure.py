@@ -9,6 +9,7 @@ from typing import Self
 
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.security.credentials import SUFFIX, credentials_file, read_credentials
+from zv.launcher.launch_file import PlannedNode, PlannedProgram
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +27,12 @@ class SecureFiles:
     launcher: Path
 
     @classmethod
-    def of(cls, folder: str, nodes: Iterable[str], namespace: str) -> Self:
+    def of(cls, folder: str, nodes: Iterable[PlannedNode | PlannedProgram], namespace: str) -> Self:
         """Find and check the files of a folder, before anything is started.
 
         Args:
             folder: The folder.
-            nodes: Names of the nodes that need certificates.
+            nodes: The nodes that need certificates.
             namespace: That of the nodes.
 
         Raises:
@@ -41,15 +42,23 @@ class SecureFiles:
         path = Path(folder).absolute()
         if not path.is_dir():
             raise SourceError(f"--secure {folder}: no such folder; zv security init makes it")
-        found = {name: _own(path, name, namespace) for name in nodes}
+        found = {node.name: _own(path, node.name, namespace, _named(node)) for node in nodes}
         router = credentials_file(str(path / "router"))
-        return cls(router, found, _own(path, "launcher", namespace))
+        return cls(router, found, _own(path, "launcher", namespace, "--node launcher"))
 
 
-def _own(folder: Path, name: str, namespace: str) -> Path:
+def _named(node: PlannedNode | PlannedProgram) -> str:
+    """Return how zv security add is told of a node that is not known to it."""
+    if isinstance(node, PlannedProgram) or getattr(node.settings, "to", False):
+        return f"--node {node.name} --publishes KEY --subscribes KEY"
+    if node.name == node.service:
+        cameras: tuple[str, ...] = getattr(node.settings, "cameras", ())
+        return " ".join((f"--node {node.name}", *(f"--camera {each}" for each in cameras)))
+    return f"--camera {node.name.removeprefix(f'{node.service}_')}"
+
+
+def _own(folder: Path, name: str, namespace: str, add: str) -> Path:
     if not (folder / f"{name}{SUFFIX}").is_file():
-        _, _, camera = name.partition("_")
-        add = f"--camera {camera}" if camera else f"--node {name}"
         raise SourceError(
             f"{folder / name}{SUFFIX}: no such file; the node {name} has no certificate: "
             f"zv security add {add} --dir {folder}"

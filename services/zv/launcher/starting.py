@@ -76,8 +76,7 @@ def start(
     """
     secure = None
     if options.secure is not None:
-        names = [node.name for node in plan.nodes]
-        secure = SecureFiles.of(options.secure, names, connection.namespace)
+        secure = SecureFiles.of(options.secure, plan.nodes, connection.namespace)
         plan = replace(plan, router_config=str(secure.router) if own_router else None)
         connection = replace(connection, credentials=str(secure.launcher))
     elif connection.credentials is not None:
