@@ -169,6 +169,25 @@ def test_a_finger_drags_a_corner_downwards_while_the_whole_frame_is_shown(
     assert _shapes(system, "zones", "150,200") == "mine 50,50 150,50 150,200"
 
 
+def test_arrow_keys_move_a_corner_or_a_shape_by_pixels_and_not_the_picture(
+    tab: Tab, system: Running
+) -> None:
+    _zv(system, "param", "set", "tracker_front", "zones=mine 50,50 150,50 150,120")
+    tab.wait(f"{_DRAWN}.includes('mine')")
+    before = tab.place(CAMERA, 10, 24)
+    _click(tab, 150, 120)
+    for key in ("ArrowRight", "ArrowRight", "ArrowDown", "Shift+ArrowLeft"):
+        tab.page.keyboard.press(key)
+    assert _shapes(system, "zones", "142,121") == "mine 50,50 150,50 142,121"
+    _click(tab, 100, 50)  # an edge
+    tab.page.keyboard.press("ArrowUp")
+    assert _shapes(system, "zones", "142,120") == "mine 50,49 150,49 142,120"
+    tab.page.keyboard.press("Control+z")
+    assert _shapes(system, "zones", "142,121") == "mine 50,50 150,50 142,121"
+    assert tab.place(CAMERA, 10, 24) == before
+    assert tab.page.is_hidden("#shape-refusal")
+
+
 def test_the_counts_of_the_frame_are_written_at_the_shapes(tab: Tab, system: Running) -> None:
     _zv(system, "param", "set", "tracker_front", "lines=gate 200,30 200,200", "zones=a 0,0 9,0 9,9")
     body = {

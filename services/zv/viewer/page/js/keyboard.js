@@ -4,6 +4,7 @@ import { byId, element } from "./ui/elements.js";
 import { loadPreference, savePreference, toggleTheme } from "./ui/preferences.js";
 
 const PAN_PX = 60;
+const FAR_PX = 10; // of the frame, by which Shift moves a corner
 const ARROWS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const KEYS = { Space: [" "], "Shift S": ["S"], "← ↑ → ↓": Object.keys(ARROWS), "+": ["+", "="] };
 
@@ -35,7 +36,7 @@ const TABLE = {
 		["-", "zoom out", "zoom", 0.8],
 		["0", "whole frame", "fit"],
 		["1", "one to one", "actual"],
-		["← ↑ → ↓", "move the picture", "move"],
+		["← ↑ → ↓", "move the picture; a chosen corner by 1 pixel, with Shift by 10", "move"],
 		["n", "next stream", "neighbour", 1],
 		["b", "previous stream", "neighbour", -1],
 		["o", "overlay on or off", "toggleOverlay"],
@@ -54,10 +55,13 @@ const ROWS = new Map(Object.values(TABLE).flat().filter((row) => row.length > 2)
 	.flatMap((row) => (KEYS[row[0]] ?? [row[0]]).map((key) => [key, row])));
 
 /** Run a command; returns whether it had an effect. */
-function run({ wall, inspector, dock, go }, command, argument, key) {
+function run({ wall, inspector, dock, go }, command, argument, { key, shiftKey }) {
 	if (command === "move" && !inspector.isOpen) return wall.move(key);
-	if (command === "move") inspector.grid.pan(...ARROWS[key].map((share) => share * PAN_PX));
-	else if (command === "panel") dock.toggle(argument);
+	if (command === "move") {
+		const by = ARROWS[key];
+		const isNudged = inspector.editor.nudge(by.map((share) => -share * (shiftKey ? FAR_PX : 1)));
+		if (!isNudged) inspector.grid.pan(...by.map((share) => share * PAN_PX));
+	} else if (command === "panel") dock.toggle(argument);
 	else if (command === "theme") toggleTheme();
 	else if (command === "help") byId("help").showModal();
 	else if (command === "wall" || command === "filter") {
@@ -93,7 +97,7 @@ export function listenToKeyboard(parts) {
 		}
 		if (isBehind() || isTyping(event) || moveInToolbar(event) || !shortcuts.checked) return;
 		const row = ROWS.get(event.key);
-		if (row && run(parts, row[2], row[3], event.key)) event.preventDefault();
+		if (row && run(parts, row[2], row[3], event)) event.preventDefault();
 	});
 }
 

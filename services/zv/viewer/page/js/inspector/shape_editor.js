@@ -105,7 +105,7 @@ export class ShapeEditor {
 		byId("shape-undo").disabled = !draft?.points.length && !this.done.length;
 		if (document.activeElement !== name || !chosen) name.value = chosen?.name ?? "";
 		setText(byId("shape-words"), draft ? (draft.kind === "lines" ? ENDS : CORNERS)
-			: chosen ? "Drag a corner to move it." : "Click a shape to choose it.");
+			: chosen ? "Drag a corner to move it, or use the arrow keys (Shift: 10 pixels)." : "Click a shape to choose it.");
 		this.changed();
 	}
 
@@ -177,6 +177,18 @@ export class ShapeEditor {
 		this.held = null;
 		if (this.moved) this.send(this.choice.kind);
 		else this.read();
+	}
+
+	/** Move the chosen corner, else the chosen shape, by [x, y]; returns whether there is one. */
+	nudge(by) {
+		if (!this.isActive || !this.chosen || this.held !== null) return false;
+		const { kind, corner } = this.choice;
+		this.chosen.points = this.chosen.points.map((point, index) =>
+			corner === null || corner === undefined || corner === index
+				? point.map((value, axis) => Math.round(value + by[axis])) : point);
+		this.send(kind);
+		this.changed();
+		return true;
 	}
 
 	rename(name) {
