@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import logging
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -72,9 +72,10 @@ def _exists(name: str) -> bool:
     return bool(option)
 
 
-@lru_cache(maxsize=4)
 def hardware(wanted: str) -> Hardware | None:
     """Return the hardware decoder to use; None for the CPU.
+
+    What worked once may be gone, or in use up to its limit, when a source is opened again.
 
     Args:
         wanted: ``auto``, ``none``, or a kind that libav knows: ``cuda``, ``vaapi``, ...

@@ -177,7 +177,7 @@ class UrlSource:
     def _open(self, options: UrlOptions) -> InputContainer:
         rtsp = RTSP | TRANSPORTS[options.transport] if self._url.startswith("rtsp") else {}
         self._needs_udp = bool(rtsp) and options.transport == "udp"
-        found = hardware(options.hwaccel)
+        found = self._hardware = hardware(options.hwaccel)
         started_s = time.monotonic()
         try:
             return av.open(
@@ -194,7 +194,7 @@ class UrlSource:
     def _say_decoder(self, container: InputContainer, wanted: str) -> None:
         """Say what decodes, once for each kind of video; JPEGs are passed on."""
         context = container.streams.video[0].codec_context
-        found = hardware(wanted)
+        found = self._hardware
         if context.name == "mjpeg" or wanted == "none":
             return
         if found is not None and context.is_hwaccel:

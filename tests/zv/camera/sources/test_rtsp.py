@@ -14,14 +14,17 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
+from av.codec.hwaccel import HWAccel
 
 from tests.support.pictures.url_sources import PATIENT_S, SHORT_S, SLACK_S, Opened, read_until_lost
 from tests.support.pictures.videos import decoded, shown
 from tests.support.processes import missing, need
 from tests.support.programs import rtsp_camera
 from zenoh_vision.errors import SourceError, SourceLost
+from zv.camera.sources import url
 from zv.camera.sources.base import TimedPicture
 from zv.camera.sources.libav import VideoDecoder
+from zv.camera.sources.libav_options import Hardware
 
 RTSP_SERVER = Path(rtsp_camera.__file__)
 SYSTEM_PYTHON = "/usr/bin/python3"
@@ -284,14 +287,36 @@ def test_udp_that_a_firewall_stops_is_said_in_time(shared_rtsp: RtspCamera, open
         return re.sub(rb"client_port=[0-9-]+", b"client_port=9-10", request)
 
     with closing(Network(shared_rtsp.port, divert)) as firewall:
-        url = f"rtsp://127.0.0.1:{firewall.port}/h264"
+        address = f"rtsp://127.0.0.1:{firewall.port}/h264"
+        assert opened(address).read() is not None  # auto: by TCP
         started_s = time.monotonic()
         with pytest.raises(
             (SourceError, SourceLost), match="for 1 s; nothing came by UDP, which a"
         ):
-            opened(url, SHORT_S, transport="udp").read()
+            opened(address, SHORT_S, transport="udp").read()
         assert time.monotonic() - started_s < SHORT_S + SLACK_S
-        assert opened(url).read() is not None  # auto: by TCP
+
+
+@pytest.mark.parametrize(
+    ("found", "why"),
+    [
+        (None, "no hardware decoder works here"),
+        (Hardware("drm", HWAccel("drm", allow_software_fallback=True)), "drm cannot"),
+    ],
+    ids=["no hardware", "hardware for other codecs"],
+)
+def test_what_no_hardware_decodes_the_cpu_does_and_a_line_says_so(
+    shared_rtsp: RtspCamera,
+    opened: Opened,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    found: Hardware | None,
+    why: str,
+):
+    monkeypatch.setattr(url, "hardware", lambda _wanted: found)
+    with caplog.at_level("INFO"):
+        assert opened(shared_rtsp.url("/h264"), hwaccel="auto").read() is not None
+    assert f"H264 is decoded by the CPU: {why}" in caplog.text
 
 
 def test_a_transport_that_the_server_refuses_is_said(shared_rtsp: RtspCamera, opened: Opened):
