@@ -132,6 +132,20 @@ def test_an_rtsp_camera_that_stalls_is_lost_in_time_and_opens_again_when_it_is_b
         assert opened(server.url("/h264")).read() is not None
 
 
+def test_a_connection_whose_other_end_is_gone_without_a_word_is_lost_and_closed_in_time(
+    network: Network, opened: Opened
+):
+    source = opened(f"rtsp://127.0.0.1:{network.port}/h264", SHORT_S)
+    source.read()
+    network.passes.clear()
+    _, lost, waited_s = read_until_lost(source)
+    assert "no usable picture from the server for 1 s" in lost
+    assert waited_s < SHORT_S + SLACK_S
+    started_s = time.monotonic()
+    source.close()
+    assert time.monotonic() - started_s < SHORT_S + SLACK_S
+
+
 def age_s(timed: TimedPicture) -> float:
     return (time.time_ns() - timed.stamp_ns) / 1e9
 
