@@ -330,6 +330,26 @@ def test_last_seconds_that_nothing_triggered_are_said_not_to_be_written(
         assert "nothing triggered it: no file was written" in box.complaints
 
 
+def test_a_key_of_which_nothing_was_recorded_is_named(
+    endpoint: str, client: zenoh.Session, tmp_path: Path
+) -> None:
+    words = ["bag", "record", "--connect", endpoint, "vision/nobody/**"]
+    with Node("bar", camera="front", connection=Connection(connect=endpoint, timeout_s=10)):
+        for number, (more, status) in enumerate(((["other/**"], 0), ([], 1))):
+            name = f"{number}.mcap"
+            flags = [*more, "-o", str(tmp_path / name)]
+            with Program([*words, *flags], tmp_path, name, forked=ZV) as program:
+                wait_until(lambda at=program: "recording into" in at.complaints)
+                wait_for_subscriber(client, "other/x" if more else "vision/nobody/x")
+                client.put("other/x", b"1", congestion_control=zenoh.CongestionControl.BLOCK)
+                partial = tmp_path / f"{name}.partial"
+                sought = b"other/x" if more else b"@vision/diagnostics/bar_front"
+                wait_until(lambda file=partial, text=sought: text in file.read_bytes())
+                assert program.interrupt() == status
+                assert "vision/nobody/**" in program.complaints
+                assert "other/**" not in program.complaints
+
+
 def test_what_a_slow_disk_cannot_take_is_counted_and_nothing_else_is_lost(
     endpoint: str, client: zenoh.Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

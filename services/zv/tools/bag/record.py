@@ -6,6 +6,7 @@ import select
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from zenoh_vision.errors import ExpectationNotMet, PayloadError
 from zenoh_vision.message_codec import unpack
 from zenoh_vision.transport.connection import Connection
 from zv.bag.recorder.recorder import Progress, Recorder
-from zv.bag.recording import Recording
+from zv.bag.recorder.selection import default_keys
+from zv.bag.recording import Recording, matcher
 from zv.bag.report import report_of
 from zv.tools.bag.info import file_line
 from zv.tools.bag.options import RecordOptions, TriggerOptions
@@ -52,10 +54,12 @@ def run(options: RecordOptions, connection: Connection, output: Output) -> None:
         finally:
             recorder.stop()
             progress = recorder.progress()
-        silence = "" if progress.taken or options.last else _silence(options, session)
+        left = [path for path in paths if path.exists()]
+        silence = ""
+        if options.last is None and len(left) == len(paths) and not progress.failure:
+            silence = _silence(options, session, left, output)
     if options.last and not paths and not progress.failure:
         output.note("nothing triggered it: no file was written")
-    left = [path for path in paths if path.exists()]
     for path in left:
         _tell(path, output)
     if deleted := len(paths) - len(left):
@@ -112,13 +116,28 @@ def _entered() -> bool:
     return False
 
 
-def _silence(options: RecordOptions, session: ToolSession) -> str:
+def _silence(
+    options: RecordOptions, session: ToolSession, files: Sequence[Path], output: Output
+) -> str:
+    """Return why files have nothing of what was asked for; empty if they have some of it."""
+    keys_found: set[str] = set()
+    for path in files:
+        with Recording(path) as recording:
+            keys_found |= {each.topic.removeprefix("/") for each in recording.channels()}
+    wanted = options.keys or default_keys(session.namespace)
+    silent = [each for each in wanted if not any(map(matcher((each,)), keys_found))]
+    if not silent or (not options.keys and len(silent) < len(wanted)):
+        return ""
     if not session.connected:
         return "nothing arrived: the router is gone"
     if not options.keys:
-        return "nothing arrived: is a node running? `zv up` starts a system"
+        return "nothing of a camera arrived: is one running? `zv up` starts a system"
     known = discover(session)
-    return "; ".join(known.nothing_on(key_expression(each)) for each in options.keys)
+    words = "; ".join(known.nothing_on(key_expression(each)) for each in silent)
+    if len(silent) == len(wanted):
+        return words
+    output.note(words)
+    return ""
 
 
 def _tell(path: Path, output: Output) -> None:
