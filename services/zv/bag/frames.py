@@ -45,8 +45,10 @@ def the_key(recording: Recording, wanted: str | None, kinds: tuple[str, ...], wh
         }
     )
     cameras = [each for each in found if each.endswith(("/image/compressed", "/tracks"))]
+    if not found:
+        raise ExpectationNotMet(f"{recording.path} has no {what}")
     if len(cameras or found) != 1:
-        names = ", ".join(cameras or found) or "none"
+        names = ", ".join(cameras or found)
         raise ExpectationNotMet(f"{recording.path} has not one key of {what}: {names}; give --key")
     return (cameras or found)[0]
 

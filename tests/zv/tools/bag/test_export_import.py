@@ -450,3 +450,11 @@ def test_the_keys_that_a_recording_has_are_told_without_those_of_the_system(
     assert str(caught.value).endswith(
         "has no vision/x; its keys: vision/front/image/compressed, vision/front/tracks"
     )
+
+
+def test_a_recording_without_pictures_has_none_to_export(
+    tmp_path: Path, zv: Callable[..., dict[str, object]]
+) -> None:
+    run = str(Writer(tmp_path / "run.mcap", {"namespace": "vision"}).close())
+    with pytest.raises(ExpectationNotMet, match=r"run\.mcap has no pictures$"):
+        zv(ExportOptions(file=run, output=str(tmp_path / "f")))
