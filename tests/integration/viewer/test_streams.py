@@ -19,7 +19,7 @@ import zenoh
 
 from tests.integration.conftest import Service
 from tests.support.fork_server import ZV
-from tests.support.listening import Listener, Message, living_nodes
+from tests.support.listening import Listener, Message, living_nodes, wait_for_nodes
 from tests.support.processes import STOP_S, Program
 from tests.support.publishing import PlainCamera, publish_cameras
 from tests.support.routing import Router, free_port
@@ -315,6 +315,12 @@ def test_streams_go_on_when_camera_and_router_were_away(viewer, service, router:
         before_ns = time.time_ns()
         while float(next(pictures).headers["x-timestamp"]) * 1e9 < before_ns:
             pass
+
+
+def test_two_viewers_of_one_system_are_two_nodes(service: Service, client: zenoh.Session):
+    for name in ("north", "south"):
+        service("view", "--port", 0, "--name", name)
+    wait_for_nodes(client, "viewer_north", "viewer_south")
 
 
 def test_pages_are_served_before_there_is_a_router_and_it_ends_with_0(tmp_path):

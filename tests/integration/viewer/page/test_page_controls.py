@@ -66,7 +66,9 @@ def test_a_change_by_another_appears(open_tab: Open, system: Running) -> None:
     _zv(system, "param", "set", "edge_front", "sigma=1.4")
 
 
-def test_a_refusal_is_shown_and_the_control_goes_back(open_tab: Open) -> None:
+def test_a_refusal_is_shown_until_a_value_is_right_and_the_control_goes_back(
+    open_tab: Open,
+) -> None:
     tab = _with_parameters(open_tab, EDGES)
     low = SIGMA.replace("sigma", "low")
     tab.page.fill(f"{low} input[type=number]", "500")
@@ -74,6 +76,13 @@ def test_a_refusal_is_shown_and_the_control_goes_back(open_tab: Open) -> None:
     words = tab.wait(f"document.querySelector('{low} .refusal:not([hidden])')?.textContent")
     assert "low = 500 is above high = 100" in words
     assert tab.page.input_value(f"{low} input[type=number]") == "40"
+    tab.page.fill(f"{low} input[type=number]", "41")
+    tab.page.keyboard.press("Enter")
+    tab.wait(f"document.querySelector('{low}').dataset.value === '41'")
+    tab.wait(f"document.querySelector('{low} .refusal').hidden")
+    tab.page.fill(f"{low} input[type=number]", "40")
+    tab.page.keyboard.press("Enter")
+    tab.wait(f"document.querySelector('{low}').dataset.value === '40'")
 
 
 def test_a_text_that_is_being_typed_survives_a_change_by_another(
