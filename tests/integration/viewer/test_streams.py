@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from email.utils import parsedate_to_datetime
 from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,12 +21,15 @@ import zenoh
 from tests.integration.conftest import Service
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, Message, living_nodes, wait_for_nodes
+from tests.support.pictures.videos import with_orientation
 from tests.support.processes import STOP_S, Program
 from tests.support.publishing import PlainCamera, publish_cameras
 from tests.support.routing import Router, free_port
+from tests.support.typist import zv
 from tests.support.viewer.client import IMAGE, Answer, Part, Viewer, parts
 from tests.support.waiting import wait_until
 from zenoh_vision.image import codecs
+from zenoh_vision.testing import first_picture
 
 TOPIC = "topic=/front/image/compressed"
 NODE = "@vision/node/viewer"
@@ -257,6 +261,24 @@ def test_a_publisher_that_answers_nobody_is_shown_too(viewer, client):
         until_there(viewer)
         with viewer.stream(TOPIC) as pictures:
             assert next(pictures).seq < next(pictures).seq
+
+
+def test_a_picture_that_says_how_it_was_held_has_one_orientation_everywhere(
+    viewer: Viewer, client: zenoh.Session, router: Router, tmp_path: Path
+):
+    """That of its header and of what trackers find; browsers would turn it."""
+    stored = codecs.encode_jpeg(np.zeros((48, 64, 3), np.uint8), "bgr8", 90)
+    turned = with_orientation(stored, 6)
+    assert cv2.imdecode(np.frombuffer(turned, np.uint8), cv2.IMREAD_COLOR).shape == (64, 48, 3)
+    file = tmp_path / "snapshot.jpg"
+    with PlainCamera(client, pictures=(turned,)).at(15):
+        until_there(viewer)
+        with viewer.stream(TOPIC) as pictures:
+            streamed = next(pictures).body
+        assert zv(router.endpoint, "snapshot", IMAGE, "-o", str(file)).returncode == 0
+        assert first_picture(router.endpoint).bgr.shape == (48, 64, 3)
+        for found in (streamed, viewer.get(f"/snapshot?{TOPIC}").body, file.read_bytes()):
+            assert cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_COLOR).shape[0] == 48
 
 
 def test_what_does_not_exist_is_404_with_what_does(shown, standing_viewer):
