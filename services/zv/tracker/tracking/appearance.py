@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -78,22 +77,6 @@ class Appearance:
             return
         self.silhouette += (silhouette - self.silhouette) * np.float32(share)
         self.colors += (histograms - self.colors) * np.float32(share)
-
-    def distance(self, scene: Scene, box: Region) -> float:
-        """Return the distance of the colours in a box: 0 the same, 1 none in common.
-
-        It is the Hellinger distance, with the Bhattacharyya coefficient averaged over the bands;
-        0.5 if nothing was learned or the box is empty.
-        """
-        cut = scene.cut(box)
-        mask = scene.mask[cut]
-        if self.colors is None or not mask.size:
-            return 0.5
-        found = histograms_of(scene.picture[cut], mask)
-        shared = np.sqrt(self.colors * found).sum(axis=1)
-        bands = (self.colors.any(axis=1)) & (found.any(axis=1))  # others are higher than the object
-        common = float(shared[bands].mean()) if bands.any() else 0.0
-        return math.sqrt(max(0.0, 1.0 - common))
 
 
 def levels_of(picture: Image) -> NDArray[np.intp]:

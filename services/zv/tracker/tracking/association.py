@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.tracker.tracking import boxes
-from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.pieces import PieceLimits, around_largest, joined, parted
 from zv.tracker.tracking.region import Region, union
 from zv.tracker.tracking.state import TrackState
@@ -90,7 +89,6 @@ Decision = Follow | Share | Split | End | Begin
 def associate(
     tracks: Sequence[TrackState],
     regions: Sequence[Region],
-    scene: Scene | None,
     now_s: float,
     limits: AssociationLimits,
     *,
@@ -101,7 +99,6 @@ def associate(
     Args:
         tracks: The tracks, predicted to the time of the frame.
         regions: The regions of the foreground.
-        scene: The pixels of the frame; None to decide by place and size alone.
         now_s: The time of the frame.
         limits: The constants.
         convex: Whether each region is an object, none a part of one.
@@ -116,9 +113,9 @@ def associate(
         members = [tracks[row] for row in rows]
         if len(members) == 1:
             track = members[0]
-            decisions.append(_alone(track, owned, scene, now_s, limits, convex=convex))
+            decisions.append(_alone(track, owned, now_s, limits, convex=convex))
         else:
-            decisions += _together(members, owned, scene, limits)
+            decisions += _together(members, owned, limits)
     used = {part for each in decisions for part in _parts_used(each)}
     return [*decisions, *(Begin(each) for each in regions if each not in used)]
 
@@ -151,7 +148,6 @@ def _links(
 def _alone(
     track: TrackState,
     owned: list[Region],
-    scene: Scene | None,
     now_s: float,
     limits: AssociationLimits,
     *,
@@ -164,23 +160,15 @@ def _alone(
         return Follow(track, around_largest(owned, limits.pieces), alone=True)
     if track.parted_s is None or now_s - track.parted_s < limits.parted_s:
         return Follow(track, union(owned), alone=False, parted=True)
-    costs = []
-    for part in parts:
-        away = math.dist(part.center, track.box.center) / track.side
-        unlike = 0.5 if scene is None else track.appearance.distance(scene, part)
-        costs.append(away + unlike)
-    mine, other = parts if costs[0] <= costs[1] else parts[::-1]
+    mine, other = sorted(parts, key=lambda each: math.dist(each.center, track.box.center))
     return Split(track, mine, other)
 
 
 def _together(
-    members: list[TrackState],
-    owned: list[Region],
-    scene: Scene | None,
-    limits: AssociationLimits,
+    members: list[TrackState], owned: list[Region], limits: AssociationLimits
 ) -> list[Decision]:
     """Return what the regions of several tracks are."""
-    pairs = _one_for_each(members, owned, scene)
+    pairs = _one_for_each(members, owned)
     if pairs is not None:
         return [Follow(members[row], owned[column], alone=True) for row, column in pairs]
     whole = union(owned)
@@ -215,9 +203,7 @@ def _parts_used(decision: Decision) -> Sequence[Region]:
             return []
 
 
-def _one_for_each(
-    members: list[TrackState], owned: list[Region], scene: Scene | None
-) -> list[tuple[int, int]] | None:
+def _one_for_each(members: list[TrackState], owned: list[Region]) -> list[tuple[int, int]] | None:
     """Return pairs of tracks and regions, one for each track; None if that is not possible."""
     if len(owned) < len(members):
         return None
@@ -231,10 +217,7 @@ def _one_for_each(
             ):
                 continue
             away = math.dist(region.center, track.box.center) / track.side
-            unlike = 0.0
-            if scene is not None and track.grouped_s is not None:
-                unlike = 2.0 * track.appearance.distance(scene, region)
             if away < 1.5:
-                costs[row, column] = away + unlike
+                costs[row, column] = away
     pairs = boxes.assigned(costs)
     return pairs if len(pairs) == len(members) else None

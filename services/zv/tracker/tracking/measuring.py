@@ -19,8 +19,6 @@ class MeasuringLimits:
             used.
         appearance_s: Time constant of the appearance, seconds,
         learn_every_s: and the interval in which it is learned.
-        group_memory_s: For this long after an object was in a group, its size is not measured:
-            others may be near.
         visible: An object in a group is hidden if a smaller share of its usual area is visible.
         border: Width of the border of the picture, as a share of its smaller side.
     """
@@ -28,7 +26,6 @@ class MeasuringLimits:
     grown: float = 1.25
     appearance_s: float = 1.0
     learn_every_s: float = 0.15
-    group_memory_s: float = 1.5
     visible: float = 0.15
     border: float = 0.02
 
@@ -83,14 +80,12 @@ def measure(
         alone: Whether that foreground shows no other object.
     """
     at_border, now_s = moment.at_border(found), moment.now_s
-    if track.grouped_s is not None and now_s - track.grouped_s > LIMITS.group_memory_s:
-        track.grouped_s = None
     entering = not track.was_inside
     dx, dy = (axis.velocity * moment.dt_s if entering else None for axis in (track.x, track.y))
     (x, width), (y, height) = _centre(found, track, moment, (dx, dy))
     complete = width and height
     track.was_inside |= not at_border
-    follows = entering or (alone and track.grouped_s is None)
+    follows = entering or (alone and not track.grouped)
     share = max(1 - math.exp(-moment.dt_s / MOTION.size_s), 1 / (track.hits + 1))
     track.resize(
         found.width if width or follows else track.width,

@@ -59,7 +59,7 @@ class TrackState:
         hits: Number of frames in which it was seen.
         travelled: Largest distance from its origin, in smaller sides of its box.
         confirmed: Whether it was ever confirmed.
-        grouped_s: When it last shared a region with others; None if that is long ago.
+        grouped: Whether it shares a region with others, or did so and another is still near.
         parted_s: Since when it has looked like two objects; None if it does not.
         stands_at: Where it stands, or stood last.
         stands_s: Since when it has stood there.
@@ -94,7 +94,7 @@ class TrackState:
     hits: int = 1
     travelled: float = 0.0
     confirmed: bool = False
-    grouped_s: float | None = None
+    grouped: bool = False
     parted_s: float | None = None
     tested_s: float = 0.0
     learned_s: float = 0.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from zv.tracker.tracking import boxes
-from zv.tracker.tracking.appearance import Appearance, Scene
+from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.association import (
     AssociationLimits,
     Begin,
@@ -92,7 +92,7 @@ class Tracker(TrackerBase[TrackState]):
         """
         wanted, now_s = self.parameters, self._moment.now_s
         for decision in associate(
-            self.states, regions, scene, now_s, wanted.association, convex=wanted.convex
+            self.states, regions, now_s, wanted.association, convex=wanted.convex
         ):
             self._apply(decision, scene)
         self._confirm_and_end()
@@ -116,7 +116,7 @@ class Tracker(TrackerBase[TrackState]):
             state
             for state in self.states
             if state.seen_s == now_s
-            and state.grouped_s is None
+            and not state.grouped
             and now_s - max(state.stands_s, state.tested_s) >= life.still_s
         ]
         for state in found:
@@ -131,8 +131,7 @@ class Tracker(TrackerBase[TrackState]):
                     track.parted_s = None
                 elif track.parted_s is None:
                     track.parted_s = moment.now_s
-                if track.grouped_s is not None and not self._near_another(track):
-                    track.grouped_s = None  # its foreground is no longer shared with others
+                track.grouped &= self._near_another(track)
                 measure(track, region, moment, scene, alone=alone)
             case Share(tracks, regions):
                 self._share(tracks, regions, scene)
@@ -159,7 +158,7 @@ class Tracker(TrackerBase[TrackState]):
         moment = self._moment
         portions = None if scene is None else divide(tracks, regions, scene)
         for number, track in enumerate(tracks):
-            track.grouped_s = moment.now_s
+            track.grouped = True
             track.parted_s = None
             if portions is None:
                 track.correct((track.x.position, track.y.position), moment.now_s)
@@ -169,10 +168,7 @@ class Tracker(TrackerBase[TrackState]):
     def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene | None) -> None:
         track.parted_s = None
         track.resize(mine.width, mine.height, mine.area, 1.0)
-        track.appearance = Appearance()
         track.correct(mine.center, self._moment.now_s)
-        if scene is not None:
-            track.appearance.learn(scene, track.box, 1.0)
         second = self._begin(other, scene)
         if second is not None:
             second.x.velocity, second.y.velocity = track.x.velocity, track.y.velocity
