@@ -37,7 +37,7 @@ STUCK_S = 10.0
 STUCK_FOR_GOOD = (
     "two readers are stuck in its driver or library, which only the end of the process frees"
 )
-OPEN_MARGIN_S = 1.0
+MARGIN_S = 1.0
 """Time beyond ``stall_after`` in which a source with its own time-out can report why it failed."""
 
 
@@ -186,7 +186,8 @@ class Capture:
         elif self._stalled(reader):
             self._abandon(reader)
             doing = "opening" if reader.state == "opening" else "no picture"
-            self._reopen_later(f"{doing} for {self._settings.stall_after:g} s", report)
+            silent = f"{doing} for {self._settings.stall_after:g} s"
+            self._reopen_later(reader.reason or silent, report)
         return True
 
     def _reopen_if_due(self, at_s: float, report: Callable[[str], None]) -> None:
@@ -235,7 +236,7 @@ class Capture:
     def _stalled(self, reader: SourceReader) -> bool:
         """Tell whether opening or reading has taken too long."""
         since_s = reader.timer.blocked_since_s
-        margin_s = OPEN_MARGIN_S if reader.state == "opening" else 0.0
+        margin_s = MARGIN_S if reader.state == "opening" or self.kind != "synthetic" else 0.0
         allowed_s = self._settings.stall_after + margin_s
         return since_s is not None and time.monotonic() - since_s > allowed_s
 

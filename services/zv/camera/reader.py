@@ -151,7 +151,11 @@ class SourceReader:
         self.state = "reading"
         try:
             with closing(source), self._parameters_of(source):
-                self._read(source)
+                try:
+                    self._read(source)
+                except Exception as error:
+                    self.reason = _reason_of(error)  # closing may take longer than is waited for
+                    raise
         except Exception as error:
             log.debug("reading failed", exc_info=True)
             self._fail("lost", error)
@@ -180,8 +184,7 @@ class SourceReader:
             source_policy.check_change(self._kind, self._source, settings)
 
     def _fail(self, state: State, error: Exception) -> None:
-        expected = isinstance(error, SourceError)
-        self.reason = str(error) if expected else f"{type(error).__name__}: {error}"
+        self.reason = _reason_of(error)
         self.state = state
 
     def _current_settings(self) -> CameraSettings:
@@ -271,3 +274,8 @@ class SourceReader:
             self._counters.note("repeated")
         captured = CapturedFrame(read.picture, read.truth, self.epoch, seq, stamp_ns, revision)
         self._buffer.put(captured)
+
+
+def _reason_of(error: Exception) -> str:
+    expected = isinstance(error, SourceError)
+    return str(error) if expected else f"{type(error).__name__}: {error}"

@@ -15,7 +15,7 @@ import pytest
 
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.config.revisions import ParameterStore
-from zenoh_vision.errors import SourceError
+from zenoh_vision.errors import SourceError, SourceLost
 from zenoh_vision.image.picture import PixelPicture
 from zenoh_vision.stream.counters import FrameCounters
 from zv.camera import capture
@@ -372,7 +372,7 @@ pytestmark = pytest.mark.usefixtures("clip")
 def test_openings_that_do_not_end_are_limited_and_it_goes_on_when_one_ends(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr(capture, "OPEN_MARGIN_S", 0.0)
+    monkeypatch.setattr(capture, "MARGIN_S", 0.0)
     stuck, begun = threading.Event(), 0
     with rigged("0", live=True, stall_after=0.1, reopen_min=0.01) as rig:
         rig.give()
@@ -394,10 +394,35 @@ def test_openings_that_do_not_end_are_limited_and_it_goes_on_when_one_ends(
         assert begun == capture.MAX_ABANDONED
 
 
+def test_the_reason_of_a_source_that_is_lost_is_said_though_it_takes_long_to_close():
+    closed = threading.Event()
+
+    class Stalled(ScriptedSource):
+        def read(self) -> TimedPicture | None:
+            threading.Event().wait(0.3)  # its own time-out, that of ``stall_after``
+            raise SourceLost("a firewall stops it")
+
+        def close(self) -> None:
+            closed.wait(DEADLINE_S)
+
+    settings = CameraSettings(source="rtsp://camera/1", stall_after=0.3, reopen_min=60.0)
+    troubles: list[str] = []
+    parameters = ParameterStore(settings)
+
+    def open_source(settings: CameraSettings, _newest: object) -> Stalled:
+        return Stalled(settings, live=True)
+
+    with Capture(parameters, FrameCounters("captured", "published"), open_source) as running:
+        for _ in running.frames(lambda: bool(troubles), troubles.append, lambda *_: None):
+            pass
+        closed.set()
+    assert troubles == ["a firewall stops it; opening rtsp://camera/1 again in 60 s"]
+
+
 def test_openings_that_never_end_end_the_process_so_that_it_is_started_again(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr(capture, "OPEN_MARGIN_S", 0.0)
+    monkeypatch.setattr(capture, "MARGIN_S", 0.0)
     monkeypatch.setattr(capture, "STUCK_S", 0.2)
     # Each reader is stuck in its driver, which only the end of the process frees.
     stuck = threading.Event()
