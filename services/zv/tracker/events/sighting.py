@@ -10,6 +10,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_vision.calibration.plane_view import pair
 from zv.tracker.events.event import Moment
 from zv.tracker.shapes import Point, Unit
 from zv.tracker.tracking.track import Track
@@ -89,7 +90,7 @@ def sightings_of(
     wide = np.maximum(np.hypot(*(beside - places).T), np.hypot(*(below - places).T))
     wide = np.where(np.isfinite(wide), wide, math.inf)
     return [
-        Sighting(Moment(stamp_ns, point, _pair(place)), margin, float(width), plane.mirrored)
+        Sighting(Moment(stamp_ns, point, pair(place)), margin, float(width), plane.mirrored)
         for point, margin, place, width in zip(points, margins, places, wide, strict=True)
     ]
 
@@ -99,14 +100,9 @@ def places(tracks: Sequence[Track], anchor: Anchor, plane: WorldPlane | None) ->
     if plane is None or not tracks:
         return [None] * len(tracks)
     points = np.array([anchor_of(track, anchor) for track in tracks], np.float64)
-    return [_pair(place) for place in plane.positions(points - HALF_PIXEL)]
+    return [pair(place) for place in plane.positions(points - HALF_PIXEL)]
 
 
 def anchor_of(track: Track, anchor: Anchor) -> Point:
     """Return the anchor of a track, x, y in full-resolution pixels."""
     return (track.x, track.y if anchor == "centre" else float(track.box[1] + track.box[3]))
-
-
-def _pair(place: NDArray[np.float64]) -> Point | None:
-    x, y = map(float, place)
-    return (x, y) if math.isfinite(x) and math.isfinite(y) else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.view import Shown
+from zv.tracker.tracking.base import TrackerBase
 from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.track import Track
 
@@ -37,6 +38,9 @@ def working_scale(width: int, height: int) -> int:
 class PipelineWithIds:
     """The base of both pipelines.
 
+    Args:
+        first_id: Id of the first track.
+
     Attributes:
         tracks: The tracks of the last frame, oldest first, in pixels of the frame.
         mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the reduced
@@ -45,7 +49,7 @@ class PipelineWithIds:
             when the camera has moved and the background is learned anew.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first_id: int) -> None:
         self.tracks: list[Track] = []
         self.mask: Image = np.zeros((1, 1), np.uint8)
         self.shown: Shown = "scene"
@@ -56,6 +60,13 @@ class PipelineWithIds:
         self._stamp_ns: int | None = None
         self._now_ns = 0
         self._main: int | None = None
+        self._first_id = first_id
+        self._tracker: TrackerBase[Any] | None = None
+
+    @property
+    def next_id(self) -> int:
+        """The id that the next new track gets."""
+        return self._first_id if self._tracker is None else self._tracker.next_id
 
     @property
     def has_background(self) -> bool:

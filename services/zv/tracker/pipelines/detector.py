@@ -70,19 +70,13 @@ class DetectorTracker(PipelineWithIds):
     """
 
     def __init__(self, parameters: DetectorParameters, first_id: int = 1) -> None:
-        super().__init__()
+        super().__init__(first_id)
         self.parameters = parameters
-        self._first_id = first_id
         self._tracker: BoxTracker | None = None
         self._regions: list[Region] = []
         self._times: dict[int, int] = {}  # the tracker's time by the stamp of recent frames
         self._ran_seq: int | None = None
         self._moved_s: float | None = None
-
-    @property
-    def next_id(self) -> int:
-        """The id that the next new track gets."""
-        return self._first_id if self._tracker is None else self._tracker.next_id
 
     def adjust(self, parameters: DetectorParameters) -> None:
         """Continue with other parameters; keep the background and the tracks."""

@@ -48,16 +48,10 @@ class RobustTracker(PipelineWithIds):
     """
 
     def __init__(self, parameters: RobustParameters | None = None, first_id: int = 1) -> None:
-        super().__init__()
+        super().__init__(first_id)
         self.parameters = parameters or RobustParameters()
         self._regions: list[Region] = []
-        self._first_id = first_id
         self._tracker: Tracker | None = None
-
-    @property
-    def next_id(self) -> int:
-        """The id that the next new track gets."""
-        return self._first_id if self._tracker is None else self._tracker.next_id
 
     def adjust(self, parameters: RobustParameters) -> None:
         """Continue with other parameters; keep the background and the tracks."""

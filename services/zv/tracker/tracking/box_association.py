@@ -78,7 +78,8 @@ def match_boxes(
     sure = [number for number, each in enumerate(found) if each.score >= each.least]
     unsure = [number for number, each in enumerate(found) if each.score < each.least]
     shared = boxes.unions(expected, [each.region for each in found])
-    costs = 1 - shared + _other_class(tracks, found, limits)
+    other = [[track.class_name != each.name for each in found] for track in tracks]
+    costs = 1 - shared + limits.other_class * np.array(other, np.float64).reshape(shared.shape)
     pairs: list[tuple[int, int]] = []
 
     def assign(rows: list[int], columns: list[int], allowed: NDArray[np.bool_]) -> None:
@@ -112,13 +113,6 @@ def match_boxes(
             new.append(column)
             known.append(region)
     return pairs, new
-
-
-def _other_class(
-    tracks: Sequence[BoxState], found: Sequence[ScoredBox], limits: BoxLimits
-) -> NDArray[np.float64]:
-    differs = [[track.class_name != each.name for each in found] for track in tracks]
-    return limits.other_class * np.array(differs, np.float64).reshape(len(tracks), len(found))
 
 
 def _distances(
