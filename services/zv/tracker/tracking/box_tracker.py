@@ -26,10 +26,13 @@ class BoxLife:
     """The constants of a track's life; seconds of stamps.
 
     Attributes:
-        hits: A track is confirmed when the model has been sure of it so many times.
+        hits: A track is confirmed when the model has been sure of it so many times,
+        clear: where a score so far between the least one and 1 counts
+        clear_hits: as so many.
         tentative_s: One that was never confirmed ends if it is not found for longer than this.
         shown_s: A confirmed one that is not seen for longer than this is lost; at the border of the
             picture, where it may have left, at once.
+        proven: It is shown so at most for this share of the time for which it was followed before.
         brief_s: It ends if it is not found for longer than this and than it was followed; at the
             border for longer than this alone.
         runs: No track ends before so many runs of the model have not found it.
@@ -41,9 +44,12 @@ class BoxLife:
         fading: Share of the evidence for a class that is left after each run of the model.
     """
 
-    hits: int = 3
+    hits: float = 3.0
+    clear: float = 0.5
+    clear_hits: float = 1.5
     tentative_s: float = 0.3
     shown_s: float = 0.3
+    proven: float = 0.5
     brief_s: float = 1.0
     runs: int = 2
     hidden_s: float = 1.0
@@ -170,7 +176,6 @@ class BoxTracker(TrackerBase[BoxState]):
         (x, y), (dx, dy) = region.center, moved
         state.place = x + dx, y + dy
         state.correct(state.place, self._moment.now_s)
-        state.found += found.score >= found.least
         for name in state.evidence:
             state.evidence[name] *= self._life.fading
         self._classify(state, found)
@@ -182,7 +187,10 @@ class BoxTracker(TrackerBase[BoxState]):
             self._classify(state, found)
 
     def _classify(self, state: BoxState, found: ScoredBox) -> None:
-        """Take the class with the most evidence, and the newest score."""
+        """Count a run that found an object, with its score, and take its likeliest class."""
+        if found.score >= found.least:
+            is_clear = found.score - found.least >= self._life.clear * (1 - found.least)
+            state.found += self._life.clear_hits if is_clear else 1.0
         state.evidence[found.name] = state.evidence.get(found.name, 0.0) + found.score
         state.class_name = max(state.evidence, key=state.evidence.__getitem__)
         state.missed, state.score = 0, found.score
@@ -197,4 +205,6 @@ class BoxTracker(TrackerBase[BoxState]):
         return box.left <= 1 or box.top <= 1 or box.right >= width - 1 or box.bottom >= height - 1
 
     def _shown_s(self, state: BoxState) -> float:
-        return 0.0 if self._leaving(state) else self._life.shown_s
+        followed_s = state.seen_s - state.born_s
+        limit_s = min(self._life.shown_s, self._life.proven * followed_s)
+        return 0.0 if self._leaving(state) else limit_s

@@ -239,14 +239,14 @@ class BoxState(TrackState):
     """The state of an object that a model finds; lengths in pixels of the picture.
 
     Attributes:
-        found: Number of runs of the model that were sure of it.
+        found: Number of runs of the model that were sure of it; clear ones count more.
         missed: Number of runs that did not find it, since the last that did.
         evidence: Sum of its scores by class, fading.
         motion: Its region of motion in the last frame; None if it had none of its own.
         place: The centre of its box there, as it was measured.
     """
 
-    found: int = 1
+    found: float = 0.0
     missed: int = 0
     evidence: dict[str, float] = field(default_factory=dict)
     motion: Region | None = None

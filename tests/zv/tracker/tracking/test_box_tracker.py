@@ -55,6 +55,11 @@ def test_a_track_is_confirmed_when_the_model_was_sure_of_it_three_times():
     assert states == ["tentative", "tentative", "confirmed", "confirmed"]
 
 
+def test_a_clear_object_is_confirmed_when_it_was_found_twice():
+    film = Film()
+    assert [film.show(box(100, 0.9))[0].state for _ in range(2)] == ["tentative", "confirmed"]
+
+
 def test_a_box_that_is_not_sure_begins_no_track_but_continues_one():
     film = Film()
     assert film.show(box(100, 0.3)) == []
@@ -85,6 +90,7 @@ def test_a_track_that_is_not_found_is_lost_then_ended_and_comes_back_under_its_i
     for _ in range(6):
         film.show(box(100))
     states = [film.show()[0].state for _ in range(6)]
+    # Followed for 0.5 s, so it is shown for half of that without being found, then it is lost.
     assert states == ["confirmed"] * 2 + ["lost"] * 4
     assert [(track.id, track.state) for track in film.show(box(100))] == [(1, "confirmed")]
     for _ in range(22):
