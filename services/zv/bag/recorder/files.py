@@ -197,11 +197,12 @@ class Files:
         self.written_bytes += writer.size
 
     def stop(self) -> None:
-        """Close the file, and wait until all are closed."""
+        """Close the file, wait until all are closed, and delete what is then over the limit."""
         self.close()
         for each in self._closing:
             each.wait()
         self._note_closed()
+        self._series.make_room(self.paths[-1:])
 
     def _note_closed(self) -> None:
         """Note the files that were closed meanwhile, in their order."""

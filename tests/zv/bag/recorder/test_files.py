@@ -51,7 +51,17 @@ def test_each_file_of_a_series_begins_with_the_state_and_misses_nothing(tmp_path
     assert found == list(range(200))
 
 
-def test_the_oldest_files_are_deleted_and_never_the_one_that_is_written(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sync_s", [0.0, 0.05])
+def test_the_oldest_files_are_deleted_and_never_the_one_that_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sync_s: float
+) -> None:
+    sync = os.fdatasync
+
+    def fdatasync(file: int) -> None:
+        time.sleep(sync_s)  # of a slow disk: several files are being closed at the end
+        sync(file)
+
+    monkeypatch.setattr(os, "fdatasync", fdatasync)
     other = tmp_path / "walk-20200101T000000_000Z.mcap"
     other.write_bytes(bytes(10**6))
     ours = tmp_path / "run-20200101T000000_000Z.mcap.partial"
