@@ -147,12 +147,16 @@ def test_a_frame_that_is_not_painted_yet_is_saved_too(open_tab: Open, tmp_path: 
     tab = open_tab(CAMERA)
     tab.wait_until_live(CAMERA)
     tab.page.evaluate("window.requestAnimationFrame = () => 1")  # the page paints no more
+    number = "document.querySelector('#figure-frame').textContent"
     numbers: set[int] = set()
     while len(numbers) < 3:
+        shown = tab.page.evaluate(number)
         with tab.page.expect_download() as download:
             tab.page.keyboard.press("Shift+S")
         name = download.value.suggested_filename
         numbers.add(int(name.split("_")[-1].partition(".")[0]))
+        # Chromium drops, without a word, what is over ten downloads a second.
+        tab.wait(f"{number} !== '{shown}'")
 
 
 def test_a_pause_holds_the_frame_and_steps_go_to_its_neighbours(open_tab: Open) -> None:
