@@ -114,9 +114,7 @@ def measure_portion(track: TrackState, portion: Region | None, moment: Moment) -
     """Correct an object by its portion of a region that it shares with others, if it is visible."""
     if portion is None or portion.area < LIMITS.visible * max(1.0, track.area):
         return
-    (x, width), (y, height) = _centre(portion, track, moment)
-    if width and height:
-        track.shown = portion
+    (x, _), (y, _) = _centre(portion, track, moment)
     track.correct((x, y), moment.now_s)
 
 

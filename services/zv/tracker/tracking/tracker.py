@@ -104,9 +104,7 @@ class Tracker(TrackerBase[TrackState]):
         return [
             state.box
             for state in self.states
-            if state.travelled > life.protected_sides
-            and now_s - state.stands_s < life.protect_s
-            and state.missing_s(now_s) < life.gone_s
+            if state.travelled > life.protected_sides and now_s - state.stands_s < life.protect_s
         ]
 
     def suspects(self) -> list[TrackState]:
@@ -115,9 +113,7 @@ class Tracker(TrackerBase[TrackState]):
         found = [
             state
             for state in self.states
-            if state.seen_s == now_s
-            and not state.grouped
-            and now_s - max(state.stands_s, state.tested_s) >= life.still_s
+            if state.seen_s == now_s and now_s - max(state.stands_s, state.tested_s) >= life.still_s
         ]
         for state in found:
             state.tested_s = now_s
