@@ -17,6 +17,8 @@ LATE_NS = 2 * 10**9
 that it ended tracks, for example. It does not follow from the frames."""
 
 MOST_WAITING_BYTES = 256 << 20
+MOST_EARLY = 16
+"""Frames of which answers are kept that came before them."""
 
 
 @dataclass(slots=True)
@@ -51,25 +53,29 @@ def answered_frames(
     Args:
         records: In the order of their arrival.
         is_frame: Which of them are frames.
-        is_answer: Which are what the node said; one without a frame is left out.
+        is_answer: Which are what the node said; one without a frame is left out. Messages overtake
+            pictures, so one may stand before its frame.
     """
     waiting: OrderedDict[FrameId, AnsweredFrame] = OrderedDict()
+    early: OrderedDict[FrameId, list[Record]] = OrderedDict()
     others: list[Record] = []
     size = 0
     for record in records:
         found = frame_id(record)
         if found is not None and is_answer(record):
-            answers = waiting[found].answers if found in waiting else None
-            if answers is not None and (
-                not answers or record.log_time_ns - answers[0].log_time_ns < LATE_NS
-            ):
+            is_early = found not in waiting
+            answers = early.setdefault(found, []) if is_early else waiting[found].answers
+            if not answers or record.log_time_ns - answers[0].log_time_ns < LATE_NS:
                 answers.append(record)
-                size += len(record.payload)
+                size += 0 if is_early else len(record.payload)
+            if len(early) > MOST_EARLY:
+                early.popitem(last=False)
         elif found is not None and is_frame(record):
             if found not in waiting:  # else it was recorded in two forms
-                waiting[found] = AnsweredFrame(record, others)
+                answers = early.pop(found, [])
+                waiting[found] = AnsweredFrame(record, others, answers)
                 others = []
-                size += len(record.payload)
+                size += len(record.payload) + sum(len(each.payload) for each in answers)
         else:
             others.append(record)
         while waiting:

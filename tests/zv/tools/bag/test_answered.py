@@ -52,3 +52,11 @@ def test_what_a_node_said_of_the_silence_after_a_frame_is_no_answer():
 def test_an_answer_to_no_recorded_frame_is_left_out():
     of = frames(4)
     assert [len(each.answers) for each in found([*of[2:], *centroids(of)])] == [1, 1]
+
+
+def test_an_answer_that_overtook_its_frame_is_one_and_later_ones_follow_it():
+    of = frames(2)
+    early, late = centroids([of[1]]) + centroids([of[1]])
+    early = replace(early, log_time_ns=of[1].log_time_ns - 1)
+    results = found([*of, early, late])
+    assert [each.answers for each in results] == [[], [early, late]]
