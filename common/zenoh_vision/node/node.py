@@ -146,7 +146,7 @@ class Node:
             opening.callback(self._outputs.close)
             self._outputs.declare(server)
             self._announcement.declare(server)
-            self._queries.declare()
+            opening.callback(self._queries.declare())
             server.start()
             opening.callback(server.close)
             self._announcement.start()

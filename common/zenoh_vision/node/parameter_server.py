@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import Any
 
 import zenoh
@@ -62,8 +63,12 @@ class ParameterServer:
         self._burst_s = 0.0
         self._logged = self._unlogged = 0
 
-    def publish_changes(self, link: Link) -> None:
-        """Publish and log each change from now on; a parameter that is gone is deleted."""
+    def publish_changes(self, link: Link) -> Callable[[], None]:
+        """Publish and log each change from now on; a parameter that is gone is deleted.
+
+        Returns:
+            Ends it, before the session is closed.
+        """
         congestion_control, priority = MESSAGE_DELIVERY
 
         def on_change(change: Change[Any]) -> None:
@@ -85,6 +90,7 @@ class ParameterServer:
                     link.session.delete(self._key(name), **delivery)
 
         self._store.watch(on_change)
+        return lambda: self._store.unwatch(on_change)
 
     def answer(self, query: zenoh.Query) -> None:
         """Answer a query that reads or sets, by its key."""

@@ -28,16 +28,22 @@ class Queries:
         self._outputs = outputs
         self.server = QueryServer(core.health.log_drop)
 
-    def declare(self) -> None:
-        """Declare the schemas and the parameters; the server answers once it is started."""
+    def declare(self) -> Callable[[], None]:
+        """Declare the schemas and the parameters; the server answers once it is started.
+
+        Returns:
+            Ends the publishing of changes; a camera's controls go when the session is closed.
+        """
         core, namespace = self._core, self._core.namespace
+        end: Callable[[], None] = _nothing
         if core.parameters is not None:
             parameters = ParameterServer(core.parameters, namespace, core.name, core.clock)
-            parameters.publish_changes(core.link)
+            end = parameters.publish_changes(core.link)
             for key in (parameters.key, parameters.set_key):
                 self.server.declare(core.link, key, parameters.answer)
         schemas = schema_answer(namespace, self._messages)
         self.server.declare(core.link, keys.schema_key(namespace, "*"), schemas)
+        return end
 
     def _messages(self) -> Iterable[type[Message]]:
         """Return the classes of all messages that the node sends now."""
@@ -60,3 +66,7 @@ class Queries:
             raise ValueError(f"{row.name} is published; queries get its newest message")
         key = row.key(self._core.namespace, self._core.camera(camera))
         self.server.declare(self._core.link, key, message_answer(key, reply_to))
+
+
+def _nothing() -> None:
+    """Do nothing: a node without parameters publishes no changes of them."""

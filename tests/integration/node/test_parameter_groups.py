@@ -81,3 +81,12 @@ def test_a_refusal_names_the_parameter_and_what_is_allowed(system: System):
         "allowed": "up to 100",
     }
     assert system.listed()["power"] == 50
+
+
+def test_those_that_go_after_their_node_has_ended_are_no_failure(tmp_path, caplog):
+    store, dials = ParameterStore(LensSettings()), Dials()
+    with a_router(tmp_path) as router:
+        with Node("lamp", connection=Connection(router.endpoint), parameters=store):
+            store.add(dials)
+        store.remove(dials)  # as a camera's controls do when its device is closed
+    assert "a watcher of parameters failed" not in caplog.text

@@ -226,6 +226,14 @@ def test_each_value_that_changed_is_published_with_its_revision(lamp: Lamp):
     assert {said for _, _, said in session.put_} == {f"{MSGPACK};vision.Parameter.v1"}
 
 
+def test_nothing_is_published_once_the_publishing_of_changes_has_ended(lamp: Lamp):
+    session = Session()
+    end = lamp.server.publish_changes(SimpleNamespace(session=session))  # type: ignore[arg-type]
+    end()
+    lamp.set(f"{SET}/power", 51)
+    assert session.put_ == []
+
+
 KEYS = st.sampled_from([SET, *(f"{SET}/{name}" for name in (*LIVE, "socket", "camera", "nothing"))])
 SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.text()
 VALUES = st.recursive(
