@@ -195,7 +195,7 @@ def _head(jpeg: bytes) -> Head | None:
             if components not in (1, 3) or end != body + 6 + 3 * components:
                 return None
             if components == 3:  # else an MCU is one block, whatever the factors are
-                mcu = 8 * max(each >> 4 for each in factors), 8 * max(each & 15 for each in factors)
+                mcu = 8 * (max(factors) >> 4), 8 * max([each & 15 for each in factors])
         elif not (marker == _HUFFMAN_TABLES or 0xDB <= marker <= 0xFE):
             return None
         at = end

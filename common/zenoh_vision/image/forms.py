@@ -121,8 +121,7 @@ class JpegForm(_FileForm):
 
     def open(self, payload: Payload, header: Header) -> Picture:
         """Return a JPEG as a picture."""
-        data = bytes(payload)
-        return JpegPicture(data, header.encoding or "bgr8", codecs.picture_size(data))
+        return JpegPicture(bytes(payload), header.encoding or "bgr8")
 
     def make(self, picture: Picture, quality: int) -> bytes:
         """Return a picture as JPEG."""
@@ -140,8 +139,7 @@ class PngForm(_FileForm):
 
     def open(self, payload: Payload, header: Header) -> Picture:
         """Return a PNG as a picture."""
-        data = bytes(payload)
-        return PngPicture(data, header.encoding or "bgr8", codecs.picture_size(data))
+        return PngPicture(bytes(payload), header.encoding or "bgr8")
 
     def make(self, picture: Picture, quality: int) -> bytes:
         """Return a picture as PNG."""
@@ -258,11 +256,6 @@ def form_of(encoding: str, payload: Payload, default: str = JPEG) -> PictureForm
             if other.signature and payload[: len(other.signature)] == other.signature:
                 return other
     return form
-
-
-def own_form(picture: Picture) -> PictureForm:
-    """Return the form of a picture's ``compressed``: its own, PNG for 16 bits or bilevel, JPEG."""
-    return FORMS[picture.mime]
 
 
 def check_header(form: PictureForm, payload: Payload, header: Header, max_pixels: int) -> None:

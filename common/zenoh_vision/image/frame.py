@@ -42,6 +42,7 @@ class Frame:
             ``zenoh_vision.Revision``; None without parameters.
         captured: Whether a node has counted it as captured, and not yet as published or dropped.
         value_range: The 16-bit values that become 1 and 255 in 8 bits; None for all of them.
+        is_deep: Whether it has more than 8 bits, depth or grey.
         is_reduced: Whether its picture is smaller than the frame.
 
     Raises:
@@ -74,15 +75,11 @@ class Frame:
         self.revision = revision
         self.captured = captured
         self.value_range: ValueRange | None = None
+        self.is_deep = picture.is_deep
         self.is_reduced = picture.size != (header.width, header.height)
         if self.is_reduced:
             check_shows(picture.size, header)
         self._full: dict[tuple[str, ValueRange | None], Pixels] = {}
-
-    @property
-    def is_deep(self) -> bool:
-        """Whether it has more than 8 bits, depth or grey."""
-        return self.picture.is_deep
 
     @property
     def compressed(self) -> bytes:

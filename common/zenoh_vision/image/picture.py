@@ -37,8 +37,8 @@ class Picture(ABC):
         height: Pixels.
         is_deep: Whether it has more than 8 bits, depth or grey; None to go by the encoding.
 
-    Raises:
-        PayloadError: ``unsupported_encoding``.
+    Attributes:
+        mime: Zenoh encoding of ``compressed``: its own form, else PNG for 16 bits, else JPEG.
     """
 
     form: str | None = None
@@ -56,12 +56,12 @@ class Picture(ABC):
     def __init__(
         self, encoding: str, width: int, height: int, *, is_deep: bool | None = None
     ) -> None:
-        pixel_formats.encoding_named(encoding)
         self.encoding = encoding
         self.width = width
         self.height = height
         self.size = (width, height)
         self.is_deep = encoding in DEEP if is_deep is None else is_deep
+        self.mime = self.form or (PNG if self.is_deep else JPEG)
         self._pixels: Pixels | None = None
         self._depth: NDArray[np.uint16] | None = None
         self._encoded: tuple[int, bytes] | None = None
@@ -142,11 +142,6 @@ class Picture(ABC):
         pixels = self.pixels
         np.copyto(target.view(ENCODINGS[self.encoding].dtype).reshape(pixels.shape), pixels)
 
-    @property
-    def mime(self) -> str:
-        """Zenoh encoding of ``compressed``: its own form, else PNG for 16 bits, else JPEG."""
-        return self.form or (PNG if self.is_deep else JPEG)
-
     def compressed(self, quality: int) -> bytes:
         """Return the picture as a file of the type ``mime``; its own bytes if it was made from one.
 
@@ -158,7 +153,7 @@ class Picture(ABC):
         """
         with self._lock:
             if self._encoded is None or self._encoded[0] != quality:
-                self._encoded = quality, self._encode(quality)
+                self._encoded = quality, self.png() if self.mime == PNG else self.jpeg(quality)
             return self._encoded[1]
 
     def jpeg(self, quality: int) -> bytes:
@@ -251,9 +246,6 @@ class Picture(ABC):
             return np.asarray(pixel_formats.convert(gray, "mono8", encoding), np.uint8)
         return np.asarray(pixel_formats.convert(self.pixels, self.encoding, encoding), np.uint8)
 
-    def _encode(self, quality: int) -> bytes:
-        return self.png() if self.mime == PNG else self.jpeg(quality)
-
 
 FLIP_CODES = {"horizontal": 1, "vertical": 0, "both": -1}
 ROTATE_CODES = {
@@ -281,13 +273,9 @@ class PixelPicture(Picture):
     ) -> None:
         named = pixel_formats.checked_encoding(pixels, encoding)
         super().__init__(named, pixels.shape[1], pixels.shape[0])
-        self.bilevel = bilevel
+        if bilevel:
+            self.bilevel, self.mime = True, PNG
         self._pixels = read_only(pixels)
-
-    @property
-    def mime(self) -> str:
-        """Zenoh encoding of ``compressed``."""
-        return PNG if self.bilevel else super().mime
 
     def png(self) -> bytes:
         """Return the picture as a PNG."""
@@ -306,11 +294,13 @@ class _FilePicture(Picture):
     def __init__(
         self, data: bytes, encoding: str, size: tuple[int, int] | None, *, is_deep: bool
     ) -> None:
+        pixel_formats.encoding_named(encoding)
         width, height = codecs.picture_size(data) if size is None else size
         super().__init__(encoding, width, height, is_deep=is_deep)
         self.data = data
 
-    def _encode(self, _quality: int) -> bytes:
+    def compressed(self, _quality: int) -> bytes:
+        """Return the file."""
         return self.data
 
     def _equals(self, other: _FilePicture) -> bool:
@@ -328,7 +318,7 @@ class JpegPicture(_FilePicture):
             not taken for an intact one.
 
     Raises:
-        PayloadError: It is no JPEG, or too large.
+        PayloadError: It is no JPEG, or too large, or the encoding is unknown.
     """
 
     form = JPEG

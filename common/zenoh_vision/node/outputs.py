@@ -420,7 +420,7 @@ def _picture(
 
 def _compressed(frame: Frame, data: bytes) -> Outgoing:
     """Return the compressed bytes of a frame to send; they may show a smaller picture of it."""
-    form = forms.form_of(forms.own_form(frame.picture).encoding, data)
+    form = forms.form_of(frame.picture.mime, data)
     header = form.header(frame.header)
     return Outgoing(data, form.encoding, header.to_bytes(), form.stands_alone)
 

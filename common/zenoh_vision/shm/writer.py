@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_vision.image.forms import RAW_FORM, own_form
+from zenoh_vision.image.forms import FORMS, RAW_FORM
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.pixel_formats import raw_size
 from zenoh_vision.shm.channel import LEAST_FREE, MAX_ENCODING, Layout, iceoryx_errors, open_channel
@@ -55,7 +55,7 @@ class FrameWriter:
         """
         # A JPEG or PNG goes as it is: it is smaller, and its receiver may need only a part of it.
         file = None if frame.picture.form is None else frame.compressed
-        form = RAW_FORM if file is None else own_form(frame.picture)
+        form = RAW_FORM if file is None else FORMS[frame.picture.mime]
         header = frame.header
         attachment = form.header(header).to_bytes()
         size = raw_size(header.encoding, header.width, header.height) if file is None else len(file)
