@@ -7,7 +7,6 @@ full-resolution pixels, origin top left.
 from __future__ import annotations
 
 from enum import IntEnum
-from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
@@ -379,9 +378,9 @@ class Histogram(Message):
     def _ordered(self) -> Self:
         if len(self.counts) != len(self.bounds) + 1:
             raise ValueError("counts must be one more than bounds")
-        if any(low >= high for low, high in pairwise(self.bounds)):
+        if list(self.bounds) != sorted({*self.bounds}):
             raise ValueError("bounds must rise")
-        if any(low > high for low, high in pairwise(self.counts)):
+        if list(self.counts) != sorted(self.counts):
             raise ValueError("counts must not fall: each includes those before it")
         return self
 

@@ -58,7 +58,7 @@ class Health:
         self._log_throttle = LogThrottle(log)
         self._silence_log = SilenceLog(log)
         self._conditions: dict[str, tuple[int, str]] = {}
-        self._loop_alive_s: float | None = None
+        self._loop_alive_ns: int | None = None
         self._started_s = self._now_s()
         self._inputs: list[Watched] = []
         self.source_lag_ms: Callable[[], float | None] = lambda: None
@@ -103,12 +103,13 @@ class Health:
 
     def loop_alive(self) -> None:
         """Record that the service's loop begins an iteration."""
-        self._loop_alive_s = self._now_s()
+        self._loop_alive_ns = self._clock.monotonic_ns()
 
     def done(self, stamp_ns: int | None) -> None:
         """Record that an item is done, and its latency since the capture if that is known."""
-        latency_ms = None if stamp_ns is None else (self._clock.time_ns() - stamp_ns) / 1e6
-        self.latency.note(self._now_s(), latency_ms)
+        clock = self._clock
+        latency_ms = None if stamp_ns is None else (clock.time_ns() - stamp_ns) / 1e6
+        self.latency.note(clock.monotonic_ns() / 1e9, latency_ms)
 
     def log_drop(self, error: PayloadError) -> None:
         """Log a drop, once per burst."""
@@ -151,8 +152,8 @@ class Health:
         return dict(sorted(found.items())[:MAX_ROUTES]) or None
 
     def _stuck(self) -> str:
-        alive_s = self._loop_alive_s
-        since_s = 0.0 if alive_s is None else self._now_s() - alive_s
+        alive_ns = self._loop_alive_ns
+        since_s = 0.0 if alive_ns is None else self._now_s() - alive_ns / 1e9
         return f"the loop has been stuck for {since_s:.0f} s" if since_s > STUCK_S else ""
 
     def _reported(self) -> list[tuple[int, str]]:

@@ -66,7 +66,7 @@ class LatencyMonitor:
         """Return the percentiles of the window (nearest rank), nil without any latency."""
         with self._lock:
             self._forget(at_s)
-            ordered = sorted(latency for _, latency in self._done if latency is not None)
+            ordered = sorted([latency for _, latency in self._done if latency is not None])
         if not ordered:
             return Latency(p50=None, p99=None)
         p50, p99 = (ordered[math.ceil(len(ordered) * n / 100) - 1] for n in (50, 99))

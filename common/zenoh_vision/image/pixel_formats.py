@@ -146,13 +146,12 @@ def from_raw(raw: bytes | memoryview, encoding: str, width: int, height: int) ->
     """Return raw pixels as a read-only array (height, width[, channels]).
 
     Raises:
-        PayloadError: ``wrong_size`` if the byte count does not fit.
+        PayloadError: ``unsupported_encoding``, or ``wrong_size`` if the byte count does not fit.
     """
-    expected = raw_size(encoding, width, height)
-    if len(raw) != expected:
-        raise PayloadError(
-            "wrong_size", f"{len(raw)} bytes, {width}x{height} {encoding} has {expected}"
-        )
-    known = ENCODINGS[encoding]
+    known = encoding_named(encoding)
     shape = (height, width) if known.channels == 1 else (height, width, known.channels)
-    return np.frombuffer(raw, known.dtype).reshape(shape)
+    try:
+        return np.frombuffer(raw, known.dtype).reshape(shape)
+    except ValueError:
+        words = f"{len(raw)} bytes are no picture of {width}x{height} {encoding}"
+        raise PayloadError("wrong_size", words) from None

@@ -98,6 +98,7 @@ class MemoryRoute(Route):
             with self._changed:
                 self._running = False
                 self._offers.clear()
+                self._failed_ns.clear()
                 self._changed.notify()
             following, self._following = self._following, None
             if following is not None:
@@ -128,11 +129,13 @@ class MemoryRoute(Route):
 
     def _newest(self) -> str | None:
         """Return the newest offer, except those that failed a short time ago."""
-        now_ns = self._clock.monotonic_ns()
-        self._failed_ns = {key: at for key, at in self._failed_ns.items() if key in self._offers}
-        untried = self._offers - self._failed_ns.keys()
-        again = {key for key, at in self._failed_ns.items() if now_ns - at >= AGAIN_S * 1e9}
-        return max(untried, default=None) or max(again, default=None)
+        failed = self._failed_ns
+        untried = max(self._offers - failed.keys(), default=None)
+        if untried is not None or not failed:
+            return untried
+        before_ns = self._clock.monotonic_ns() - AGAIN_S * 1e9
+        again = (key for key, at_ns in tuple(failed.items()) if at_ns <= before_ns)
+        return max(again, default=None)
 
     def _receive_from(self, offer: str) -> None:
         """Receive the frames of an offer until it ends, or there is a newer one.
@@ -166,11 +169,13 @@ class MemoryRoute(Route):
         if words != self._fault:
             log.warning("%s; trying again every %g s", words, AGAIN_S)
         self._fault = words
-        self._failed_ns[offer] = self._clock.monotonic_ns()
+        with self._changed:
+            if offer in self._offers:  # else it ended meanwhile
+                self._failed_ns[offer] = self._clock.monotonic_ns()
 
     def _follow_tokens(self, session: zenoh.Session) -> Any:
         with self._changed:
-            self._offers = set()  # of another session
+            self._offers, self._failed_ns = set(), {}  # those were of another session
         tokens = session.liveliness()
         return tokens.declare_subscriber(self._pattern, direct(self._on_token), history=True)
 
@@ -179,6 +184,7 @@ class MemoryRoute(Route):
         with self._changed:
             if sample.kind != zenoh.SampleKind.PUT:
                 self._offers.discard(key)
+                self._failed_ns.pop(key, None)
             elif self._running and Doorbell.exists(channel_name(key)):
                 self._offers.add(key)
             self._changed.notify()

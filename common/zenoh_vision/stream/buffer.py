@@ -19,8 +19,8 @@ class Buffering:
     """The limit of queued items, and which one is dropped when a newer one arrives.
 
     Attributes:
-        depth: Largest number of waiting items, per key or in total.
-        per_key: Whether ``depth`` and ``max_bytes`` apply to each key.
+        depth: Largest number of waiting items.
+        per_key: Whether the newest item of each key waits instead, which needs a depth of 1.
         reason: Items that a newer one replaced are counted as ``dropped.{reason}``.
         max_bytes: Largest number of waiting bytes. The newest item may exceed it alone.
     """
@@ -65,14 +65,6 @@ def check_buffering(buffering: object) -> None:
         raise TypeError(f"buffering={buffering!r}; allowed: latest, queue(n)")
 
 
-class _Queue(Generic[T]):
-    """Items, oldest first, each with its position among all items and its size in bytes."""
-
-    def __init__(self) -> None:
-        self.items: deque[tuple[int, int, T]] = deque()
-        self.size = 0
-
-
 class Buffer(Generic[T]):
     """Items of one input, oldest first; safe between threads.
 
@@ -95,32 +87,26 @@ class Buffer(Generic[T]):
         self._dropped = dropped
         self._filled = filled or Wakeup()
         self._lock = threading.Lock()
-        self._queues: dict[tuple[str, bool], _Queue[T]] = {}  # by key and whether unverified
-        self._number = 0
+        # Items with their sizes, by key and whether unverified. A newer item takes the place of the
+        # one that it replaces, so the queues are in the order of their oldest items.
+        self._queues: dict[tuple[str, bool], deque[tuple[int, T]]] = {}
         self._bytes = 0  # of all items
 
     def put(self, item: T, key: str = "", *, unverified: bool = False, size: int = 0) -> None:
         """Add an item of ``size`` bytes; drop the oldest of its queue while that is full."""
-        per_key = self._buffering.per_key
+        limits = self._buffering
         # With ``queue``, all items share one queue, so that their order is kept.
-        queue_key = (key, unverified) if per_key else ("", False)
+        queue_key = (key, unverified) if limits.per_key else ("", False)
+        replaced = []
         with self._lock:
-            self._number += 1
-            position = self._number
-            replaced = []
             if queue_key not in self._queues and len(self._queues) >= MAX_KEYS:
                 replaced.append(self._pop_oldest())
-            items = self._queues.setdefault(queue_key, _Queue())
-            while items.items and (
-                len(items.items) == self._buffering.depth
-                or items.size + size > self._buffering.max_bytes
-            ):
-                place, oldest = self._popleft(items)
-                position = min(position, place)
+            items = self._queues.setdefault(queue_key, deque())
+            while items and (len(items) == limits.depth or self._bytes + size > limits.max_bytes):
+                oldest_size, oldest = items.popleft()
+                self._bytes -= oldest_size
                 replaced.append(oldest)
-            # A newer item takes the position of the one that it replaces.
-            items.items.append((position if per_key else self._number, size, item))
-            items.size += size
+            items.append((size, item))
             self._bytes += size
             while self._bytes > QUEUE_BYTES and len(self._queues) > 1:
                 replaced.append(self._pop_oldest())
@@ -139,7 +125,7 @@ class Buffer(Generic[T]):
         Returns:
             The item; None after ``timeout_s`` without one, or if another thread took it.
         """
-        if not self._queues and not self._filled.wait_for(lambda: self._queues, timeout_s):
+        if not self._queues and not self._filled.wait_for(self._queues.__len__, timeout_s):
             return None
         with self._lock:
             if not self._queues:
@@ -147,25 +133,19 @@ class Buffer(Generic[T]):
             return self._pop_oldest()
 
     def _pop_oldest(self) -> T:
-        key, _ = min(self._queues, key=lambda each: self._queues[each].items[0][0])
+        key, _ = next(iter(self._queues))
         queue_key = (key, False) if (key, False) in self._queues else (key, True)
         items = self._queues[queue_key]
-        _, item = self._popleft(items)
-        if not items.items:
+        size, item = items.popleft()
+        if not items:
             del self._queues[queue_key]
-        return item
-
-    def _popleft(self, items: _Queue[T]) -> tuple[int, T]:
-        position, size, item = items.items.popleft()
-        items.size -= size
         self._bytes -= size
-        return position, item
+        return item
 
 
 def wait_for_any(filled: Wakeup, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
     """Wait until one of the buffers that share a wake-up has an item, or until the time-out."""
     if len(buffers) == 1:  # nearly always
-        queues = buffers[0]._queues
-        filled.wait_for(lambda: queues, timeout_s)
+        filled.wait_for(buffers[0]._queues.__len__, timeout_s)
     else:
         filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)

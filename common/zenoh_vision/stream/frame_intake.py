@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from zenoh_vision import keys
@@ -45,8 +46,7 @@ class KeyStream:
     late_since_ns: int | None = None
     finder: RangeFinder = field(default_factory=RangeFinder)
     route: RouteName = "jpeg"
-    seq: int = -1  # of the newest arrival, and its run
-    run: tuple[int, int] = (0, 0)
+    newest: Header | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,6 @@ class FrameIntake(Intake[Arrival, Frame]):
         self._max_pixels = max_pixels
         self._encoding = encoding
         self.depth_limits: tuple[int | None, int | None] | None = None
-        self._single = "*" not in key
         self._since_ns = self.clock.monotonic_ns()
         self._streams: dict[str, KeyStream] = {}  # the one that has been silent longest comes first
         self._lock = threading.Lock()
@@ -201,11 +200,8 @@ class FrameIntake(Intake[Arrival, Frame]):
         else:
             frame.view(want)
 
-    def _stream_key(self, key: str) -> str:
-        return self.key if self._single else key
-
-    def _check(self, sample: Sample) -> tuple[Arrival, bool]:
-        key, now_ns = self._stream_key(sample.key), sample.arrived_ns
+    def _check(self, sample: Sample, key: str) -> tuple[Arrival, bool]:
+        now_ns = sample.arrived_ns
         default = RAW_IMAGE if sample.route == "raw" else self._encoding
         form = forms.form_of(sample.encoding, sample.payload, default)
         with self._lock:
@@ -219,7 +215,7 @@ class FrameIntake(Intake[Arrival, Frame]):
             stream.missed += missed
             stream.since_ns = self._since_ns = now_ns
             stream.key, stream.route = sample.key, sample.route
-            stream.run, stream.seq = header.run, header.seq
+            stream.newest = header
             arrival = Arrival(
                 sample, form, stream, header, unverified, stream.number, stream.missed
             )
@@ -254,11 +250,13 @@ def _came_already(stream: KeyStream, route: RouteName, header: Header, now_ns: i
     route, since anyone can send a broken picture under the header of the next good one.
     """
     silent = now_ns - stream.since_ns >= SILENCE_NS
-    if route == stream.route or header.run != stream.run or silent:
+    newest = stream.newest
+    if newest is None or route == stream.route or header.run != newest.run or silent:
         return False
-    return header.seq == stream.seq or (header.seq < stream.seq and stream.route == "shm")
+    return header.seq == newest.seq or (header.seq < newest.seq and stream.route == "shm")
 
 
+@lru_cache(maxsize=16)
 def _limit_of(encoding: str, max_pixels: int) -> SizeLimit:
     return SizeLimit((forms.FORMS.get(encoding) or forms.JPEG_FORM).most_bytes(max_pixels))
 

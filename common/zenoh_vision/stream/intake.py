@@ -88,6 +88,7 @@ class Intake(ABC, Generic[Waiting, Item]):
     ) -> None:
         check_buffering(buffering)
         self.key = key
+        self._single = "*" not in key
         self.closed = False
         self._limit = limit
         self._deletions = deletions
@@ -117,18 +118,18 @@ class Intake(ABC, Generic[Waiting, Item]):
         """
         self._counters.arrive()
         size = len(sample.payload)
+        stream = self.key if self._single else sample.key
         try:
             self.limit_of(sample.encoding).check(size)
             if sample.deleted and not self._deletions:
                 raise PayloadError("empty", "a deletion")
-            item, unverified = self._check(sample)
+            item, unverified = self._check(sample, stream)
         except PayloadError as error:
             self._counters.drop(error.reason)
             if error.reason == "duplicate":  # which is no fault
                 return True
             self._dropped(error)
             return False
-        stream = self._stream_key(sample.key)
         self.buffer.put((sample, item), stream, unverified=unverified, size=size)
         if self.closed:  # it was on its way when the subscription ended
             self._discard_waiting()
@@ -169,10 +170,6 @@ class Intake(ABC, Generic[Waiting, Item]):
         self._discard_waiting()
         self._filled.set()
 
-    def _stream_key(self, key: str) -> str:
-        """Return the key of the stream to which the samples on a key belong."""
-        return key
-
     def _discard_waiting(self) -> None:
         while self.buffer.take(0) is not None:
             if self._unread is not None:
@@ -195,8 +192,13 @@ class Intake(ABC, Generic[Waiting, Item]):
         """Return the next item, which is then pending; None after the time-out, or if it is bad."""
 
     @abstractmethod
-    def _check(self, sample: Sample) -> tuple[Waiting, bool]:
-        """Return the item to queue, and whether its epoch is unverified; PayloadError drops it."""
+    def _check(self, sample: Sample, stream: str) -> tuple[Waiting, bool]:
+        """Return the item to queue, and whether its epoch is unverified; PayloadError drops it.
+
+        Args:
+            sample: As it arrived.
+            stream: Its key; without wildcards, that of the intake.
+        """
 
 
 class SampleIntake(Intake[Sample, Sample]):
@@ -218,7 +220,7 @@ class SampleIntake(Intake[Sample, Sample]):
         item = self._next(timeout_s)
         return None if item is None else item[0]
 
-    def _check(self, sample: Sample) -> tuple[Sample, bool]:
+    def _check(self, sample: Sample, _stream: str) -> tuple[Sample, bool]:
         return sample, False
 
 
@@ -251,7 +253,7 @@ class MessageIntake(Intake[type[Message], Message]):
             self._drop(error)
             return None
 
-    def _check(self, sample: Sample) -> tuple[type[Message], bool]:
+    def _check(self, sample: Sample, _stream: str) -> tuple[type[Message], bool]:
         message = self._message or MESSAGES.get(keys.schema_name_of(sample.encoding))
         if message is None:
             raise PayloadError("unknown_message", f"{sample.key} carries {sample.encoding!r}")
