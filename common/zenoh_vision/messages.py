@@ -7,6 +7,8 @@ full-resolution pixels, origin top left.
 from __future__ import annotations
 
 from enum import IntEnum
+from functools import partial
+from operator import is_
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
@@ -169,9 +171,8 @@ class Centroid(Stamped):
     area: Annotated[float | None, Field(ge=0, description="contour area, square pixels")]
 
 
-def is_none(value: object) -> bool:
-    """Return whether a field is nil, and thus not sent."""
-    return value is None
+is_none = partial(is_, None)
+"""Tells that a field is nil, and thus not sent."""
 
 
 class Track(Message):

@@ -46,6 +46,7 @@ class Health:
     Attributes:
         source_lag_ms: Returns how old the newest picture of a camera's source was when it came;
             None if that is unknown.
+        remarks: Functions by condition, each asked for every report what to say at the level OK.
     """
 
     def __init__(self, node: str, counters: FrameCounters, clock: Clock = SYSTEM_CLOCK) -> None:
@@ -62,6 +63,7 @@ class Health:
         self._started_s = self._now_s()
         self._inputs: list[Watched] = []
         self.source_lag_ms: Callable[[], float | None] = lambda: None
+        self.remarks: dict[str, Callable[[], str]] = {}
         self._lock = threading.Lock()
 
     @property
@@ -158,8 +160,10 @@ class Health:
 
     def _reported(self) -> list[tuple[int, str]]:
         """Return level and message of each condition, in the order of their names."""
+        found = {name: (int(Level.OK), words()) for name, words in self.remarks.items()}
         with self._lock:
-            return [self._conditions[name] for name in sorted(self._conditions)]
+            found |= self._conditions
+        return [found[name] for name in sorted(found)]
 
     def _judge(self, now_s: float, wall_ns: int, counters: dict[str, int]) -> tuple[int, str]:
         """Return the most serious level, and all messages."""

@@ -53,12 +53,6 @@ class MemoryOffer:
         self._lock = threading.Lock()  # ``close`` and ``write`` are called by different threads
         self._make()
 
-    @property
-    def wanted(self) -> bool:
-        """Whether a process of this machine takes the frames."""
-        demand = self._demand
-        return demand is not None and demand.exists
-
     def write(self, frame: Frame) -> bool:
         """Write a frame if someone takes it; withdraw the offer if that is not possible.
 
@@ -73,9 +67,9 @@ class MemoryOffer:
                 return False
             if self._writer is None and self._is_due():
                 self._make()
-            if self._writer is None:
+            if self._writer is None or self._demand is None:
                 return False
-            if not self.wanted:
+            if not self._demand.exists:
                 if self._is_due():
                     self.failure = ""
                 return False

@@ -155,6 +155,7 @@ class StreamPublisher:
         self._report = report
         self._kept: deque[LazyPayload] = deque(maxlen=topic.keeps)
         self._recent: deque[tuple[FrameId, LazyPayload, int]] = deque()
+        self._recent_bytes = 0
         self._publisher = link.declare(
             lambda session: session.declare_publisher(
                 key,
@@ -243,10 +244,11 @@ class StreamPublisher:
             return
         recent = self._recent
         recent.append((frame, kept, held))
+        self._recent_bytes += held
         while len(recent) > 1 and (
-            len(recent) > self.topic.recent or sum(each[2] for each in recent) > RECENT_BYTES
+            len(recent) > self.topic.recent or self._recent_bytes > RECENT_BYTES
         ):
-            recent.popleft()
+            self._recent_bytes -= recent.popleft()[2]
 
     def _put(self, outgoing: Outgoing) -> None:
         publisher = self._publisher.current

@@ -20,6 +20,9 @@ from zv.camera.sources.kinds import kind_of, source_words
 log = logging.getLogger(__name__)
 
 POLL_S = 0.05
+LOOK_S = 0.2
+"""How often it is looked whether a source that delivers is still, lags or loses packets."""
+
 OPEN_POLL_S = 0.005
 JOIN_S = 0.3
 CLOSE_S = 2.0
@@ -78,7 +81,8 @@ class Capture:
         self._failure = ""
         self._stuck_since_s = 0.0
         self._described = ""
-        self._remarks: dict[str, bool] = {}
+        self._remarked: set[str] = set()
+        self._looked_s = 0.0
         self.ended = ""
         parameters.watch(self._on_change)
         parameters.check(self._check)
@@ -139,13 +143,8 @@ class Capture:
         while not stopping():
             captured = self._buffer.take(POLL_S)
             self._follow_settings(reader)
-            settings = self._settings
-            limit_s = settings.frozen_after
-            still = STILL.format(limit_s) if limit_s and reader.still_s >= limit_s else ""
-            self._note("still", still, remark)
-            now_s = time.monotonic()
-            self._note("lag", reader.lag.words(now_s, settings.max_lag), remark)
-            self._note("loss", reader.lag.loss_words(now_s), remark)
+            if time.monotonic() - self._looked_s >= LOOK_S:
+                self._look(reader, remark)
             if captured is None:
                 if not self._supervise(reader, report):
                     return
@@ -158,14 +157,24 @@ class Capture:
                     log.info("%s", reader.description)
                 if self._failure:
                     self._failure = ""
+                    self._backoff.reset()
                     report("")
-                self._backoff.reset()
                 yield captured
 
-    def _note(self, condition: str, words: str, remark: Callable[[str, str], None]) -> None:
-        if self._remarks.get(condition, False) != bool(words):
-            self._remarks[condition] = bool(words)
-            remark(condition, words)
+    def _look(self, reader: SourceReader, remark: Callable[[str, str], None]) -> None:
+        """Remark on the conditions of the source that have begun or ended."""
+        self._looked_s = now_s = time.monotonic()
+        settings, lag = self._settings, reader.lag
+        limit_s = settings.frozen_after
+        found = {
+            "still": STILL.format(limit_s) if limit_s and reader.still_s >= limit_s else "",
+            "lag": lag.words(now_s, settings.max_lag),
+            "loss": lag.loss_words(now_s),
+        }
+        for condition, words in found.items():
+            if bool(words) != (condition in self._remarked):
+                self._remarked ^= {condition}
+                remark(condition, words)
 
     def _supervise(self, reader: SourceReader, report: Callable[[str], None]) -> bool:
         """Act on the reader's state; return False at the normal end of the source."""

@@ -40,11 +40,10 @@ class Delivery:
         self._resizes = kind == "device"
         self._log = log
         self._encoding: str | None = None
+        self._settings: CameraSettings | None = None
         self._size = (0, 0)
-        self._opened_with: tuple[int | None, int | None] = (None, None)
         self._region = ""
         self._region_turn = Turn()
-        self._rotate = 0
         self.moved = ""
 
     def check(self, wanted: CameraSettings) -> None:
@@ -54,28 +53,31 @@ class Delivery:
             ParameterRefused: Depth is requested and the source has none, or the region is outside
                 of the pictures.
         """
-        if self._encoding is None or self._follows:
+        last = self._settings
+        if last is None or self._encoding is None or self._follows:
             return
         check_depth(self._encoding, wanted.encoding)
         asked = wanted.width, wanted.height
-        if self._resizes and asked != self._opened_with:
+        if self._resizes and asked != (last.width, last.height):
             if wanted.width and wanted.height:  # else the device decides
                 wanted.geometry.check((wanted.width, wanted.height))
-        elif (wanted.region, wanted.rotate) != (
-            self._region,
-            self._rotate,
-        ):  # else the source changed its size: no reason to refuse
+        elif (wanted.region, wanted.rotate) != (self._region, last.rotate):
+            # Else the source changed its size: no reason to refuse.
             wanted.geometry.check(self._size)
 
-    def note(self, captured: CapturedFrame) -> None:
-        """Record the properties of a picture, and log those that are new.
+    def note(self, captured: CapturedFrame) -> bool:
+        """Record size and settings of a picture, and log what is new.
+
+        Returns:
+            Whether they are others than those of the picture before.
 
         Raises:
             ParameterRefused: The first picture does not fit the settings of the start.
         """
         picture, settings = captured.picture, captured.revision.settings
-        self._size, self._rotate = picture.size, settings.rotate
-        self._opened_with = settings.width, settings.height
+        if settings is self._settings and picture.size == self._size:
+            return False
+        self._settings, self._size = settings, picture.size
         if self._encoding is None:
             self._encoding = picture.encoding
             if captured.revision.number == 0:  # later settings may only drop frames
@@ -91,6 +93,7 @@ class Delivery:
             whole = f"{size}{again if settings.region else ''}"
             self._log.info("published from now on: %s %s", part, whole)
         self.moved = self._moved(settings.geometry, picture.size)
+        return True
 
     def _moved(self, geometry: Geometry, size: Size) -> str:
         """Return in which way the region was moved by a turn of the picture; else empty."""

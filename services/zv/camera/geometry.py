@@ -7,7 +7,7 @@ calibrated in the source's picture is brought there by the same ``Geometry``.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.errors import ParameterRefused, PayloadError
@@ -24,16 +24,17 @@ class Geometry:
         flip: ``none``, ``horizontal``, ``vertical`` or ``both``.
         box: The rectangle that is published, in pixels of the turned picture; None for all of it.
         rotate: 0, 90, 180 or 270 degrees clockwise, before it is flipped.
+        turn: How the picture is turned by both.
     """
 
     flip: str = "none"
     box: Box | None = None
     rotate: int = 0
+    turn: Turn = field(init=False, repr=False, compare=False)
 
-    @property
-    def turn(self) -> Turn:
-        """How the picture is turned."""
-        return Turn.of(self.rotate, self.flip)
+    def __post_init__(self) -> None:
+        """Find how the picture is turned."""
+        object.__setattr__(self, "turn", Turn.of(self.rotate, self.flip))
 
     @property
     def sideways(self) -> bool:
@@ -55,8 +56,10 @@ class Geometry:
         Raises:
             ParameterRefused: A part of it is outside.
         """
-        (width, height), box = self.turned_size(size), self.box
-        if box is not None and (box[0] + box[2] > width or box[1] + box[3] > height):
+        if (box := self.box) is None:
+            return
+        width, height = self.turned_size(size)
+        if box[0] + box[2] > width or box[1] + box[3] > height:
             raise ParameterRefused(
                 f"region = {','.join(map(str, box))} is not within the picture of {width}x{height}",
                 f"X + WIDTH at most {width}, Y + HEIGHT at most {height}",
@@ -68,11 +71,11 @@ class Geometry:
         Raises:
             PayloadError: ``region_outside``, ``corrupt``.
         """
-        try:
-            self.check(picture.size)
-        except ParameterRefused as refused:  # since it was set, the source changed its size
-            raise PayloadError("region_outside", refused.error) from None
         if self.box is not None:  # cut out first, so that less must be converted
+            try:
+                self.check(picture.size)
+            except ParameterRefused as refused:  # since it was set, the source changed its size
+                raise PayloadError("region_outside", refused.error) from None
             picture = picture.cropped(self._of_source(self.box, picture.size))
         return picture.turned(self.flip, encoding, self.rotate)
 

@@ -118,13 +118,13 @@ class PictureTimer:
         early_s = time.monotonic() - begun_s
         rest_s = min((self._rest_s + early_s) / 2, early_s)  # 0 if the picture is late
         self._rest_s = min(rest_s, LONGEST_REST_S)
-        self._due_s = self._schedule.due_s(source_s, self._rate_hz())
         self._schedule.advance(source_s, self._due_s)
         return running
 
     def wait_after_last(self, period_s: float) -> None:
         """Wait until the last picture has been shown for a period."""
-        self.wait_until(lambda: self._due_s + period_s)
+        end_s = self._due_s + period_s
+        self.wait_until(lambda: end_s)
 
     def wait_until(self, due: Callable[[], float | None]) -> bool:
         """Wait until a time that may change meanwhile.
@@ -139,8 +139,10 @@ class PictureTimer:
         while True:
             if self.stopped:
                 return False
-            due_s = due()
-            wait_s = 0.0 if due_s is None else self._pacer.wait_s(due_s, time.monotonic())
+            if (due_s := due()) is None:
+                return True
+            self._due_s = due_s
+            wait_s = self._pacer.wait_s(due_s, time.monotonic())
             if wait_s <= 0:
                 return True
             was_blocked, self.blocked_since_s = self.blocked_since_s is not None, None

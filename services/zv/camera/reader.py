@@ -86,6 +86,7 @@ class SourceReader:
         self._opened_with = parameters.newest.settings
         self._read_with = parameters.newest
         self._kind = kind
+        self._watched = source_policy.is_watched_for_repeats(kind)
         self._buffer = buffer
         self._counters = counters
         self._may_read = threading.Event()
@@ -108,8 +109,10 @@ class SourceReader:
     @property
     def needs_reopening(self) -> bool:
         """Whether the source must be opened again to follow the newest settings."""
-        source_hz = None if self._source is None else self._source.rate_hz
         newest = self._parameters.newest.settings
+        if newest is self._opened_with:
+            return False  # nearly always
+        source_hz = None if self._source is None else self._source.rate_hz
         return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
 
     @property
@@ -196,7 +199,9 @@ class SourceReader:
         if self.timer.stopped:
             raise SourceLost("abandoned")
         newest = self._parameters.newest
-        if source_policy.same_source(self._kind, self._opened_with, newest.settings):
+        if newest is not self._read_with and source_policy.same_source(
+            self._kind, self._opened_with, newest.settings
+        ):
             self._read_with = newest
         return self._read_with.settings
 
@@ -266,8 +271,7 @@ class SourceReader:
         revision = newest if unchanged else self._read_with
         seq, self.captured = self.captured, self.captured + 1
         self._counters.arrive()
-        watched = source_policy.is_watched_for_repeats(self._kind)
-        if watched and self._filter.is_repeat(read.picture, now_s):
+        if self._watched and self._filter.is_repeat(read.picture, now_s):
             if newest.settings.skip_repeats:
                 self._counters.drop("repeated")
                 return

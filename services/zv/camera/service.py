@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 
@@ -110,17 +111,18 @@ def run(
             capture.open()
         with node:
             converter = Converter()
-            limit = StreamLimit(lambda: parameters.newest.settings.max_kbps)
+            limit = stream_limit(node, lambda: parameters.newest.settings.max_kbps)
             latch = (
                 None if calibration is None else CalibrationLatch(calibration, settings.geometry)
             )
-            node.limit_replies(COMPRESSED, settings.camera, limit.may_reply)
+            at_start = settings.geometry.turn
             if settings.wait_for:
                 wait_for_subscribers(node, settings.wait_for, stopping)
             for captured in capture.frames(stopping, report, remark):
-                delivery.note(captured)
-                node.report("region", Level.WARN if delivery.moved else Level.OK, delivery.moved)
-                publish(node, converter, captured, limit, latch, settings.geometry.turn)
+                if delivery.note(captured):
+                    level = Level.WARN if delivery.moved else Level.OK
+                    node.report("region", level, delivery.moved)
+                publish(node, converter, captured, limit, latch, at_start)
             if capture.ended:
                 log.info("%s; --loop plays it again and again", capture.ended)
                 node.report("source", Level.OK, capture.ended)  # in the last report
@@ -197,6 +199,14 @@ def waits_for_source(settings: CameraSettings) -> bool:
     return is_supervised() if wanted is None else wanted
 
 
+def stream_limit(node: Node, max_kbps: Callable[[], int | None]) -> StreamLimit:
+    """Return the limit of a camera's compressed pictures, by which its replies and health go."""
+    limit = StreamLimit(max_kbps)
+    node.limit_replies(COMPRESSED, node.camera, limit.may_reply)
+    node.health.remarks["bandwidth"] = limit.words
+    return limit
+
+
 def publish(
     node: Node,
     converter: Converter,
@@ -213,9 +223,7 @@ def publish(
     frame = framed(node, converter, captured, latch, at_start)
     if frame is None:
         return None
-    published = node.publish_picture(COMPRESSED, frame, compress=limit.compress)
-    node.report("bandwidth", Level.OK, limit.words)
-    return published
+    return node.publish_picture(COMPRESSED, frame, compress=limit.compress)
 
 
 def framed(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -368,9 +369,7 @@ class CameraSettings(ServiceSettings):
     @property
     def geometry(self) -> Geometry:
         """How a frame shows what the source saw."""
-        from zv.camera.geometry import Geometry  # loads OpenCV, which `zv camera --help` need not
-
-        return Geometry(self.flip, box_of(self.region), self.rotate)
+        return _geometry(self.flip, self.region, self.rotate)
 
     @property
     def _known_size(self) -> tuple[int, int]:
@@ -403,3 +402,10 @@ class CameraSettings(ServiceSettings):
             except ParameterRefused as refused:
                 raise ValueError(str(refused)) from None
         return self
+
+
+@lru_cache(maxsize=4)
+def _geometry(flip: str, region: str, rotate: int) -> Geometry:
+    from zv.camera.geometry import Geometry  # loads OpenCV, which `zv camera --help` need not
+
+    return Geometry(flip, box_of(region), rotate)

@@ -18,6 +18,7 @@ from zv.camera.synthetic.source import Conditions, SyntheticSource
 
 FOLDER_RATE_HZ = 10.0
 SYNTHETIC_RATE_HZ = 30.0
+DEFAULT_RATES_HZ = {"synthetic": SYNTHETIC_RATE_HZ, "folder": FOLDER_RATE_HZ}
 
 OpenSource = Callable[[CameraSettings, Callable[[], CameraSettings]], Source]
 """Opens a source with settings; the second argument returns the newest ones at any time."""
@@ -141,8 +142,7 @@ def password_of(settings: CameraSettings) -> str | None:
 
 def expected_rate(kind: Kind, settings: CameraSettings) -> float | None:
     """Return the rate at which the camera should publish; None if the source decides."""
-    default_hz = {"synthetic": SYNTHETIC_RATE_HZ, "folder": FOLDER_RATE_HZ}
-    return settings.rate or default_hz.get(kind)
+    return settings.rate or DEFAULT_RATES_HZ.get(kind)
 
 
 def imposed_rate(kind: Kind, settings: CameraSettings) -> float | None:

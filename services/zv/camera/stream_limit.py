@@ -83,7 +83,6 @@ class StreamLimit:
             return None
         return f"max_kbps = {kbps} is used up by earlier replies; ask again in {wait_s:.1f} s"
 
-    @property
     def words(self) -> str:
         """How pictures differ from the settings, for diagnostics; empty if they do not."""
         kbps, now_s, plan = self._max_kbps(), self._clock_s(), self._plan

@@ -156,9 +156,14 @@ def test_what_keeps_frames_from_coming_the_way_they_should_is_a_warning(camera: 
 
 
 def test_a_remark_has_a_message_and_no_level_of_its_own(camera: Camera):
-    camera.health.report("bandwidth", Level.OK, "max_kbps = 800: fewer frames")
+    said = ["max_kbps = 800: fewer frames"]
+    camera.health.remarks["bandwidth"] = lambda: said[0]
     assert camera.run(1, 0) == (Level.OK, "max_kbps = 800: fewer frames")
-    camera.health.report("bandwidth", Level.OK)
+    camera.health.report("source", Level.WARN, "the source ended")
+    assert camera.run(1, 0) == (Level.WARN, "max_kbps = 800: fewer frames; the source ended")
+    assert camera.health.failure() == ""
+    said[0] = ""
+    camera.health.report("source", Level.OK)
     assert camera.run(1, 0) == (Level.OK, "ok")
 
 

@@ -19,12 +19,12 @@ from zenoh_vision.messages import CameraInfo, Level, Message, Track, Tracks
 from zenoh_vision.node.node import Node
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.publisher import ReplyLimit
 from zv.camera import service
 from zv.camera.calibration_latch import CalibrationLatch
 from zv.camera.convert import Converter
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
-from zv.camera.stream_limit import StreamLimit
 
 NOISE = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
 TRACK = Track(id=1, state="confirmed", x=110, y=60, box=(100, 50, 20, 20), area=300)
@@ -52,6 +52,10 @@ class Publishing:
         self.frames.append(frame)
         self.sent.append(compress(frame))
 
+    def limit_replies(self, _topic: object, camera: str, limit: ReplyLimit) -> None:
+        assert camera == self.camera
+        self.may_reply = limit
+
     def drop(self, error: PayloadError) -> None:
         self.dropped.append(error.reason)
 
@@ -65,7 +69,7 @@ class Camera:
         lens = CameraModel(640, 480, (500.0, 0, 300, 0, 480, 250, 0, 0, 1), "plumb_bob", (0.0,) * 5)
         self._latch = CalibrationLatch(Calibration(lens), self.settings.geometry)
         self._converter = Converter()
-        self._limit = StreamLimit(lambda: self.settings.max_kbps)
+        self._limit = service.stream_limit(self.node, lambda: self.settings.max_kbps)
         self._seq = 0
 
     def publish(self, pixels: np.ndarray = NOISE) -> None:
@@ -103,10 +107,12 @@ def test_a_limit_of_bandwidth_makes_what_is_sent_smaller_and_nothing_else():
     assert np.array_equal(frame.pixels, NOISE)
     assert camera.node.messages[1].tracks == (TRACK,)
     remark = "max_kbps = 10: quality 30 instead of 80, a quarter of each side"
-    assert camera.node.health.message("bandwidth") == remark
+    assert camera.node.health.diagnostics().message == remark
+    refused = [camera.node.may_reply(100_000) is not None for _ in range(2)]
+    assert refused == [False, True], "the first is paid for later"
     camera.settings = CameraSettings()
     camera.publish()
-    assert camera.node.health.message("bandwidth") == ""
+    assert camera.node.health.diagnostics().message == "ok"
 
 
 def test_the_warning_of_a_calibration_that_does_not_fit_ends_when_it_fits_again():

@@ -63,7 +63,10 @@ def parse_faults(text: str) -> tuple[Fault, ...]:
 
 def fault_at(faults: Iterable[Fault], k: int, kinds: tuple[FaultKind, ...]) -> Fault | None:
     """Return the first listed fault of one of these kinds that frame k has, or None."""
-    return next((fault for fault in faults if fault.kind in kinds and fault.covers(k)), None)
+    for fault in faults:
+        if fault.kind in kinds and fault.covers(k):
+            return fault
+    return None
 
 
 def _parse_fault(text: str) -> Fault:

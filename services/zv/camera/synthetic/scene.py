@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import NamedTuple
 
 import cv2
@@ -142,7 +143,7 @@ class Scene:
             left, top = _nearest(motion.x - width / 2), _nearest(motion.y - height)
             placed.append(_Placed(actor.id, sprite, left, top, motion, actor.shadow))
         # An object lower in the picture is nearer to the camera and hides the others.
-        return sorted(placed, key=lambda one: (one.motion.ground_y, one.id))
+        return sorted(placed, key=attrgetter("motion.ground_y", "id"))
 
     def _painted(self, placed: list[_Placed]) -> Pixels:
         """Return the room with shadows and objects, before the sensor noise."""
@@ -184,7 +185,7 @@ class Scene:
                     age_s=one.motion.age_s,
                 )
             )
-        return tuple(sorted(tracks, key=lambda track: track.id))
+        return tuple(sorted(tracks, key=attrgetter("id")))
 
 
 def _nearest(position: float) -> int:
