@@ -192,6 +192,9 @@ class Network:
     def close(self) -> None:
         self.passes.set()
         for each in (self._server, *self._open):
+            with suppress(OSError):  # the other end has closed it
+                # A thread that waits in a call on it would keep it open.
+                each.shutdown(socket.SHUT_RDWR)
             each.close()
 
 
