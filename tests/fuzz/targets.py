@@ -92,7 +92,7 @@ def frame(data: bytes) -> None:
         header = Header.from_bytes(data[3 : 3 + size])
         payload = data[3 + size :]
         form = forms.form_of(encoding, payload)
-        forms.check_header(form, payload, header, MOST_PIXELS)
+        forms.check_header(form, payload, header, form.size(payload), MOST_PIXELS)
         forms.opened(form, payload, header)
 
 

@@ -121,9 +121,9 @@ class Frame:
 
     def view(self, name: View) -> Pixels:
         """Return ``pixels``, ``bgr`` or ``gray`` by its name."""
-        if name == "bgr":
-            return self.bgr
-        return self.gray if name == "gray" else self.pixels
+        if name == "pixels":
+            return self.pixels
+        return self._eight_bits("bgr8" if name == "bgr" else "mono8")
 
     def reduced(self, encoding: str, width: int, height: int) -> NDArray[np.uint8]:
         """Return the pixels in an 8-bit encoding, at least as large as the given size.

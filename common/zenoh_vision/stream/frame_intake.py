@@ -275,7 +275,7 @@ def checked_header(
     size = form.size(payload)  # first: what is no picture is named so, whatever its header
     encoding = form.pixel_encoding(payload) if attachment is None else ""
     header = gate.identify(attachment, size, sample.received_ns, sample.arrived_ns, encoding)
-    forms.check_header(form, payload, header, max_pixels)
+    forms.check_header(form, payload, header, size, max_pixels)
     return header
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Final
 
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.errors import ParameterRefused, PayloadError
@@ -85,7 +86,7 @@ class Geometry:
         If the edge of the rectangle cuts an object, its area is estimated by the share of its box
         that is inside.
         """
-        if self == Geometry():
+        if self == WHOLE:
             return tuple(tracks)
         found = (self._track(track, size) for track in tracks)
         return tuple(track for track in found if track is not None)
@@ -128,3 +129,7 @@ class Geometry:
                 "vy": vy,
             }
         )
+
+
+WHOLE: Final = Geometry()
+"""The source's picture as it is."""

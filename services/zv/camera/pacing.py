@@ -88,10 +88,12 @@ class PictureTimer:
         self._due_s = 0.0
         self._rest_s = 0.0
         self._wake = Wakeup()
+        self._is_changed = False
         self.stopped = False
 
     def settings_changed(self) -> None:
         """Compute the current wait again; called from any thread."""
+        self._is_changed = True
         self._wake.set()
 
     def stop(self) -> None:
@@ -136,16 +138,18 @@ class PictureTimer:
         Returns:
             False if stopped meanwhile.
         """
-        while True:
-            if self.stopped:
-                return False
-            if (due_s := due()) is None:
-                return True
-            self._due_s = due_s
-            wait_s = self._pacer.wait_s(due_s, time.monotonic())
+        self._is_changed = True
+        while not self.stopped:
+            if self._is_changed:
+                self._is_changed = False
+                if (due_s := due()) is None:
+                    return True
+                self._due_s = due_s
+            wait_s = self._pacer.wait_s(self._due_s, time.monotonic())
             if wait_s <= 0:
                 return True
             was_blocked, self.blocked_since_s = self.blocked_since_s is not None, None
             self._wake.wait(min(wait_s, LONGEST_WAIT_S))
             if was_blocked:
                 self.blocked_since_s = time.monotonic()
+        return False

@@ -107,7 +107,7 @@ def test_limits_hold_before_anything_is_decoded():
     for wide, high, most in ((100, 100, 9_999), (70_000, 1, 10**9)):
         big = about.model_construct(**{**dict(about), "width": wide, "height": high})
         with pytest.raises(PayloadError) as caught:
-            forms.check_header(forms.JPEG_FORM, JPEG_BYTES, big, most)
+            forms.check_header(forms.JPEG_FORM, JPEG_BYTES, big, None, most)
         assert caught.value.reason == "too_large"
     assert forms.RAW_FORM.most_bytes(100) == 400
     assert forms.PNG_FORM.most_bytes(100) == codecs.MAX_COMPRESSED_BYTES

@@ -130,6 +130,23 @@ def test_a_pause_in_a_source_delays_no_picture_after_it(monkeypatch):
     assert late_s == pytest.approx([0, 0, 0, 0, 0, 0.05 + 0.01 - 0.03, 0.01, 0.0], abs=1e-9)
 
 
+def test_when_a_picture_is_due_is_asked_again_only_after_a_change(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(pacing, "time", clock)
+    timer = PictureTimer(lambda: None)
+    assert timer.wait_until(lambda: 0.0)
+    dues = iter([1.0, 0.6])
+
+    def wait(_seconds: float) -> None:  # woken each 0.2 s, by a change only the second time
+        clock.now_s += 0.2
+        if clock.now_s == pytest.approx(100.4):
+            timer.settings_changed()
+
+    monkeypatch.setattr(timer._wake, "wait", wait)
+    assert timer.wait_until(lambda: next(dues))
+    assert clock.now_s == pytest.approx(100.6)
+
+
 def dues(schedule: Schedule, own: list[float], rates: list[float | None]) -> list[float]:
     """Return when pictures are due that are at these times of their source, at these rates."""
     found = []
