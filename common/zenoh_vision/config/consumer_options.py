@@ -5,7 +5,7 @@ Of pictures with 16 bits, ``depth_min`` and ``depth_max`` are the values that be
 
 from __future__ import annotations
 
-from typing import Annotated, Protocol
+from typing import Annotated, Protocol, TypeVar
 
 from pydantic import Field
 
@@ -64,8 +64,11 @@ class HasDepthRange(Protocol):
     depth_max: int | None
 
 
-def check_depth_range(settings: HasDepthRange) -> None:
-    """Check that the two options, if both are set, are in order.
+D = TypeVar("D", bound=HasDepthRange)
+
+
+def check_depth_range(settings: D) -> D:
+    """Check that the two options, if both are set, are in order; a validator of settings.
 
     Raises:
         ValueError: They are not.
@@ -75,3 +78,4 @@ def check_depth_range(settings: HasDepthRange) -> None:
         raise ValueError(
             f"depth_min = {low} is not below depth_max = {high}; allowed: depth_min below depth_max"
         )
+    return settings

@@ -133,9 +133,7 @@ class Node:
         """
         core, server = self._core, self._queries.server
         with ExitStack() as opening:
-            signals = StopSignals(self.stop)
-            signals.catch()
-            opening.callback(signals.release)
+            opening.enter_context(StopSignals(self.stop))
             core.opened_link = Link(
                 self.connection,
                 self._give_up_waiting,

@@ -52,13 +52,6 @@ def run(
             to do; or its credentials cannot be used.
         SourceError: There is no such file.
     """
-    stopping = False
-
-    def stop() -> None:
-        nonlocal stopping
-        stopping = True
-
-    StopSignals(stop).catch()
     os.environ.setdefault(RUNTIME, ROUTER_RUNTIME)
     use_one_arena()
     rules = None if credentials is None else RouterRules(credentials, settings.listen)
@@ -67,29 +60,30 @@ def run(
         raise ConfigurationError("--credentials and --zenoh-config are both given; allowed: one")
     health_file = HealthFile()
     again = False
-    while not stopping:
-        config = router_config(settings.listen, path) if rules is None else rules.config
-        try:
-            opened = _opened(config, path, None if rules is None else renewal_of(rules.path))
-        except ConfigurationError as error:
-            if rules is None or not rules.reject(error):
-                raise
-            continue
-        if again and rules is not None and not rules.fault:
-            log.warning("took the new rules in %s; all connections were closed", path)
-        again = True
-        with opened as session:
-            watchdog = Watchdog(partial(ask, session))
-            while not stopping and not (rules is not None and rules.changed()):
-                health_file.beat("" if rules is None else rules.fault)
-                if watchdog.hangs():
-                    log.error(
-                        "Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S
-                    )
-                    _exit_at_once(HUNG_STATUS)
-                time.sleep(POLL_S)
-            if not watchdog.end():
-                _exit_at_once(0 if stopping else HUNG_STATUS)
+    with StopSignals() as signals:
+        while not signals.stopping:
+            config = router_config(settings.listen, path) if rules is None else rules.config
+            try:
+                opened = _opened(config, path, None if rules is None else renewal_of(rules.path))
+            except ConfigurationError as error:
+                if rules is None or not rules.reject(error):
+                    raise
+                continue
+            if again and rules is not None and not rules.fault:
+                log.warning("took the new rules in %s; all connections were closed", path)
+            again = True
+            with opened as session:
+                watchdog = Watchdog(partial(ask, session))
+                while not signals.stopping and not (rules is not None and rules.changed()):
+                    health_file.beat("" if rules is None else rules.fault)
+                    if watchdog.hangs():
+                        log.error(
+                            "Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S
+                        )
+                        _exit_at_once(HUNG_STATUS)
+                    time.sleep(POLL_S)
+                if not watchdog.end():
+                    _exit_at_once(0 if signals.stopping else HUNG_STATUS)
 
 
 def _opened(config: zenoh.Config, path: str | None, renewal: str | None) -> zenoh.Session:

@@ -368,7 +368,4 @@ class TrackerSettings(ServiceSettings):
             )
         return self
 
-    @model_validator(mode="after")
-    def _depth_in_order(self) -> Self:
-        check_depth_range(self)
-        return self
+    _depth_in_order = model_validator(mode="after")(check_depth_range)

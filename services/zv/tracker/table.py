@@ -66,24 +66,15 @@ def write_table(settings: TrackerSettings, file: str, out: str) -> None:
         raise ConfigurationError(f"--out {out}: allowed: a name that ends in {CSV} or {MOT}")
     if len(settings.cameras) != 1:
         raise ConfigurationError(f"--camera {settings.camera}: a file is of one camera; name it")
-    stopping = False
-
-    def stop() -> None:
-        nonlocal stopping
-        stopping = True
-
-    signals = StopSignals(stop)
-    signals.catch()
     partial = path.with_name(path.name + PARTIAL)
     try:
-        with _opened(partial) as written:
+        with StopSignals() as signals, _opened(partial) as written:
             table = Table(written, mot=path.suffix.lower() == MOT)
-            _track(settings, file, table, lambda: stopping)
-        if stopping:
+            _track(settings, file, table, lambda: signals.stopping)
+        if signals.stopping:
             raise ExpectationNotMet(f"told to stop after {table.frames} frames; nothing is written")
         os.replace(partial, path)
     finally:
-        signals.release()
         partial.unlink(missing_ok=True)
     print(f"{path}: {table.frames} frames, {len(table.ids)} objects, {table.rows} rows", flush=True)
 

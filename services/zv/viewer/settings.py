@@ -188,10 +188,7 @@ class ViewerSettings(Settings):
         ),
     ] = 4096 * 2304
 
-    @model_validator(mode="after")
-    def _depth_in_order(self) -> Self:
-        check_depth_range(self)
-        return self
+    _depth_in_order = model_validator(mode="after")(check_depth_range)
 
     @model_validator(mode="after")
     def _certificate_given(self) -> Self:

@@ -18,19 +18,12 @@ def progress_on(output: Output) -> Iterator[Callable[[int, int], None]]:
     After SIGINT or SIGTERM a call raises ``ExpectationNotMet``, so that what is not complete can be
     deleted.
     """
-    stopped = False
+    with StopSignals() as signals:
 
-    def stop() -> None:
-        nonlocal stopped
-        stopped = True
+        def check(_done: int, _total: int) -> None:
+            if signals.stopping:
+                raise ExpectationNotMet("stopped before it was complete; nothing was written")
 
-    def check(_done: int, _total: int) -> None:
-        if stopped:
-            raise ExpectationNotMet("stopped before it was complete; nothing was written")
-
-    signals = StopSignals(stop)
-    signals.catch()
-    try:
         if output.as_json or not sys.stderr.isatty():
             yield check
             return
@@ -45,5 +38,3 @@ def progress_on(output: Output) -> Iterator[Callable[[int, int], None]]:
                 bar.update(task, completed=done, total=max(total, 1))
 
             yield show
-    finally:
-        signals.release()

@@ -66,21 +66,10 @@ def run(options: VerifyOptions, _connection: Connection, output: Output) -> None
         ExpectationNotMet: A result differs, or the service does not answer.
         RecordingError: The file cannot be read or written.
     """
-    stopping = False
-
-    def stop() -> None:
-        nonlocal stopping
-        stopping = True
-
-    signals = StopSignals(stop)
-    signals.catch()
-    try:
-        with Recording(options.file) as recording:
-            is_new = options.update is not None
-            node = recorded_node(recording, options.node, may_be_new=is_new)
-            Verification(recording, node, options, output, lambda: stopping).run()
-    finally:
-        signals.release()
+    with StopSignals() as signals, Recording(options.file) as recording:
+        is_new = options.update is not None
+        node = recorded_node(recording, options.node, may_be_new=is_new)
+        Verification(recording, node, options, output, lambda: signals.stopping).run()
 
 
 class Verification:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Self
 
 import zenoh
@@ -46,20 +47,18 @@ class ToolSession:
         self._warned: set[str] = set()
 
     def __enter__(self) -> Self:
-        self._signals.catch()
-        try:
+        with ExitStack() as opening:
+            opening.enter_context(self._signals)
             self.link = Link(self.connection, lambda: self.stopping, lambda: self.stopping)
-        except BaseException:
-            self._signals.release()
-            raise
+            self._open = opening.pop_all()
         if self.credentials is not None:
             declare_holder(self.link, self.credentials)
         return self
 
     def __exit__(self, *error: object) -> None:
         """Close the session, in bounded time whatever the router does."""
-        self.link.close()
-        self._signals.release()
+        with self._open:
+            self.link.close()
 
     @property
     def connected(self) -> bool:
