@@ -28,15 +28,10 @@ MAX_WAITING: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class _Arrival:
-    """A calibration received on Zenoh's thread, to be processed by the tracker's loop.
+    """A calibration received on Zenoh's thread, to be processed by the tracker's loop."""
 
-    Attributes:
-        sample: The published sample or the reply; None if a query had no reply.
-        query: Number of the query that it answers; 0 if it was published.
-    """
-
-    sample: zenoh.Sample | None
-    query: int = 0
+    sample: zenoh.Sample | None  # the published sample or the reply; None if a query had no reply
+    query: int = 0  # number of the query that it answers; 0 if it was published
 
 
 class CameraPlane:

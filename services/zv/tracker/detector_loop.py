@@ -42,21 +42,13 @@ class Waiting:
 
 @dataclass(slots=True)
 class Lane:
-    """The frames of one camera.
+    """The frames of one camera."""
 
-    Attributes:
-        tracking: Tracks its objects.
-        request: What the model has not answered yet.
-        asked: The frame of that request.
-        held: The same frame, if it waits for the answer.
-        next: The newest frame that arrived meanwhile.
-    """
-
-    tracking: CameraTracking
-    request: Request | None = None
-    asked: Frame | None = None
-    held: Waiting | None = None
-    next: Waiting | None = None
+    tracking: CameraTracking  # tracks its objects
+    request: Request | None = None  # what the model has not answered yet
+    asked: Frame | None = None  # the frame of that request
+    held: Waiting | None = None  # the same frame, if it waits for the answer
+    next: Waiting | None = None  # the newest frame that arrived meanwhile
 
 
 class DetectorLoop:

@@ -42,16 +42,11 @@ class ShapeError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Polygon:
-    """A simple polygon: 3 to ``MAX_POINTS`` corners, edges that meet only at the corners.
+    """A simple polygon: 3 to ``MAX_POINTS`` corners, edges that meet only at the corners."""
 
-    Attributes:
-        name: Unique in its text.
-        points: Its corners, clockwise or not; the first is not repeated at the end.
-        unit: ``pixels`` of the full-resolution frame, or units of the ``world`` plane.
-    """
-
-    name: str
-    points: Points
+    name: str  # unique in its text
+    points: Points  # its corners, clockwise or not; the first is not repeated at the end
+    # ``pixels`` of the full-resolution frame, or units of the ``world`` plane.
     unit: Unit = "pixels"
 
     @property
@@ -62,19 +57,12 @@ class Polygon:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A straight line between two different points. Its direction matters: see ``side_of``.
+    """A straight line between two different points. Its direction matters: see ``side_of``."""
 
-    Attributes:
-        name: Unique in its text.
-        start: Its first point.
-        end: Its second point.
-        unit: As for a polygon.
-    """
-
-    name: str
-    start: Point
-    end: Point
-    unit: Unit = "pixels"
+    name: str  # unique in its text
+    start: Point  # its first point
+    end: Point  # its second point
+    unit: Unit = "pixels"  # as for a polygon
 
 
 Shape = TypeVar("Shape", Polygon, Line)

@@ -26,14 +26,10 @@ Names = Mapping[int, str]
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Which classes are kept, and from which score on.
+    """Which classes are kept, and from which score on."""
 
-    Attributes:
-        least: The least score of classes that have none of their own, 0 to 1.
-        by_class: The classes that are kept, with their least scores or None; empty for all.
-    """
-
-    least: float
+    least: float  # the least score of classes that have none of their own, 0 to 1
+    # The classes that are kept, with their least scores or None; empty for all.
     by_class: Mapping[str, float | None] = field(default_factory=dict)
 
     def score_of(self, name: str) -> float | None:

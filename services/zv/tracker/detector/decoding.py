@@ -27,15 +27,10 @@ STRIDES = (8, 16, 32)
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What the decoding of a model's outputs needs.
+    """What the decoding of a model's outputs needs."""
 
-    Attributes:
-        size: Width and height of the input.
-        classes: Number of classes; 0 if it is only known by the outputs.
-    """
-
-    size: tuple[int, int]
-    classes: int = 0
+    size: tuple[int, int]  # width and height of the input
+    classes: int = 0  # number of classes; 0 if it is only known by the outputs
 
 
 def cells(size: tuple[int, int], strides: tuple[int, ...] = STRIDES) -> int:

@@ -19,23 +19,15 @@ MOST_QUERIES: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the outputs of a family of models mean, and what its input is like.
+    """What the outputs of a family of models mean, and what its input is like."""
 
-    Attributes:
-        words: The models and the form of the outputs.
-        decode: Turns the outputs for one picture into boxes.
-        fit: How a picture is placed in the input.
-        colours: Order of the input's channels.
-        values: Range of the input's numbers; None if models differ.
-        suppress: Whether the model leaves boxes that show an object once more.
-    """
-
-    words: str
+    words: str  # the models and the form of the outputs
+    # Turns the outputs for one picture into boxes.
     decode: Callable[[Outputs, Facts, float], Candidates]
-    fit: Fit
-    colours: Colours
-    values: Values | None
-    suppress: bool = False
+    fit: Fit  # how a picture is placed in the input
+    colours: Colours  # order of the input's channels
+    values: Values | None  # range of the input's numbers; None if models differ
+    suppress: bool = False  # whether the model leaves boxes that show an object once more
 
 
 LAYOUTS: Final[dict[LayoutName, Layout]] = {

@@ -39,76 +39,45 @@ DEVIATION: Final = (0.229, 0.224, 0.225)
 
 @dataclass(frozen=True, slots=True)
 class ModelOptions:
-    """What is known about a model beside its file; ``auto`` and None: found out by the file.
+    """What is known about a model beside its file; ``auto`` and None: found out by the file."""
 
-    Attributes:
-        file: The ONNX file.
-        layout: What its outputs mean.
-        class_names: A file with the names of its classes, one a line.
-        input_size: Width and height of its input.
-        fit: How a picture is placed in its input.
-        colours: Order of its channels.
-        values: Range of its numbers.
-        runtime: What runs it.
-        device: On what.
-        threads: On the CPU; 0: one per processor, at most 4.
-    """
-
-    file: str
-    layout: LayoutName | Literal["auto"] = "auto"
-    class_names: str | None = None
-    input_size: tuple[int, int] | None = None
-    fit: Fit | Literal["auto"] = "auto"
-    colours: Colours | Literal["auto"] = "auto"
-    values: Values | Literal["auto"] = "auto"
-    runtime: RuntimeName = "auto"
-    device: Device = "auto"
-    threads: int = 0
+    file: str  # the ONNX file
+    layout: LayoutName | Literal["auto"] = "auto"  # what its outputs mean
+    class_names: str | None = None  # a file with the names of its classes, one a line
+    input_size: tuple[int, int] | None = None  # width and height of its input
+    fit: Fit | Literal["auto"] = "auto"  # how a picture is placed in its input
+    colours: Colours | Literal["auto"] = "auto"  # order of its channels
+    values: Values | Literal["auto"] = "auto"  # range of its numbers
+    runtime: RuntimeName = "auto"  # what runs it
+    device: Device = "auto"  # on what
+    threads: int = 0  # on the CPU; 0: one per processor, at most 4
 
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """An object that the model found.
+    """An object that the model found."""
 
-    Attributes:
-        box: Left, top, right, bottom in pixels of the picture.
-        score: How sure the model is, 0 to 1.
-        number: Number of its class.
-        name: Name of its class.
-    """
-
-    box: tuple[float, float, float, float]
-    score: float
-    number: int
-    name: str
+    box: tuple[float, float, float, float]  # left, top, right, bottom in pixels of the picture
+    score: float  # how sure the model is, 0 to 1
+    number: int  # number of its class
+    name: str  # name of its class
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A picture in the form of the model's input.
+    """A picture in the form of the model's input."""
 
-    Attributes:
-        canvas: (height, width, 3) uint8, BGR.
-        place: Where the picture is in it.
-    """
-
-    canvas: Pixels
-    place: Placement
+    canvas: Pixels  # (height, width, 3) uint8, BGR
+    place: Placement  # where the picture is in it
 
 
 @dataclass(slots=True)
 class Found:
-    """What a run found in one picture.
+    """What a run found in one picture."""
 
-    Attributes:
-        detections: The surest first.
-        not_finite: Boxes that were left out since a number was none.
-        left_out: Boxes that were left out since there were too many.
-    """
-
-    detections: list[Detection] = field(default_factory=list)
-    not_finite: int = 0
-    left_out: int = 0
+    detections: list[Detection] = field(default_factory=list)  # the surest first
+    not_finite: int = 0  # boxes that were left out since a number was none
+    left_out: int = 0  # boxes that were left out since there were too many
 
 
 class Model:

@@ -39,21 +39,13 @@ class Tensor:
 
 @dataclass(frozen=True, slots=True)
 class OnnxFile:
-    """What a file says about itself.
+    """What a file says about itself."""
 
-    Attributes:
-        path: The file.
-        inputs: Without the weights.
-        outputs: Their shapes may be incomplete.
-        metadata: Texts that the program that wrote it added, by name.
-        operators: The types of its operators, each once.
-    """
-
-    path: Path
-    inputs: tuple[Tensor, ...]
-    outputs: tuple[Tensor, ...]
-    metadata: dict[str, str]
-    operators: frozenset[str]
+    path: Path  # the file
+    inputs: tuple[Tensor, ...]  # without the weights
+    outputs: tuple[Tensor, ...]  # their shapes may be incomplete
+    metadata: dict[str, str]  # texts that the program that wrote it added, by name
+    operators: frozenset[str]  # the types of its operators, each once
 
     def __str__(self) -> str:
         """Return its inputs and outputs, for errors."""

@@ -19,21 +19,13 @@ GREY: Final = 114
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where a picture is in a model's input, both of one size; lengths in pixels.
+    """Where a picture is in a model's input, both of one size; lengths in pixels."""
 
-    Attributes:
-        picture: Width and height of the picture.
-        canvas: Width and height of the input.
-        size: Width and height of the picture in the input.
-        left: Column of the input where the picture begins.
-        top: Row of the input where the picture begins.
-    """
-
-    picture: tuple[int, int]
-    canvas: tuple[int, int]
-    size: tuple[int, int]
-    left: int
-    top: int
+    picture: tuple[int, int]  # width and height of the picture
+    canvas: tuple[int, int]  # width and height of the input
+    size: tuple[int, int]  # width and height of the picture in the input
+    left: int  # column of the input where the picture begins
+    top: int  # row of the input where the picture begins
 
     def drawn(self, pixels: Pixels) -> Pixels:
         """Return the input's picture, (height, width, 3) uint8.

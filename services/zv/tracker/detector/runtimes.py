@@ -23,17 +23,11 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 class Runtime(Protocol):
-    """A loaded model; used by one thread at a time.
+    """A loaded model; used by one thread at a time."""
 
-    Attributes:
-        name: What runs it, for people: ``ONNX Runtime``.
-        device: On what: ``cpu``, ``cuda``, ...
-        first: The outputs of its first run, by their names.
-    """
-
-    name: str
-    device: str
-    first: dict[str, NDArray[Any]]
+    name: str  # what runs it, for people: ``ONNX Runtime``
+    device: str  # on what: ``cpu``, ``cuda``, ...
+    first: dict[str, NDArray[Any]]  # the outputs of its first run, by their names
 
     def run(self, inputs: Arrays) -> dict[str, NDArray[Any]]:
         """Return the outputs by their names, for inputs by their names.

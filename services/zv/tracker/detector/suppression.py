@@ -19,17 +19,11 @@ SAME: Final = 0.9
 
 
 class Candidates(NamedTuple):
-    """Boxes as a model returns them, in any order.
+    """Boxes as a model returns them, in any order."""
 
-    Attributes:
-        boxes: (n, 4) float32: left, top, right, bottom in pixels.
-        scores: (n,) float32, 0 to 1.
-        classes: (n,) int64: number of the class.
-    """
-
-    boxes: NDArray[np.float32]
-    scores: NDArray[np.float32]
-    classes: NDArray[np.int64]
+    boxes: NDArray[np.float32]  # (n, 4) float32: left, top, right, bottom in pixels
+    scores: NDArray[np.float32]  # (n,) float32, 0 to 1
+    classes: NDArray[np.int64]  # (n,) int64: number of the class
 
     def only(self, where: NDArray[np.bool_] | NDArray[np.intp]) -> Candidates:
         """Return those of a mask or of indices."""

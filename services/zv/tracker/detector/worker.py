@@ -24,32 +24,19 @@ WINDOW: Final = 20
 
 @dataclass(slots=True, eq=False)
 class Request:
-    """A picture that the model is to see.
+    """A picture that the model is to see."""
 
-    Attributes:
-        camera: Whose.
-        size: Width and height of the frame.
-        reduced: Returns its pixels, at least as large as a width and height; called on the model's
-            thread.
-        least: Smallest score of a box.
-        overlap: Intersection over union from which on two boxes of a class show one object.
-        asked_s: When it was submitted.
-        found: The result.
-        error: Why there is none: the picture or the run.
-        begun_s: When the model began; None before.
-        run_s: The model's time for it: an equal share of the time for a batch.
-    """
-
-    camera: str
-    size: tuple[int, int]
+    camera: str  # whose
+    size: tuple[int, int]  # width and height of the frame
+    # Returns its pixels, at least as large as a width and height; called on the model's thread.
     reduced: Callable[[int, int], Pixels]
-    least: float
-    overlap: float
-    asked_s: float = field(default_factory=time.monotonic)
-    found: Found | None = None
-    error: PayloadError | ModelFailed | None = None
-    begun_s: float | None = None
-    run_s: float = 0.0
+    least: float  # smallest score of a box
+    overlap: float  # intersection over union from which on two boxes of a class show one object
+    asked_s: float = field(default_factory=time.monotonic)  # when it was submitted
+    found: Found | None = None  # the result
+    error: PayloadError | ModelFailed | None = None  # why there is none: the picture or the run
+    begun_s: float | None = None  # when the model began; None before
+    run_s: float = 0.0  # the model's time for it: an equal share of the time for a batch
 
     @property
     def waited_s(self) -> float:
@@ -59,19 +46,12 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What the model does.
+    """What the model does."""
 
-    Attributes:
-        waiting: Cameras whose picture waits for it.
-        run_s: Mean time of a picture, of the last runs; 0 before the first.
-        since_s: For how long it has been running now; 0 if it is idle.
-        failed: Why the last run failed; empty if it did not.
-    """
-
-    waiting: int
-    run_s: float
-    since_s: float
-    failed: str
+    waiting: int  # cameras whose picture waits for it
+    run_s: float  # mean time of a picture, of the last runs; 0 before the first
+    since_s: float  # for how long it has been running now; 0 if it is idle
+    failed: str  # why the last run failed; empty if it did not
 
 
 class ModelWorker:

@@ -22,43 +22,29 @@ Direction = Literal["left", "right"]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The position of an object's anchor at a time.
+    """The position of an object's anchor at a time."""
 
-    Attributes:
-        stamp_ns: The time, by the capture stamps.
-        pixel: Position in full-resolution pixels.
-        world: Position on the world plane; None without a calibration.
-    """
-
-    stamp_ns: int
-    pixel: Point
-    world: Point | None = None
+    stamp_ns: int  # the time, by the capture stamps
+    pixel: Point  # position in full-resolution pixels
+    world: Point | None = None  # position on the world plane; None without a calibration
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event of one track.
+    """An event of one track."""
 
-    Attributes:
-        kind: What happened; see docs/events.md.
-        id: The track's id.
-        at: Time and position; those of a crossing are interpolated between two frames.
-        shape: Name of the zone or line; None for other events.
-        direction: For ``line_crossed``, the side of the line to which the object moved, as the
-            picture shows it, looking from the line's first point to its second.
-        count: For zones and lines, the number of events of this kind and direction at the shape,
-            including this one.
-        inside: For zones, the number of objects in the zone after this event.
-        dwell_s: For ``zone_dwell`` and ``zone_left``, the time that the object was in the zone.
-    """
-
-    kind: Kind
-    id: int
-    at: Moment
-    shape: str | None = None
+    kind: Kind  # what happened; see docs/events.md
+    id: int  # the track's id
+    at: Moment  # time and position; those of a crossing are interpolated between two frames
+    shape: str | None = None  # name of the zone or line; None for other events
+    # For ``line_crossed``, the side of the line to which the object moved, as the picture shows
+    # it, looking from the line's first point to its second.
     direction: Direction | None = None
+    # For zones and lines, the number of events of this kind and direction at the shape, including
+    # this one.
     count: int | None = None
-    inside: int | None = None
+    inside: int | None = None  # for zones, the number of objects in the zone after this event
+    # For ``zone_dwell`` and ``zone_left``, the time that the object was in the zone.
     dwell_s: float | None = None
 
 

@@ -20,20 +20,13 @@ from zv.tracker.shapes import Line, Point, distance, passage, turn
 
 @dataclass(slots=True)
 class _Path:
-    """The state of one object's path.
+    """The state of one object's path."""
 
-    Attributes:
-        last: The last sighting; None before the first.
-        passages: Sum of the passages: +1 to the right, -1 to the left.
-        settled: Value of ``passages`` when the object was last clear of the line.
-        latest: The last passage in each direction.
-        crossings: The crossings that are not reported yet.
-    """
-
-    last: Sighting | None = None
-    passages: int = 0
-    settled: int = 0
-    latest: dict[int, Moment] = field(default_factory=dict)
+    last: Sighting | None = None  # the last sighting; None before the first
+    passages: int = 0  # sum of the passages: +1 to the right, -1 to the left
+    settled: int = 0  # value of ``passages`` when the object was last clear of the line
+    latest: dict[int, Moment] = field(default_factory=dict)  # the last passage in each direction
+    # The crossings that are not reported yet.
     crossings: list[tuple[Direction, Moment]] = field(default_factory=list)
 
     def settle(self) -> None:

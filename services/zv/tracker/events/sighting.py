@@ -42,20 +42,13 @@ class WorldPlane(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """The position at which an object was seen, with the hysteresis for its jitter.
+    """The position at which an object was seen, with the hysteresis for its jitter."""
 
-    Attributes:
-        at: Time and position.
-        margin_pixels: Hysteresis at the edges of shapes in pixels, pixels.
-        margin_world: Hysteresis at the edges of shapes in world units, world units; infinite
-            without a plane.
-        mirrored: The value of ``WorldPlane.mirrored``; False without a plane.
-    """
-
-    at: Moment
-    margin_pixels: float
+    at: Moment  # time and position
+    margin_pixels: float  # hysteresis at the edges of shapes in pixels, pixels
+    # Hysteresis at the edges of shapes in world units, world units; infinite without a plane.
     margin_world: float = math.inf
-    mirrored: bool = False
+    mirrored: bool = False  # the value of ``WorldPlane.mirrored``; False without a plane
 
     def position(self, unit: Unit) -> Point | None:
         """Return the position in the unit of a shape; None if it is unknown."""

@@ -15,36 +15,22 @@ from zv.tracker.tracking.track import Track
 
 @dataclass(frozen=True, slots=True)
 class EventRules:
-    """Which events to find.
+    """Which events to find."""
 
-    Attributes:
-        zones: Polygons with unique names.
-        lines: Lines with unique names.
-        dwell_s: Time in a zone after which ``zone_dwell`` is reported, once per stay.
-        anchor: The point of an object that zones and lines refer to.
-    """
-
-    zones: tuple[Polygon, ...] = ()
-    lines: tuple[Line, ...] = ()
-    dwell_s: float = 10.0
-    anchor: Anchor = "centre"
+    zones: tuple[Polygon, ...] = ()  # polygons with unique names
+    lines: tuple[Line, ...] = ()  # lines with unique names
+    dwell_s: float = 10.0  # time in a zone after which ``zone_dwell`` is reported, once per stay
+    anchor: Anchor = "centre"  # the point of an object that zones and lines refer to
 
 
 @dataclass(slots=True)
 class _Object:
-    """A track that has not ended.
+    """A track that has not ended."""
 
-    Attributes:
-        first: When and where it was first seen.
-        last: When and where it was last seen.
-        confirmed: Whether it was ever confirmed; other tracks have no events.
-        lost: Whether ``lost`` was reported, without ``confirmed`` since.
-    """
-
-    first: Moment
-    last: Moment
-    confirmed: bool = False
-    lost: bool = False
+    first: Moment  # when and where it was first seen
+    last: Moment  # when and where it was last seen
+    confirmed: bool = False  # whether it was ever confirmed; other tracks have no events
+    lost: bool = False  # whether ``lost`` was reported, without ``confirmed`` since
 
 
 class TrackEvents:

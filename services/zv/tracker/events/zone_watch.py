@@ -17,22 +17,15 @@ from zv.tracker.shapes import Point, Polygon, contains, distance, passage
 
 @dataclass(slots=True)
 class _Stay:
-    """The stay of one object.
+    """The stay of one object."""
 
-    Attributes:
-        entered: When and where the object entered.
-        last: The last sighting, inside or within the margin.
-        out: When and where the object passed the edge, while it is outside within the margin, or
-            when and where the stay ended; None while it is inside.
-        reported: Whether ``zone_entered`` was reported.
-        dwelled: Whether ``zone_dwell`` was reported.
-    """
-
-    entered: Moment
-    last: Sighting
+    entered: Moment  # when and where the object entered
+    last: Sighting  # the last sighting, inside or within the margin
+    # When and where the object passed the edge, while it is outside within the margin, or when and
+    # where the stay ended; None while it is inside.
     out: Moment | None = None
-    reported: bool = False
-    dwelled: bool = False
+    reported: bool = False  # whether ``zone_entered`` was reported
+    dwelled: bool = False  # whether ``zone_dwell`` was reported
 
 
 class ZoneWatch:

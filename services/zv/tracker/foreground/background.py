@@ -20,33 +20,22 @@ WINDOW = np.ones((3, 3), np.uint8)
 
 @dataclass(frozen=True, slots=True)
 class BackgroundLimits:
-    """The constants of the background.
+    """The constants of the background."""
 
-    Attributes:
-        base: A value agrees with the range of its neighbourhood up to this distance, grey levels,
-        share: plus this share of the brightness: noise and compression grow with it,
-        noise: plus this many mean deviations that were measured at this pixel.
-        most_noise: Largest mean deviation of a pixel, grey levels.
-        strong: A pixel is strong at this multiple of the distance.
-        every_s: Interval of learning, seconds.
-        noise_s: Time constant of the noise, seconds.
-        shadow: Range of a shadow's brightness, relative to the background's.
-        tint: Largest distance of a shadow's colour, as a multiple of the distance above.
-        starts_s: Times since the first picture at which the median of the pictures so far is taken.
-        keep_s: Interval of these pictures, seconds.
-    """
-
+    # A value agrees with the range of its neighbourhood up to this distance, grey levels,
     base: float = 3.0
-    share: float = 0.06
-    noise: float = 3.0
-    most_noise: float = 20.0
-    strong: float = 2.0
-    every_s: float = 0.25
-    noise_s: float = 10.0
+    share: float = 0.06  # plus this share of the brightness: noise and compression grow with it,
+    noise: float = 3.0  # plus this many mean deviations that were measured at this pixel
+    most_noise: float = 20.0  # largest mean deviation of a pixel, grey levels
+    strong: float = 2.0  # a pixel is strong at this multiple of the distance
+    every_s: float = 0.25  # interval of learning, seconds
+    noise_s: float = 10.0  # time constant of the noise, seconds
+    # Range of a shadow's brightness, relative to the background's.
     shadow: tuple[float, float] = (0.6, 1.0)
-    tint: float = 1.0
+    tint: float = 1.0  # largest distance of a shadow's colour, as a multiple of the distance above
+    # Times since the first picture at which the median of the pictures so far is taken.
     starts_s: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
-    keep_s: float = 0.1
+    keep_s: float = 0.1  # interval of these pictures, seconds
 
 
 class Background:

@@ -22,25 +22,18 @@ Polygon = Sequence[tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class SceneLimits:
-    """The constants of changes of the whole scene.
+    """The constants of changes of the whole scene."""
 
-    Attributes:
-        silent_s: Nothing is foreground for this long after the start, seconds.
-        changed: If a larger share of what no known object hides is foreground, it is another view,
-            and nothing of it is an object.
-        changed_s: After this time, which fades as it grew, the other view is learned.
-        every_s: Interval in which edges are compared, seconds.
-        margin: Margin around the box of an object that is not learned, for arms and feet: a share
-            of its longer side.
-        least_margin: The same, pixels.
-    """
-
-    silent_s: float = 0.5
+    silent_s: float = 0.5  # nothing is foreground for this long after the start, seconds
+    # If a larger share of what no known object hides is foreground, it is another view, and
+    # nothing of it is an object.
     changed: float = 0.5
-    changed_s: float = 0.5
-    every_s: float = 0.1
+    changed_s: float = 0.5  # after this time, which fades as it grew, the other view is learned
+    every_s: float = 0.1  # interval in which edges are compared, seconds
+    # Margin around the box of an object that is not learned, for arms and feet: a share of its
+    # longer side.
     margin: float = 0.1
-    least_margin: float = 2.0
+    least_margin: float = 2.0  # the same, pixels
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,31 +15,21 @@ LEVELS = np.arange(256, dtype=np.float32)
 
 @dataclass(frozen=True, slots=True)
 class LightLimits:
-    """The constants of the fit.
+    """The constants of the fit."""
 
-    Attributes:
-        samples: Number of pixels that are compared.
-        drift: A fit is made when the median difference of the darker or of the brighter half of
-            the pixels exceeds this, grey levels.
-        base: A pixel agrees with the background up to this difference, grey levels,
-        share: plus this share of its brightness.
-        gain: Cost of changing the gain of a scene without contrast, square grey levels.
-        gains: Smallest and largest slope of the curve.
-        better: A new curve is taken if this larger share of the pixels agrees: where traffic
-            hides most of the scene, it fits the traffic, and the former one is better.
-        bin_levels: Width of the parts in which the curve may bend, grey levels.
-        bin_weight: Number of pixels that outweighs the assumption of no bend.
-    """
-
-    samples: int = 2000
+    samples: int = 2000  # number of pixels that are compared
+    # A fit is made when the median difference of the darker or of the brighter half of the pixels
+    # exceeds this, grey levels.
     drift: float = 0.75
-    base: float = 3.0
-    share: float = 0.06
-    gain: float = 20.0
-    gains: tuple[float, float] = (0.15, 6.0)
+    base: float = 3.0  # a pixel agrees with the background up to this difference, grey levels,
+    share: float = 0.06  # plus this share of its brightness
+    gain: float = 20.0  # cost of changing the gain of a scene without contrast, square grey levels
+    gains: tuple[float, float] = (0.15, 6.0)  # smallest and largest slope of the curve
+    # A new curve is taken if this larger share of the pixels agrees: where traffic hides most of
+    # the scene, it fits the traffic, and the former one is better.
     better: float = 0.02
-    bin_levels: int = 16
-    bin_weight: float = 20.0
+    bin_levels: int = 16  # width of the parts in which the curve may bend, grey levels
+    bin_weight: float = 20.0  # number of pixels that outweighs the assumption of no bend
 
 
 class Light:

@@ -15,18 +15,14 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class RegionLimits:
-    """The constants of regions.
+    """The constants of regions."""
 
-    Attributes:
-        strong: Least share of a region's pixels that must be strong.
-        thin: Rows and columns at the ends of a region with less than this share of the fullest one
-            are cut off: arms, sticks, links to something else.
-        most: Largest number of regions; the smallest of more are left out, so that the time for a
-            frame is bounded.
-    """
-
-    strong: float = 0.03
+    strong: float = 0.03  # least share of a region's pixels that must be strong
+    # Rows and columns at the ends of a region with less than this share of the fullest one are cut
+    # off: arms, sticks, links to something else.
     thin: float = 0.05
+    # Largest number of regions; the smallest of more are left out, so that the time for a frame is
+    # bounded.
     most: int = 400
 
 

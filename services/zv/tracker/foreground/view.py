@@ -29,24 +29,19 @@ STRONGEST: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ViewLimits:
-    """The constants of changes of the view.
+    """The constants of changes of the view."""
 
-    Attributes:
-        other: The picture shows something else if its edges agree with those of the background by
-            less than this share of the usual agreement,
-        least: where that is at least this.
-        busy: A scene is judged if edges are in this share of it: before a plain wall, those of an
-            object would be most of them.
-        plain: It then shows nothing if its edges have less than this share of the power of the
-            background's.
-        usual_s: Time over which the usual agreement is averaged, seconds.
-    """
-
+    # The picture shows something else if its edges agree with those of the background by less than
+    # this share of the usual agreement,
     other: float = 0.3
-    least: float = 0.3
+    least: float = 0.3  # where that is at least this
+    # A scene is judged if edges are in this share of it: before a plain wall, those of an object
+    # would be most of them.
     busy: float = 0.2
+    # It then shows nothing if its edges have less than this share of the power of the
+    # background's.
     plain: float = 0.25
-    usual_s: float = 10.0
+    usual_s: float = 10.0  # time over which the usual agreement is averaged, seconds
 
 
 class View:

@@ -32,25 +32,17 @@ PROTECTED_SPEED: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class DetectorParameters:
-    """The parameters of ``DetectorTracker``.
+    """The parameters of ``DetectorTracker``."""
 
-    Attributes:
-        wanted: The classes that are kept, with their least scores.
-        every: The model runs on every so manieth frame; 0: whenever it is free.
-        on_motion: Whether it runs only while something moves.
-        keep_lost_s: How long a track that is not seen is kept.
-        foreground: Those of the background subtraction; their polygons say where to detect.
-        min_area: Least region of motion, square pixels of the picture; 0: automatic.
-        at_foot: Whether the foot of a box must be inside, not its centre.
-    """
-
+    # The classes that are kept, with their least scores.
     wanted: Wanted = field(default_factory=lambda: Wanted(0.5))
-    every: int = 1
-    on_motion: bool = False
-    keep_lost_s: float = 2.0
+    every: int = 1  # the model runs on every so manieth frame; 0: whenever it is free
+    on_motion: bool = False  # whether it runs only while something moves
+    keep_lost_s: float = 2.0  # how long a track that is not seen is kept
+    # Those of the background subtraction; their polygons say where to detect.
     foreground: ForegroundParameters = field(default_factory=ForegroundParameters)
-    min_area: float = 0.0
-    at_foot: bool = False
+    min_area: float = 0.0  # least region of motion, square pixels of the picture; 0: automatic
+    at_foot: bool = False  # whether the foot of a box must be inside, not its centre
 
     @property
     def needs_motion(self) -> bool:

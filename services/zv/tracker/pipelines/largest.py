@@ -13,15 +13,10 @@ GREEN = (0, 255, 0)
 
 @dataclass(frozen=True, slots=True)
 class MovingObject:
-    """A moving object in one frame.
+    """A moving object in one frame."""
 
-    Attributes:
-        box: x, y, width, height of the bounding box, pixels.
-        area: Area of the contour, square pixels.
-    """
-
-    box: tuple[int, int, int, int]
-    area: float
+    box: tuple[int, int, int, int]  # x, y, width, height of the bounding box, pixels
+    area: float  # area of the contour, square pixels
 
     @property
     def center(self) -> tuple[int, int]:

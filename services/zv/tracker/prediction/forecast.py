@@ -29,17 +29,11 @@ class TooShort(ValueError):
 
 @dataclass(frozen=True)
 class Forecast:
-    """A predicted position, with its standard deviation, and a velocity.
+    """A predicted position, with its standard deviation, and a velocity."""
 
-    Attributes:
-        position: (2,), in the unit of the path.
-        velocity: (2,), units per second.
-        sigma: (2,), standard deviation of the position along each axis.
-    """
-
-    position: Floats
-    velocity: Floats
-    sigma: Floats
+    position: Floats  # (2,), in the unit of the path
+    velocity: Floats  # (2,), units per second
+    sigma: Floats  # (2,), standard deviation of the position along each axis
 
 
 def forecast(times_s: Floats, path: Floats, at_s: float, noise: Floats) -> Forecast:
@@ -109,23 +103,14 @@ def _count(times_s: Floats, end: int, window_s: float) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """A straight line fitted to positions over time by least squares.
+    """A straight line fitted to positions over time by least squares."""
 
-    Attributes:
-        center_s: Mean of the times, seconds.
-        center: Mean of the positions, (2,).
-        velocity: Slope of the line, (2,), units per second.
-        scatter: Variance of a position around the line, (2,).
-        count: Number of positions.
-        spread: Sum of the squared differences of the times from their mean.
-    """
-
-    center_s: float
-    center: Floats
-    velocity: Floats
-    scatter: Floats
-    count: int
-    spread: float
+    center_s: float  # mean of the times, seconds
+    center: Floats  # mean of the positions, (2,)
+    velocity: Floats  # slope of the line, (2,), units per second
+    scatter: Floats  # variance of a position around the line, (2,)
+    count: int  # number of positions
+    spread: float  # sum of the squared differences of the times from their mean
 
     @classmethod
     def fit(cls, times_s: Floats, path: Floats, noise: Floats) -> _Line:

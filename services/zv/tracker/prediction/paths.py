@@ -40,18 +40,14 @@ class Predicted:
 
 @dataclass(slots=True)
 class Path:
-    """The path of one object.
+    """The path of one object."""
 
-    Attributes:
-        track: Its track in the newest frame.
-        seen: Stamp and ``Track.steady`` of each frame in which it was measured.
-        center: Its centre in the newest of these frames, (2,), pixels.
-        anchor: Its anchor in the newest of these frames, (2,), pixels.
-    """
-
-    track: Track
+    track: Track  # its track in the newest frame
+    # Stamp and ``Track.steady`` of each frame in which it was measured.
     seen: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    # Its centre in the newest of these frames, (2,), pixels.
     center: Floats = field(default_factory=lambda: np.zeros(2))
+    # Its anchor in the newest of these frames, (2,), pixels.
     anchor: Floats = field(default_factory=lambda: np.zeros(2))
 
 

@@ -25,15 +25,10 @@ SILHOUETTE = (12, 12)
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """The pixels of one frame, for comparisons.
+    """The pixels of one frame, for comparisons."""
 
-    Attributes:
-        picture: (height, width, 3) uint8 BGR.
-        mask: (height, width) uint8, 255 on the foreground, else 0.
-    """
-
-    picture: Image
-    mask: Image
+    picture: Image  # (height, width, 3) uint8 BGR
+    mask: Image  # (height, width) uint8, 255 on the foreground, else 0
 
     def cut(self, box: Region) -> tuple[slice, slice]:
         """Return the rows and columns of a box, clipped to the picture; they may be empty."""

@@ -17,29 +17,23 @@ from zv.tracker.tracking.state import TrackState
 
 @dataclass(frozen=True, slots=True)
 class AssociationLimits:
-    """The constants of association.
+    """The constants of association."""
 
-    Attributes:
-        overlap: A region may belong to a track if its intersection with the track's expected box
-            exceeds this share of the smaller of the two.
-        gate_sides: Half of the distance, in sides, at which a region may still be the track's,
-            without the uncertainty of its place.
-        log_area: Largest ratio of their areas, as a natural logarithm.
-        proven_s: After being seen alone, whole, away from the border for this long, a track is an
-            object of its own, not a part of another.
-        part: A track that is not confirmed yet is a part of another one if its area is smaller
-            than this share of the other's.
-        parted_s: An object that has looked like two for this long is divided.
-        pieces: The constants of joining pieces.
-    """
-
+    # A region may belong to a track if its intersection with the track's expected box exceeds this
+    # share of the smaller of the two.
     overlap: float = 0.4
+    # Half of the distance, in sides, at which a region may still be the track's, without the
+    # uncertainty of its place.
     gate_sides: float = 0.7
-    log_area: float = 1.2
+    log_area: float = 1.2  # largest ratio of their areas, as a natural logarithm
+    # After being seen alone, whole, away from the border for this long, a track is an object of
+    # its own, not a part of another.
     proven_s: float = 0.4
+    # A track that is not confirmed yet is a part of another one if its area is smaller than this
+    # share of the other's.
     part: float = 0.3
-    parted_s: float = 0.4
-    pieces: PieceLimits = field(default_factory=PieceLimits)
+    parted_s: float = 0.4  # an object that has looked like two for this long is divided
+    pieces: PieceLimits = field(default_factory=PieceLimits)  # the constants of joining pieces
 
 
 @dataclass(frozen=True, slots=True)

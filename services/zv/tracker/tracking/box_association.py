@@ -19,41 +19,26 @@ from zv.tracker.tracking.state import BoxState
 
 
 class ScoredBox(NamedTuple):
-    """A box of a model, in pixels of the picture.
-
-    Attributes:
-        region: The box.
-        score: How sure the model is, 0 to 1.
-        name: Name of its class.
-        least: The score from which on it begins a track.
-    """
+    """A box of a model, in pixels of the picture."""
 
     region: Region
-    score: float
-    name: str
-    least: float
+    score: float  # how sure the model is, 0 to 1
+    name: str  # name of its class
+    least: float  # the score from which on it begins a track
 
 
 @dataclass(frozen=True, slots=True)
 class BoxLimits:
-    """The constants of the association of boxes.
+    """The constants of the association of boxes."""
 
-    Attributes:
-        overlap: Least intersection over union of a box and the box that is expected.
-        unsure_overlap: The same for boxes that are not sure enough to begin a track.
-        gate_sides: Half of the distance, in sides, at which a box may still be the track's,
-            without the uncertainty of its place.
-        log_area: Largest ratio of their areas, as a natural logarithm.
-        other_class: Added to the cost of a box of another class.
-        same: A box that overlaps a track's new box by more than this is the same object.
-    """
-
-    overlap: float = 0.3
-    unsure_overlap: float = 0.4
+    overlap: float = 0.3  # least intersection over union of a box and the box that is expected
+    unsure_overlap: float = 0.4  # the same for boxes that are not sure enough to begin a track
+    # Half of the distance, in sides, at which a box may still be the track's, without the
+    # uncertainty of its place.
     gate_sides: float = 0.5
-    log_area: float = 0.7
-    other_class: float = 0.3
-    same: float = 0.7
+    log_area: float = 0.7  # largest ratio of their areas, as a natural logarithm
+    other_class: float = 0.3  # added to the cost of a box of another class
+    same: float = 0.7  # a box that overlaps a track's new box by more than this is the same object
 
 
 def match_boxes(

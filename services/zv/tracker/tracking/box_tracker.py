@@ -23,38 +23,30 @@ Center = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class BoxLife:
-    """The constants of a track's life; seconds of stamps.
+    """The constants of a track's life; seconds of stamps."""
 
-    Attributes:
-        hits: A track is confirmed when the model has been sure of it so many times,
-        clear: where a score so far between the least one and 1 counts
-        clear_hits: as so many.
-        tentative_s: One that was never confirmed ends if it is not found for longer than this.
-        shown_s: A confirmed one that is not seen for longer than this is lost; at the border of the
-            picture, where it may have left, at once.
-        proven: It is shown so at most for this share of the time for which it was followed before.
-        brief_s: It ends if it is not found for longer than this and than it was followed; at the
-            border for longer than this alone.
-        runs: No track ends before so many runs of the model have not found it.
-        hidden_s: Time constant with which the predicted motion of what is not seen slows down.
-        still: An object without motion is where it was if its speed is below this, sides per
-            second.
-        alike: Its region of motion may differ in width and height by this factor from one frame
-            to the next.
-        fading: Share of the evidence for a class that is left after each run of the model.
-    """
-
-    hits: float = 3.0
-    clear: float = 0.5
-    clear_hits: float = 1.5
+    hits: float = 3.0  # a track is confirmed when the model has been sure of it so many times,
+    clear: float = 0.5  # where a score so far between the least one and 1 counts
+    clear_hits: float = 1.5  # as so many
+    # One that was never confirmed ends if it is not found for longer than this.
     tentative_s: float = 0.3
+    # A confirmed one that is not seen for longer than this is lost; at the border of the picture,
+    # where it may have left, at once.
     shown_s: float = 0.3
+    # It is shown so at most for this share of the time for which it was followed before.
     proven: float = 0.5
+    # It ends if it is not found for longer than this and than it was followed; at the border for
+    # longer than this alone.
     brief_s: float = 1.0
-    runs: int = 2
+    runs: int = 2  # no track ends before so many runs of the model have not found it
+    # Time constant with which the predicted motion of what is not seen slows down.
     hidden_s: float = 1.0
+    # An object without motion is where it was if its speed is below this, sides per second.
     still: float = 0.3
+    # Its region of motion may differ in width and height by this factor from one frame to the
+    # next.
     alike: float = 1.25
+    # Share of the evidence for a class that is left after each run of the model.
     fading: float = 0.9
 
 

@@ -19,20 +19,13 @@ class AxisFilter:
 
     Source: R. E. Kalman, "A new approach to linear filtering and prediction problems", 1960; the
     process noise is a piecewise constant, random acceleration.
-
-    Attributes:
-        position: Position, pixels.
-        velocity: Velocity, pixels per second.
-        pp: Variance of the position.
-        pv: Covariance of position and velocity.
-        vv: Variance of the velocity.
     """
 
-    position: float
-    velocity: float
-    pp: float
-    pv: float
-    vv: float
+    position: float  # pixels
+    velocity: float  # pixels per second
+    pp: float  # variance of the position
+    pv: float  # covariance of position and velocity
+    vv: float  # variance of the velocity
 
     def predict(self, dt_s: float, acceleration: float) -> None:
         """Predict the state some seconds ahead; ``acceleration`` is the standard deviation."""

@@ -12,22 +12,15 @@ from zv.tracker.tracking.state import MOTION, TrackState
 
 @dataclass(frozen=True, slots=True)
 class MeasuringLimits:
-    """The constants of measuring.
+    """The constants of measuring."""
 
-    Attributes:
-        grown: If a box differs from the expected size by more than this factor, only one edge is
-            used.
-        appearance_s: Time constant of the appearance, seconds,
-        learn_every_s: and the interval in which it is learned.
-        visible: An object in a group is hidden if a smaller share of its usual area is visible.
-        border: Width of the border of the picture, as a share of its smaller side.
-    """
-
+    # If a box differs from the expected size by more than this factor, only one edge is used.
     grown: float = 1.25
-    appearance_s: float = 1.0
-    learn_every_s: float = 0.15
+    appearance_s: float = 1.0  # time constant of the appearance, seconds,
+    learn_every_s: float = 0.15  # and the interval in which it is learned
+    # An object in a group is hidden if a smaller share of its usual area is visible.
     visible: float = 0.15
-    border: float = 0.02
+    border: float = 0.02  # width of the border of the picture, as a share of its smaller side
 
 
 LIMITS = MeasuringLimits()
@@ -35,17 +28,11 @@ LIMITS = MeasuringLimits()
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A frame without its pixels.
+    """A frame without its pixels."""
 
-    Attributes:
-        now_s: Its time, seconds; it never goes back.
-        dt_s: Seconds since the last frame.
-        size: Width and height of the mask.
-    """
-
-    now_s: float
-    dt_s: float
-    size: tuple[int, int]
+    now_s: float  # its time, seconds; it never goes back
+    dt_s: float  # seconds since the last frame
+    size: tuple[int, int]  # width and height of the mask
 
     def cut(self, box: Region) -> tuple[bool, bool, bool, bool]:
         """Return which edges of a box are at the border of the picture, which may cut it off."""

@@ -14,18 +14,12 @@ from zv.tracker.tracking.state import TrackState
 
 @dataclass(frozen=True, slots=True)
 class PieceLimits:
-    """The constants of joining pieces.
+    """The constants of joining pieces."""
 
-    Attributes:
-        stacked: Pieces one above the other belong together up to this gap, in sides.
-        beside: Pieces side by side belong together up to this gap, in sides.
-        fill: They do if they fill this share of the box around them.
-        claimed: An object claims a piece if it shares more than this part of the smaller box.
-    """
-
-    stacked: float = 0.15
-    beside: float = 0.05
-    fill: float = 0.25
+    stacked: float = 0.15  # pieces one above the other belong together up to this gap, in sides
+    beside: float = 0.05  # pieces side by side belong together up to this gap, in sides
+    fill: float = 0.25  # they do if they fill this share of the box around them
+    # An object claims a piece if it shares more than this part of the smaller box.
     claimed: float = 0.4
 
 

@@ -10,25 +10,17 @@ from numpy.typing import NDArray
 
 
 class Region(NamedTuple):
-    """A region of the foreground mask; all lengths in pixels of that mask.
+    """A region of the foreground mask; all lengths in pixels of that mask."""
 
-    Attributes:
-        left: First column of its bounding box.
-        top: First row of its bounding box.
-        right: Column after the last one of its bounding box.
-        bottom: Row after the last one of its bounding box.
-        area: Area in square pixels.
-        pixels_at: Mean position x, y of its pixels, which jitters less than the edges of its box;
-            None if unknown.
-        parts: The connected regions of which it was joined; empty if it is one.
-    """
-
-    left: float
-    top: float
-    right: float
-    bottom: float
-    area: float
+    left: float  # first column of its bounding box
+    top: float  # first row of its bounding box
+    right: float  # column after the last one of its bounding box
+    bottom: float  # row after the last one of its bounding box
+    area: float  # area in square pixels
+    # Mean position x, y of its pixels, which jitters less than the edges of its box; None if
+    # unknown.
     pixels_at: tuple[float, float] | None = None
+    # The connected regions of which it was joined; empty if it is one.
     parts: tuple[Region, ...] = ()
 
     @property

@@ -15,24 +15,15 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """The constants of motion and size; sides are those of the object's box, seconds of stamps.
+    """The constants of motion and size; sides are those of the object's box, seconds of stamps."""
 
-    Attributes:
-        acceleration: Standard deviation of the acceleration, sides per square second.
-        speed: Standard deviation of the speed of a new object, sides per second.
-        noise_sides: Standard deviation of a measured centre, sides,
-        noise_px: plus pixels.
-        unsure: Factor of that deviation where only one edge was seen.
-        size_s: Time constant with which the size follows a change, seconds.
-        still: An object stands while its centre stays within this distance, smaller sides.
-    """
-
-    acceleration: float = 1.5
-    speed: float = 1.5
-    noise_sides: float = 0.05
-    noise_px: float = 0.5
-    unsure: float = 4.0
-    size_s: float = 0.7
+    acceleration: float = 1.5  # standard deviation of the acceleration, sides per square second
+    speed: float = 1.5  # standard deviation of the speed of a new object, sides per second
+    noise_sides: float = 0.05  # standard deviation of a measured centre, sides,
+    noise_px: float = 0.5  # plus pixels
+    unsure: float = 4.0  # factor of that deviation where only one edge was seen
+    size_s: float = 0.7  # time constant with which the size follows a change, seconds
+    # An object stands while its centre stays within this distance, smaller sides.
     still: float = 0.2
 
 
@@ -41,72 +32,45 @@ MOTION = MotionLimits()
 
 @dataclass(slots=True, eq=False)
 class TrackState:
-    """The state of one tracked object; lengths in pixels of the mask, times in the tracker's clock.
-
-    Attributes:
-        id: The id of its track.
-        x: Filter of the centre of its box along x.
-        y: Filter of the centre of its box along y.
-        width: Width of its box, smoothed over time.
-        height: Height of its box, smoothed over time.
-        area: Area of its foreground, smoothed over time.
-        born_s: When it was first seen.
-        seen_s: When it was last seen.
-        origin: The box in which it was first seen.
-        cut: Whether its left, top, right and bottom edge was then at the border of the picture,
-            which may hide the rest.
-        shown_s: For how long it was seen, of the time since it was first seen.
-        hits: Number of frames in which it was seen.
-        travelled: Largest distance from its origin, in smaller sides of its box.
-        confirmed: Whether it was ever confirmed.
-        grouped: Whether it shares a region with others, or did so and another is still near.
-        parted_s: Since when it has looked like two objects; None if it does not.
-        stands_at: Where it stands, or stood last.
-        stands_s: Since when it has stood there.
-        tested_s: When it was last tested for being a ghost.
-        learned_s: When its appearance was last learned.
-        alone_s: For how long it was seen alone, complete, away from the border of the picture.
-        was_inside: Whether it was ever seen away from the border of the picture.
-        shown: Its own foreground in this frame, if that seems to be all of it.
-        steady: A point of the object as measured in this frame; None if it was not measured. It
-            moves with the object even while the object enters the picture, when the centre of the
-            part in view is slower.
-        offset: From ``steady`` to the centre, x and y.
-        shift: From the mean position of its pixels to ``steady``; None if unknown.
-        appearance: Its silhouette and colours.
-        class_name: Name of its class, if a model says it.
-        score: How sure the model was when it last found it.
-    """
+    """The state of one tracked object; lengths in pixels of the mask, times by the stamps."""
 
     id: int
-    x: AxisFilter
-    y: AxisFilter
-    width: float
-    height: float
-    area: float
-    born_s: float
-    seen_s: float
-    origin: Region
+    x: AxisFilter  # filter of the centre of its box along x
+    y: AxisFilter  # filter of the centre of its box along y
+    width: float  # width of its box, smoothed over time
+    height: float  # height of its box, smoothed over time
+    area: float  # area of its foreground, smoothed over time
+    born_s: float  # when it was first seen
+    seen_s: float  # when it was last seen
+    origin: Region  # the box in which it was first seen
+    # Whether its left, top, right and bottom edge was then at the border of the picture, which may
+    # hide the rest.
     cut: tuple[bool, ...]
-    stands_at: Point
-    stands_s: float
-    shown_s: float = 0.0
-    hits: int = 1
-    travelled: float = 0.0
-    confirmed: bool = False
+    stands_at: Point  # where it stands, or stood last
+    stands_s: float  # since when it has stood there
+    shown_s: float = 0.0  # for how long it was seen, of the time since it was first seen
+    hits: int = 1  # number of frames in which it was seen
+    travelled: float = 0.0  # largest distance from its origin, in smaller sides of its box
+    confirmed: bool = False  # whether it was ever confirmed
+    # Whether it shares a region with others, or did so and another is still near.
     grouped: bool = False
-    parted_s: float | None = None
-    tested_s: float = 0.0
-    learned_s: float = 0.0
+    parted_s: float | None = None  # since when it has looked like two objects; None if it does not
+    tested_s: float = 0.0  # when it was last tested for being a ghost
+    learned_s: float = 0.0  # when its appearance was last learned
+    # For how long it was seen alone, complete, away from the border of the picture.
     alone_s: float = 0.0
-    was_inside: bool = False
-    shown: Region | None = None
+    was_inside: bool = False  # whether it was ever seen away from the border of the picture
+    shown: Region | None = None  # its own foreground in this frame, if that seems to be all of it
+    # A point of the object as measured in this frame; None if it was not measured. It moves with
+    # the object even while the object enters the picture, when the centre of the part in view is
+    # slower.
     steady: Point | None = None
-    offset: Point = (0.0, 0.0)
+    offset: Point = (0.0, 0.0)  # from ``steady`` to the centre, x and y
+    # From the mean position of its pixels to ``steady``; None if unknown.
     shift: Point | None = None
-    appearance: Appearance = field(default_factory=Appearance)
-    class_name: str | None = None
-    score: float | None = None
+    appearance: Appearance = field(default_factory=Appearance)  # its silhouette and colours
+    class_name: str | None = None  # name of its class, if a model says it
+    score: float | None = None  # how sure the model was when it last found it
 
     @classmethod
     def new(
@@ -236,21 +200,14 @@ class TrackState:
 
 @dataclass(slots=True, eq=False)
 class BoxState(TrackState):
-    """The state of an object that a model finds; lengths in pixels of the picture.
+    """The state of an object that a model finds; lengths in pixels of the picture."""
 
-    Attributes:
-        found: Number of runs of the model that were sure of it; clear ones count more.
-        missed: Number of runs that did not find it, since the last that did.
-        evidence: Sum of its scores by class, fading.
-        motion: Its region of motion in the last frame; None if it had none of its own.
-        place: The centre of its box there, as it was measured.
-    """
-
-    found: float = 0.0
-    missed: int = 0
-    evidence: dict[str, float] = field(default_factory=dict)
+    found: float = 0.0  # number of runs of the model that were sure of it; clear ones count more
+    missed: int = 0  # number of runs that did not find it, since the last that did
+    evidence: dict[str, float] = field(default_factory=dict)  # sum of its scores by class, fading
+    # Its region of motion in the last frame; None if it had none of its own.
     motion: Region | None = None
-    place: Point = (0.0, 0.0)
+    place: Point = (0.0, 0.0)  # the centre of its box there, as it was measured
 
 
 def _minus(one: Point, other: Point) -> Point:

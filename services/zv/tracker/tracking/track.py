@@ -13,40 +13,26 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """One object at the stamp of one frame.
+    """One object at the stamp of one frame."""
 
-    Attributes:
-        id: Its number, never reused within an epoch.
-        state: ``tentative`` if it is too new to be certain, ``confirmed``, or ``lost`` if it was
-            confirmed and is not seen at the moment.
-        x: Centre of the object, smoothed over time, at most a tenth of its side from the box's
-            centre; full-resolution pixels, as are all lengths here.
-        y: As x.
-        box: x, y, width, height.
-        area: Area of its foreground, square pixels.
-        vx: Velocity, pixels per second of the capture stamps.
-        vy: As vx.
-        age_s: Seconds since it was first seen.
-        missing_s: Seconds since it was last seen; 0 if it is seen in this frame.
-        steady: A point of the object as measured in this frame alone; None if it was not measured.
-            It moves with the object, while the centre is smoothed, and is that of the part in view
-            while the object enters the picture.
-        offset: From ``steady`` to the centre, x and y.
-        class_name: Name of its class, if a model says it.
-        score: How sure the model was when it last found it, 0 to 1.
-    """
-
-    id: int
+    id: int  # its number, never reused within an epoch
+    # ``tentative`` if it is too new to be certain, ``confirmed``, or ``lost`` if it was confirmed
+    # and is not seen at the moment.
     state: State
+    # Centre of the object, smoothed over time, at most a tenth of its side from the box's centre;
+    # full-resolution pixels, as are all lengths here.
     x: float
-    y: float
-    box: Box
-    area: float
-    vx: float = 0.0
-    vy: float = 0.0
-    age_s: float = 0.0
-    missing_s: float = 0.0
+    y: float  # as x
+    box: Box  # x, y, width, height
+    area: float  # area of its foreground, square pixels
+    vx: float = 0.0  # velocity, pixels per second of the capture stamps
+    vy: float = 0.0  # as vx
+    age_s: float = 0.0  # seconds since it was first seen
+    missing_s: float = 0.0  # seconds since it was last seen; 0 if it is seen in this frame
+    # A point of the object as measured in this frame alone; None if it was not measured. It moves
+    # with the object, while the centre is smoothed, and is that of the part in view while the
+    # object enters the picture.
     steady: tuple[float, float] | None = None
-    offset: tuple[float, float] = (0.0, 0.0)
-    class_name: str | None = None
-    score: float | None = None
+    offset: tuple[float, float] = (0.0, 0.0)  # from ``steady`` to the centre, x and y
+    class_name: str | None = None  # name of its class, if a model says it
+    score: float | None = None  # how sure the model was when it last found it, 0 to 1

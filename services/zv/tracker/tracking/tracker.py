@@ -27,27 +27,20 @@ from zv.tracker.tracking.track import Track
 
 @dataclass(frozen=True, slots=True)
 class LifeLimits:
-    """The constants of a track's life; seconds of stamps.
+    """The constants of a track's life; seconds of stamps."""
 
-    Attributes:
-        confirm_s: Age at which a track may be confirmed.
-        seen_share: Share of that age for which it must have been seen: other things flicker.
-        confirm_sides: How far it must have moved, in smaller sides of its box.
-        rest_s: It must move so far within one motion: what stands for longer begins anew.
-        gone_s: A track that was never confirmed, or is at the border of the picture, ends if it is
-            not seen for longer than this.
-        protected_sides: An object that has travelled farther is not learned while it stands,
-        protect_s: for this long.
-        still_s: What has stood for this long may be a ghost, and is tested in this interval.
-    """
-
-    confirm_s: float = 0.4
+    confirm_s: float = 0.4  # age at which a track may be confirmed
+    # Share of that age for which it must have been seen: other things flicker.
     seen_share: float = 0.8
-    confirm_sides: float = 1.0
-    rest_s: float = 2.0
+    confirm_sides: float = 1.0  # how far it must have moved, in smaller sides of its box
+    rest_s: float = 2.0  # it must move so far within one motion: what stands for longer begins anew
+    # A track that was never confirmed, or is at the border of the picture, ends if it is not seen
+    # for longer than this.
     gone_s: float = 0.3
+    # An object that has travelled farther is not learned while it stands,
     protected_sides: float = 1.0
-    protect_s: float = 120.0
+    protect_s: float = 120.0  # for this long
+    # What has stood for this long may be a ghost, and is tested in this interval.
     still_s: float = 1.0
 
 
