@@ -153,5 +153,7 @@ def from_raw(raw: bytes | memoryview, encoding: str, width: int, height: int) ->
     try:
         return np.frombuffer(raw, known.dtype).reshape(shape)
     except ValueError:
-        words = f"{len(raw)} bytes are no picture of {width}x{height} {encoding}"
-        raise PayloadError("wrong_size", words) from None
+        expected = raw_size(encoding, width, height)
+        raise PayloadError(
+            "wrong_size", f"{len(raw)} bytes, {width}x{height} {encoding} has {expected}"
+        ) from None

@@ -57,6 +57,8 @@ def test_raw_pixels_of_another_length_are_refused(encoding: str, change: int):
     with pytest.raises(PayloadError) as caught:
         pixel_formats.from_raw((raw + b"\0")[: len(raw) + change], encoding, 31, 17)
     assert caught.value.reason == "wrong_size"
+    sizes = f"{len(raw) + change} bytes, 31x17 {encoding} has {len(raw)}"
+    assert sizes in str(caught.value)
 
 
 @pytest.mark.parametrize("encoding", [None, "", "bgr16", "BGR8", "yuv422"])
