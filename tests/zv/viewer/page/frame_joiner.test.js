@@ -17,8 +17,7 @@ function header(seq, epoch = "1") {
 /** A joiner that has seen enough frames to know how long one lasts; the next is frame 10. */
 function practised(pictures = [CAMERA], messages = [CENTROID]) {
   const dropped = [];
-  const joiner = new FrameJoiner((item) => dropped.push(item));
-  joiner.follow(pictures, messages, 0);
+  const joiner = new FrameJoiner(pictures, messages, (item) => dropped.push(item), 0);
   for (let seq = 0; seq < 10; seq += 1) {
     for (const key of [...pictures, ...messages]) joiner.offer(key, header(seq), `${key} ${seq}`, 0);
     assert.equal(joiner.take(0).seq, seq);

@@ -7,18 +7,20 @@ import {
 import { System } from "./model/system.js";
 import { Events } from "./transport/connection.js";
 
+const PICTURE = { header: { epoch: "1" } };
+
 test("the rate counts pictures that were not sent to this page", () => {
   const statistics = new StreamStatistics();
   // Every third of a stream at 30 Hz: one picture each 100 ms, two skipped before each.
-  for (let now = 0; now <= 1000; now += 100) statistics.add(now, { skipped: 2 });
+  for (let now = 0; now <= 1000; now += 100) statistics.add(now, { ...PICTURE, skipped: 2 });
   assert.ok(Math.abs(statistics.rate(1000) - 30) < 0.01);
   assert.ok(Math.abs(statistics.arrivalRate(1000) - 10) < 0.01);
 });
 
 test("two pictures in quick succession, then a pause, have no rate", () => {
   const statistics = new StreamStatistics();
-  statistics.add(0);
-  statistics.add(170, { skipped: 23 });
+  statistics.add(0, PICTURE);
+  statistics.add(170, { ...PICTURE, skipped: 23 });
   assert.equal(statistics.rate(1100), null);
   assert.equal(statistics.arrivalRate(1100), null);
 });
@@ -26,7 +28,7 @@ test("two pictures in quick succession, then a pause, have no rate", () => {
 test("a stream is live for a second after its last picture", () => {
   const statistics = new StreamStatistics();
   assert.equal(statistics.isLive(0), false);
-  for (let now = 0; now <= 330; now += 33) statistics.add(now);
+  for (let now = 0; now <= 330; now += 33) statistics.add(now, PICTURE);
   assert.equal(statistics.isLive(1330), true);
   assert.equal(statistics.isLive(1331), false);
   assert.equal(statistics.rate(1331), null);
@@ -34,7 +36,7 @@ test("a stream is live for a second after its last picture", () => {
 
 test("a slow stream is live for three of its frame times", () => {
   const statistics = new StreamStatistics();
-  for (const now of [0, 2000, 4000]) statistics.add(now);
+  for (const now of [0, 2000, 4000]) statistics.add(now, PICTURE);
   assert.equal(statistics.isLive(10_000), true);
   assert.equal(statistics.isLive(10_001), false);
 });
@@ -42,26 +44,26 @@ test("a slow stream is live for three of its frame times", () => {
 /** Statistics that saw ten pictures of epoch 1 in a second. */
 function practised() {
   const statistics = new StreamStatistics();
-  for (let now = 0; now < 1000; now += 100) statistics.add(now, { header: { epoch: "1" } });
+  for (let now = 0; now < 1000; now += 100) statistics.add(now, PICTURE);
   return statistics;
 }
 
 test("one picture after a gap does not make the next gap usual", () => {
   const statistics = practised();
-  statistics.add(60_900, { header: { epoch: "1" } });
+  statistics.add(60_900, PICTURE);
   assert.equal(statistics.isLive(61_900), true);
   assert.equal(statistics.isLive(61_901), false);
 });
 
 test("nor does it where few pictures came before", () => {
   const statistics = new StreamStatistics();
-  for (const now of [0, 100, 60_100]) statistics.add(now);
+  for (const now of [0, 100, 60_100]) statistics.add(now, PICTURE);
   assert.equal(statistics.isLive(61_101), false);
 });
 
 test("a new epoch begins with no rate and nothing usual", () => {
   const statistics = new StreamStatistics();
-  for (const now of [0, 9000, 18_000]) statistics.add(now, { header: { epoch: "1" } });
+  for (const now of [0, 9000, 18_000]) statistics.add(now, PICTURE);
   assert.equal(statistics.isLive(40_000), true);
   statistics.add(40_000, { header: { epoch: "2" } });
   assert.equal(statistics.rate(40_000), null);

@@ -46,6 +46,7 @@ export class Adjust {
 
 	/** The menu is now about this stream. */
 	follow({ key, camera }) {
+		if (key !== this.key) this.toned = null;
 		this.key = key;
 		this.camera = camera;
 		const choice = this.of(key);

@@ -19,7 +19,11 @@ export class CameraFrames {
 		this.messages = [];
 		this.shown = [];
 		this.stops = [];
-		this.joiner = new FrameJoiner(release);
+		this.onlyComplete = false;
+		this.lastFrameAt = null;
+		this.trails = new Trails();
+		this.statistics = new StreamStatistics(); // of the leading stream
+		this.joiner = this.newJoiner([], []);
 		this.playback = new Playback((frame, isNew) => {
 			this.frame = frame;
 			if (isNew) this.count();
@@ -32,7 +36,7 @@ export class CameraFrames {
 	 * something has changed. `optionsOf(key)` says how pictures are to be rendered.
 	 */
 	follow(keys, messages, optionsOf, onlyComplete) {
-		this.joiner.onlyComplete = onlyComplete;
+		this.onlyComplete = this.joiner.onlyComplete = onlyComplete;
 		const followed = JSON.stringify([keys, keys.map(optionsOf), messages]);
 		if (followed === this.followed) return;
 		const isMore = keys.some((key) => !this.keys.includes(key));
@@ -44,17 +48,22 @@ export class CameraFrames {
 		this.shown = [];
 		this.lastFrameAt = null;
 		this.trails = new Trails();
-		this.statistics = new StreamStatistics(); // of the leading stream
+		this.statistics = new StreamStatistics();
 		if (!this.playback.paused) this.start();
 		else if (isMore) this.next(); // one that has them all
+	}
+
+	newJoiner(pictures, messages) {
+		const joiner = new FrameJoiner(pictures, messages, release, performance.now());
+		return Object.assign(joiner, { onlyComplete: this.onlyComplete });
 	}
 
 	/** Watch the streams that are followed, unless they are watched already. */
 	start() {
 		if (this.stops.length) return;
 		const { keys, messages, optionsOf, watches } = this;
-		this.joiner.follow(keys, messages, performance.now());
-		this.statistics.reset();
+		this.joiner = this.newJoiner(keys, messages);
+		this.statistics = new StreamStatistics(this.statistics.endedSince);
 		this.stops = [...keys.map((key, index) => watches.watchPictures(key, optionsOf(key),
 			index ? new StreamStatistics() : this.statistics,
 			(picture, bitmap) => this.offer(key, picture.header, { picture, bitmap })),
@@ -68,12 +77,13 @@ export class CameraFrames {
 	stop() {
 		for (const stop of this.stops.splice(0)) stop();
 		clearTimeout(this.timer);
-		this.joiner.follow([], [], 0);
+		this.joiner.drop(() => true);
+		this.joiner = this.newJoiner([], []);
 	}
 
 	close() {
 		this.stop();
-		this.playback.reset();
+		this.playback.setPaused(false); // a step that is being decoded is not shown
 	}
 
 	/** Hold the frame that is shown, and let the server send no more; or go on. */

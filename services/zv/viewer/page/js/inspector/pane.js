@@ -6,7 +6,7 @@ import { element, setData, setText } from "../ui/elements.js";
 import { drawOverlay } from "../video/overlay.js";
 import { gradientOf, valuesOf, valueText } from "../video/tone.js";
 import { release } from "../video/watches.js";
-import { TonedPicture } from "./toned_picture.js";
+import { Toner } from "./toner.js";
 
 const PIXELS_FROM_SCALE = 2; // from here on, pixels are seen as squares
 const WHEEL_STEP = 0.0015;
@@ -19,7 +19,8 @@ export class Pane {
 		this.seq = null;
 		this.item = null;
 		this.pixel = ""; // the value under the pointer
-		this.toned = new TonedPicture();
+		this.toner = new Toner();
+		this.toned = null; // what the toner made of the item that is painted
 		this.probe = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
 		this.picture = element("canvas", { class: "picture", "data-key": stream.key,
 			"data-live": "false", role: "img", "aria-label": `${stream.camera} ${topicName(stream)}` });
@@ -73,8 +74,7 @@ export class Pane {
 
 	/**
 	 * Draw the picture, and the overlay if it is of the same frame. `overlay` is that of drawOverlay;
-	 * `pointer` is a point of the frame, or null; `tone` is {choice, isMeasured}, as TonedPicture
-	 * takes them.
+	 * `pointer` is a point of the frame, or null; `tone` is {choice, isMeasured}, as Toner takes them.
 	 */
 	paint({ view, orientation, overlay, pointer, tone }) {
 		const { width, height } = this.size;
@@ -87,18 +87,19 @@ export class Pane {
 		const { frame, frame: { header } } = this;
 		const toCanvas = (point) => view.toPane(this.size, orientation.toTurned(header, point));
 		const corner = view.toPane(this.size, { x: 0, y: 0 });
-		this.toned.prepare(this.item, tone.choice, tone.isMeasured);
+		const toned = this.toner.toned(this.item, tone.choice, tone.isMeasured);
+		this.toned = toned;
 		picture.imageSmoothingEnabled = view.scale < PIXELS_FROM_SCALE;
 		picture.imageSmoothingQuality = "medium"; // otherwise lines of one pixel break into dashes
 		picture.setTransform(view.scale, 0, 0, view.scale, corner.x, corner.y);
 		picture.transform(...orientation.transform(header));
-		picture.drawImage(this.toned.image, 0, 0, header.width, header.height);
+		picture.drawImage(toned.image, 0, 0, header.width, header.height);
 		picture.resetTransform();
 		const drawn = this.seq === frame.seq
 			? drawOverlay(marks, frame, overlay, toCanvas, devicePixelRatio) : { marks: [], shapes: [] };
 		if (pointer) drawSpot(marks, toCanvas(pointer), 5 * devicePixelRatio);
 		this.describe(view, overlay, drawn);
-		this.writeScale(tone.choice.map);
+		this.writeScale(toned, tone.choice.map);
 		this.pixel = pointer ? this.valueAt(pointer, header) : "";
 		setText(this.value, this.pixel);
 	}
@@ -106,7 +107,6 @@ export class Pane {
 	close() {
 		release(this.item);
 		this.item = null;
-		this.toned.reset();
 	}
 
 	showState(live, text) {
@@ -128,8 +128,7 @@ export class Pane {
 	}
 
 	/** Show a scale of colours and values, unless a picture of 8 bits is shown unchanged. */
-	writeScale(map) {
-		const { isPlain, values, range } = this.toned;
+	writeScale({ isPlain, values, range }, map) {
 		this.scale.hidden = isPlain && !values.isDepth;
 		if (this.scale.hidden) return;
 		const gradient = gradientOf(values.isGrey ? map : "grey");
@@ -187,9 +186,10 @@ function listenToPointer(pane, grid) {
 		if (event.pointerId === editing) grid.drag(pane, at);
 		const before = down.get(event.pointerId);
 		if (!before) return;
-		if (down.size === 2) pinch(event.pointerId, before, at);
-		else grid.pan(at.x - before.x, at.y - before.y);
 		down.set(event.pointerId, at);
+		const others = [...down.values()].filter((point) => point !== at);
+		if (others.length === 1) pinch(others[0], before, at);
+		else grid.pan(at.x - before.x, at.y - before.y);
 	});
 	for (const name of ["pointerup", "pointercancel"]) {
 		surface.addEventListener(name, (event) => {
@@ -208,8 +208,7 @@ function listenToPointer(pane, grid) {
 	}, { passive: false });
 	surface.addEventListener("dblclick", (event) => grid.toggleFit(pane, pointOf(event)));
 
-	function pinch(moving, before, at) {
-		const [, other] = [...down].find(([id]) => id !== moving);
+	function pinch(other, before, at) {
 		const distance = (point) => Math.max(1, Math.hypot(point.x - other.x, point.y - other.y));
 		grid.zoom(distance(at) / distance(before), { x: (at.x + other.x) / 2, y: (at.y + other.y) / 2 });
 		grid.pan((at.x - before.x) / 2, (at.y - before.y) / 2);

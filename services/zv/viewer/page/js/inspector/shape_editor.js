@@ -20,7 +20,13 @@ export class ShapeEditor {
 		this.camera = null;
 		this.isActive = false;
 		this.sending = 0;
-		this.clear();
+		this.draft = null; // {kind, points} of an unfinished shape
+		this.choice = null; // {kind, index, corner}
+		this.held = null; // the corner that is being moved
+		this.moved = false;
+		this.done = []; // own changes: {kind, before, after}, as texts
+		this.base = {}; // kind -> the tracker's text that the shapes are, or a change is based on
+		this.seen = {}; // kind -> the tracker's text that was read last
 		system.on("parameters nodes hello", () => this.read());
 		for (const kind of Object.keys(KINDS)) {
 			byId(`add-${kind}`).addEventListener("click", () => this.begin(kind));
@@ -58,20 +64,10 @@ export class ShapeEditor {
 		if (!camera && this.isActive) this.toggle();
 		this.system.show(hasShapes(this.system.streams, camera) ? ["parameters"] : [], "large");
 		if (camera !== this.camera) {
-			this.camera = camera;
-			this.clear();
+			Object.assign(this, { camera, draft: null, choice: null, held: null, done: [], base: {}, seen: {} });
+			for (const kind of Object.keys(KINDS)) this[kind] = [];
 		}
 		this.read();
-	}
-
-	clear() {
-		for (const kind of Object.keys(KINDS)) this[kind] = [];
-		this.draft = null;
-		this.choice = null;
-		this.held = null;
-		this.done = []; // own changes: {kind, before, after}, as texts
-		this.base = {}; // kind -> the tracker's text that the shapes are, or a change is based on
-		this.seen = {}; // kind -> the tracker's text that was read last
 	}
 
 	/** Take the shapes of the tracker where they are new, unless one is being moved or sent. */
@@ -137,7 +133,7 @@ export class ShapeEditor {
 	press(point, reach) {
 		if (!this.isActive) return false;
 		const at = point.map(Math.round);
-		if (this.draft) this.add(at, reach);
+		if (this.draft) this.add(this.draft, at, reach);
 		else {
 			this.choice = shapeAt(this, point, reach);
 			this.held = this.choice?.corner ?? null;
@@ -147,16 +143,15 @@ export class ShapeEditor {
 		return Boolean(this.draft || this.choice);
 	}
 
-	add(at, reach) {
-		const { kind, points } = this.draft;
+	/** Add a corner to a draft; it ends at its second point, or at one of its ends again. */
+	add({ kind, points }, at, reach) {
 		const isAgain = [points[0], points.at(-1)].map((end) => end && distance(end, at) <= reach);
-		if (kind !== "lines" && points.length > 2 && isAgain.includes(true)) this.finish();
+		if (kind !== "lines" && points.length > 2 && isAgain.includes(true)) this.finish(kind, points);
 		else if (!isAgain[1]) points.push(at);
-		if (kind === "lines" && points.length === 2) this.finish();
+		if (kind === "lines" && points.length === 2) this.finish(kind, points);
 	}
 
-	finish() {
-		const { kind, points } = this.draft;
+	finish(kind, points) {
 		const name = freeName(kind, this[kind]);
 		this[kind] = [...this[kind], { name, world: false, points }];
 		this.draft = null;

@@ -86,13 +86,9 @@ export function longestSilence(frameTime) {
 
 /** Statistics of one stream at this page: its rate, its losses, and whether it is live. */
 export class StreamStatistics {
-	constructor() {
-		this.endedSince = null; // since when the server has had nothing, ms since 1970
-		this.reset();
-	}
-
-	/** Reset to the state before the first picture. */
-	reset() {
+	constructor(endedSince = null) {
+		this.endedSince = endedSince; // since when the server has had nothing, ms since 1970
+		this.epoch = null; // of the newest picture
 		this.samples = [];
 		this.intervals = [];
 		this.lost = 0;
@@ -100,14 +96,10 @@ export class StreamStatistics {
 		this.lastAt = null;
 	}
 
-	/**
-	 * Count one picture that arrived at `now`, ms; `skipped` others were not sent to this page.
-	 * @param {number} now
-	 * @param {{ skipped?: number, lost?: number, header?: any }} picture
-	 */
-	add(now, { skipped = 0, lost = 0, header } = {}) {
-		if (header?.epoch !== this.epoch) {
-			this.epoch = header?.epoch;
+	/** Count one picture that arrived at `now`, ms; `skipped` others were not sent to this page. */
+	add(now, { skipped = 0, lost = 0, header }) {
+		if (header.epoch !== this.epoch) {
+			this.epoch = header.epoch;
 			this.samples = [];
 			this.intervals = [];
 		}

@@ -19,17 +19,14 @@ const EARLY_KEPT = 16; // frames of which the leading picture has not come: each
 const APART_MS = 2000;
 
 export class FrameJoiner {
-	/** `discard(item)` is called for each item that will never be released. */
-	constructor(discard) {
+	/**
+	 * The first of `pictures` leads; the others and `messages` are its parts. `discard(item)` is called
+	 * for each item that will never be released.
+	 */
+	constructor(pictures, messages, discard, now) {
 		this.onlyComplete = false;
 		this.discard = discard;
 		this.frames = new Map(); // id -> {id, epoch, seq, header, items, at}, `at` with its picture
-		this.follow([], [], 0);
-	}
-
-	/** Start again. The first of `pictures` leads; the others and `messages` are its parts. */
-	follow(pictures, messages, now) {
-		this.drop(() => true);
 		this.lead = pictures[0] ?? null;
 		this.pictures = pictures;
 		this.togetherAt = now; // when a frame with all pictures was last taken
@@ -102,10 +99,8 @@ export class FrameJoiner {
 
 	/** The pictures that are of another epoch than the leading ones for long, so never of one frame. */
 	strangers(now) {
-		return this.pictures.slice(1).filter((key) => {
-			const { apartSince } = this.parts.get(key);
-			return apartSince !== null && now - apartSince > APART_MS;
-		});
+		return [...this.parts].filter(([key, { apartSince }]) => this.pictures.includes(key)
+			&& apartSince !== null && now - apartSince > APART_MS).map(([key]) => key);
 	}
 
 	measure(header) {
@@ -167,11 +162,9 @@ export class FrameJoiner {
 
 	/** Tell whether a frame has waited long enough, or none of its missing parts can come. */
 	isOver(frame, now) {
-		return now - frame.at >= this.patience || this.missing(frame).every((key) => {
-			const { at, epoch, seq } = this.parts.get(key);
-			const isFurther = epoch === frame.epoch && seq > frame.seq;
-			return isFurther || now - at > longestSilence(this.frameTime);
-		});
+		return now - frame.at >= this.patience || [...this.parts].every(([key, { at, epoch, seq }]) =>
+			frame.items.has(key) || (epoch === frame.epoch && seq > frame.seq)
+				|| now - at > longestSilence(this.frameTime));
 	}
 
 	/** Discard the frames for which a condition holds. */

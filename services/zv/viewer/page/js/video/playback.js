@@ -10,13 +10,11 @@ export class Playback {
 	/** `display(frame, isNew)` shows a frame and owns its bitmaps. */
 	constructor(display) {
 		this.display = display;
-		this.reset();
-	}
-
-	reset() {
 		this.frames = []; // the last ones, not decoded, each with its `bytes`
 		this.bytes = 0;
-		this.setPaused(false);
+		this.paused = false;
+		this.index = null; // of the frame that is shown while paused
+		this.wantsOne = false; // to show one more, also while paused
 	}
 
 	setPaused(paused) {

@@ -14,11 +14,12 @@ export class Tile {
 		this.stream = stream;
 		this.wall = wall;
 		this.watches = wall.watches;
-		this.statistics = new StreamStatistics();
 		this.stop = null; // ends the watch
 		/** @type {any} */
 		this.options = null; // of the watch
-		this.reset();
+		this.statistics = new StreamStatistics();
+		this.picture = null; // the one that is painted
+		this.nextAt = 0;
 		this.canvas = element("canvas", { width: 320, height: 240, "data-live": "false",
 			"data-key": this.key });
 		this.context = this.canvas.getContext("2d", { alpha: false });
@@ -50,7 +51,9 @@ export class Tile {
 		} else {
 			this.stop();
 			this.stop = null;
-			this.reset();
+			this.statistics = new StreamStatistics(this.statistics.endedSince);
+			this.picture = null; // it is not live
+			this.nextAt = 0;
 		}
 	}
 
@@ -90,13 +93,6 @@ export class Tile {
 		const displayed = WIDTHS.find((width) => width >= pixels * 0.9) ?? Math.max(...WIDTHS);
 		const { width, quality } = this.wall.transfer.of(this.key);
 		return { width: Math.min(displayed, width ?? displayed), quality: quality ?? QUALITY };
-	}
-
-	/** Reset, since the picture that was shown before is not live. */
-	reset() {
-		this.statistics.reset();
-		this.picture = null; // the one that is painted
-		this.nextAt = 0;
 	}
 
 	/** Call `taken` when this tile's next picture is due; the server then sends the newest. */
