@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { merged, momentOf, queryOf } from "./panels/kept_events.js";
+import { merged, momentOf, queryOf } from "./model/events.js";
 
 const EVENT = { number: 1, stamp_ns: "1795736904033000000", camera: "front", kind: "started",
   track: 7 };

@@ -8,7 +8,6 @@ import { FieldRecorder } from "./panels/field_recorder.js";
 import { layOut } from "./panels/graph.js";
 import { condition } from "./panels/parameters.js";
 import { linesOf } from "./panels/plots.js";
-import { Watches } from "./video/watches.js";
 
 const LOW = { type: "float", minimum: 0, maximum: 100_000, default: 40 };
 const QUALITY = { type: "int", minimum: 1, maximum: 100, default: 80 };
@@ -114,31 +113,29 @@ test("the numbers of any message have names joined by dots, and are bounded", ()
 });
 
 test("only chosen numbers of the chosen camera are kept, and nothing is watched for no topic", () => {
-  const watched = new Map();
-  const watches = { __proto__: Watches.prototype, watchMessages: (key, receive) => {
-    watched.set(key, receive);
-    return () => watched.delete(key);
-  } };
+  let watched;
+  let tell;
+  const watches = { watchMessages: (keys, receive) => [watched, tell] = [keys, receive] };
   const message = (camera, topic) => ({ kind: "message", camera, topic, key: `v/${camera}/${topic}` });
   const streams = [message("front", "brightness"), message("front", "centroid"),
     message("rear", "brightness")];
   const recorder = new FieldRecorder({ streams }, watches);
   recorder.follow("front", ["brightness"], [["brightness", "mean"]]);
-  assert.deepEqual([...watched.keys()], ["v/front/brightness"]);
-  watched.get("v/front/brightness")({ header: {}, body: { mean: 9, min: 2 } });
-  watched.get("v/front/brightness")({ header: {}, body: { mean: "none", min: 2 } });
+  assert.deepEqual(watched, ["v/front/brightness"]);
+  tell({ key: watched[0], header: {}, body: { mean: 9, min: 2 } });
+  tell({ key: watched[0], header: {}, body: { mean: "none", min: 2 } });
   assert.deepEqual(recorder.points("brightness", "mean").map(({ value }) => value), [9]);
   assert.deepEqual(recorder.names("brightness"), ["min"]);
   recorder.follow("front", [], [["brightness", "mean"]]); // the panel is closed
-  assert.deepEqual([watched.size, recorder.points("brightness", "mean").length], [0, 1]);
+  assert.deepEqual([watched.length, recorder.points("brightness", "mean").length], [0, 1]);
   recorder.follow("rear", ["brightness"], [["brightness", "mean"]]);
-  assert.deepEqual([...watched.keys()], ["v/rear/brightness"]);
+  assert.deepEqual(watched, ["v/rear/brightness"]);
   assert.deepEqual(recorder.points("brightness", "mean"), []);
 });
 
 /** A recorder of `mean`, and what it keeps of these [ms, value]. */
 function recorded(points) {
-  const recorder = new FieldRecorder({ streams: [] }, Watches.prototype);
+  const recorder = new FieldRecorder({ streams: [] }, { watchMessages() {} });
   recorder.follow("front", [], [["brightness", "mean"]]);
   for (const [at, mean] of points) recorder.take("brightness", { body: { mean } }, at);
   return recorder.points("brightness", "mean").map(({ at, value }) => [at, value]);
@@ -157,7 +154,7 @@ test("of fast messages each spike is kept, few points are drawn, and they stay w
 });
 
 test("of a part of the time one quarter of a second before it is drawn too, or the newest of all", () => {
-  const recorder = new FieldRecorder({ streams: [] }, Watches.prototype);
+  const recorder = new FieldRecorder({ streams: [] }, { watchMessages() {} });
   recorder.follow("front", [], [["brightness", "mean"]]);
   for (const at of [1000, 2000, 3000]) recorder.take("brightness", { body: { mean: 5 } }, at);
   const from = (moment) => recorder.points("brightness", "mean", moment).map(({ at }) => at);

@@ -18,7 +18,11 @@ export class CameraFrames {
 		this.keys = [];
 		this.messages = [];
 		this.shown = [];
-		this.stops = [];
+		this.stops = []; // functions that end the watches of pictures
+		this.receive = ({ key, header, body }) => {
+			this.trails.add(key, header, body);
+			this.offer(key, header, body);
+		};
 		this.onlyComplete = false;
 		this.lastFrameAt = null;
 		this.trails = new Trails();
@@ -64,18 +68,16 @@ export class CameraFrames {
 		const { keys, messages, optionsOf, watches } = this;
 		this.joiner = this.newJoiner(keys, messages);
 		this.statistics = new StreamStatistics(this.statistics.endedSince);
-		this.stops = [...keys.map((key, index) => watches.watchPictures(key, optionsOf(key),
+		this.stops = keys.map((key, index) => watches.watchPictures(key, optionsOf(key),
 			index ? new StreamStatistics() : this.statistics,
-			(picture, bitmap) => this.offer(key, picture.header, { picture, bitmap })),
-		), ...messages.map((key) => watches.watchMessages(key, ({ header, body }) => {
-			this.trails.add(key, header, body);
-			this.offer(key, header, body);
-		}))];
+			(picture, bitmap) => this.offer(key, picture.header, { picture, bitmap })));
+		watches.watchMessages(messages, this.receive);
 	}
 
 	/** End the watches, so that nothing is sent; `start` goes on. */
 	stop() {
 		for (const stop of this.stops.splice(0)) stop();
+		this.watches.watchMessages([], this.receive);
 		clearTimeout(this.timer);
 		this.joiner.drop(() => true);
 		this.joiner = this.newJoiner([], []);

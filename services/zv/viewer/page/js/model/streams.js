@@ -1,6 +1,7 @@
 // Streams: their names and order, the statistics of their arrival, and why one is not live.
 
 import { clock, duration } from "../ui/format.js";
+import { EVENT_TYPE } from "./events.js";
 
 export const RAW = "raw";
 
@@ -72,7 +73,7 @@ export function overlayStreams(streams, camera) {
 
 /** Whether a tracker with zones and lines publishes of a camera. */
 export function hasShapes(streams, camera) {
-	return streams.some((stream) => stream.camera === camera && stream.type === "vision.TrackEvent.v1");
+	return streams.some((stream) => stream.camera === camera && stream.type === EVENT_TYPE);
 }
 
 export function median(values) {

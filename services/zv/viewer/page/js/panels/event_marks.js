@@ -1,8 +1,7 @@
 // The events of one camera as marks on plots: those that the viewer keeps, and those that arrive.
 
+import { askFor, EVENT_TYPE, merged, queryOf, wordsOf } from "../model/events.js";
 import { HISTORY_MS } from "../model/system.js";
-import { TYPE, wordsOf } from "./events.js";
-import { merged, queryOf } from "./kept_events.js";
 
 const MOST = 1000;
 
@@ -12,7 +11,7 @@ export class EventMarks {
 		this.watches = watches;
 		this.camera = null;
 		this.marks = []; // {at, words}, `at` by the page's own clock
-		this.stops = new Map(); // key of a stream -> the function that ends its watch
+		this.receive = ({ body }) => this.add([{ at: performance.now(), words: wordsOf(body) }]);
 	}
 
 	/** Follow the events of a camera, or of none. */
@@ -20,9 +19,8 @@ export class EventMarks {
 		const isNew = camera !== this.camera;
 		if (isNew) this.marks = [];
 		this.camera = camera;
-		this.watches.syncMessages(this.stops, new Map(this.system.streams
-			.filter((one) => one.camera === camera && one.type === TYPE)
-			.map(({ key }) => [key, ({ body }) => this.add([{ at: performance.now(), words: wordsOf(body) }])])));
+		this.watches.watchMessages(this.system.streams.filter((one) => one.camera === camera
+			&& one.type === EVENT_TYPE).map(({ key }) => key), this.receive);
 		if (isNew && camera) this.fetchKept(camera);
 	}
 
@@ -34,8 +32,7 @@ export class EventMarks {
 	async fetchKept(camera) {
 		const { clockOffset: offset, now } = this.system;
 		const query = queryOf({ camera, since: new Date(now - HISTORY_MS), until: new Date(now) });
-		const { events } = await fetch(`events?most=${MOST}&${query}`).then((said) => said.json())
-			.catch(() => ({}));
+		const { events } = await askFor(`most=${MOST}&${query}`);
 		if (camera !== this.camera || !events) return; // another was chosen meanwhile
 		const kept = merged([], events).map((row) => ({ at: row.at - offset, words: wordsOf(row) }));
 		this.marks = [...kept, ...this.marks].slice(-MOST);

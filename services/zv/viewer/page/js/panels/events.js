@@ -1,60 +1,114 @@
 // The panel of events: tracks that started or ended, entered or left a zone, or crossed a line, of
-// all cameras, newest last. They are those that the viewer keeps; of one that keeps none, those that
-// arrive while the panel is open.
+// all cameras, newest last. They are those that the viewer keeps, of what is chosen, and newer ones as
+// long as they are shown; of a viewer that keeps none, those that arrive while the panel is open.
 
 import { copies } from "../export/addresses.js";
-import { byId, element, setText, svg } from "../ui/elements.js";
+import { askFor, EVENT_TYPE, merged, momentOf, queryOf, wordsOf } from "../model/events.js";
+import { byId, element, listen, setOptions, setText, svg } from "../ui/elements.js";
 import { clock, dayAndClock, number } from "../ui/format.js";
-import { KeptEvents, momentOf } from "./kept_events.js";
 import { LineList } from "./line_list.js";
 
-export const TYPE = "vision.TrackEvent.v1";
 const MOST_CAMERAS = 8;
-const ROWS_KEPT = 500;
-const LONGEST_TEXT = 60;
-const CHOSEN_BY = ["camera", "kind", "zone", "since", "until"];
+const POLL_MS = 2000;
+const LIVE_KEPT = 500;
+const ROWS_KEPT = 1000;
+const PAGE = 100; // rows in an answer to a first question
+const LISTS = { camera: "all cameras", kind: "all events", zone: "all zones and lines" };
+const TIMES = ["since", "until"];
 
 export class EventsPanel {
 	constructor(system, watches) {
 		this.visible = false; // set by the dock
+		this.wasVisible = false;
 		this.system = system;
 		this.watches = watches;
-		this.rows = [];
-		this.made = 0;
-		this.stops = new Map(); // key of a stream -> the function that ends its watch
-		const fields = Object.fromEntries(CHOSEN_BY.map((name) => [name, byId(`event-${name}`)]));
-		this.kept = new KeptEvents(fields, () => this.draw());
-		this.list = new LineList("event-lines", () => this.kept.isKept ? this.kept.rows : this.rows,
+		this.isKept = null; // whether the viewer keeps events; null until it has said so
+		this.rows = []; // those that it keeps, else those that arrived
+		this.fault = "";
+		this.hasEarlier = false;
+		this.asking = {}; // of the question whose answer is awaited
+		this.receive = (message) => this.add(message);
+		this.list = new LineList("event-lines", () => this.rows,
 			(row) => "message" in row ? liveRow(row) : keptRow(row));
-		byId("event-older").addEventListener("click", () => this.kept.ask(true));
-		const dialog = byId("event-dialog");
-		dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
+		for (const [name, all] of Object.entries(LISTS)) setOptions(byId(`event-${name}`), [["", all]]);
+		for (const name of [...Object.keys(LISTS), ...TIMES]) {
+			listen(`event-${name}`, "change", () => this.restart());
+		}
+		listen("event-older", "click", () => this.ask(true));
+		listen("event-dialog", "click", ({ target }) => target.id === "event-dialog" && target.close());
 		system.on("streams", () => this.draw());
-		system.on("hello", () => this.kept.restart()); // of a viewer that may keep others
+		system.on("hello", () => this.restart()); // of a viewer that may keep others
+	}
+
+	/** The query for what is chosen. */
+	get query() {
+		const texts = Object.keys(LISTS).map((name) => [name, byId(`event-${name}`).value]);
+		const times = TIMES.map((name) => [name, byId(`event-${name}`).value])
+			.map(([name, value]) => [name, value && new Date(value)]);
+		return queryOf(Object.fromEntries([...texts, ...times]));
 	}
 
 	draw() {
-		const { isKept, words, hasEarlier, query } = this.kept;
-		this.kept.show(this.visible);
-		const isLive = this.visible && isKept === false;
-		const streams = this.system.streams.filter(({ type }) => isLive && type === TYPE);
-		const wanted = streams.slice(0, MOST_CAMERAS).map(({ key }) => [key, (one) => this.take(one)]);
-		this.watches.syncMessages(this.stops, new Map(wanted));
-		byId("event-lines").dataset.empty = isKept || wanted.length ? "No event yet."
+		const { visible, isKept } = this;
+		if (visible !== this.wasVisible) {
+			this.wasVisible = visible;
+			clearTimeout(this.timer);
+			if (visible) this.ask();
+		}
+		const streams = this.system.streams.filter(({ type }) => type === EVENT_TYPE);
+		const live = visible && isKept === false ? streams.slice(0, MOST_CAMERAS) : [];
+		this.watches.watchMessages(live.map(({ key }) => key), this.receive);
+		byId("event-lines").dataset.empty = isKept || live.length ? "No event yet."
 			: "No node publishes events.";
 		byId("event-filters").hidden = !isKept;
-		byId("event-older").hidden = !isKept || !hasEarlier;
-		byId("event-table").href = `events.csv?${query}`;
-		setText(byId("event-words"), words || (isKept === false
+		byId("event-older").hidden = !isKept || !this.hasEarlier;
+		byId("event-table").href = `events.csv?${this.query}`;
+		setText(byId("event-words"), this.fault || (isKept === false
 			? "While this is open: the viewer keeps none, --events-dir makes it." : ""));
 		this.list.draw();
 	}
 
-	take(message) {
-		this.made += 1;
-		this.rows.push({ key: this.made, message, at: this.system.now });
-		if (this.rows.length > ROWS_KEPT) this.rows.shift();
+	/** Add a row of one that arrived. */
+	add(message) {
+		const key = (this.rows.at(-1)?.key ?? 0) + 1;
+		this.rows.push({ key, message, at: this.system.now });
+		if (this.rows.length > LIVE_KEPT) this.rows.shift();
 		this.list.drawSoon();
+	}
+
+	/** Ask for what is chosen now. */
+	restart() {
+		clearTimeout(this.timer);
+		this.asking = {};
+		if (this.isKept) this.rows = [];
+		if (this.visible) this.ask();
+	}
+
+	/** Ask for older events, or for newer ones, again and again. */
+	async ask(isForOlder = false) {
+		const asking = this.asking = {};
+		const [first] = this.isKept ? this.rows : [];
+		const place = !first ? "" : isForOlder ? `before=${first.number}`
+			: `most=${ROWS_KEPT}&after=${this.rows.at(-1).number}`;
+		const answer = await askFor([this.query, place].filter(Boolean).join("&"));
+		if (this.asking !== asking) return; // something else was chosen meanwhile
+		this.take(answer, !first || isForOlder);
+		clearTimeout(this.timer);
+		if (this.visible && this.isKept !== false) this.timer = setTimeout(() => this.ask(), POLL_MS);
+	}
+
+	take({ kept = this.isKept, fault = "", events = [], choices }, isPage) {
+		if (kept !== this.isKept) this.rows = [];
+		this.isKept = kept;
+		this.fault = fault.trim();
+		if (isPage && !fault) this.hasEarlier = events.length >= PAGE;
+		if (kept) this.rows = merged(this.rows, events);
+		for (const [name, all] of choices ? Object.entries(LISTS) : []) {
+			const list = byId(`event-${name}`);
+			const found = new Set([...choices[name], list.value].filter(Boolean));
+			setOptions(list, [["", all], ...[...found].map((each) => [each, each.replaceAll("_", " ")])]);
+		}
+		this.draw();
 	}
 }
 
@@ -71,13 +125,6 @@ function keptRow(row) {
 	return element("li", {}, element("button", { type: "button", onclick: () => open(row) }, picture,
 		element("span", {}, element("time", {}, dayAndClock(row.at)), element("b", {}, row.camera),
 			wordsOf(row))));
-}
-
-/** What happened, in words. */
-export function wordsOf({ event, id, zone, direction, x, y, class: name }) {
-	const place = Number.isFinite(x) && Number.isFinite(y) ? `at ${number(x, 0)}, ${number(y, 0)}` : "";
-	const words = [`${String(event ?? "?").replaceAll("_", " ")} ${id ?? ""}`, name, zone, direction, place];
-	return words.filter(Boolean).map((word) => String(word).slice(0, LONGEST_TEXT)).join(", ");
 }
 
 /** A number may have another picture once the viewer has begun a new file. */

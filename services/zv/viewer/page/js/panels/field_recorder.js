@@ -1,6 +1,7 @@
 // Keeps the values of chosen numbers in the messages of one camera, over the last minutes.
 
 import { numberAt, numericFields } from "../model/fields.js";
+import { streamOf } from "../model/streams.js";
 import { HISTORY_MS } from "../model/system.js";
 
 const SLOT_MS = 250;
@@ -10,7 +11,8 @@ export class FieldRecorder {
 		this.system = system;
 		this.watches = watches;
 		this.camera = null;
-		this.stops = new Map(); // key of a stream -> the function that ends its watch
+		this.fields = [];
+		this.receive = (message) => this.take(streamOf(message.key).topic, message);
 		// Topic and name -> [{low, high, newest}], the points {at, value} of each quarter of a second
 		// that has any: few enough to be drawn however fast they come, and no spike is lost.
 		this.series = new Map();
@@ -27,9 +29,8 @@ export class FieldRecorder {
 		this.fields = fields;
 		const kept = fields.map((field) => field.join(" "));
 		for (const name of this.series.keys()) if (!kept.includes(name)) this.series.delete(name);
-		this.watches.syncMessages(this.stops, new Map(this.system.streams
-			.filter((one) => one.camera === camera && one.kind === "message" && topics.includes(one.topic))
-			.map(({ key, topic }) => [key, (message) => this.take(topic, message)])));
+		this.watches.watchMessages(this.system.streams.filter((one) => one.camera === camera
+			&& one.kind === "message" && topics.includes(one.topic)).map(({ key }) => key), this.receive);
 	}
 
 	take(topic, message, now = performance.now()) { // the clocks of camera and server may differ

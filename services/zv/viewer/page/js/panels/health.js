@@ -1,6 +1,6 @@
 // The panels of health, one row for each node with its counters below, and of the log.
 
-import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
+import { byId, element, later, setData, setText, syncViews } from "../ui/elements.js";
 import { clock, count, duration, number, rate } from "../ui/format.js";
 import { LineList } from "./line_list.js";
 
@@ -14,17 +14,11 @@ export class HealthPanel {
 		this.visible = false; // set by the dock
 		this.system = system;
 		this.rows = new Map(); // node -> {element, message, about, counters, and the cells}
-		system.on("nodes health", () => this.drawSoon());
+		system.on("nodes health", later(() => this.draw(), SETTLE_MS));
 		setInterval(() => this.draw(), 1000);
 	}
 
-	drawSoon() {
-		this.timer ??= setTimeout(() => this.draw(), SETTLE_MS);
-	}
-
 	draw() {
-		clearTimeout(this.timer);
-		this.timer = null;
 		if (document.hidden) return;
 		const { nodes } = this.system;
 		const bad = nodes.filter((node) => !["OK", "–"].includes(this.stateOf(node).level)).length;

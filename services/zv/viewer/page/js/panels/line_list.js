@@ -1,6 +1,6 @@
 // A list of lines, newest last, which scrolls along only while its end is visible.
 
-import { byId, syncViews } from "../ui/elements.js";
+import { byId, later, syncViews } from "../ui/elements.js";
 
 const AT_END_PX = 24;
 const DRAW_MS = 200; // one drawing for the lines of a busy system
@@ -13,15 +13,10 @@ export class LineList {
 		this.make = make;
 		this.views = new Map();
 		this.isClosed = true;
-	}
-
-	drawSoon() {
-		this.timer ??= setTimeout(() => this.draw(), DRAW_MS);
+		this.drawSoon = later(() => this.draw(), DRAW_MS);
 	}
 
 	draw() {
-		clearTimeout(this.timer);
-		this.timer = null;
 		const { list, isClosed } = this;
 		this.isClosed = !list.clientHeight;
 		if (this.isClosed) return; // with its panel

@@ -3,7 +3,7 @@
 
 import { copyText } from "../export/addresses.js";
 import { describe, rowsOf } from "../model/message_tree.js";
-import { byId, element, setOptions, setText, syncViews } from "../ui/elements.js";
+import { byId, element, later, listen, setOptions, setText, syncViews } from "../ui/elements.js";
 import { size } from "../ui/format.js";
 
 const DRAW_MS = 250;
@@ -27,15 +27,16 @@ export class MessagePanel {
 		this.isHeld = false;
 		this.toggled = new Set();
 		this.most = ROWS;
-		this.stops = new Map();
+		this.receive = (message) => this.take(message);
+		this.drawSoon = later(() => this.drawRows(), DRAW_MS);
 		this.views = new Map();
 		this.schemas = new Map();
 		this.list = byId("message-stream");
-		this.list.addEventListener("change", () => this.draw());
-		byId("message-search").addEventListener("input", () => this.drawRows());
-		byId("message-hold").addEventListener("click", () => this.hold(!this.isHeld));
-		byId("message-copy").addEventListener("click", () => this.copy());
-		byId("message-more").addEventListener("click", () => {
+		listen("message-stream", "change", () => this.draw());
+		listen("message-search", "input", () => this.drawRows());
+		listen("message-hold", "click", () => this.hold(!this.isHeld));
+		listen("message-copy", "click", () => this.copy());
+		listen("message-more", "click", () => {
 			this.most += ROWS;
 			this.drawRows();
 		});
@@ -58,24 +59,19 @@ export class MessagePanel {
 			const order = [...streams].sort((a, b) => rank(a) - rank(b));
 			setOptions(this.list, order.map(({ key, camera: of, topic }) => [key, `${of} / ${topic}`]));
 		}
-		const wanted = new Map();
-		if (this.visible && this.key && !this.isHeld) {
-			wanted.set(this.key, (message) => this.take(message));
+		if (this.message && this.message.key !== this.key) {
+			this.message = null;
+			this.most = ROWS;
+			this.toggled.clear();
 		}
-		if (this.message && this.message.key !== this.key) this.forget();
-		this.watches.syncMessages(this.stops, wanted);
+		const isFollowed = this.visible && this.key && !this.isHeld;
+		this.watches.watchMessages(isFollowed ? [this.key] : [], this.receive);
 		if (this.visible) this.drawRows();
-	}
-
-	forget() {
-		this.message = null;
-		this.most = ROWS;
-		this.toggled.clear();
 	}
 
 	take(message) {
 		this.message = message;
-		this.timer ??= setTimeout(() => this.drawRows(), DRAW_MS);
+		this.drawSoon();
 	}
 
 	/** Hold the message that is shown, and let the server send no more; or go on. */
@@ -92,8 +88,6 @@ export class MessagePanel {
 	}
 
 	drawRows() {
-		clearTimeout(this.timer);
-		this.timer = null;
 		if (!this.visible) return;
 		const { message } = this;
 		const query = byId("message-search").value;

@@ -1,7 +1,7 @@
 // The bar of a recording that is played, shown while a player says where it is. Its controls change
 // parameters of the player.
 
-import { byId, element, setText } from "../ui/elements.js";
+import { byId, element, listen, option, setText } from "../ui/elements.js";
 
 const TYPE = "vision.Replay.v1";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
@@ -18,19 +18,14 @@ export class ReplayBar {
 		this.heldUntil = 0;
 		this.at = 0; // when the state was told
 		this.tiny = 0;
-		this.stops = new Map();
-		const position = byId("replay-position");
-		byId("replay-speed").append(...SPEEDS.map((speed) => (
-			element("option", { value: speed }, `${speed}×`))));
-		byId("replay-play").addEventListener("click", () => this.set({ paused: !this.state.paused }));
-		byId("replay-step").addEventListener("click", () => (
-			this.set({ paused: true, step: this.state.step + 1 })));
-		byId("replay-speed").addEventListener("change", ({ target }) => (
-			this.set({ speed: Number(target.value) })));
-		byId("replay-loop").addEventListener("change", ({ target }) => (
-			this.set({ loop: target.checked })));
-		position.addEventListener("input", () => this.hold());
-		position.addEventListener("change", () => this.jump(Number(position.value)));
+		this.receive = ({ body }) => this.draw(body);
+		byId("replay-speed").append(...SPEEDS.map((speed) => option(speed, `${speed}×`)));
+		listen("replay-play", "click", () => this.set({ paused: !this.state.paused }));
+		listen("replay-step", "click", () => this.set({ paused: true, step: this.state.step + 1 }));
+		listen("replay-speed", "change", ({ target }) => this.set({ speed: Number(target.value) }));
+		listen("replay-loop", "change", ({ target }) => this.set({ loop: target.checked }));
+		listen("replay-position", "input", () => this.hold());
+		listen("replay-position", "change", ({ target }) => this.jump(Number(target.value)));
 		system.on("streams", () => this.follow());
 		setInterval(() => {
 			if (this.state && performance.now() - this.at > GONE_MS) this.draw(null);
@@ -38,10 +33,9 @@ export class ReplayBar {
 	}
 
 	follow() {
-		const found = this.system.streams.filter(({ type }) => type === TYPE).slice(0, 1);
-		this.watches.syncMessages(this.stops, new Map(found.map(({ key }) => (
-			[key, ({ body }) => this.draw(body)]))));
-		if (!found.length) this.draw(null);
+		const found = this.system.streams.find(({ type }) => type === TYPE);
+		this.watches.watchMessages(found ? [found.key] : [], this.receive);
+		if (!found) this.draw(null);
 	}
 
 	set(values) {
@@ -81,7 +75,7 @@ export class ReplayBar {
 		const choice = byId("replay-speed");
 		if (document.activeElement !== choice) {
 			if (!SPEEDS.includes(speed) && choice.value !== String(speed)) {
-				choice.append(element("option", { value: speed }, speed ? `${speed}×` : "fastest"));
+				choice.append(option(speed, speed ? `${speed}×` : "fastest"));
 			}
 			choice.value = speed;
 		}

@@ -44,6 +44,24 @@ export function byId(id) {
 	return document.getElementById(id);
 }
 
+/** Call a listener at each event of an element of the page. */
+export function listen(id, type, listener) {
+	byId(id).addEventListener(type, listener);
+}
+
+/** Return a function that calls `run` once, `ms` after the first of its own calls. */
+export function later(run, ms) {
+	let isDue = false;
+	return () => {
+		if (isDue) return;
+		isDue = true;
+		setTimeout(() => {
+			isDue = false;
+			run();
+		}, ms);
+	};
+}
+
 /**
  * Make a list show one view for each of `items`, in that order; views in place are not touched.
  * Items are keys or have a `key`. `views` maps keys to objects with an `element`: `make(item)` adds
@@ -82,12 +100,16 @@ export function checkbox(label, checked, chosen, attributes = {}) {
 	element("span", {}, label));
 }
 
+export function option(value, text) {
+	return element("option", { value }, text);
+}
+
 /** Offer [value, text] in a list, which keeps its choice; it is touched only if they differ. */
 export function setOptions(list, options) {
 	const made = JSON.stringify(options);
 	if (list.made === made) return;
 	const { value } = list;
 	list.made = made;
-	list.replaceChildren(...options.map(([each, text]) => element("option", { value: each }, text)));
+	list.replaceChildren(...options.map(([each, text]) => option(each, text)));
 	if (options.some(([each]) => String(each) === value)) list.value = value;
 }

@@ -2,6 +2,7 @@
 // is hidden, and at most as many as the server allows. Pictures are decoded to bitmaps.
 
 import { milliseconds } from "../transport/connection.js";
+import { later } from "../ui/elements.js";
 
 const MAX_WATCHES = 30; // the server's limit is 32
 const SETTLE_MS = 60; // so that scrolling past a tile causes no watch and unwatch
@@ -14,9 +15,10 @@ export class Watches {
 	constructor(connection) {
 		this.connection = connection;
 		this.pictures = new Map(); // key -> {size, statistics, receive}
-		this.messages = new Map(); // function -> the key whose messages it receives
+		this.messages = new Map(); // function -> the keys whose messages it receives
 		this.sent = new Map(); // key -> size as JSON
 		this.hidden = false;
+		this.syncSoon = later(() => this.sync(), SETTLE_MS);
 		connection.on("open", () => {
 			this.sent.clear();
 			this.sync();
@@ -34,7 +36,7 @@ export class Watches {
 			if (watch) watch.statistics.endedSince = milliseconds(since);
 		});
 		connection.on("message", (message) => {
-			for (const [receive, key] of this.messages) if (key === message.key) receive(message);
+			for (const [receive, keys] of this.messages) if (keys.includes(message.key)) receive(message);
 		});
 		document.addEventListener("visibilitychange", () => {
 			clearTimeout(this.hideTimer);
@@ -83,26 +85,12 @@ export class Watches {
 		};
 	}
 
-	/** Watch a message stream, together with others; returns a function that ends it. */
-	watchMessages(key, receive) {
-		this.messages.set(receive, key);
+	/** Let `receive` have the messages of these streams from now on, and of no others. */
+	watchMessages(keys, receive) {
+		if (String(this.messages.get(receive) ?? "") === String(keys)) return;
+		if (keys.length) this.messages.set(receive, keys);
+		else this.messages.delete(receive);
 		this.syncSoon();
-		return () => {
-			this.messages.delete(receive);
-			this.syncSoon();
-		};
-	}
-
-	/** Watch the streams of a Map, key -> function, and no others of those in `stops`. */
-	syncMessages(stops, wanted) {
-		for (const [key, stop] of stops) {
-			if (wanted.has(key)) continue;
-			stop();
-			stops.delete(key);
-		}
-		for (const [key, receive] of wanted) {
-			if (!stops.has(key)) stops.set(key, this.watchMessages(key, receive));
-		}
 	}
 
 	/** The pictures a second that arrive, and those of all watched streams: {arriving, all}. */
@@ -117,21 +105,13 @@ export class Watches {
 		return this.sent.size >= MAX_WATCHES && !this.sent.has(key) && this.pictures.has(key);
 	}
 
-	syncSoon() {
-		this.timer ??= setTimeout(() => this.sync(), SETTLE_MS);
-	}
-
 	/** Send the operations that make the server's watches match the wanted ones. */
 	sync() {
-		clearTimeout(this.timer);
-		this.timer = null;
 		if (!this.connection.isOpen) return;
-		/** @type {any[]} */
-		const all = this.hidden ? [] : [
-			...[...new Set(this.messages.values())].map((key) => [key, null]),
-			...[...this.pictures].map(([key, watch]) => [key, watch.size]),
-		];
-		const wanted = new Map(all.slice(0, MAX_WATCHES));
+		const all = new Map();
+		for (const key of [...this.messages.values()].flat()) all.set(key, null);
+		for (const [key, { size }] of this.pictures) all.set(key, size);
+		const wanted = new Map([...all].slice(0, this.hidden ? 0 : MAX_WATCHES));
 		for (const key of this.sent.keys()) {
 			if (wanted.has(key)) continue;
 			this.connection.send({ op: "unwatch", key });
