@@ -68,7 +68,7 @@ def test_a_picture_is_turned_and_stretched_and_keeps_its_coordinates_and_values(
     assert tab.page.is_enabled("#colour-map")
     server.show(CAMERA, png(np.dstack([grey, grey, 0 * grey])), header(8, CAMERA, encoding="bgr8"))
     tab.wait("document.querySelector('#colour-map').disabled")  # of a picture in colours
-    tab.page.click("#adjust-menu [data-by=mirror]")
+    tab.page.click("#adjust-menu [data-by=flipped]")
     before = len(server.watches(CAMERA))
     tab.page.reload()
     wait_until(lambda: _now(tab) and len(server.watches(CAMERA)) > before)
@@ -164,7 +164,7 @@ def test_a_layout_in_the_address_says_which_streams_in_which_order_and_what_is_h
     tab.page.click("#wall [popovertarget=layout-menu]")
     tab.page.click(f"[aria-label='{CAMERA} earlier']")
     tab.wait(f"{tiles} === '{DEPTH},{CAMERA},{absent}'")
-    tab.page.click(f"#layout-streams [data-choice='{absent}']")
+    tab.page.click(f"#layout-streams [data-key='{absent}'] label")
     tab.page.select_option("#layout-columns", "")
     tab.wait(f"{tiles} === '{DEPTH},{CAMERA}'")
     address = tab.page.input_value("#layout-address")

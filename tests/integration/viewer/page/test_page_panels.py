@@ -264,7 +264,7 @@ def test_a_number_of_an_unknown_message_is_plotted_and_an_event_is_listed(
 
     tab.page.keyboard.press("v")
     wait_until(lambda: tab.page.evaluate("true") and server.watches("vision/front/events"))
-    assert tab.page.get_attribute("#event-lines", "data-empty") == "No event yet."
+    tab.wait("document.querySelector('#event-lines').dataset.empty === 'No event yet.'")
     event = {"event": "line_crossed", "id": 7, "zone": "<b>gate</b>", "direction": "in"}
     server.tell(
         "message", key="vision/front/events", header=header, body=event | {"x": 3, "y": 4.4}

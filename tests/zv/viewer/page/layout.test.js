@@ -58,12 +58,12 @@ test("a stream has its own size, else that of all, and the one in the URL counts
   const transfer = new Transfer();
   assert.deepEqual(watchOptions(transfer.of(IMAGE)), {});
   transfer.setCommon({ width: 640, quality: null });
-  transfer.setOwn(MASK, { width: 160, quality: 20 });
+  transfer.streams.set(MASK, { width: 160, quality: 20 });
   assert.deepEqual([IMAGE, MASK].map((key) => watchOptions(transfer.of(key))),
     [{ width: 640 }, { width: 160, quality: 20 }]);
   transfer.fix({ width: null, quality: 60 });
   assert.deepEqual(watchOptions(transfer.of(MASK)), { quality: 60 });
   transfer.fix({ width: null, quality: null });
-  transfer.setOwn(MASK, null);
+  transfer.streams.set(MASK, null);
   assert.deepEqual(watchOptions(transfer.of(MASK)), { width: 640 });
 });

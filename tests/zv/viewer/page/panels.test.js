@@ -125,7 +125,7 @@ test("only chosen numbers of the chosen camera are kept, and nothing is watched 
   tell({ key: watched[0], header: {}, body: { mean: 9, min: 2 } });
   tell({ key: watched[0], header: {}, body: { mean: "none", min: 2 } });
   assert.deepEqual(recorder.points("brightness", "mean").map(({ value }) => value), [9]);
-  assert.deepEqual(recorder.names("brightness"), ["min"]);
+  assert.deepEqual(recorder.known.get("brightness"), ["min"]);
   recorder.follow("front", [], [["brightness", "mean"]]); // the panel is closed
   assert.deepEqual([watched.length, recorder.points("brightness", "mean").length], [0, 1]);
   recorder.follow("rear", ["brightness"], [["brightness", "mean"]]);

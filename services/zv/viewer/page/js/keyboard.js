@@ -1,6 +1,6 @@
 // Keyboard commands: one table for the keyboard and for the help.
 
-import { byId, element } from "./ui/elements.js";
+import { byId, element, listen } from "./ui/elements.js";
 import { loadPreference, savePreference, toggleTheme } from "./ui/preferences.js";
 
 const PAN_PX = 60;
@@ -42,9 +42,9 @@ const TABLE = {
 		["o", "overlay on or off", "toggleOverlay"],
 		["z", "draw zones, lines and regions, or end it", "editShapes"],
 		["Ctrl Z", "take back the last change of a zone, line or region"],
-		["r", "rotate clockwise", "change", "rotate"],
-		["m", "mirror", "change", "mirror"],
-		["c", "stretch the contrast, or not", "change", "toggleStretch"],
+		["r", "rotate clockwise", "turn", "rotated"],
+		["m", "mirror", "turn", "flipped"],
+		["c", "stretch the contrast, or not", "stretch"],
 		["u", "copy the stream's URL", "copyAddress"],
 		["f", "full screen", "fullScreen"],
 		["s", "save the picture as received", "save"],
@@ -77,7 +77,7 @@ export function listenToKeyboard(parts) {
 	const help = byId("help");
 	const isBehind = () => document.querySelector("dialog[open]") !== null;
 	byId("help-keys").replaceChildren(...Object.entries(TABLE).map(helpSection));
-	byId("help-button").addEventListener("click", () => help.showModal());
+	listen("help-button", "click", () => help.showModal());
 	help.addEventListener("click", (event) => event.target === help && help.close());
 	const shortcuts = byId("shortcuts");
 	shortcuts.checked = loadPreference("shortcuts", true) !== false;

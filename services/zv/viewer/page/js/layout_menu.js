@@ -2,12 +2,11 @@
 // hidden. Each choice is in the URL at once, so that the same view can be opened elsewhere.
 
 import { copies, pageFolder } from "./export/addresses.js";
-import { HIDEABLE, MOST_COLUMNS, PANELS, writeLayout } from "./model/layout.js";
+import { MOST_COLUMNS, PANELS, writeLayout } from "./model/layout.js";
 import { pictureStreams, streamName } from "./model/streams.js";
 import { QUALITIES, WIDTHS } from "./model/transfer.js";
-import { byId, checkbox, element, replaceRows, setOptions, setText } from "./ui/elements.js";
+import { byId, checkboxView, drawList, element, listen, setOptions, setText } from "./ui/elements.js";
 
-const HIDE_WORDS = { top: "top line", bars: "tools and figures", captions: "captions" };
 const COLUMNS = Array.from({ length: MOST_COLUMNS }, (_, index) => index + 1);
 
 // The lists: field of the layout, what stands for null, the other choices.
@@ -22,14 +21,16 @@ export class LayoutMenu {
 		this.transfer = transfer;
 		this.change = change;
 		this.layout = null;
+		this.hides = [...byId("layout-hide").querySelectorAll("input")];
 		for (const [name, none, choices] of LISTS) {
-			const list = byId(`layout-${name}`);
-			setOptions(list, [["", none], ...choices.map((choice) => [choice, choice])]);
-			list.addEventListener("change", ({ target: { value } }) =>
+			setOptions(byId(`layout-${name}`), [["", none], ...choices.map((choice) => [choice, choice])]);
+			listen(`layout-${name}`, "change", ({ target: { value } }) =>
 				change({ [name]: value === "" ? null : name === "panel" ? value : Number(value) }));
 		}
 		copies(byId("layout-copy"), byId("layout-address"));
-		byId("layout-menu").addEventListener("toggle", () => this.draw());
+		listen("layout-hide", "change", () =>
+			change({ hide: this.hides.filter((box) => box.checked).map((box) => box.value) }));
+		listen("layout-menu", "toggle", () => this.draw());
 		system.on("streams", () => this.draw());
 	}
 
@@ -43,10 +44,7 @@ export class LayoutMenu {
 		if (!byId("layout-menu").matches(":popover-open")) return;
 		const layout = { ...this.layout, ...this.transfer.common };
 		for (const [name] of LISTS) byId(`layout-${name}`).value = layout[name] ?? "";
-		const { hide } = layout;
-		replaceRows(byId("layout-hide"), HIDEABLE.map((part) =>
-			checkbox(HIDE_WORDS[part], hide.includes(part), (on) => this.change({
-				hide: HIDEABLE.filter((one) => (one === part ? on : hide.includes(one))) }))));
+		for (const box of this.hides) box.checked = layout.hide.includes(box.value);
 		this.drawStreams();
 		const fragment = writeLayout(layout);
 		byId("layout-address").value = `${pageFolder()}/${fragment ? "#" : ""}${fragment}`;
@@ -56,21 +54,31 @@ export class LayoutMenu {
 	drawStreams() {
 		const { only } = this.layout;
 		const all = pictureStreams(this.system.streams).map(({ key }) => key);
-		const keys = [...only, ...all.filter((key) => !only.includes(key))];
-		replaceRows(byId("layout-streams"), keys.map((key) => this.row(key, only)));
+		drawList(byId("layout-streams"), [...new Set([...only, ...all])].map((key) =>
+			({ key, at: only.indexOf(key), isLast: key === only.at(-1) })), ({ key }) => this.makeRow(key));
 		setText(byId("layout-count"), only.length ? `${only.length} of them, in this order` : "all");
 	}
 
-	row(key, only) {
+	makeRow(key) {
 		const stream = this.system.stream(key);
-		const at = only.indexOf(key);
-		const rest = only.filter((other) => other !== key);
-		const move = (by, word) => element("button", { type: "button", "data-choice": `${word} ${key}`,
-			"aria-label": `${key} ${word}`, disabled: at < 0 || at + by < 0 || at + by >= only.length,
-			onclick: () => this.change({ only: rest.toSpliced(at + by, 0, key) }) }, by < 0 ? "▴" : "▾");
-		return element("li", {},
-			checkbox(stream ? streamName(stream) : key, at >= 0,
-				(on) => this.change({ only: on ? [...rest, key] : rest }), { "data-choice": key }),
-			move(-1, "earlier"), move(1, "later"));
+		const box = checkboxView(stream ? streamName(stream) : key, ({ at }) => at >= 0,
+			(on) => this.place(key, on ? this.layout.only.length : null));
+		const [earlier, later] = [[-1, "earlier", "▴"], [1, "later", "▾"]].map(([by, word, sign]) =>
+			element("button", { type: "button", "aria-label": `${key} ${word}`,
+				onclick: () => this.place(key, this.layout.only.indexOf(key) + Number(by)) }, sign));
+		return {
+			element: element("li", { "data-key": key }, box.element, earlier, later),
+			update: (item) => {
+				box.update(item);
+				earlier.disabled = item.at < 1;
+				later.disabled = item.at < 0 || item.isLast;
+			},
+		};
+	}
+
+	/** Show a stream at this place of those that are chosen, or no longer. */
+	place(key, at) {
+		const rest = this.layout.only.filter((other) => other !== key);
+		this.change({ only: at === null ? rest : rest.toSpliced(at, 0, key) });
 	}
 }

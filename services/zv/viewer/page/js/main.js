@@ -23,7 +23,7 @@ import { Transfer } from "./model/transfer.js";
 import { Dock } from "./panels/dock.js";
 import { EventsPanel } from "./panels/events.js";
 import { GraphPanel } from "./panels/graph.js";
-import { HealthPanel, LogPanel } from "./panels/health.js";
+import { HealthPanel, logPanel } from "./panels/health.js";
 import { MessagePanel } from "./panels/message.js";
 import { ParametersPanel } from "./panels/parameters.js";
 import { PlotsPanel } from "./panels/plots.js";
@@ -58,7 +58,7 @@ const panels = {
 	}),
 	events: new EventsPanel(system, watches),
 	health: new HealthPanel(system),
-	log: new LogPanel(system),
+	log: logPanel(system),
 };
 new ReplayBar(system, watches, connection);
 const dock = new Dock(panels, (kinds) => system.show(kinds));
@@ -117,11 +117,10 @@ function show() {
 	const before = inspector.keys[0];
 	const hadFocus = byId("wall").contains(document.activeElement);
 	setData(document.body, { view: isLarge ? "large" : "wall", hide: layout.hide.join(" ") });
-	wall.arrange(layout);
 	menu.follow(layout);
 	byId("wall").hidden = isLarge;
 	byId("large").hidden = !isLarge;
-	wall.show(!isLarge);
+	wall.show(!isLarge, layout);
 	if (isLarge) inspector.open(keys);
 	else inspector.close();
 	document.title = isLarge ? `${keys[0]} – zenoh-vision` : "zenoh-vision";

@@ -1,7 +1,7 @@
 // The large view's menu of how a picture is shown: turned, mirrored, its range stretched, in colours,
 // with the histogram of the leading stream. It does not change what is sent or saved as received.
 
-import { byId, setOptions, setText } from "../ui/elements.js";
+import { byId, listen, setOptions, setText } from "../ui/elements.js";
 import { KeptChoices } from "../ui/preferences.js";
 import { MAP_NAMES, valueText } from "../video/tone.js";
 
@@ -17,19 +17,16 @@ export class Adjust {
 		this.camera = null;
 		this.toned = null;
 		this.choices = new KeptChoices("tones");
-		this.menu = byId("adjust-menu");
-		this.menu.addEventListener("toggle", changed);
 		setOptions(byId("colour-map"), MAP_NAMES.map((name) => [name, name]));
-		byId("range").addEventListener("change", ({ target }) => this.setRange(target.value));
-		byId("colour-map").addEventListener("change", ({ target }) => this.set({ map: target.value }));
-		for (const id of ["range-low", "range-high"]) {
-			byId(id).addEventListener("change", () => this.setLimits());
-		}
+		listen("adjust-menu", "toggle", changed);
+		listen("range", "change", ({ target }) => this.setRange(target.value));
+		listen("colour-map", "change", ({ target }) => this.set({ map: target.value }));
+		listen("range-limits", "change", () => this.setLimits());
 	}
 
 	/** Whether the histogram is visible. */
 	get isOpen() {
-		return this.menu.matches(":popover-open");
+		return byId("adjust-menu").matches(":popover-open");
 	}
 
 	/** The choice for a stream: {range, low, high, map}. */
@@ -59,16 +56,9 @@ export class Adjust {
 			String(choice.range !== "sent" || choice.map !== "grey" || this.orientation.text !== "0"));
 	}
 
-	rotate() {
-		this.turn(this.orientation.rotated());
-	}
-
-	mirror() {
-		this.turn(this.orientation.flipped());
-	}
-
-	turn(orientation) {
-		this.orientations.set(this.camera, orientation);
+	/** Turn or mirror the camera's pictures: `how` is a method of Orientation. */
+	turn(how) {
+		this.orientations.set(this.camera, this.orientation[how]());
 		this.changed();
 	}
 

@@ -57,7 +57,8 @@ export class Inspector {
 			editShapes: () => this.editor.toggle(),
 			showSteps: () => go(stepKeys(system.streams, this.camera), { panel: "parameters" }),
 			neighbour: (by) => this.showNeighbour(by),
-			change: (how) => this.adjust[how](),
+			turn: (how) => this.adjust.turn(how),
+			stretch: () => this.adjust.toggleStretch(),
 			copyAddress: () => this.transferMenu.copyAddress(),
 			fullScreen: () => (document.fullscreenElement ? document.exitFullscreen()
 				: byId("large").requestFullscreen?.()),

@@ -1,8 +1,10 @@
 // The large view's two menus: the overlays on the picture, and the streams beside it.
 
 import { overlayStreams, pictureStreams, streamName, topicName } from "../model/streams.js";
-import { byId, checkbox, element, replaceRows } from "../ui/elements.js";
+import { byId, checkboxView, drawList, listen } from "../ui/elements.js";
 import { KeptChoices, loadPreference, savePreference } from "../ui/preferences.js";
+
+const SWITCHES = ["trails", "shapes", "onlyComplete"];
 
 export class Menus {
 	/** `changed()` is called after each choice; `showBeside(keys)` with the streams to show. */
@@ -10,11 +12,16 @@ export class Menus {
 		this.system = system;
 		this.changed = changed;
 		this.showBeside = showBeside;
+		this.keys = []; // of the streams that are shown
 		this.overlays = new KeptChoices("overlays"); // topic -> whether it is drawn
 		this.overlayOn = loadPreference("overlayOn", true);
 		this.trails = loadPreference("trails", true);
 		this.shapes = loadPreference("shapes", true);
 		this.onlyComplete = loadPreference("onlyComplete", false);
+		for (const name of SWITCHES) {
+			byId(`overlay-${name}`).checked = this[name];
+			listen(`overlay-${name}`, "change", ({ target }) => this.set(name, target.checked));
+		}
 	}
 
 	overlayKeys(camera) {
@@ -25,30 +32,20 @@ export class Menus {
 
 	/** Write both menus for the present streams; `keys` are shown, `lead` is the first of them. */
 	write(keys, lead) {
+		this.keys = keys;
 		const { camera } = lead;
-		const overlays = overlayStreams(this.system.streams, camera);
 		const all = pictureStreams(this.system.streams);
-		const own = all.filter((one) => one.camera === camera);
 		const others = all.filter((one) => one.camera !== camera
 			&& (topicName(one) === topicName(lead) || keys.includes(one.key)));
-		const besides = (streams, nameOf) => streams.map((stream) => checkbox(nameOf(stream),
-			keys.includes(stream.key), (on) => this.setBeside(keys, stream.key, on)));
-		replaceRows(byId("overlay-menu"), [
-			...overlays.map((stream) => checkbox(stream.topic, this.isDrawn(stream),
-				(on) => {
-					this.overlays.set(stream.topic, on);
-					this.changed();
-				})),
-			overlays.length ? null : element("p", {}, "This camera has no centroid and no tracks."),
-			element("hr"),
-			checkbox("trails of 2 s", this.trails, (on) => this.set("trails", on)),
-			checkbox("zones and lines", this.shapes, (on) => this.set("shapes", on)),
-			checkbox("only frames with their overlay", this.onlyComplete,
-				(on) => this.set("onlyComplete", on),
-				{ title: "The picture then waits longer for its messages, and is dropped without them" }),
-		]);
-		replaceRows(byId("beside-menu"), [...besides(own, topicName),
-			others.length ? element("hr") : null, ...besides(others, streamName)]);
+		const beside = (id, streams, nameOf) => drawList(byId(id), streams, (stream) => checkboxView(
+			nameOf(stream), ({ key }) => this.keys.includes(key), (on) => this.setBeside(stream.key, on)));
+		drawList(byId("overlay-topics"), overlayStreams(this.system.streams, camera), ({ topic }) =>
+			checkboxView(topic, (stream) => this.isDrawn(stream), (on) => {
+				this.overlays.set(topic, on);
+				this.changed();
+			}));
+		beside("beside-own", all.filter((one) => one.camera === camera), topicName);
+		beside("beside-others", others, streamName);
 	}
 
 	/** The default choice: the centroid, and the tracker's tracks or else the truth. */
@@ -63,8 +60,8 @@ export class Menus {
 		this.changed();
 	}
 
-	setBeside(keys, key, on) {
-		const next = on ? [...keys, key] : keys.filter((other) => other !== key);
+	setBeside(key, on) {
+		const next = on ? [...this.keys, key] : this.keys.filter((other) => other !== key);
 		if (next.length) this.showBeside(next);
 		else this.changed();
 	}

@@ -2,7 +2,7 @@
 // painted together.
 
 import { streamName, topicName } from "../model/streams.js";
-import { byId, setData, setText, syncViews } from "../ui/elements.js";
+import { byId, drawList, setData, setText } from "../ui/elements.js";
 import { Pane } from "./pane.js";
 
 const CAPTION_PX = 24;
@@ -72,7 +72,6 @@ export class PaneGrid {
 		this.lookOf = lookOf;
 		this.painted = painted;
 		this.editor = editor;
-		this.views = new Map(); // key -> Pane
 		this.panes = []; // in their order; the first leads
 		this.mode = "fit"; // or "actual", or "free" as the user left it
 		this.view = new View(1, 0, 0); // of the leading pane
@@ -161,9 +160,9 @@ export class PaneGrid {
 
 	/** Show these streams; `framesOf(stream)` are the frames that its pane shows. */
 	setPanes(streams, framesOf) {
-		syncViews(byId("panes"), this.views, streams, (stream) => new Pane(stream, this),
+		const panes = drawList(byId("panes"), streams, (stream) => new Pane(stream, this),
 			(pane) => pane.close());
-		this.panes = streams.map((stream) => this.views.get(stream.key));
+		this.panes = [...panes.values()];
 		const isOne = new Set(streams.map(({ camera }) => camera)).size === 1;
 		this.panes.forEach((pane, index) => {
 			Object.assign(pane, { stream: streams[index], frames: framesOf(streams[index]) });

@@ -5,11 +5,12 @@
 
 import { distance, freeName, KINDS, readShapes, shapeAt, writeShapes } from "../model/shapes.js";
 import { hasShapes } from "../model/streams.js";
-import { byId, setData, setText } from "../ui/elements.js";
+import { byId, listen, setData, setText } from "../ui/elements.js";
 
 const CORNERS = "Click the corners; on the first or last one again to end. Esc: none.";
 const ENDS = "Click the two ends. Who goes to the arrow's side crosses to the right.";
 const MOST_UNDONE = 100;
+const KIND_NAMES = Object.keys(KINDS);
 
 export class ShapeEditor {
 	/** `changed()` is called when something is to be drawn again. */
@@ -28,12 +29,10 @@ export class ShapeEditor {
 		this.base = {}; // kind -> the tracker's text that the shapes are, or a change is based on
 		this.seen = {}; // kind -> the tracker's text that was read last
 		system.on("parameters nodes hello", () => this.read());
-		for (const kind of Object.keys(KINDS)) {
-			byId(`add-${kind}`).addEventListener("click", () => this.begin(kind));
-		}
-		byId("shape-undo").addEventListener("click", () => this.undo());
-		byId("shape-name").addEventListener("change", ({ target }) => this.rename(target.value.trim()));
-		byId("shape-delete").addEventListener("click", () => this.remove());
+		for (const kind of KIND_NAMES) listen(`add-${kind}`, "click", () => this.begin(kind));
+		listen("shape-undo", "click", () => this.undo());
+		listen("shape-name", "change", ({ target }) => this.rename(target.value.trim()));
+		listen("shape-delete", "click", () => this.remove());
 	}
 
 	/** The node whose parameters are the shapes of the camera, or undefined. */
@@ -54,7 +53,7 @@ export class ShapeEditor {
 
 	/** Return the shapes to draw, with these counts; with corners only while they are edited. */
 	marks(counts) {
-		const shapes = Object.fromEntries(Object.keys(KINDS).map((kind) => [kind, this[kind]]));
+		const shapes = Object.fromEntries(KIND_NAMES.map((kind) => [kind, this[kind]]));
 		return { ...shapes, counts, chosen: this.isActive ? this.chosen : undefined,
 			draft: this.draft?.points };
 	}
@@ -65,7 +64,7 @@ export class ShapeEditor {
 		this.system.show(hasShapes(this.system.streams, camera) ? ["parameters"] : [], "large");
 		if (camera !== this.camera) {
 			Object.assign(this, { camera, draft: null, choice: null, held: null, done: [], base: {}, seen: {} });
-			for (const kind of Object.keys(KINDS)) this[kind] = [];
+			for (const kind of KIND_NAMES) this[kind] = [];
 		}
 		this.read();
 	}
@@ -74,7 +73,7 @@ export class ShapeEditor {
 	read() {
 		if (this.held !== null || this.sending) return;
 		const parameters = this.system.parameters.get(this.node);
-		for (const kind of Object.keys(KINDS)) {
+		for (const kind of KIND_NAMES) {
 			const text = String(parameters?.get(kind)?.value ?? "");
 			if (text === this.seen[kind]) continue;
 			this.seen[kind] = text;

@@ -4,7 +4,7 @@
 import { copies, copyText, pageFolder, streamAddress } from "../export/addresses.js";
 import { RAW, topicName } from "../model/streams.js";
 import { QUALITIES, WIDTHS } from "../model/transfer.js";
-import { byId, setOptions } from "../ui/elements.js";
+import { byId, listen, setOptions } from "../ui/elements.js";
 
 const PATHS = ["stream", "snapshot"];
 
@@ -21,14 +21,11 @@ export class TransferMenu {
 			["quality", QUALITIES, (quality) => `JPEG ${quality}`],
 		];
 		for (const [name, numbers, words] of choices) {
-			const list = byId(`transfer-${name}`);
-			setOptions(list, [["", "as sent"], ...numbers.map((number) => [number, words(number)])]);
-			list.addEventListener("change", () => this.choose());
+			setOptions(byId(`transfer-${name}`),
+				[["", "as sent"], ...numbers.map((number) => [number, words(number)])]);
+			listen(`transfer-${name}`, "change", () => this.choose());
 		}
-		byId("transfer-own").addEventListener("change", ({ target }) => {
-			this.transfer.setOwn(this.stream.key, target.checked ? this.chosen : null);
-			this.changed();
-		});
+		listen("transfer-own", "change", ({ target }) => this.setOwn(target.checked ? this.chosen : null));
 		for (const path of PATHS) copies(byId(`copy-${path}`), byId(`address-${path}`));
 	}
 
@@ -38,12 +35,14 @@ export class TransferMenu {
 	}
 
 	choose() {
-		if (byId("transfer-own").checked) {
-			this.transfer.setOwn(this.stream.key, this.chosen);
-			this.changed();
-		} else {
-			this.setCommon(this.chosen);
-		}
+		if (byId("transfer-own").checked) this.setOwn(this.chosen);
+		else this.setCommon(this.chosen);
+	}
+
+	/** Set the choice for this stream; with null, it has that of all streams again. */
+	setOwn(choice) {
+		this.transfer.streams.set(this.stream.key, choice);
+		this.changed();
 	}
 
 	/** The menu is now about this stream, whose frames have this size, or null while unknown. */

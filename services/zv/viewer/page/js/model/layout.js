@@ -10,7 +10,7 @@
 //   &hide=top+bars+captions     parts that are hidden
 
 export const PANELS = ["parameters", "plots", "graph", "message", "events", "health", "log"];
-export const HIDEABLE = ["top", "bars", "captions"];
+const HIDEABLE = ["top", "bars", "captions"];
 export const MOST_COLUMNS = 8;
 const LARGEST_WIDTH = 7680;
 const MOST_KEYS = 30; // as many streams as a page watches

@@ -37,31 +37,23 @@ export class Orientation {
 		return this.quarters % 2 ? { width: height, height: width } : { width, height };
 	}
 
-	/** Where a point of a frame is in the turned frame. */
-	toTurned({ width, height }, { x, y }) {
-		const across = this.mirrored ? width - x : x;
-		return [
-			{ x: across, y },
-			{ x: height - y, y: across },
-			{ x: width - across, y: height - y },
-			{ x: y, y: width - across },
-		][this.quarters];
+	/** The numbers of a canvas transform from a frame to the turned frame. */
+	transform({ width, height }) {
+		const [a, b, c, d, e, f] = [[1, 0, 0, 1, 0, 0], [0, 1, -1, 0, height, 0],
+			[-1, 0, 0, -1, width, height], [0, -1, 1, 0, 0, width]][this.quarters];
+		return this.mirrored ? [-a, -b, c, d, e + a * width, f + b * width] : [a, b, c, d, e, f];
 	}
 
-	/** The numbers of a canvas transform from a frame to the turned frame. */
-	transform(frame) {
-		const origin = this.toTurned(frame, { x: 0, y: 0 });
-		const right = this.toTurned(frame, { x: 1, y: 0 });
-		const down = this.toTurned(frame, { x: 0, y: 1 });
-		return [right.x - origin.x, right.y - origin.y, down.x - origin.x, down.y - origin.y,
-			origin.x, origin.y];
+	/** Where a point of a frame is in the turned frame. */
+	toTurned(frame, { x, y }) {
+		const [a, b, c, d, e, f] = this.transform(frame);
+		return { x: a * x + c * y + e, y: b * x + d * y + f };
 	}
 
 	/** Where a point of the turned frame is in the frame. */
-	toFrame({ width, height }, { x, y }) {
-		const [across, down] = [[x, y], [y, height - x], [width - x, height - y], [width - y, x]][
-			this.quarters];
-		return { x: this.mirrored ? width - across : across, y: down };
+	toFrame(frame, { x, y }) {
+		const [a, b, c, d, e, f] = this.transform(frame);
+		return { x: a * (x - e) + b * (y - f), y: c * (x - e) + d * (y - f) };
 	}
 }
 

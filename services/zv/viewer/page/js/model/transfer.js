@@ -10,7 +10,7 @@ const AS_SENT = { width: null, quality: null };
 export class Transfer {
 	constructor() {
 		this.page = valid(loadPreference("transfer", AS_SENT));
-		this.streams = new KeptChoices("transfers");
+		this.streams = new KeptChoices("transfers"); // of their own
 		this.fixed = null; // of the URL, for all streams
 	}
 
@@ -25,7 +25,7 @@ export class Transfer {
 	}
 
 	hasOwn(key) {
-		return !this.fixed && this.streams.has(key);
+		return !this.fixed && this.streams.get(key) !== undefined;
 	}
 
 	/** The choice for a stream: {width, quality}, each null for "as sent". */
@@ -36,11 +36,6 @@ export class Transfer {
 	setCommon(choice) {
 		this.page = choice;
 		savePreference("transfer", choice);
-	}
-
-	/** Set the choice for one stream; with null, it has that of all streams again. */
-	setOwn(key, choice) {
-		this.streams.set(key, choice);
 	}
 }
 

@@ -83,7 +83,7 @@ export class Control {
 		this.reset = element("button", { type: "button", class: "reset", title: "Back to the default",
 			"aria-label": `${name} back to the default`,
 			onclick: () => this.send(this.parameter.default) }, "↺");
-		this.element = element("div", { class: "parameter", title: this.tooltip(), "data-name": name },
+		this.element = element("div", { class: "parameter", "data-name": name },
 			element("label", { for: id }, name, unit ? element("small", {}, unit) : null),
 			element("div", { class: "inputs" }, this.slider, this.field),
 			this.reset,
@@ -97,27 +97,26 @@ export class Control {
 	endEdit() {
 		if (!this.edited) return;
 		this.edited = false;
-		if (!this.busy) this.showValue();
+		if (!this.busy) this.settle({ ok: true });
 	}
 
-	/** Show the value that the node has, which no longer is the one that it refused. */
-	showValue() {
-		showRefusal(this.error, { ok: true });
-		this.field.setAttribute("aria-invalid", "false");
+	/** Show the value that the node has, and why it refused another, if it did. */
+	settle(reply) {
+		showRefusal(this.error, reply);
+		this.field.setAttribute("aria-invalid", String(!reply.ok));
 		this.draw();
 	}
 
-	/** Show a new value, unless it is the known one, or a change is pending. */
-	update(parameter) {
-		if (parameter === this.parameter) return;
-		this.parameter = parameter;
-		if (!this.busy) this.showValue();
-	}
-
-	/** Say on which choice of another parameter this one depends, if it has no effect now. */
-	showCondition(words) {
+	/**
+	 * Show a new value, unless it is the known one, or a change is pending; `words` say on which choice
+	 * of another parameter this one depends, if it has no effect now.
+	 */
+	update(parameter, words) {
 		setText(this.condition, words);
 		setData(this.element, { unused: words !== "" });
+		if (parameter === this.parameter) return;
+		this.parameter = parameter;
+		if (!this.busy) this.settle({ ok: true });
 	}
 
 	makeField(common) {
@@ -177,9 +176,7 @@ export class Control {
 			reply = await this.change(wanted);
 		}
 		this.busy = false;
-		showRefusal(this.error, reply);
-		this.field.setAttribute("aria-invalid", String(!reply.ok));
-		this.draw();
+		this.settle(reply);
 	}
 
 	draw() {

@@ -1,6 +1,6 @@
 // The dock beside the main view: which panel is open. Also the list of cameras that panels share.
 
-import { byId, setData, setOptions, setText } from "../ui/elements.js";
+import { byId, listen, setData, setOptions, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 
 // Kinds of text that each panel needs besides the lists. The count of health is always visible.
@@ -19,7 +19,7 @@ export class Dock {
 		for (const button of this.buttons) {
 			button.addEventListener("click", () => this.toggle(button.dataset.panel));
 		}
-		byId("dock-close").addEventListener("click", () => this.show(""));
+		listen("dock-close", "click", () => this.show(""));
 		document.addEventListener("visibilitychange", () => this.draw());
 		this.show(matchMedia("(min-width: 1000px)").matches ? loadPreference("panel", "") : "");
 	}
@@ -78,10 +78,6 @@ export class CameraList {
 	/** The chosen camera; empty for all. */
 	get camera() {
 		return this.list.value;
-	}
-
-	choose(camera) {
-		this.list.value = camera;
 	}
 
 	/** Offer the present cameras; choose the one in the large view if that changed. */

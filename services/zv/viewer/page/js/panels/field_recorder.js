@@ -62,9 +62,4 @@ export class FieldRecorder {
 		return kept.slice(begin < 0 ? -1 : Math.max(0, begin - 1)).flatMap(({ low, high, newest }) =>
 			[...new Set([low, high, newest])].sort((a, b) => a.at - b.at));
 	}
-
-	/** The names of the numbers in the newest message of a topic. */
-	names(topic) {
-		return this.known.get(topic) ?? [];
-	}
 }

@@ -1,6 +1,6 @@
 // The panels of health, one row for each node with its counters below, and of the log.
 
-import { byId, element, later, setData, setText, syncViews } from "../ui/elements.js";
+import { byId, drawList, element, later, setData, setText } from "../ui/elements.js";
 import { clock, count, duration, number, rate } from "../ui/format.js";
 import { LineList } from "./line_list.js";
 
@@ -13,7 +13,6 @@ export class HealthPanel {
 	constructor(system) {
 		this.visible = false; // set by the dock
 		this.system = system;
-		this.rows = new Map(); // node -> {element, message, about, counters, and the cells}
 		system.on("nodes health", later(() => this.draw(), SETTLE_MS));
 		setInterval(() => this.draw(), 1000);
 	}
@@ -24,8 +23,8 @@ export class HealthPanel {
 		const bad = nodes.filter((node) => !["OK", "–"].includes(this.stateOf(node).level)).length;
 		setText(byId("health-count"), bad ? String(bad) : ""); // also visible with the panel closed
 		if (!this.visible) return;
-		syncViews(byId("health"), this.rows, nodes.map((node) => node.node), makeHealthRow);
-		for (const node of nodes) this.fill(this.rows.get(node.node), node);
+		const rows = drawList(byId("health"), nodes.map((node) => node.node), makeHealthRow);
+		for (const node of nodes) this.fill(rows.get(node.node), node);
 	}
 
 	/** A node's level as a word, and its status text. */
@@ -64,6 +63,7 @@ export class HealthPanel {
 	}
 }
 
+/** A node's row: {element, message, about, counters, and the cells}. */
 function makeHealthRow(node) {
 	const values = CELLS.map((name) => [name, element("span")]);
 	const cells = values.map(([name, value]) => element("span", { class: `cell-${name}` },
@@ -76,16 +76,11 @@ function makeHealthRow(node) {
 	return row;
 }
 
-/** The log of changes of the system, newest last. */
-export class LogPanel {
-	constructor(system) {
-		this.list = new LineList("log-lines", () => system.lines, makeLogRow);
-		system.on("log", () => this.list.drawSoon());
-	}
-
-	draw() {
-		this.list.draw();
-	}
+/** The panel of the log of changes of the system, newest last. */
+export function logPanel(system) {
+	const list = new LineList("log-lines", () => system.lines, makeLogRow);
+	system.on("log", list.drawSoon);
+	return list;
 }
 
 function makeLogRow({ at, level, node, text }) {

@@ -1,6 +1,6 @@
 // A list of lines, newest last, which scrolls along only while its end is visible.
 
-import { byId, later, syncViews } from "../ui/elements.js";
+import { byId, drawList, later } from "../ui/elements.js";
 
 const AT_END_PX = 24;
 const DRAW_MS = 200; // one drawing for the lines of a busy system
@@ -11,7 +11,6 @@ export class LineList {
 		this.list = byId(id);
 		this.lines = lines;
 		this.make = make;
-		this.views = new Map();
 		this.isClosed = true;
 		this.drawSoon = later(() => this.draw(), DRAW_MS);
 	}
@@ -21,7 +20,7 @@ export class LineList {
 		this.isClosed = !list.clientHeight;
 		if (this.isClosed) return; // with its panel
 		const atEnd = isClosed || list.scrollHeight - list.scrollTop - list.clientHeight < AT_END_PX;
-		syncViews(list, this.views, this.lines(), (line) => ({ element: this.make(line) }));
+		drawList(list, this.lines(), (line) => ({ element: this.make(line) }));
 		if (atEnd) list.scrollTop = list.scrollHeight;
 	}
 }

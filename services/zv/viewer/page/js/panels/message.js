@@ -3,7 +3,7 @@
 
 import { copyText } from "../export/addresses.js";
 import { describe, rowsOf } from "../model/message_tree.js";
-import { byId, element, later, listen, setOptions, setText, syncViews } from "../ui/elements.js";
+import { byId, drawList, element, later, listen, setOptions, setText } from "../ui/elements.js";
 import { size } from "../ui/format.js";
 
 const DRAW_MS = 250;
@@ -29,7 +29,6 @@ export class MessagePanel {
 		this.most = ROWS;
 		this.receive = (message) => this.take(message);
 		this.drawSoon = later(() => this.drawRows(), DRAW_MS);
-		this.views = new Map();
 		this.schemas = new Map();
 		this.list = byId("message-stream");
 		listen("message-stream", "change", () => this.draw());
@@ -95,8 +94,8 @@ export class MessagePanel {
 			? rowsOf(this.fields, { toggled: this.toggled, query, most: this.most })
 			: NOTHING;
 		const schema = message?.type ? this.schemaOf(message.type) : null;
-		syncViews(byId("message-rows"), this.views, rows, (row) => this.makeRow(row));
-		for (const row of rows) this.views.get(row.key).update(row, schema);
+		const described = rows.map((row) => ({ ...row, about: schema ? describe(schema, row.names) : "" }));
+		drawList(byId("message-rows"), described, (row) => this.makeRow(row));
 		setText(byId("message-words"), this.words(rows.length, query));
 		byId("message-more").hidden = !left;
 		setText(byId("message-more"), `Show more of ${left}${isCut ? " or more" : ""} other fields`);
@@ -115,18 +114,20 @@ export class MessagePanel {
 	}
 
 	makeRow({ names, key }) {
+		let shown;
 		const name = element("span", { class: "field-name" });
 		const value = element("button", { type: "button", class: "quiet field-value", onclick: () => {
-			const { row } = view;
-			if (row.canOpen) this.toggle(key);
-			else if (row.kind === "number") this.plot(this.message.key, names.join("."));
+			if (shown.canOpen && !this.toggled.delete(key)) this.toggled.add(key);
+			if (shown.canOpen) this.drawRows();
+			else if (shown.kind === "number") this.plot(this.message.key, names.join("."));
 		} });
 		const about = element("small", { class: "dim" });
-		const view = {
-			element: element("li", {}, name, value, about),
-			update: (row, schema) => {
-				view.row = row;
-				view.element.style.paddingLeft = `${14 + row.depth * INDENT_PX}px`;
+		const line = element("li", {}, name, value, about);
+		return {
+			element: line,
+			update: (row) => {
+				shown = row;
+				line.style.paddingLeft = `${14 + row.depth * INDENT_PX}px`;
 				const sign = row.isOpen ? "▾ " : "▸ ";
 				setText(name, row.name);
 				setText(value, `${row.canOpen ? sign : ""}${row.text}`);
@@ -136,15 +137,9 @@ export class MessagePanel {
 				else value.removeAttribute("aria-expanded");
 				value.setAttribute("aria-label", `${row.name}: ${row.text}`
 					+ `${row.kind === "number" ? ", plot it" : ""}`);
-				setText(about, schema ? describe(schema, row.names) : "");
+				setText(about, row.about);
 			},
 		};
-		return view;
-	}
-
-	toggle(key) {
-		if (!this.toggled.delete(key)) this.toggled.add(key);
-		this.drawRows();
 	}
 
 	/** The schema of a type of message; null until the server has answered, or if there is none. */

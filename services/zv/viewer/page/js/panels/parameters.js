@@ -1,7 +1,7 @@
 // The panel of parameters: each node's controls, its defaults, its settings as a file.
 
 import { offer } from "../export/saving.js";
-import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
+import { byId, drawList, element, setData, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Control, locked, showRefusal } from "./controls.js";
 
@@ -28,7 +28,6 @@ export class ParametersPanel {
 		this.system = system;
 		this.connection = connection;
 		this.current = current;
-		this.sections = new Map(); // node and names of its parameters -> {element, update}
 		system.on("parameters nodes streams hello", () => this.draw());
 	}
 
@@ -46,8 +45,7 @@ export class ParametersPanel {
 		const known = [...this.system.parameters.keys()].filter((node) => this.of(node).length)
 			.sort((a, b) => rank(a) - rank(b) || a.localeCompare(b))
 			.map((node) => ({ node, key: [node, ...this.of(node).map(({ name }) => name)].join() }));
-		syncViews(byId("parameters"), this.sections, known, ({ node }) => this.makeSection(node));
-		for (const section of this.sections.values()) section.update();
+		drawList(byId("parameters"), known, ({ node }) => this.makeSection(node));
 	}
 
 	/** All parameters of a node. */
@@ -87,10 +85,7 @@ export class ParametersPanel {
 			fields.disabled = reset.disabled = this.isViewOnly;
 			setText(state, !isAlive ? "gone" : changed ? `${changed} changed` : "");
 			const all = this.of(node);
-			all.forEach((parameter, index) => {
-				controls[index].update(parameter);
-				controls[index].showCondition(condition(parameter, all));
-			});
+			controls.forEach((control, index) => control.update(all[index], condition(all[index], all)));
 		} };
 	}
 

@@ -2,7 +2,7 @@
 // of each node, and any number in any message of the chosen camera, also of a schema that this page
 // does not know; the camera's events are marked.
 
-import { byId, setOptions, syncViews } from "../ui/elements.js";
+import { byId, drawList, listen, setOptions } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Chart } from "./chart.js";
 import { CameraList } from "./dock.js";
@@ -28,7 +28,6 @@ export class PlotsPanel {
 	constructor(system, watches, current) {
 		this.visible = false; // set by the dock
 		this.system = system;
-		this.views = new Map();
 		this.cameras = new CameraList(byId("plots-camera"), system, current, () => this.draw());
 		this.recorder = new FieldRecorder(system, watches);
 		this.events = new EventMarks(system, watches);
@@ -43,10 +42,11 @@ export class PlotsPanel {
 			byId("plots").append(view.element);
 			return { ...chart, view };
 		});
-		byId("plot-topic").addEventListener("change", () => this.draw());
-		byId("plot-span").addEventListener("change", () => this.zoom(null));
-		byId("plot-newest").addEventListener("click", () => this.zoom(null));
-		byId("plot-add").addEventListener("click", () => this.add());
+		listen("plot-topic", "change", () => this.draw());
+		listen("plot-span", "change", () => this.zoom(null));
+		listen("plot-newest", "click", () => this.zoom(null));
+		listen("plot-add", "click", () =>
+			this.setFields([...this.fields, [byId("plot-topic").value, byId("plot-field").value]]));
 		system.on("streams", () => this.draw());
 		setInterval(() => this.draw(), DRAW_MS);
 	}
@@ -70,12 +70,12 @@ export class PlotsPanel {
 		for (const { fields, view } of this.charts) {
 			draw(view, linesOf(this.system, camera, fields, colour));
 		}
-		syncViews(byId("field-plots"), this.views, this.fields.map((field) => field.join(" ")),
+		const views = drawList(byId("field-plots"), this.fields.map((field) => field.join(" ")),
 			(key) => this.makeChart(this.fields.find((field) => field.join(" ") === key)));
 		for (const [topic, name] of this.fields) {
 			const points = this.recorder.points(topic, name, from);
 			const line = { name, colour: colour("series-1"), dash: [], points };
-			draw(this.views.get(`${topic} ${name}`), [line]);
+			draw(views.get(`${topic} ${name}`), [line]);
 		}
 	}
 
@@ -93,22 +93,17 @@ export class PlotsPanel {
 			setOptions(list, [["", title], ...names.map((name) => [name, name])]);
 		offer(byId("plot-topic"), topics, "stream …");
 		const topic = byId("plot-topic").value;
-		const names = this.recorder.names(topic).filter((name) =>
+		const names = (this.recorder.known.get(topic) ?? []).filter((name) =>
 			!this.fields.some((field) => field.join(" ") === `${topic} ${name}`));
 		offer(byId("plot-field"), names, !topic ? "number …" : names.length ? "number …" : "none yet");
 		byId("plot-add").disabled = !byId("plot-field").value || this.fields.length >= MOST_FIELDS;
-	}
-
-	add() {
-		const [topic, name] = [byId("plot-topic").value, byId("plot-field").value];
-		if (topic && name) this.setFields([...this.fields, [topic, name]]);
 	}
 
 	/** Plot a number of a stream of messages; of more plots than there may be, the oldest goes. */
 	plot(key, name) {
 		const stream = this.system.stream(key);
 		if (!stream) return;
-		this.cameras.choose(stream.camera);
+		this.cameras.list.value = stream.camera;
 		const others = this.fields.filter((field) => field.join(" ") !== `${stream.topic} ${name}`);
 		this.setFields([...others.slice(1 - MOST_FIELDS), [stream.topic, name]]);
 	}

@@ -62,42 +62,47 @@ export function later(run, ms) {
 	};
 }
 
+const VIEWS = new WeakMap(); // list -> its views by their keys
+
 /**
- * Make a list show one view for each of `items`, in that order; views in place are not touched.
- * Items are keys or have a `key`. `views` maps keys to objects with an `element`: `make(item)` adds
- * those that are missing, `close(view)` is called for those that are removed.
+ * Make a list show one view for each of `items`, in that order; views in place are not touched, and
+ * the focus stays where it is. Items are keys or have a `key`. `make(item)` makes a view, an object
+ * with an `element`, and perhaps `update(item)`, which is called at each drawing; `close(view)` is
+ * called for one that is removed. Returns the views by their keys.
  */
-export function syncViews(list, views, items, make, close = (_view) => {}) {
-	const keys = items.map((item) => item.key ?? item);
-	const wanted = new Set(keys);
-	for (const [key, view] of views) {
-		if (wanted.has(key)) continue;
-		views.delete(key);
+export function drawList(list, items, make, close = (_view) => {}) {
+	const before = VIEWS.get(list) ?? new Map();
+	const views = new Map();
+	for (const item of items) {
+		const key = item.key ?? item;
+		views.set(key, before.get(key) ?? make(item));
+	}
+	VIEWS.set(list, views);
+	for (const [key, view] of before) {
+		if (views.has(key)) continue;
 		view.element.remove();
 		close(view);
 	}
-	keys.forEach((key, index) => {
-		if (!views.has(key)) views.set(key, make(items[index]));
-		const { element: shown } = views.get(key);
+	/** @type {any} */
+	const active = document.activeElement;
+	[...views.values()].forEach(({ element: shown }, index) => {
 		const present = list.children[index];
 		if (present !== shown) list.insertBefore(shown, present ?? null);
 	});
+	if (list.contains(active) && active !== document.activeElement) active.focus();
+	for (const item of items) views.get(item.key ?? item).update?.(item);
+	return views;
 }
 
-/** Replace the rows of a list; the control that has the focus keeps it, by its `data-choice`. */
-export function replaceRows(list, rows) {
-	const { activeElement: active } = document;
-	const focused = list.contains(active) && active?.dataset.choice;
-	list.replaceChildren(...rows.filter(Boolean));
-	if (focused) list.querySelector(`[data-choice="${CSS.escape(focused)}"]`)?.focus();
-}
-
-/** A labelled checkbox; `chosen(on)` is called when it is changed. */
-export function checkbox(label, checked, chosen, attributes = {}) {
-	const { title, ...others } = attributes;
-	return element("label", { title }, element("input", { type: "checkbox", checked,
-		"data-choice": label, onchange: ({ target }) => chosen(target.checked), ...others }),
-	element("span", {}, label));
+/** A view of a labelled checkbox: `isOn(item)` says whether it is on, `choose(on)` is called by it. */
+export function checkboxView(label, isOn, choose) {
+	const box = element("input", { type: "checkbox", onchange: () => choose(box.checked) });
+	return {
+		element: element("label", {}, box, element("span", {}, label)),
+		update: (item) => {
+			box.checked = isOn(item);
+		},
+	};
 }
 
 export function option(value, text) {

@@ -1,7 +1,7 @@
 // Stores the user's preferences in the browser, and applies the theme, which is the system's until
 // the user chooses one.
 
-import { byId, setText } from "./elements.js";
+import { byId, listen, setText } from "./elements.js";
 
 const PREFIX = "zv.";
 const MOST_CHOICES = 64;
@@ -31,10 +31,6 @@ export class KeptChoices {
 		this.choices = new Map(Object.entries(loadPreference(name, {}) ?? {}));
 	}
 
-	has(key) {
-		return this.choices.has(key);
-	}
-
 	get(key) {
 		return this.choices.get(key);
 	}
@@ -49,7 +45,7 @@ export class KeptChoices {
 
 export function startTheme() {
 	matchMedia(PREFERS_LIGHT).addEventListener("change", applyTheme);
-	byId("theme").addEventListener("click", toggleTheme);
+	listen("theme", "click", toggleTheme);
 	applyTheme();
 }
 

@@ -13,7 +13,6 @@ export class Tile {
 		this.key = stream.key;
 		this.stream = stream;
 		this.wall = wall;
-		this.watches = wall.watches;
 		this.stop = null; // ends the watch
 		/** @type {any} */
 		this.options = null; // of the watch
@@ -26,13 +25,20 @@ export class Tile {
 		this.state = element("span", { class: "tile-state" });
 		this.rate = element("span", { class: "tile-rate" });
 		this.age = element("span", { class: "tile-age" });
-		this.link = element("a", { "aria-label": `Show ${streamName(stream)} large` },
+		this.link = element("a", {},
 			element("span", { class: "tile-picture" }, this.canvas, this.state),
 			element("span", { class: "tile-caption" },
 				element("i", { class: "lamp", "aria-hidden": "true" }),
 				element("b", {}, stream.camera), element("span", { class: "topic" }, topicName(stream)),
 				this.rate, this.age));
 		this.element = element("li", { class: "tile", "data-key": this.key }, this.link);
+		wall.observer.observe(this.element);
+	}
+
+	close() {
+		this.wall.observer.unobserve(this.element);
+		this.wall.inView.delete(this.key);
+		this.show(false);
 	}
 
 	update(stream) {
@@ -46,7 +52,7 @@ export class Tile {
 		if (visible === Boolean(this.stop)) return;
 		if (visible) {
 			this.options = this.wantedOptions();
-			this.stop = this.watches.watchPictures(this.key, this.options, this.statistics,
+			this.stop = this.wall.watches.watchPictures(this.key, this.options, this.statistics,
 				(picture, bitmap) => this.paint(picture, bitmap), (taken) => this.delay(taken));
 		} else {
 			this.stop();
@@ -72,19 +78,16 @@ export class Tile {
 		const isWaiting = stream.live && statistics.endedSince === null && statistics.lastAt === null;
 		setData(this.canvas, { live });
 		setData(this.element, { state: live ? "live" : isWaiting ? "waiting" : "stopped" });
-		this.describe(live ? "live" : this.state.textContent);
-		setText(this.state, live ? ""
-			: this.wall.system.isLinkLost ? "link lost"
-			: this.watches.isLeftOut(this.key) ? "too many are in view at once"
-				: statistics.explainSilence(stream, now, this.wall.system.now));
+		const { system, watches } = this.wall;
+		const silence = live ? "" : system.isLinkLost ? "link lost"
+			: watches.isLeftOut(this.key) ? "too many are in view at once"
+				: statistics.explainSilence(stream, now, system.now);
+		setText(this.state, silence);
+		// Names the link for those who cannot see the picture.
+		const label = `Show ${streamName(stream)} large, ${silence.replace("\n", ", ") || "live"}`;
+		if (this.link.ariaLabel !== label) this.link.ariaLabel = label;
 		setText(this.rate, live ? shownRate(statistics.arrivalRate(now), statistics.rate(now)) : "");
 		setText(this.age, live && picture ? duration(picture.ageMs + now - picture.at) : "");
-	}
-
-	/** Name the link for those who cannot see the picture, with the state of its stream. */
-	describe(state) {
-		const label = `Show ${streamName(this.stream)} large, ${state.replace("\n", ", ")}`;
-		if (this.link.getAttribute("aria-label") !== label) this.link.setAttribute("aria-label", label);
 	}
 
 	/** The displayed size, unless a smaller one is chosen, and the quality. */

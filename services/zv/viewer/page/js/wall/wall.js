@@ -2,7 +2,7 @@
 // total rate is limited to what a small machine can encode and a page can decode.
 
 import { pictureStreams, RAW, STAGES, streamName, streamOf, topicName } from "../model/streams.js";
-import { byId, element, setData, setText, syncViews } from "../ui/elements.js";
+import { byId, drawList, element, setData, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Tile } from "./tile.js";
 
@@ -28,7 +28,6 @@ export class Wall {
 		this.chosen = []; // keys; none for all streams
 		this.columns = null; // tiles in a row; null for as wide as possible
 		this.tiles = new Map(); // key -> Tile
-		this.topics = new Map(); // topic -> its button
 		this.inView = new Set(); // keys
 		this.list = byId("tiles");
 		this.filter = byId("filter");
@@ -41,16 +40,13 @@ export class Wall {
 		setInterval(() => this.tick(), TICK_MS);
 	}
 
-	show(visible) {
+	/** Show these streams in this order, or all if there are none, in so many columns; or nothing. */
+	show(visible, { only, columns }) {
 		this.open = visible;
-		for (const key of this.inView) this.tiles.get(key).show(visible);
-	}
-
-	/** Show these streams in this order, or all if there are none, in so many columns. */
-	arrange({ only, columns }) {
 		this.chosen = only;
 		this.columns = columns;
 		this.draw();
+		for (const key of this.inView) this.tiles.get(key)?.show(visible);
 	}
 
 	/** The streams that may be shown: those of a layout, also those that do not exist, or all. */
@@ -86,9 +82,7 @@ export class Wall {
 		const words = this.filter.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
 		const shown = this.candidates.filter((stream) =>
 			words.every((word) => `${streamName(stream)} ${stream.key}`.includes(word)));
-		syncViews(this.list, this.tiles, shown, (stream) => this.makeTile(stream),
-			(tile) => this.closeTile(tile));
-		for (const stream of shown) this.tiles.get(stream.key).update(stream);
+		this.tiles = drawList(this.list, shown, (stream) => new Tile(stream, this), (tile) => tile.close());
 		this.drawTopics(this.chosen.length ? [] : all);
 		const cameras = new Set(shown.map((stream) => stream.camera)).size;
 		setText(byId("wall-count"), all.length
@@ -100,18 +94,6 @@ export class Wall {
 		byId("wall-empty").hidden = all.length > 0 || this.chosen.length > 0;
 		byId("wall-none").hidden = shown.length > 0 || !byId("wall-empty").hidden;
 		this.setSize();
-	}
-
-	makeTile(stream) {
-		const tile = new Tile(stream, this);
-		this.observer.observe(tile.element);
-		return tile;
-	}
-
-	closeTile(tile) {
-		this.observer.unobserve(tile.element);
-		this.inView.delete(tile.key);
-		tile.show(false);
 	}
 
 	intersected(entries) {
@@ -133,12 +115,12 @@ export class Wall {
 	/** Write a button for each topic, which shows or hides its streams. */
 	drawTopics(all) {
 		const topics = all.map(topicName);
-		syncViews(byId("topics"), this.topics, [...new Set(topics)], (topic) => ({
+		const buttons = drawList(byId("topics"), [...new Set(topics)], (topic) => ({
 			element: element("button", { type: "button", class: "chip",
 				title: `Show or hide all ${topic} streams`, onclick: () => this.toggle(topic) },
 			topic, element("small")),
 		}));
-		for (const [topic, { element: button }] of this.topics) {
+		for (const [topic, { element: button }] of buttons) {
 			button.setAttribute("aria-pressed", String(!this.hidden.has(topic)));
 			setText(button.lastChild, String(topics.filter((other) => other === topic).length));
 		}
