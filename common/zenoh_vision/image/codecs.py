@@ -102,10 +102,14 @@ def decode_jpeg(
     Raises:
         PayloadError: ``corrupt``, in libjpeg's words, or ``too_large``: too many scans.
     """
-    if _known_size(jpeg) is None:
+    size = _known_size(jpeg)
+    if size is None:
         check_scans(jpeg)
     try:
-        pixels = _decode_bands(jpeg, encoding, least, target, strict=strict)
+        layout = bands.layout(jpeg) if size is None or bands.are_worth_it(*size) else None
+        pixels = None
+        if layout is not None:
+            pixels = _decode_bands(jpeg, layout, encoding, least, target, strict=strict)
         if pixels is None:
             pixels = simplejpeg.decode_jpeg(
                 jpeg,
@@ -137,6 +141,7 @@ def _is_padding(jpeg: bytes, words: str) -> bool:
 
 def _decode_bands(
     jpeg: bytes,
+    layout: bands.Layout,
     encoding: str,
     least: tuple[int, int],
     target: NDArray[np.uint8] | None,
@@ -145,14 +150,11 @@ def _decode_bands(
 ) -> NDArray[np.uint8] | None:
     """Return the pixels of a JPEG in bands, (height, width, channels).
 
-    None if it is in one piece, or of a size that a smaller scale has too.
+    None if its bands are not complete, or if a smaller scale has the size too.
 
     Raises:
         ValueError: A band is corrupt.
     """
-    layout = bands.layout(jpeg)
-    if layout is None:
-        return None
     next_smaller = -(-layout.width * 7 // 8), -(-layout.height * 7 // 8)
     if any(least) and next_smaller[0] >= least[0] and next_smaller[1] >= least[1]:
         return None

@@ -39,6 +39,11 @@ ENCODINGS: Final = {
     "16UC1": PixelEncoding(1, np.dtype("<u2"), "GRAY"),
     "32FC1": PixelEncoding(1, np.dtype("<f4"), "GRAY"),
 }
+_BY_PIXEL: Final = {
+    (each.channels, each.dtype): name
+    for name, each in ENCODINGS.items()
+    if name in ("mono8", "mono16", "bgr8", "bgra8")
+}
 DEEP: Final = frozenset({"mono16", "16UC1", "32FC1"})
 """Encodings of more than 8 bits: ``16UC1`` is depth in millimetres, ``32FC1`` in metres."""
 DISTANCES: Final = frozenset({"16UC1", "32FC1"})
@@ -52,8 +57,7 @@ def encoding_of(pixels: NDArray[Any]) -> str:
         PayloadError: ``unsupported_encoding``.
     """
     channels = 1 if pixels.ndim == 2 else pixels.shape[2]
-    found = {"1 uint8": "mono8", "1 uint16": "mono16", "3 uint8": "bgr8", "4 uint8": "bgra8"}
-    encoding = found.get(f"{channels} {pixels.dtype.name}")
+    encoding = _BY_PIXEL.get((channels, pixels.dtype))
     if encoding is None:
         raise PayloadError(
             "unsupported_encoding",
