@@ -52,7 +52,23 @@ def _parsed_by(parse: Callable[[str], object]) -> AfterValidator:
     return AfterValidator(kept)
 
 
-_PIXEL_POLYGONS = _parsed_by(partial(shapes.polygons, world=False))
+Polygons = Annotated[
+    str,
+    Field(max_length=shapes.MAX_CHARACTERS),
+    _parsed_by(shapes.polygons),
+    Form(shapes.POLYGONS_FORM),
+    Live(),
+]
+PixelPolygons = Annotated[Polygons, _parsed_by(partial(shapes.polygons, world=False))]
+Lines = Annotated[
+    str,
+    Field(max_length=shapes.MAX_CHARACTERS),
+    _parsed_by(shapes.lines),
+    Form(shapes.LINES_FORM),
+    Live(),
+]
+Pipeline = Literal["robust", "tutorial", "detector"]
+FileName = Annotated[str, Field(min_length=1)] | None
 
 
 def _joined(value: object) -> object:
@@ -67,293 +83,190 @@ class TrackerSettings(ServiceSettings):
 
     env_prefix: ClassVar[str] = "ZV_TRACKER_"
 
-    camera: Annotated[
-        CameraNames,
-        Field(description="camera this node belongs to; several as front,left, or * for all"),
-    ] = DEFAULT_CAMERA
+    camera: CameraNames = Field(
+        DEFAULT_CAMERA,
+        description="camera this node belongs to; several as front,left, or * for all",
+    )
 
-    pipeline: Annotated[
-        Literal["robust", "tutorial", "detector"],
-        Field(
-            description="robust: all moving objects, with ids; tutorial: MOG2, closing, median, "
-            "threshold, largest contour, without ids; detector: the objects that a model finds, "
-            "with ids and classes"
-        ),
-        Live(),
-        Role("pipeline"),
-    ] = "robust"
-    model: Annotated[
-        Annotated[str, Field(min_length=1)] | None,
-        LocalPath(),
-        Field(description="detector: the ONNX file of a detector"),
-    ] = None
-    class_names: Annotated[
-        Annotated[str, Field(min_length=1)] | None,
-        LocalPath(),
-        Field(
-            description="detector: file with the names of the model's classes, one a line, that of "
-            "class 0 first; not set: those in the model"
-        ),
-    ] = None
+    pipeline: Annotated[Pipeline, Live(), Role("pipeline")] = Field(
+        "robust",
+        description="robust: all moving objects, with ids; tutorial: MOG2, closing, median, "
+        "threshold, largest contour, without ids; detector: the objects that a model finds, "
+        "with ids and classes",
+    )
+    model: Annotated[FileName, LocalPath()] = Field(
+        None, description="detector: the ONNX file of a detector"
+    )
+    class_names: Annotated[FileName, LocalPath()] = Field(
+        None,
+        description="detector: file with the names of the model's classes, one a line, that of "
+        "class 0 first; not set: those in the model",
+    )
     classes: Annotated[
         str,
         BeforeValidator(_joined),
-        Field(
-            max_length=8000,
-            description="detector: classes to keep, each with a least score of its own if wanted; "
-            "empty: all",
-        ),
+        Field(max_length=8000),
         _parsed_by(classes_of),
         Form(CLASSES_FORM),
         Live(),
-    ] = ""
-    least_score: Annotated[
-        float,
-        Field(
-            ge=0.01,
-            le=1,
-            description="detector: score from which on a box begins a track; down to 0.1 it may "
-            "continue one",
-        ),
-        Live(),
-    ] = 0.5
-    suppression: Annotated[
-        float,
-        Field(
-            ge=0.05,
-            le=1,
-            description="detector: share of their union from which on two boxes of a class are one "
-            "object",
-        ),
-        Live(),
-    ] = 0.6
-    every: Annotated[
-        int,
-        Field(
-            ge=0,
-            le=10_000,
-            description="detector: the model sees every so manieth frame, which is published when "
-            "it has; background subtraction follows the objects between. 0: it sees a frame "
-            "whenever it is free, and each frame is published at once",
-        ),
-        Live("frames"),
-    ] = 1
-    on_motion: Annotated[
-        bool,
-        Field(description="detector: the model sees frames only while something moves"),
-        Live(),
-    ] = False
-    layout: Annotated[
-        Literal["auto", LayoutName],
-        Field(
-            description="detector: what the model's outputs mean; auto: recognised by names and "
-            "shapes"
-        ),
-    ] = "auto"
+    ] = Field(
+        "",
+        description="detector: classes to keep, each with a least score of its own if wanted; "
+        "empty: all",
+    )
+    least_score: Annotated[float, Live()] = Field(
+        0.5,
+        ge=0.01,
+        le=1,
+        description="detector: score from which on a box begins a track; down to 0.1 it may "
+        "continue one",
+    )
+    suppression: Annotated[float, Live()] = Field(
+        0.6,
+        ge=0.05,
+        le=1,
+        description="detector: share of their union from which on two boxes of a class are one "
+        "object",
+    )
+    every: Annotated[int, Live("frames")] = Field(
+        1,
+        ge=0,
+        le=10_000,
+        description="detector: the model sees every so manieth frame, which is published when "
+        "it has; background subtraction follows the objects between. 0: it sees a frame "
+        "whenever it is free, and each frame is published at once",
+    )
+    on_motion: Annotated[bool, Live()] = Field(
+        False, description="detector: the model sees frames only while something moves"
+    )
+    layout: Literal["auto", LayoutName] = Field(
+        "auto",
+        description="detector: what the model's outputs mean; auto: recognised by names and shapes",
+    )
     input_size: Annotated[
-        Annotated[str, _parsed_by(size_of)] | None,
-        Field(description="detector: size of the model's input, if the file does not fix it"),
-        Form("width and height such as 640x480"),
-    ] = None
-    fit: Annotated[
-        Literal["auto", Fit],
-        Field(
-            description="detector: how a frame is placed in the input. centre: with equal margins; "
-            "corner: with margins at the right and below; stretch: without; auto: by the layout"
-        ),
-    ] = "auto"
-    colours: Annotated[
-        Literal["auto", Colours],
-        Field(description="detector: order of the input's channels; auto: by the layout"),
-    ] = "auto"
-    values: Annotated[
-        Literal["auto", Values],
-        Field(
-            description="detector: range of the input's numbers. signed: -1 to 1; imagenet: less "
-            "its mean, by its deviation; auto: by the layout"
-        ),
-    ] = "auto"
-    runtime: Annotated[
-        RuntimeName,
-        Field(
-            description="detector: what runs the model; auto: onnxruntime if it is installed, else "
-            "opencv"
-        ),
-    ] = "auto"
-    device: Annotated[
-        Device,
-        Field(
-            description="detector: where it runs; auto: the first of cuda, openvino, coreml, cpu"
-        ),
-    ] = "auto"
-    model_threads: Annotated[
-        int,
-        Field(
-            ge=0,
-            le=256,
-            description="detector: threads of the model on the CPU; 0: one per processor, at most "
-            f"{MAX_THREADS}",
-        ),
-    ] = 0
-    learning_time: Annotated[
-        float,
-        Field(
-            ge=0.5,
-            le=3600,
-            description="robust: time after which a change of the scene has become background "
-            "by 63 %",
-        ),
-        Live("s"),
-        SECONDS,
-    ] = 10.0
-    freeze: Annotated[
-        bool, Field(description="robust: keep the background as it is, learn nothing"), Live()
-    ] = False
-    reset: Annotated[
-        int,
-        Field(ge=0, le=2**31 - 1, description="robust: each change learns the background anew"),
-        Live(),
-    ] = 0
-    min_area: Annotated[
-        float,
-        Field(
-            ge=0,
-            le=1e8,
-            description="robust: smallest foreground of an object; 0: 0.08 % of the picture",
-        ),
-        Live("square pixels"),
-    ] = 0.0
-    max_area: Annotated[
-        float,
-        Field(
-            ge=0,
-            le=1e8,
-            description="robust: largest connected foreground that may be objects; 0: no limit",
-        ),
-        Live("square pixels"),
-    ] = 0.0
-    convex: Annotated[
-        bool,
-        Field(
-            description="robust: all objects are convex, as most parts on a belt are; those that "
-            "touch are told apart by the concavities between them"
-        ),
-        Live(),
-    ] = False
-    regions: Annotated[
-        str,
-        Field(
-            max_length=shapes.MAX_CHARACTERS,
-            description="robust: polygons in pixels; objects are detected only inside them; "
-            "empty: everywhere",
-        ),
-        _PIXEL_POLYGONS,
-        Form(shapes.POLYGONS_FORM),
-        Live(),
-    ] = ""
-    ignore: Annotated[
-        str,
-        Field(
-            max_length=shapes.MAX_CHARACTERS,
-            description="robust: polygons in pixels; objects inside them are ignored",
-        ),
-        _PIXEL_POLYGONS,
-        Form(shapes.POLYGONS_FORM),
-        Live(),
-    ] = ""
-    keep_lost: Annotated[
-        float,
-        Field(ge=0, le=60, description="robust: how long a track that is not seen is kept"),
-        Live("s"),
-        SECONDS,
-    ] = 2.0
-    history: Annotated[
-        int,
-        Field(
-            ge=1,
-            le=100_000,
-            description="tutorial: number of frames that form the background model",
-        ),
-        Live("frames"),
-    ] = 700
-    var_threshold: Annotated[
-        float,
-        Field(
-            ge=0.01,
-            le=10_000,
-            description="squared Mahalanobis distance above which a pixel is foreground",
-        ),
-        Live(),
-    ] = 25.0
-    detect_shadows: Annotated[bool, Field(description="leave out shadows"), Live()] = True
-    closing: Annotated[
-        int,
-        Field(
-            ge=0, le=255, description="tutorial: side of the closing kernel, pixels; 0: no closing"
-        ),
-        Live("pixels"),
-    ] = 20
-    median: Annotated[
-        Literal[0, 3, 5, 7, 9, 11, 13, 15],
-        FromText,
-        Field(description="tutorial: side of the median filter, pixels; 0: none"),
-        Live("pixels"),
-    ] = 5
-    threshold: Annotated[
-        int,
-        Field(ge=0, le=254, description="tutorial: mask values above it are foreground"),
-        Live(),
-    ] = 127
-    zones: Annotated[
-        str,
-        Field(
-            max_length=shapes.MAX_CHARACTERS,
-            description="zones; entering and leaving one is an event; in pixels, or in units of "
-            "the calibration after the word world",
-        ),
-        _parsed_by(shapes.polygons),
-        Form(shapes.POLYGONS_FORM),
-        Live(),
-    ] = ""
-    lines: Annotated[
-        str,
-        Field(
-            max_length=shapes.MAX_CHARACTERS,
-            description="lines; crossing one is an event; in pixels, or in units of the "
-            "calibration after the word world",
-        ),
-        _parsed_by(shapes.lines),
-        Form(shapes.LINES_FORM),
-        Live(),
-    ] = ""
-    dwell: Annotated[
-        float,
-        Field(ge=0.01, le=86_400, description="time in a zone after which it is an event"),
-        Live("s"),
-        SECONDS,
-    ] = 10.0
-    anchor: Annotated[
-        Literal["centre", "foot"],
-        Field(
-            description="point of an object that enters zones and crosses lines. foot: the middle "
-            "of the lower edge of its box"
-        ),
-        Live(),
-    ] = "centre"
-    quality: Annotated[int, Field(ge=1, le=100, description="JPEG quality of tracked"), Live()] = 80
+        Annotated[str, _parsed_by(size_of)] | None, Form("width and height such as 640x480")
+    ] = Field(None, description="detector: size of the model's input, if the file does not fix it")
+    fit: Literal["auto", Fit] = Field(
+        "auto",
+        description="detector: how a frame is placed in the input. centre: with equal margins; "
+        "corner: with margins at the right and below; stretch: without; auto: by the layout",
+    )
+    colours: Literal["auto", Colours] = Field(
+        "auto", description="detector: order of the input's channels; auto: by the layout"
+    )
+    values: Literal["auto", Values] = Field(
+        "auto",
+        description="detector: range of the input's numbers. signed: -1 to 1; imagenet: less "
+        "its mean, by its deviation; auto: by the layout",
+    )
+    runtime: RuntimeName = Field(
+        "auto",
+        description="detector: what runs the model; auto: onnxruntime if it is installed, else "
+        "opencv",
+    )
+    device: Device = Field(
+        "auto",
+        description="detector: where it runs; auto: the first of cuda, openvino, coreml, cpu",
+    )
+    model_threads: int = Field(
+        0,
+        ge=0,
+        le=256,
+        description="detector: threads of the model on the CPU; 0: one per processor, at most "
+        f"{MAX_THREADS}",
+    )
+    learning_time: Annotated[float, Live("s"), SECONDS] = Field(
+        10.0,
+        ge=0.5,
+        le=3600,
+        description="robust: time after which a change of the scene has become background by 63 %",
+    )
+    freeze: Annotated[bool, Live()] = Field(
+        False, description="robust: keep the background as it is, learn nothing"
+    )
+    reset: Annotated[int, Live()] = Field(
+        0, ge=0, le=2**31 - 1, description="robust: each change learns the background anew"
+    )
+    min_area: Annotated[float, Live("square pixels")] = Field(
+        0.0,
+        ge=0,
+        le=1e8,
+        description="robust: smallest foreground of an object; 0: 0.08 % of the picture",
+    )
+    max_area: Annotated[float, Live("square pixels")] = Field(
+        0.0,
+        ge=0,
+        le=1e8,
+        description="robust: largest connected foreground that may be objects; 0: no limit",
+    )
+    convex: Annotated[bool, Live()] = Field(
+        False,
+        description="robust: all objects are convex, as most parts on a belt are; those that "
+        "touch are told apart by the concavities between them",
+    )
+    regions: PixelPolygons = Field(
+        "",
+        description="robust: polygons in pixels; objects are detected only inside them; "
+        "empty: everywhere",
+    )
+    ignore: PixelPolygons = Field(
+        "", description="robust: polygons in pixels; objects inside them are ignored"
+    )
+    keep_lost: Annotated[float, Live("s"), SECONDS] = Field(
+        2.0, ge=0, le=60, description="robust: how long a track that is not seen is kept"
+    )
+    history: Annotated[int, Live("frames")] = Field(
+        700,
+        ge=1,
+        le=100_000,
+        description="tutorial: number of frames that form the background model",
+    )
+    var_threshold: Annotated[float, Live()] = Field(
+        25.0,
+        ge=0.01,
+        le=10_000,
+        description="squared Mahalanobis distance above which a pixel is foreground",
+    )
+    detect_shadows: Annotated[bool, Live()] = Field(True, description="leave out shadows")
+    closing: Annotated[int, Live("pixels")] = Field(
+        20, ge=0, le=255, description="tutorial: side of the closing kernel, pixels; 0: no closing"
+    )
+    median: Annotated[Literal[0, 3, 5, 7, 9, 11, 13, 15], FromText, Live("pixels")] = Field(
+        5, description="tutorial: side of the median filter, pixels; 0: none"
+    )
+    threshold: Annotated[int, Live()] = Field(
+        127, ge=0, le=254, description="tutorial: mask values above it are foreground"
+    )
+    zones: Polygons = Field(
+        "",
+        description="zones; entering and leaving one is an event; in pixels, or in units of "
+        "the calibration after the word world",
+    )
+    lines: Lines = Field(
+        "",
+        description="lines; crossing one is an event; in pixels, or in units of the "
+        "calibration after the word world",
+    )
+    dwell: Annotated[float, Live("s"), SECONDS] = Field(
+        10.0, ge=0.01, le=86_400, description="time in a zone after which it is an event"
+    )
+    anchor: Annotated[Literal["centre", "foot"], Live()] = Field(
+        "centre",
+        description="point of an object that enters zones and crosses lines. foot: the middle "
+        "of the lower edge of its box",
+    )
+    quality: Annotated[int, Live()] = Field(80, ge=1, le=100, description="JPEG quality of tracked")
     transport: FrameTransport = "auto"
     depth_min: DepthMin = None
     depth_max: DepthMax = None
     max_age: MaxAge = 0.4
-    max_pixels: Annotated[
-        int,
-        Field(
-            ge=1,
-            le=7680 * 4320,
-            description="width times height; larger frames are dropped. One frame needs up to 130 "
-            "bytes of memory per pixel",
-        ),
-    ] = 1920 * 1200
+    max_pixels: int = Field(
+        1920 * 1200,
+        ge=1,
+        le=7680 * 4320,
+        description="width times height; larger frames are dropped. One frame needs up to 130 "
+        "bytes of memory per pixel",
+    )
 
     @property
     def cameras(self) -> tuple[str, ...]:
