@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import cv2
@@ -9,7 +10,12 @@ import numpy as np
 import pytest
 
 from zv.tracker.foreground.background import BackgroundLimits
-from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.foreground import (
+    ForegroundDetector,
+    ForegroundParameters,
+    SceneLimits,
+)
+from zv.tracker.foreground.light import LightLimits
 from zv.tracker.foreground.regions import RegionLimits, regions_of
 from zv.tracker.tracking.region import Region
 
@@ -201,6 +207,9 @@ def test_a_region_without_strong_pixels_is_noise():
     assert regions_of(mask, np.zeros_like(mask), 20, np.inf, RegionLimits()) == []
 
 
-def test_the_constants_say_what_they_are():
-    text = BackgroundLimits.__doc__ or ""
-    assert all(name in text for name in BackgroundLimits.__slots__)
+@pytest.mark.parametrize("limits", [BackgroundLimits, LightLimits, SceneLimits, RegionLimits])
+def test_the_constants_say_what_they_are(limits: type):
+    lines = [line.strip() for line in inspect.getsource(limits).splitlines()]
+    for name in limits.__slots__:  # type: ignore[attr-defined]
+        (at,) = (number for number, line in enumerate(lines) if line.startswith(f"{name}: "))
+        assert "  # " in lines[at] or lines[at - 1].startswith("# ")
