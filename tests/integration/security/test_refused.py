@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -98,23 +98,20 @@ def test_nobody_without_a_certificate_gets_in_and_it_is_said_what_is_needed(rout
     assert "it speaks TLS and asks for a certificate: give --credentials" in said
 
 
-def test_a_certificate_that_has_ended_is_no_more_let_in(router: Secured, tmp_path, monkeypatch):
-    issued = certificate(router, -3, monkeypatch)
-    said = refused(router, another(router, "camera_front", tmp_path, issued))
-    assert "the certificate of camera_front ended " in said
-    assert f"zv security renew camera_front --dir {tmp_path}, unless the clock is wrong" in said
-    with pytest.raises(zenoh.ZError):
-        raw_client(router, tmp_path / "camera_front.json5")
-
-
-def test_a_certificate_of_the_future_is_not_let_in_and_the_clock_is_named(
-    router: Secured, tmp_path, monkeypatch
+@pytest.mark.parametrize(
+    ("days", "said"),
+    [
+        (-3, ("certificate of camera_front ended ", "dir {dir}, unless the clock is wrong")),
+        (3, ("is valid from", "this machine's clock says", "set the clock")),
+    ],
+    ids=["ended", "of the future"],
+)
+def test_a_certificate_out_of_its_time_is_not_let_in(
+    router: Secured, tmp_path, monkeypatch, days, said
 ):
-    issued = certificate(router, 3, monkeypatch)
-    said = refused(router, another(router, "camera_front", tmp_path, issued))
-    assert "is valid from" in said
-    assert "this machine's clock says" in said
-    assert said.endswith("set the clock")
+    issued = certificate(router, days, monkeypatch)
+    told = refused(router, another(router, "camera_front", tmp_path, issued))
+    assert all(each.format(dir=tmp_path) in told for each in said)
     with pytest.raises(zenoh.ZError):
         raw_client(router, tmp_path / "camera_front.json5")
 
@@ -298,32 +295,44 @@ def test_a_router_goes_on_with_its_former_rules_if_it_cannot_run_with_others(tmp
 # What is denied is said
 
 
-@pytest.mark.parametrize(
-    ("words", "credentials", "denied"),
-    [
-        (("camera", "--camera", "back"), "camera_front", "publish vision/back/image/compressed"),
-        (("tracker",), "edge_front", "publish vision/front/centroid"),
-        (("edge",), "camera_front", "subscribe vision/front/image"),
-        (("camera", "--namespace", "lab"), "camera_front", "announce @lab/node/camera_front"),
-    ],
-    ids=["another camera", "another service", "no input", "another namespace"],
-)
-def test_a_node_says_within_5_s_what_it_is_denied(
-    router: Secured, tmp_path, words, credentials, denied
-):
-    health = tmp_path / "health"
-    given = [*words, "--credentials", router.file(credentials), "--connect", router.endpoint]
-    with Program(given, tmp_path, "node", forked=ZV, ZV_HEALTH_FILE=str(health)) as node:
-        connected = wait_until(lambda: re.search(r"connected to the router", node.complaints), 30)
-        assert connected
-        begun_s = time.monotonic()
-        wait_until(lambda: "the router denies: " in node.complaints, 20)
-        assert time.monotonic() - begun_s < SAID_S
-        (line,) = [line for line in node.complaints.splitlines() if "the router denies" in line]
-        assert denied in line or "more" in line
-        assert f"no rule allows it to the certificate of {credentials}" in line
-        assert f"--dir {router.folder}" in line
-        wait_until(lambda: "the router denies" in said_in(health), 5)
+DENIED = {
+    "another camera": "camera --camera back | camera_front | publish vision/back/image/compressed",
+    "another service": "tracker | edge_front | publish vision/front/centroid",
+    "no input": "edge | camera_front | subscribe vision/front/image",
+    "another namespace": "camera --namespace lab | camera_front | announce @lab/node/camera_front",
+}
+"""Nodes, each with somebody's credentials that deny it something. They run at the same time."""
+
+
+def test_a_node_says_within_5_s_what_it_is_denied(router: Secured, tmp_path):
+    with ExitStack() as running:
+        nodes = {}
+        for name, case in DENIED.items():
+            words, credentials, denied = case.split(" | ")
+            health = tmp_path / f"{name} health"
+            given = [*words.split(), "--credentials", router.file(credentials)]
+            given += ["--connect", router.endpoint]
+            node = Program(given, tmp_path, name, forked=ZV, ZV_HEALTH_FILE=str(health))
+            nodes[running.enter_context(node)] = health, credentials, denied
+        connected_s: dict[Program, float] = {}
+        denied_s: dict[Program, float] = {}
+
+        def all_denied() -> bool:
+            for node in nodes:
+                if "connected to the router" in node.complaints:
+                    connected_s.setdefault(node, time.monotonic())
+                if "the router denies: " in node.complaints:
+                    denied_s.setdefault(node, time.monotonic())
+            return len(denied_s) == len(nodes)
+
+        wait_until(all_denied, 50)
+        for node, (health, credentials, denied) in nodes.items():
+            assert denied_s[node] - connected_s[node] < SAID_S, node.name
+            (line,) = [line for line in node.complaints.splitlines() if "the router denies" in line]
+            assert denied in line or "more" in line
+            assert f"no rule allows it to the certificate of {credentials}" in line
+            assert f"--dir {router.folder}" in line
+            wait_until(lambda health=health: "the router denies" in said_in(health), 5)
 
 
 def test_a_certificate_that_ends_soon_is_warned_about_in_log_and_diagnostics(tmp_path):
