@@ -164,6 +164,7 @@ def test_a_layout_in_the_address_says_which_streams_in_which_order_and_what_is_h
     tab.page.click("#wall [popovertarget=layout-menu]")
     tab.page.click(f"[aria-label='{CAMERA} earlier']")
     tab.wait(f"{tiles} === '{DEPTH},{CAMERA},{absent}'")
+    assert tab.page.evaluate("document.activeElement.ariaLabel") == f"{CAMERA} earlier"
     tab.page.click(f"#layout-streams [data-key='{absent}'] label")
     tab.page.select_option("#layout-columns", "")
     tab.wait(f"{tiles} === '{DEPTH},{CAMERA}'")
