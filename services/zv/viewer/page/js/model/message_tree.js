@@ -90,7 +90,7 @@ export function describe(schema, names) {
 		if (typeof part !== "object" || part === null) return "";
 	}
 	const text = own(part, "description") ?? own(resolved(schema, part), "description");
-	return typeof text === "string" ? text.split("\n")[0].slice(0, LONGEST_TEXT) : "";
+	return typeof text === "string" ? text.replace(/\n.*/s, "").slice(0, LONGEST_TEXT) : "";
 }
 
 /** A property of its own, not one that every object has, such as "constructor". */

@@ -156,17 +156,9 @@ function tickText(tick) {
 export function columns(points, offset = 0) {
 	const steps = points.slice(1).map(({ at }, index) => at - points[index].at);
 	const longest = Math.max(GAP_MS, GAP_STEPS * (median(steps) ?? 0));
-	/** @type {any[][]} */
-	const [times, values] = [[], []];
-	points.forEach(({ at, value }, index) => {
-		if (steps[index - 1] > longest) {
-			times.push((at + points[index - 1].at) / 2 + offset);
-			values.push(null);
-		}
-		times.push(at + offset);
-		values.push(value);
-	});
-	return [times, values];
+	const drawn = points.flatMap((point, index) => steps[index - 1] > longest
+		? [{ at: (point.at + points[index - 1].at) / 2, value: null }, point] : [point]);
+	return [drawn.map(({ at }) => at + offset), drawn.map(({ value }) => value)];
 }
 
 /** The places of values that have none beside them, which a line does not show. */

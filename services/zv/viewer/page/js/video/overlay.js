@@ -96,16 +96,16 @@ function colourOf(id) {
 /** Draw box and centre; returns the label that belongs to them: [text, corner, colour]. */
 function drawMark(context, mark, toCanvas, ratio) {
 	const [left, top, width, height] = mark.box;
-	const corners = [toCanvas({ x: left, y: top }), toCanvas({ x: left + width, y: top + height })];
-	const [from, to] = [Math.min, Math.max].map((end) => ({ // of a turned frame, others come first
-		x: end(...corners.map((one) => one.x)), y: end(...corners.map((one) => one.y)) }));
+	const one = toCanvas({ x: left, y: top });
+	const other = toCanvas({ x: left + width, y: top + height });
+	const from = { x: Math.min(one.x, other.x), y: Math.min(one.y, other.y) }; // a frame may be turned
 	const centre = toCanvas(mark);
 	const colour = colourOf(mark.id);
 	for (const { style, line } of [{ style: OUTLINE, line: 4 }, { style: colour, line: 2 }]) {
 		context.strokeStyle = style;
 		context.lineWidth = line * ratio;
 		context.setLineDash((style === colour ? DASHES.get(mark.state) ?? [] : []).map((d) => d * ratio));
-		context.strokeRect(from.x, from.y, to.x - from.x, to.y - from.y);
+		context.strokeRect(from.x, from.y, Math.abs(other.x - one.x), Math.abs(other.y - one.y));
 	}
 	context.setLineDash([]);
 	for (const { style, radius } of [{ style: OUTLINE, radius: 4.5 }, { style: colour, radius: 3.5 }]) {

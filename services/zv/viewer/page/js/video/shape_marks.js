@@ -72,9 +72,9 @@ export function drawShapes(context, { counts, chosen, draft, ...shapes }, toCanv
 /** Middle of a line on the canvas, and unit vector to its right side, also of a mirrored picture. */
 function rightSide([[ax, ay], [bx, by]], at) {
 	const length = Math.hypot(bx - ax, by - ay);
-	const middle = [(ax + bx) / 2, (ay + by) / 2];
-	const from = at(middle);
-	const to = at([middle[0] - (by - ay) / length, middle[1] + (bx - ax) / length]);
+	const [x, y] = [(ax + bx) / 2, (ay + by) / 2];
+	const from = at([x, y]);
+	const to = at([x - (by - ay) / length, y + (bx - ax) / length]);
 	const scale = Math.hypot(to.x - from.x, to.y - from.y);
 	return { from, x: (to.x - from.x) / scale, y: (to.y - from.y) / scale };
 }

@@ -2,7 +2,7 @@
 // total rate is limited to what a small machine can encode and a page can decode.
 
 import { pictureStreams, RAW, STAGES, streamName, streamOf, topicName } from "../model/streams.js";
-import { byId, drawList, element, setData, setText } from "../ui/elements.js";
+import { byId, drawList, element, listen, setData, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Tile } from "./tile.js";
 
@@ -30,12 +30,11 @@ export class Wall {
 		this.tiles = new Map(); // key -> Tile
 		this.inView = new Set(); // keys
 		this.list = byId("tiles");
-		this.filter = byId("filter");
 		this.hidden = new Set(loadPreference("hiddenTopics", [RAW, ...STAGES]));
 		this.observer = new IntersectionObserver((entries) => this.intersected(entries),
 			{ rootMargin: "64px" });
 		new ResizeObserver(() => this.setSize()).observe(this.list);
-		this.filter.addEventListener("input", () => this.draw());
+		listen("filter", "input", () => this.draw());
 		system.on("streams", () => this.draw());
 		setInterval(() => this.tick(), TICK_MS);
 	}
@@ -47,13 +46,6 @@ export class Wall {
 		this.columns = columns;
 		this.draw();
 		for (const key of this.inView) this.tiles.get(key)?.show(visible);
-	}
-
-	/** The streams that may be shown: those of a layout, also those that do not exist, or all. */
-	get candidates() {
-		const all = pictureStreams(this.system.streams);
-		if (!this.chosen.length) return all.filter((one) => !this.isHidden(one, all));
-		return this.chosen.map((key) => all.find((one) => one.key === key) ?? streamOf(key));
 	}
 
 	/** Whether the user hides a topic's streams; raw ones only beside their compressed version. */
@@ -79,8 +71,12 @@ export class Wall {
 
 	draw() {
 		const all = pictureStreams(this.system.streams);
-		const words = this.filter.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
-		const shown = this.candidates.filter((stream) =>
+		const words = byId("filter").value.trim().toLowerCase().split(/\s+/).filter(Boolean);
+		// Those of a layout, also those that do not exist, or all.
+		const candidates = this.chosen.length
+			? this.chosen.map((key) => all.find((one) => one.key === key) ?? streamOf(key))
+			: all.filter((one) => !this.isHidden(one, all));
+		const shown = candidates.filter((stream) =>
 			words.every((word) => `${streamName(stream)} ${stream.key}`.includes(word)));
 		this.tiles = drawList(this.list, shown, (stream) => new Tile(stream, this), (tile) => tile.close());
 		this.drawTopics(this.chosen.length ? [] : all);
