@@ -97,7 +97,8 @@ def run(
 
     if settings.lockstep is not None:
         with node:
-            publish_all(node, parameters, settings, open_source or SourceOpener(), calibration)
+            opener = open_source or SourceOpener()
+            publish_all(node, parameters, settings, opener, calibration, stopping)
         return
     with Capture(parameters, node.counters, open_source) as capture:
         node.health.source_lag_ms = capture.lag_ms
@@ -134,6 +135,7 @@ def publish_all(
     settings: CameraSettings,
     open_source: OpenSource,
     calibration: Calibration | None,
+    stopping: Callable[[], bool],
 ) -> None:
     """Publish every frame of a file, each when the named nodes have answered the one before.
 
@@ -142,11 +144,6 @@ def publish_all(
         ConfigurationError: The source is no file.
         ExpectationNotMet: A node has ended, or does not answer.
     """
-
-    def stopping() -> bool:
-        node.health.loop_alive()
-        return node.stopping
-
     log = logging.getLogger(node.name)
     converter = Converter()
     latch = None if calibration is None else CalibrationLatch(calibration, settings.geometry)

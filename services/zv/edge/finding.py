@@ -35,11 +35,14 @@ class EdgesOfFrame:
 
     def __init__(self, frame: Frame, settings: EdgeSettings, mask: Gray | None = None) -> None:
         self._settings = settings
-        self._detector: Detector = detector_named(settings.detector, settings)
         self._mask = mask
         corners(settings.box, frame.header.height, frame.header.width)
         self._frame = frame
         decode_ahead(frame, settings)
+
+    @cached_property
+    def _detector(self) -> Detector:
+        return detector_named(self._settings.detector, self._settings)
 
     @cached_property
     def _part(self) -> SelectedPart:

@@ -96,7 +96,7 @@ def test_a_node_that_left_before_a_frame_was_sent_ends_it_and_the_frame_is_count
             alarm.start()
             try:
                 with pytest.raises(ExpectationNotMet, match="ended before it answered frame 1 of"):
-                    publish_all(camera, store, settings, opened, None)
+                    publish_all(camera, store, settings, opened, None, lambda: camera.stopping)
             finally:
                 alarm.cancel()
             counters = camera.counters.snapshot()
