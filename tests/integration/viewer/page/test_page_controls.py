@@ -73,13 +73,14 @@ def test_a_refusal_is_shown_until_a_value_is_right_and_the_control_goes_back(
     low = SIGMA.replace("sigma", "low")
     tab.page.fill(f"{low} input[type=number]", "500")
     tab.page.keyboard.press("Enter")
-    words = tab.wait(f"document.querySelector('{low} .refusal:not([hidden])')?.textContent")
+    refusal = f"document.querySelector('{low} .refusal')"
+    words = tab.wait(f"{refusal}?.checkVisibility() && {refusal}.textContent")
     assert "low = 500 is above high = 100" in words
     assert tab.page.input_value(f"{low} input[type=number]") == "40"
     tab.page.fill(f"{low} input[type=number]", "41")
     tab.page.keyboard.press("Enter")
     tab.wait(f"document.querySelector('{low}').dataset.value === '41'")
-    tab.wait(f"document.querySelector('{low} .refusal').hidden")
+    tab.wait(f"!{refusal}.checkVisibility()")
     tab.page.fill(f"{low} input[type=number]", "40")
     tab.page.keyboard.press("Enter")
     tab.wait(f"document.querySelector('{low}').dataset.value === '40'")

@@ -16,6 +16,7 @@ from tests.support.waiting import wait_until
 SERVICES = ("camera", "tracker")
 
 TRACKS = "vision/front/tracks"
+REFUSAL = "document.querySelector('#shape-refusal')"
 
 
 @pytest.fixture
@@ -92,7 +93,7 @@ def test_each_change_is_taken_back_and_none_of_another(tab: Tab, system: Running
     _zv(system, "param", "set", "tracker_front", "zones=theirs 10,10 90,10 90,90")
     tab.wait(f"{_DRAWN}.includes('theirs')")
     page.keyboard.press("Control+z")
-    words = tab.wait("document.querySelector('#shape-refusal:not([hidden])')?.textContent")
+    words = tab.wait(f"{REFUSAL}.checkVisibility() && {REFUSAL}.textContent")
     assert words == "zones was changed by another meanwhile"
     assert _value(system, "zones") == "theirs 10,10 90,10 90,90"
     assert page.is_disabled("#shape-undo")
@@ -103,7 +104,7 @@ def test_a_zone_that_crosses_itself_is_refused_with_the_reason(tab: Tab, system:
     tab.page.click("#add-zones")
     for corner in ((50, 50), (150, 120), (150, 50), (50, 120), (50, 120)):
         _click(tab, *corner)
-    words = tab.wait("document.querySelector('#shape-refusal:not([hidden])')?.textContent")
+    words = tab.wait(f"{REFUSAL}.checkVisibility() && {REFUSAL}.textContent")
     assert words == (
         "'zone1': the edge from point 1 to 2 crosses or touches the edge from point 3 to 4"
     )
@@ -139,7 +140,7 @@ def test_of_two_who_draw_at_once_the_later_is_told_and_overwrites_nothing(
     both = "mine 50,50 150,50 150,120; theirs 200,10 300,10 300,90"
     _zv(system, "param", "set", "tracker_front", f"zones={both}")
     tab.page.mouse.up()
-    words = tab.wait("document.querySelector('#shape-refusal:not([hidden])')?.textContent")
+    words = tab.wait(f"{REFUSAL}.checkVisibility() && {REFUSAL}.textContent")
     assert words == "zones of tracker_front was changed meanwhile"
     assert _value(system, "zones") == both
     tab.wait(f"{_DRAWN}.includes('theirs')")

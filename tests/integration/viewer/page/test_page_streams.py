@@ -109,7 +109,7 @@ def test_without_its_viewer_nothing_is_live_until_there_is_one_again(
     tab.wait("document.querySelector('#link').dataset.state === 'down'")
     system.service("view", "--port", port)
     tab.wait_until_live(CAMERA)
-    tab.wait("document.querySelector('#banner').hidden")
+    tab.wait("!document.querySelector('#banner').checkVisibility()")
 
 
 def test_a_viewer_that_freezes_is_given_up_and_found_again_when_it_thaws(

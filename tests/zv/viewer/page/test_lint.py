@@ -11,7 +11,7 @@ PAGE = ROOT / "services" / "zv" / "viewer" / "page" / "js"
 LINE = re.compile(r"^(\S+)\(\d+,\d+\): error TS(\d+): (.*)$", re.MULTILINE)
 OPTIONS = (
     "--noEmit", "--allowJs", "--checkJs", "--strict", "--noImplicitAny", "false",
-    "--noUnusedLocals", "--noUnusedParameters", "--noImplicitReturns",
+    "--noUncheckedIndexedAccess", "--noUnusedLocals", "--noUnusedParameters", "--noImplicitReturns",
     "--noFallthroughCasesInSwitch", "--noImplicitOverride", "--allowUnreachableCode", "false",
     "--target", "esnext", "--module", "esnext", "--moduleResolution", "node",
     "--lib", "esnext,dom,dom.iterable",
@@ -45,6 +45,7 @@ def test_each_kind_of_fault_is_found(tmp_path: Path):
         "Math.abs('text'); export {};": "2345",
         "export function f(a) { if (a) return 1; }": "7030",
         "export const a = [1].find(Boolean) + 1;": "2532",
+        "export const a = ['x'].map(String)[1].length;": "2532",
     }
     (tmp_path / "other.js").write_text("export function one(first) { return first; }")
     modules = [tmp_path / f"module{number}.js" for number in range(len(texts))]

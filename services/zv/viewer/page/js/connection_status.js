@@ -75,5 +75,4 @@ export function showConnection(system, connection, watches) {
 function banner(text, kind = "") {
 	setText(byId("banner"), text);
 	setData(byId("banner"), { kind });
-	byId("banner").hidden = !text;
 }

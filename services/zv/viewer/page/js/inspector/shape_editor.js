@@ -240,7 +240,6 @@ export class ShapeEditor {
 	}
 
 	refuse(text) {
-		byId("shape-refusal").hidden = !text;
 		setText(byId("shape-refusal"), text);
 	}
 }

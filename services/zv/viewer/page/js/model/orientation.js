@@ -39,8 +39,10 @@ export class Orientation {
 
 	/** The numbers of a canvas transform from a frame to the turned frame. */
 	transform({ width, height }) {
-		const [a, b, c, d, e, f] = [[1, 0, 0, 1, 0, 0], [0, 1, -1, 0, height, 0],
-			[-1, 0, 0, -1, width, height], [0, -1, 1, 0, 0, width]][this.quarters];
+		/** @type {any[]} */
+		const turns = [[1, 0, 0, 1, 0, 0], [0, 1, -1, 0, height, 0], [-1, 0, 0, -1, width, height],
+			[0, -1, 1, 0, 0, width]];
+		const [a, b, c, d, e, f] = turns[this.quarters];
 		return this.mirrored ? [-a, -b, c, d, e + a * width, f + b * width] : [a, b, c, d, e, f];
 	}
 

@@ -56,7 +56,6 @@ export function locked({ flags }) {
 
 /** Show why a change was refused and what is allowed, or nothing if it was not. */
 export function showRefusal(target, { ok, error = "", allowed = "" }) {
-	target.hidden = ok;
 	setText(target, ok ? "" : [error, allowed].filter(Boolean).join(". Allowed: "));
 }
 
@@ -79,7 +78,7 @@ export class Control {
 			} });
 		this.slider = this.makeSlider();
 		this.condition = element("p", { class: "condition" });
-		this.error = element("p", { class: "refusal", id: `${id}-error`, role: "alert", hidden: true });
+		this.error = element("p", { class: "refusal", id: `${id}-error`, role: "alert" });
 		this.reset = element("button", { type: "button", class: "reset", title: "Back to the default",
 			"aria-label": `${name} back to the default`,
 			onclick: () => this.send(this.parameter.default) }, "↺");

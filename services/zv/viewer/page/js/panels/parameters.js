@@ -65,7 +65,7 @@ export class ParametersPanel {
 		const controls = this.of(node).map((parameter) =>
 			new Control(parameter, (value) => this.set(node, { [parameter.name]: value })));
 		const state = element("span", { class: "node-state" });
-		const refusal = element("p", { class: "refusal", role: "alert", hidden: true });
+		const refusal = element("p", { class: "refusal", role: "alert" });
 		const fields = element("fieldset", {}, ...controls.map((control) => control.element));
 		const reset = element("button", { type: "button",
 			onclick: () => this.setDefaults(node, refusal) }, "Reset to defaults");

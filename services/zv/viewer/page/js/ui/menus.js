@@ -20,6 +20,7 @@ function follow(menu) {
 function place(menu) {
 	const buttons = [...document.querySelectorAll(`[popovertarget="${menu.id}"]`)];
 	const button = buttons.find((one) => one.checkVisibility()) ?? buttons[0];
+	if (!button) return;
 	const { bottom, right } = button.getBoundingClientRect();
 	const fromRight = Math.min(innerWidth - right, innerWidth - WIDEST_PX - EDGE_PX);
 	menu.style.setProperty("--menu-top", `${bottom + GAP_PX}px`);

@@ -84,7 +84,6 @@ export class Wall {
 		setText(byId("wall-count"), all.length
 			? `${shown.length} of ${all.length} streams, ${cameras} camera${cameras === 1 ? "" : "s"}` : "");
 		const { misnamed } = this.system;
-		byId("wall-misnamed").hidden = !misnamed.length;
 		setText(byId("wall-misnamed"), misnamed.length ? `Not shown: ${misnamed.join(", ")}. `
 			+ "The name of a camera has only letters a-z, digits and _, such as cam_1." : "");
 		byId("wall-empty").hidden = all.length > 0 || this.chosen.length > 0;
