@@ -59,7 +59,7 @@ test("states and shapes may have the names of what every object has", () => {
     const frame = { header: { width: 640 }, items: new Map([["t", { tracks: [{ ...TRACK, state: name }] }]]) };
     const zone = { name, world: false, points: [[0, 0], [9, 0], [9, 9]] };
     const shapes = { zones: [zone], lines: [], counts: { zones: {} } };
-    drawOverlay(canvasWith(texts), frame, { keys: ["t"], trails: null, shapes }, (point) => point, 1);
+    drawOverlay(canvasWith(texts), frame, { keys: ["t"], trails: null, shapes }, (point) => point);
     assert.deepEqual(texts, [name, `7 ${name}`]);
   }
 });

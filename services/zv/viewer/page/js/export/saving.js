@@ -30,7 +30,7 @@ export async function saveDrawn(frame, { key }, overlay, image) {
 	const canvas = new OffscreenCanvas(header.width, header.height);
 	const context = canvas.getContext("2d");
 	context.drawImage(image, 0, 0, canvas.width, canvas.height);
-	drawOverlay(context, frame, overlay, (point) => point, 1);
+	drawOverlay(context, frame, overlay, (point) => point);
 	const blob = await canvas.convertToBlob({ type: "image/png" });
 	const messages = Object.fromEntries(
 		overlay.keys.filter((one) => frame.items.has(one)).map((one) => [one, frame.items.get(one)]),

@@ -82,10 +82,15 @@ export class Pane {
 		const marks = this.overlay.getContext("2d");
 		picture.fillStyle = "#000";
 		picture.fillRect(0, 0, width, height);
+		marks.resetTransform();
 		marks.clearRect(0, 0, width, height);
+		marks.scale(devicePixelRatio, devicePixelRatio);
 		if (!this.item) return;
 		const { frame, frame: { header } } = this;
-		const toCanvas = (point) => view.toPane(this.size, orientation.toTurned(header, point));
+		const toCanvas = (point) => {
+			const at = view.toPane(this.size, orientation.toTurned(header, point));
+			return { x: at.x / devicePixelRatio, y: at.y / devicePixelRatio };
+		};
 		const corner = view.toPane(this.size, { x: 0, y: 0 });
 		const toned = this.toner.toned(this.item, tone.choice, tone.isMeasured);
 		this.toned = toned;
@@ -96,8 +101,8 @@ export class Pane {
 		picture.drawImage(toned.image, 0, 0, header.width, header.height);
 		picture.resetTransform();
 		const drawn = this.seq === frame.seq
-			? drawOverlay(marks, frame, overlay, toCanvas, devicePixelRatio) : { marks: [], shapes: [] };
-		if (pointer) drawSpot(marks, toCanvas(pointer), 5 * devicePixelRatio);
+			? drawOverlay(marks, frame, overlay, toCanvas) : { marks: [], shapes: [] };
+		if (pointer) drawSpot(marks, toCanvas(pointer));
 		this.describe(view, overlay, drawn);
 		this.writeScale(toned, tone.choice.map);
 		this.pixel = pointer ? this.valueAt(pointer, header) : "";
@@ -155,11 +160,11 @@ export class Pane {
 }
 
 /** A small square at the pointer: the same in each pane. */
-function drawSpot(context, { x, y }, half) {
+function drawSpot(context, { x, y }) {
 	context.lineWidth = 1;
-	for (const [colour, by] of [["#000", half + 1], ["#fff", half]]) {
+	for (const { colour, half } of [{ colour: "#000", half: 6 }, { colour: "#fff", half: 5 }]) {
 		context.strokeStyle = colour;
-		context.strokeRect(x - by, y - by, 2 * by, 2 * by);
+		context.strokeRect(x - half, y - half, 2 * half, 2 * half);
 	}
 }
 

@@ -9,6 +9,7 @@ const CENTROID_COLOUR = "#00ff00"; // the tutorial's green
 const TRACK_COLOURS = ["#ffd400", "#ff6ad5", "#36c5ff", "#ff8a3c", "#b48cff", "#8affc1"];
 const OUTLINE = "rgba(0, 0, 0, 0.65)";
 const LONGEST_STEP = 0.06; // of the frame's width
+const LABEL_PX = 12;
 const DASHES = new Map([["lost", [4, 4]], ["tentative", [2, 3]]]);
 
 /** The positions of objects in the last seconds, by stream and id. */
@@ -65,27 +66,25 @@ export function marksOf({ tracks, x, y, box }) {
 
 /**
  * Draw the messages `keys` of a frame; `trails` is a Trails or null, `shapes` those of drawShapes or
- * null, `toCanvas(point)` maps a point of the frame to the canvas, `ratio` is device pixels per CSS
- * pixel. Returns what was drawn: `marks`, in the frame's pixels, [{key, id, box, x, y}], and the words
- * at the `shapes`.
+ * null, `toCanvas(point)` maps a point of the frame to the canvas, whose unit is a CSS pixel. Returns
+ * what was drawn: `marks`, in the frame's pixels, [{key, id, box, x, y}], and the words at the `shapes`.
  */
-export function drawOverlay(context, frame, { keys, trails, shapes }, toCanvas, ratio) {
+export function drawOverlay(context, frame, { keys, trails, shapes }, toCanvas) {
 	const drawn = [];
-	const labels = shapes ? drawShapes(context, shapes, toCanvas, ratio) : []; // drawn last
+	const labels = shapes ? drawShapes(context, shapes, toCanvas) : []; // drawn last
 	const words = labels.map(([text]) => text);
 	for (const key of keys.filter((one) => frame.items.has(one))) {
 		const marks = marksOf(frame.items.get(key));
 		const paths = trails?.upTo(key, frame.header);
 		for (const { id } of marks) {
-			const points = paths?.get(id) ?? [];
-			drawTrail(context, points, colourOf(id), frame.header.width, toCanvas, ratio);
+			drawTrail(context, paths?.get(id) ?? [], colourOf(id), frame.header.width, toCanvas);
 		}
 		for (const mark of marks) {
-			labels.push(drawMark(context, mark, toCanvas, ratio));
+			labels.push(drawMark(context, mark, toCanvas));
 			drawn.push({ key, id: mark.id, box: mark.box, x: mark.x, y: mark.y });
 		}
 	}
-	for (const [text, corner, colour] of labels) drawLabel(context, text, corner, colour, ratio);
+	for (const [text, corner, colour] of labels) drawLabel(context, text, corner, colour);
 	return { marks: drawn, shapes: words };
 }
 
@@ -94,7 +93,7 @@ function colourOf(id) {
 }
 
 /** Draw box and centre; returns the label that belongs to them: [text, corner, colour]. */
-function drawMark(context, mark, toCanvas, ratio) {
+function drawMark(context, mark, toCanvas) {
 	const [left, top, width, height] = mark.box;
 	const one = toCanvas({ x: left, y: top });
 	const other = toCanvas({ x: left + width, y: top + height });
@@ -103,39 +102,38 @@ function drawMark(context, mark, toCanvas, ratio) {
 	const colour = colourOf(mark.id);
 	for (const { style, line } of [{ style: OUTLINE, line: 4 }, { style: colour, line: 2 }]) {
 		context.strokeStyle = style;
-		context.lineWidth = line * ratio;
-		context.setLineDash((style === colour ? DASHES.get(mark.state) ?? [] : []).map((d) => d * ratio));
+		context.lineWidth = line;
+		context.setLineDash(style === colour ? DASHES.get(mark.state) ?? [] : []);
 		context.strokeRect(from.x, from.y, Math.abs(other.x - one.x), Math.abs(other.y - one.y));
 	}
 	context.setLineDash([]);
 	for (const { style, radius } of [{ style: OUTLINE, radius: 4.5 }, { style: colour, radius: 3.5 }]) {
 		context.fillStyle = style;
 		context.beginPath();
-		context.arc(centre.x, centre.y, radius * ratio, 0, 2 * Math.PI);
+		context.arc(centre.x, centre.y, radius, 0, 2 * Math.PI);
 		context.fill();
 	}
 	// A centroid's numbers are at its centre, since its box may share a corner with a track's.
-	const corner = mark.id === "" ? { x: centre.x + 8 * ratio, y: centre.y - 4 * ratio } : from;
+	const corner = mark.id === "" ? { x: centre.x + 8, y: centre.y - 4 } : from;
 	return [mark.label, corner, colour];
 }
 
-function drawLabel(context, text, corner, colour, ratio) {
-	const size = 12 * ratio;
-	context.font = `600 ${size}px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace`;
+function drawLabel(context, text, corner, colour) {
+	context.font = `600 ${LABEL_PX}px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace`;
 	context.textBaseline = "alphabetic";
-	const width = context.measureText(text).width + 6 * ratio;
+	const width = context.measureText(text).width + 6;
 	// Above the box, or inside it at the border of the picture.
-	const above = corner.y - size * 1.35 > 0;
-	const top = above ? corner.y - size * 1.35 - ratio : corner.y + ratio;
+	const height = LABEL_PX * 1.35;
+	const top = corner.y > height ? corner.y - height - 1 : corner.y + 1;
 	context.fillStyle = colour;
-	context.fillRect(corner.x - ratio, top, width, size * 1.35);
+	context.fillRect(corner.x - 1, top, width, height);
 	context.fillStyle = "#000";
-	context.fillText(text, corner.x + 2 * ratio, top + size * 1.05);
+	context.fillText(text, corner.x + 2, top + LABEL_PX * 1.05);
 }
 
 /** A trail is interrupted at jumps, where the largest object has changed. */
-function drawTrail(context, points, colour, frameWidth, toCanvas, ratio) {
-	context.lineWidth = 1.5 * ratio;
+function drawTrail(context, points, colour, frameWidth, toCanvas) {
+	context.lineWidth = 1.5;
 	context.lineJoin = "round";
 	context.strokeStyle = colour;
 	context.globalAlpha = 0.85;

@@ -23,7 +23,7 @@ export function shapeLabel({ name }, count, toRight) {
  * Tracks message, `chosen` a shape whose corners are drawn, `draft` the points of a new one. Returns the labels to
  * draw above all: [text, corner, colour].
  */
-export function drawShapes(context, { counts, chosen, draft, ...shapes }, toCanvas, ratio) {
+export function drawShapes(context, { counts, chosen, draft, ...shapes }, toCanvas) {
 	const labels = [];
 	const at = ([x, y]) => toCanvas({ x, y });
 	const stroke = (points, colour, isClosed) => {
@@ -38,14 +38,13 @@ export function drawShapes(context, { counts, chosen, draft, ...shapes }, toCanv
 		}
 		for (const [style, width] of [["rgba(0, 0, 0, 0.65)", 4], [colour, 2]]) {
 			context.strokeStyle = style;
-			context.lineWidth = width * ratio;
+			context.lineWidth = width;
 			context.stroke();
 		}
 	};
 	const mark = (points, colour) => {
 		context.fillStyle = colour;
-		const half = CORNER * ratio;
-		for (const { x, y } of points) context.fillRect(x - half, y - half, 2 * half, 2 * half);
+		for (const { x, y } of points) context.fillRect(x - CORNER, y - CORNER, 2 * CORNER, 2 * CORNER);
 	};
 	for (const [kind, plain] of Object.entries(COLOURS)) {
 		const isLine = kind === "lines";
@@ -54,7 +53,7 @@ export function drawShapes(context, { counts, chosen, draft, ...shapes }, toCanv
 			const points = shape.points.map(at);
 			stroke(points, colour, !isLine);
 			const toRight = isLine ? rightSide(shape.points, at) : null;
-			if (toRight) drawArrow(context, toRight, colour, ratio);
+			if (toRight) drawArrow(context, toRight, colour);
 			if (chosen !== undefined) mark(points, colour);
 			const top = points.reduce((best, point) => (point.y < best.y ? point : best));
 			const own = counts?.[kind] ?? {};
@@ -80,8 +79,8 @@ function rightSide([[ax, ay], [bx, by]], at) {
 }
 
 /** Draw a triangle at a line's middle that points to its right side. */
-function drawArrow(context, { from, x, y }, colour, ratio) {
-	const [dx, dy] = [x * ARROW * ratio, y * ARROW * ratio];
+function drawArrow(context, { from, x, y }, colour) {
+	const [dx, dy] = [x * ARROW, y * ARROW];
 	context.fillStyle = colour;
 	context.beginPath();
 	context.moveTo(from.x + 1.4 * dx, from.y + 1.4 * dy);
