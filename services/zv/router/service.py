@@ -24,13 +24,18 @@ from zenoh_vision.transport.zenoh_config import (
     router_config,
     zenoh_error_text,
 )
-from zv.router.rules import RouterRules
+from zv.router.connections import close_without_waiting, cut_connections
+from zv.router.rules import LOOK_S, RouterRules
 from zv.router.settings import RouterSettings
-from zv.router.watchdog import HUNG_S, Watchdog
+from zv.router.watchdog import HUNG_S, LAST_ANSWER_S, Watchdog
 
 log = logging.getLogger("router")
 POLL_S = 0.1
 HUNG_STATUS = 1
+PORT_IN_USE = f"os error {errno.EADDRINUSE}"
+PORT_FREE_S = 3.0
+"""How long a router with new rules waits for its port. Without, one that is in use for a moment
+would have it go on with the former rules, which let in who was revoked."""
 
 
 def run(
@@ -63,8 +68,9 @@ def run(
     with StopSignals() as signals:
         while not signals.stopping:
             config = router_config(settings.listen, path) if rules is None else rules.config
+            renewal = None if rules is None else renewal_of(rules.path)
             try:
-                opened = _opened(config, path, None if rules is None else renewal_of(rules.path))
+                opened = _opened(config, path, renewal, PORT_FREE_S if again else 0.0)
             except ConfigurationError as error:
                 if rules is None or not rules.reject(error):
                     raise
@@ -72,36 +78,70 @@ def run(
             if again and rules is not None and not rules.fault:
                 log.warning("took the new rules in %s; all connections were closed", path)
             again = True
-            with opened as session:
-                watchdog = Watchdog(partial(ask, session))
-                while not signals.stopping and not (rules is not None and rules.changed()):
-                    health_file.beat("" if rules is None else rules.fault)
-                    if watchdog.hangs():
-                        log.error(
-                            "Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S
-                        )
-                        _exit_at_once(HUNG_STATUS)
-                    time.sleep(POLL_S)
-                if not watchdog.end():
-                    _exit_at_once(0 if signals.stopping else HUNG_STATUS)
+            try:
+                _route(opened, health_file, rules, signals)
+            except zenoh.ZError as error:  # of the close, which took longer than Zenoh allows
+                said = zenoh_error_text(error)
+                log.error("Zenoh has locked up: %s; ends, to be restarted", said)
+                _exit_at_once(0 if signals.stopping else HUNG_STATUS)
 
 
-def _opened(config: zenoh.Config, path: str | None, renewal: str | None) -> zenoh.Session:
+def _route(
+    opened: zenoh.Session,
+    health_file: HealthFile,
+    rules: RouterRules | None,
+    signals: StopSignals,
+) -> None:
+    """Route until there are other rules, or until told to stop; close the router then."""
+    with opened as session:
+        watchdog = Watchdog(partial(ask, session))
+        look_s = 0.0
+        while not signals.stopping and not (rules is not None and rules.changed()):
+            health_file.beat("" if rules is None else rules.fault)
+            if watchdog.hangs():
+                log.error("Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S)
+                _exit_at_once(HUNG_STATUS)
+            if time.monotonic() > look_s:
+                look_s = time.monotonic() + LOOK_S
+                close_without_waiting()
+            time.sleep(POLL_S)
+        # A machine that is busy is given more time, unless somebody waits for the end.
+        if not watchdog.end(LAST_ANSWER_S if signals.stopping else HUNG_S):
+            _exit_at_once(0 if signals.stopping else HUNG_STATUS)
+        if not signals.stopping:
+            cut_connections()
+
+
+def _opened(
+    config: zenoh.Config, path: str | None, renewal: str | None, wait_s: float
+) -> zenoh.Session:
     """Open the router, and log where it listens.
+
+    Args:
+        config: The router's.
+        path: The file that it comes from, if any.
+        renewal: The command that writes that file again, if it is of ``zv security``.
+        wait_s: How long the port may be in use, as by what is left of the former connections.
 
     Raises:
         ConfigurationError: It cannot listen there, or its credentials cannot be used.
     """
     endpoints = listen_endpoints(config)
-    try:
-        session = zenoh.open(config)
-    except zenoh.ZError as error:
-        said = zenoh_error_text(error)
+    until_s = time.monotonic() + wait_s
+    while True:
+        try:
+            session = zenoh.open(config)
+            break
+        except zenoh.ZError as error:
+            said = zenoh_error_text(error)
+        if PORT_IN_USE in said and time.monotonic() < until_s:
+            time.sleep(POLL_S)
+            continue
         if renewal is not None and "os error" not in said:
-            raise ConfigurationError(f"{path}: {said}; {renewal} writes it again") from None
+            raise ConfigurationError(f"{path}: {said}; {renewal} writes it again")
         setting = "listen" if path is None else f"{path}: listen/endpoints"
         value = endpoints[0] if len(endpoints) == 1 else endpoints
-        raise ConfigurationError(cannot_listen(f"{setting} = {value!r}", said)) from None
+        raise ConfigurationError(cannot_listen(f"{setting} = {value!r}", said))
     listening = listening_endpoints(session, endpoints)
     log.info("router listens on %s", ", ".join(listening) or "nothing")
     return session
@@ -115,7 +155,7 @@ def _exit_at_once(status: int) -> NoReturn:
 
 def cannot_listen(setting: str, reason: str) -> str:
     """Return the error text for a setting (name and value) that Zenoh refused for a reason."""
-    if f"os error {errno.EADDRINUSE}" in reason:
+    if PORT_IN_USE in reason:
         return (
             f"{setting}: the port is in use, perhaps by a running router. "
             "Use that one with --connect, or another port with --listen tcp/127.0.0.1:PORT"

@@ -46,10 +46,10 @@ class Watchdog:
         self._looked_s = now_s
         return now_s - self._answered_s > HUNG_S
 
-    def end(self) -> bool:
-        """Stop asking; tell whether the last question has been answered."""
+    def end(self, wait_s: float) -> bool:
+        """Stop asking; tell whether the last question has been answered within a time."""
         self._ended.set()
-        self._thread.join(LAST_ANSWER_S)
+        self._thread.join(wait_s)
         return not self._thread.is_alive()
 
     def _go_on_asking(self) -> None:

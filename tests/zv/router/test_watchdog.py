@@ -73,11 +73,10 @@ def test_it_ends_once_the_last_question_is_answered():
     asked = threading.Semaphore(0)
     dog = Watchdog(asked.release)
     assert asked.acquire(timeout=30)
-    assert dog.end()
+    assert dog.end(30)
 
 
-def test_it_says_that_the_last_question_was_never_answered(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(watchdog, "LAST_ANSWER_S", 0.01)
+def test_it_says_that_the_last_question_was_never_answered():
     never = threading.Event()
-    assert not Watchdog(never.wait).end()
+    assert not Watchdog(never.wait).end(0.01)
     never.set()
