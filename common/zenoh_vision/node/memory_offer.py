@@ -70,7 +70,7 @@ class MemoryOffer:
             if self._writer is None or self._demand is None:
                 return False
             if not self._demand.exists:
-                if self._is_due():
+                if self.failure and self._is_due():
                     self.failure = ""
                 return False
             try:

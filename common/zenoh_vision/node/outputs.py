@@ -117,23 +117,13 @@ class Outputs:
             ValueError: The table has no topic of a name.
         """
         added = tuple(map(topic_named, topics))
-        if self._server is None:
-            raise RuntimeError(f"{self._core.name} is not open: add cameras inside `with`")
-        self._topics = {**self._topics, camera: added}
         self._declare(camera, added)
+        self._topics = {**self._topics, camera: added}
 
     def _declare(self, camera: str, topics: Sequence[Topic]) -> None:
-        core, server = self._core, self._server
-        assert server is not None
+        core, link = self._core, self._core.link
         new = {
-            (topic.name, camera): StreamPublisher(
-                core.link,
-                topic,
-                topic.key(core.namespace, camera),
-                server.queue,
-                core.health.log_drop,
-                core.clock,
-            )
+            (topic.name, camera): self._declared(topic.key(core.namespace, camera), topic)
             for topic in topics
             if not topic.by_query
         }
@@ -144,19 +134,24 @@ class Outputs:
             # Where each frame must arrive it is a message; in shared memory only the newest waits.
             newest_wins = all(each.delivery == "frame" for each in topics if each.message is None)
             if self._may_offer and newest_wins:
-                memory = MemoryOffer(core.link, core.namespace, camera, core.clock)
+                memory = MemoryOffer(link, core.namespace, camera, core.clock)
             self._frames = {**self._frames, camera: FrameOutputs(compressed, raw, memory)}
 
     def add_stream(self, key: str, topic: Topic) -> StreamPublisher:
         """Declare a key of any name; see ``Node.add_stream``."""
-        core, server = self._core, self._server
-        if server is None:
-            raise RuntimeError(f"{core.name} is not open: add streams inside `with`")
-        added = StreamPublisher(
-            core.link, topic, key, server.queue, core.health.log_drop, core.clock
-        )
+        added = self._declared(key, topic)
         self._publishers = {**self._publishers, (key, ""): added}
         return added
+
+    def _declared(self, key: str, topic: Topic) -> StreamPublisher:
+        """Return a publisher of a key.
+
+        Raises:
+            RuntimeError: The node is not open.
+        """
+        core, link, server = self._core, self._core.link, self._server
+        assert server is not None
+        return StreamPublisher(link, topic, key, server.queue, core.health.log_drop, core.clock)
 
     @property
     def shared_memory_failure(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -189,4 +190,4 @@ class Scene:
 
 
 def _nearest(position: float) -> int:
-    return int(np.floor(position + 0.5))
+    return math.floor(position + 0.5)
