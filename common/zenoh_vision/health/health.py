@@ -160,7 +160,8 @@ class Health:
 
     def _reported(self) -> list[tuple[int, str]]:
         """Return level and message of each condition, in the order of their names."""
-        found = {name: (int(Level.OK), words()) for name, words in self.remarks.items()}
+        remarks = tuple(self.remarks.items())  # another thread may add one
+        found = {name: (int(Level.OK), words()) for name, words in remarks}
         with self._lock:
             found |= self._conditions
         return [found[name] for name in sorted(found)]
