@@ -29,7 +29,7 @@ export class ShapeEditor {
 		this.base = {}; // kind -> the tracker's text that the shapes are, or a change is based on
 		this.seen = {}; // kind -> the tracker's text that was read last
 		system.on("parameters nodes hello", () => this.read());
-		for (const kind of KIND_NAMES) listen(`add-${kind}`, "click", () => this.begin(kind));
+		for (const kind of KIND_NAMES) listen(`add-${kind}`, "click", () => this.begin({ kind, points: [] }));
 		listen("shape-undo", "click", () => this.undo());
 		listen("shape-name", "change", ({ target }) => this.rename(target.value.trim()));
 		listen("shape-delete", "click", () => this.remove());
@@ -106,23 +106,20 @@ export class ShapeEditor {
 
 	toggle() {
 		this.isActive = !this.isActive && this.canEdit;
-		this.draft = null;
-		this.choice = null;
-		this.refuse("");
-		this.draw();
+		this.begin(null);
 	}
 
 	/** Cancel the unfinished shape, else end the editing; returns whether there was either. */
 	escape() {
 		if (!this.isActive) return false;
-		if (this.draft) this.draft = null;
+		if (this.draft) this.begin(null);
 		else this.toggle();
-		this.draw();
 		return true;
 	}
 
-	begin(kind) {
-		this.draft = { kind, points: [] };
+	/** Begin with a draft, or without one. */
+	begin(draft) {
+		this.draft = draft;
 		this.choice = null;
 		this.refuse("");
 		this.draw();
@@ -154,7 +151,7 @@ export class ShapeEditor {
 		const name = freeName(kind, this[kind]);
 		this[kind] = [...this[kind], { name, world: false, points }];
 		this.draft = null;
-		this.choice = { kind, index: this[kind].length - 1 };
+		this.choice = { kind, index: this[kind].length - 1, corner: null };
 		this.send(kind);
 	}
 
@@ -177,9 +174,8 @@ export class ShapeEditor {
 	nudge(by) {
 		if (!this.isActive || !this.chosen || this.held !== null) return false;
 		const { kind, corner } = this.choice;
-		this.chosen.points = this.chosen.points.map((point, index) =>
-			corner === null || corner === undefined || corner === index
-				? point.map((value, axis) => Math.round(value + by[axis])) : point);
+		this.chosen.points = this.chosen.points.map((point, index) => [null, index].includes(corner)
+			? point.map((value, axis) => Math.round(value + by[axis])) : point);
 		this.send(kind);
 		this.changed();
 		return true;
