@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -68,6 +69,27 @@ def test_a_message_is_a_tree_with_what_its_schema_says_and_follows_the_stream(pa
     wait_until(lambda: rows(opened) == ["battery 79 charge, percent"])
     opened.page.click("#message-hold")
     server.wait_for(KEY, watched=False)
+
+
+def test_a_message_is_copied_as_json_or_selected_where_the_browser_forbids_that(panel) -> None:
+    opened, server = panel
+    tell(server, battery=80)
+    wait_until(lambda: "battery 80 charge, percent" in rows(opened))
+    clipboard = "Object.defineProperty(navigator, 'clipboard', {configurable: true, value: %s})"
+    words = "document.querySelector('#message-copy').textContent"
+    opened.page.evaluate(clipboard % "undefined")  # as on a page without HTTPS
+    opened.page.click("#message-copy")
+    opened.wait(f"{words} === 'Ctrl-C'")
+    selected = opened.page.evaluate("document.getSelection().toString()")
+    assert json.loads(selected) == {"header": header(1, KEY), "battery": 80}
+    opened.page.focus("#message-search")
+    assert opened.page.is_hidden("#message-json")
+    opened.page.evaluate(clipboard % "{writeText: async (text) => (window.copied = text)}")
+    opened.wait(f"{words} === 'Copy as JSON'")
+    opened.page.click("#message-copy")
+    opened.wait(f"{words} === 'Copied'")
+    assert json.loads(opened.page.evaluate("copied"))["battery"] == 80
+    assert opened.page.is_hidden("#message-json")
 
 
 def test_a_schema_that_comes_after_its_only_message_is_shown_with_it(panel) -> None:

@@ -27,12 +27,17 @@ export function copies(button, field) {
 	button.addEventListener("click", () => copyText(button, field));
 }
 
-/** Copy a text field and say so on a button; where the browser forbids it, the text is selected. */
+/**
+ * Copy a text field and say so on a button; where the browser forbids it, the text is selected.
+ * Resolves to whether it was copied.
+ */
 export async function copyText(button, field, label = "Copy") {
 	field.focus();
 	field.select();
 	// A page without HTTPS from another machine may not copy.
-	const isCopied = await navigator.clipboard?.writeText(field.value).then(() => true, () => false);
+	const copying = navigator.clipboard?.writeText(field.value) ?? Promise.reject();
+	const isCopied = await copying.then(() => true, () => false);
 	setText(button, isCopied ? "Copied" : "Ctrl-C");
 	setTimeout(() => setText(button, label), COPIED_MS);
+	return isCopied;
 }

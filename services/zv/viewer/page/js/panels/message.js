@@ -35,6 +35,9 @@ export class MessagePanel {
 		listen("message-search", "input", () => this.drawRows());
 		listen("message-hold", "click", () => this.hold(!this.isHeld));
 		listen("message-copy", "click", () => this.copy());
+		listen("message-json", "blur", ({ target }) => {
+			target.hidden = true;
+		});
 		listen("message-more", "click", () => {
 			this.most += ROWS;
 			this.drawRows();
@@ -156,11 +159,11 @@ export class MessagePanel {
 		return this.schemas.get(type) ?? null;
 	}
 
-	copy() {
+	/** Copy the message; where the browser forbids it, its field stays, selected, until it is left. */
+	async copy() {
 		const field = byId("message-json");
 		field.hidden = false;
 		field.value = JSON.stringify(this.fields, null, 2);
-		copyText(byId("message-copy"), field, "Copy as JSON");
-		field.hidden = true;
+		field.hidden = await copyText(byId("message-copy"), field, "Copy as JSON");
 	}
 }
