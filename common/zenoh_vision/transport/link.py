@@ -23,6 +23,7 @@ import zenoh
 from zenoh_vision import keys
 from zenoh_vision.errors import RouterUnreachable, VisionError
 from zenoh_vision.host.abandoned_threads import abandon
+from zenoh_vision.security.credentials import file_state
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.declarations import Kind
 from zenoh_vision.transport.handshake import RefusalProbe
@@ -33,7 +34,7 @@ from zenoh_vision.transport.session import (
     try_session,
     why_refused,
 )
-from zenoh_vision.transport.zenoh_config import where, zenoh_error_text
+from zenoh_vision.transport.zenoh_config import credentials_of, where, zenoh_error_text
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +44,10 @@ REPLACE_AFTER_S = 10.0
 ASK_INTERVAL_S = 5.0
 ANSWER_S = 2.0
 """A router that twice answers nothing for this long does not know what the session declared."""
+
+FOLLOW_INTERVAL_S = 3.0
+"""How often changed credentials are looked for. A session keeps those that it was opened with, also
+when it reconnects: who was revoked, and given another certificate, would stay without any right."""
 
 CHECK_INTERVAL_S = 0.5
 GRACE_S = 0.5
@@ -110,11 +115,12 @@ class Link:
         self._stopping = stopping
         self._log_state = log_state
         self._where = where(connection)
+        self._credentials = self._credentials_state()
         self._session = self._open(give_up)
         self._declared: list[Declaration[Any]] = []
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        self._asked_s = self._connected_s = time.monotonic()
+        self._asked_s = self._connected_s = self._followed_s = time.monotonic()
         self._lost_s: float | None = None
         self._thread = threading.Thread(target=self._monitor, name="link", daemon=True)
         self._thread.start()
@@ -267,10 +273,31 @@ class Link:
         if lost_s is not None:
             text = "the router at %s is back after %.1f s"
             self._tell(logging.WARNING, text, self._where, now_s - lost_s)
+        if now_s - self._followed_s > FOLLOW_INTERVAL_S:
+            self._follow_credentials()
+            self._followed_s = time.monotonic()
         if lost_s is not None or now_s - self._asked_s > ASK_INTERVAL_S:
             if not self._is_answered() and not self._is_answered():
                 self._try_replacement("the router does not answer", is_connected=True)
             self._asked_s = time.monotonic()
+
+    def _credentials_state(self) -> tuple[int, ...] | None:
+        """Return what changes when the credentials do; None without any that can be used."""
+        try:
+            known = credentials_of(self._connection)
+        except VisionError:
+            return None  # revoked, or half-written
+        return None if known is None else file_state(known.path)
+
+    def _follow_credentials(self) -> None:
+        """Open another session if the credentials were replaced, and a router accepts them."""
+        state = None if self._connection.credentials is None else self._credentials_state()
+        if state is None or state == self._credentials:
+            return
+        former = self._session
+        self._try_replacement("other credentials", is_connected=True)
+        if self._session is not former:
+            self._credentials = state
 
     def _is_answered(self) -> bool:
         """Ask the router for a token that nobody has; return whether it answered in time."""

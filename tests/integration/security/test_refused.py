@@ -210,6 +210,16 @@ def test_a_revoked_node_is_out_and_the_others_go_on_and_may_come_back_under_anot
                 wait_until(lambda: seen() == {"camera_front"}, 20)
 
 
+def test_a_node_that_is_given_another_certificate_while_it_runs_comes_back_by_itself(tmp_path):
+    system = secured(tmp_path)
+    with embedded(system, tmp_path), service(system, "camera", tmp_path) as camera:
+        wait_until(lambda: "connected to the router" in camera.complaints, 30)
+        system.revoke("camera_front")
+        wait_until(lambda: "its certificate was revoked" in camera.complaints, 60)
+        system.add(camera=("front",))
+        wait_until(lambda: "denied no more" in camera.complaints, 30)
+
+
 def watching(system: Secured) -> _Watching:
     return _Watching(system)
 
