@@ -63,6 +63,10 @@ def test_a_picture_is_turned_and_stretched_and_keeps_its_coordinates_and_values(
     tab.page.keyboard.press("Tab")
     assert tab.page.get_attribute("#range-high", "aria-invalid") == "true"
     tab.page.fill("#range-high", "110")
+    streams = [stream(CAMERA), stream(DEPTH), stream("vision/front/mask/compressed")]
+    server.tell("streams", streams=streams)
+    tab.wait("document.querySelectorAll('#beside-own label').length === 3")
+    assert tab.page.input_value("#range-high") == "110"  # what is typed stays
     tab.page.keyboard.press("Tab")
     tab.wait_for_red(CAMERA, 24, 54, 128)  # 10 of 20
     assert tab.page.is_enabled("#colour-map")

@@ -43,15 +43,18 @@ export class Adjust {
 
 	/** The menu is now about this stream. */
 	follow({ key, camera }) {
-		if (key !== this.key) this.toned = null;
+		const isOther = key !== this.key;
+		if (isOther) this.toned = null;
 		this.key = key;
 		this.camera = camera;
 		const choice = this.of(key);
 		byId("range").value = choice.range;
 		byId("colour-map").value = choice.map;
 		byId("range-limits").hidden = choice.range !== "fixed";
-		byId("range-low").value = choice.low;
-		byId("range-high").value = choice.high;
+		for (const name of ["low", "high"]) {
+			const field = byId(`range-${name}`);
+			if (isOther || field !== document.activeElement) field.value = choice[name];
+		}
 		byId("adjust-button").setAttribute("aria-pressed",
 			String(choice.range !== "sent" || choice.map !== "grey" || this.orientation.text !== "0"));
 	}
