@@ -179,8 +179,8 @@ def renew(options: RenewOptions, _connection: Connection, output: Output) -> Non
             {"name": name, "ends_s": system.holders[name].ends_s}, f"{name}: valid until {ends}"
         )
     output.note(
-        "copy the files to where they are used; a node takes its own within 5 s, a container when it "
-        "is restarted"
+        "copy the files to where they are used; a node takes its own within 5 s, "
+        "a container when it is restarted"
     )
 
 

@@ -13,9 +13,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from zenoh_vision.error_text import joined, suggestion
-from zenoh_vision.errors import ConfigurationError, SourceError
-from zenoh_vision.security.credentials import ROUTER_FILE, SUFFIX, read_json5, read_private
-from zv.tools.security.authority import Issued, belong_together
+from zenoh_vision.errors import ConfigurationError, SourceError, VisionError
+from zenoh_vision.security.credentials import (
+    CA,
+    ROUTER_FILE,
+    SUFFIX,
+    read_json5,
+    read_private,
+    renewal_of,
+)
+from zv.tools.security.authority import Issued, base64_of, belong_together
 from zv.tools.security.roles import ROUTER, Role
 
 LIST: Final = "security.json"
@@ -169,7 +176,8 @@ class Folder:
 
         Raises:
             SourceError: A file of it is missing.
-            ConfigurationError: Others can read its key, or the files do not belong together.
+            ConfigurationError: Others can read its key, the files do not belong together, or are
+                those of another system.
         """
         certificate, key = self.path / AUTHORITY, self.path / AUTHORITY_KEY
         if not key.is_file():
@@ -180,11 +188,24 @@ class Folder:
         found = Issued(certificate.read_bytes(), read_private(key).encode())
         try:
             if belong_together(found):
+                self._check_in_use(found)
                 return found
             said = "is not that of"
         except ValueError:
             said = "cannot be read, or"
         raise ConfigurationError(f"{key}: the key {said} the certificate {certificate}")
+
+    def _check_in_use(self, authority: Issued) -> None:
+        """Check that routers know this authority: with another, nobody would be let in any more."""
+        for file in self.path.glob(f"*/{ROUTER_FILE}"):
+            known = None
+            with suppress(VisionError, KeyError, TypeError):  # told by who needs the file
+                known = read_json5(file)["transport"]["link"]["tls"][CA]
+            if known is not None and known != base64_of(authority.certificate):
+                raise ConfigurationError(
+                    f"{self.path / AUTHORITY}: not the authority of {file}, perhaps that of "
+                    "another system; copy it and its key back from a backup"
+                )
 
     def read_router(self, name: str) -> dict[str, Any]:
         """Read the configuration of a router.
@@ -193,7 +214,10 @@ class Folder:
             SourceError: It cannot be read.
             ConfigurationError: Others can read it, or it is damaged.
         """
-        return read_json5(self.router_file_of(name))
+        file = self.router_file_of(name)
+        if not file.is_file():
+            raise SourceError(f"{file}: no such file; {renewal_of(file)} writes it again")
+        return read_json5(file)
 
     def write(self, system: System) -> None:
         """Write the list of holders."""

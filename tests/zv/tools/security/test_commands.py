@@ -464,3 +464,27 @@ def test_two_commands_at_once_do_not_lose_a_holder(system: Secured):
             )
         )
     assert set(names) <= Folder(str(system.folder)).system().holders.keys()
+
+
+def test_the_authority_of_another_system_is_told_and_nothing_is_overwritten(
+    system: Secured, tmp_path: Path
+):
+    (tmp_path / "other").mkdir()
+    other = secured(tmp_path / "other")
+    for name in ("ca.pem", "ca.key"):
+        (system.folder / name).write_bytes((other.folder / name).read_bytes())
+    before = {each: each.read_bytes() for each in system.folder.rglob("*") if each.is_file()}
+    for call in (lambda: system.renew("guest"), lambda: system.add(guest=("max",))):
+        with pytest.raises(ConfigurationError, match="not the authority of "):
+            call()
+    after = {each: each.read_bytes() for each in system.folder.rglob("*") if each.is_file()}
+    assert after == before
+
+
+def test_a_router_s_file_that_is_missing_is_told_with_the_command_that_writes_it(system: Secured):
+    system.file("router").unlink()
+    file = system.folder / "router" / "router.json5"
+    with pytest.raises(SourceError, match="no such file; zv security renew router --dir"):
+        system.add(guest=("max",))
+    system.renew("router")
+    assert file.is_file()
