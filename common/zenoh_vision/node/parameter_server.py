@@ -93,19 +93,18 @@ class ParameterServer:
         return lambda: self._store.unwatch(on_change)
 
     def answer(self, query: zenoh.Query) -> None:
-        """Answer a query that reads or sets, by its key."""
+        """Answer a query that reads or sets, by its key.
+
+        Raises:
+            ParameterRefused: There is no such parameter, or the payload is not allowed.
+        """
         expression = query.key_expr
-        try:
-            if expression.intersects(zenoh.KeyExpr(self.set_key)):
-                replies = [self._set(str(expression), payload_of(query))]
-            elif query.payload is None:
-                replies = self._read(expression)
-            else:
-                raise self._other_key(str(expression))
-        except ParameterRefused as refused:
-            refusal = Refusal(error=refused.error, allowed=refused.allowed)
-            query.reply_err(refusal.to_bytes(), encoding=keys.msgpack_of(Refusal.schema_name))
-            return
+        if expression.intersects(zenoh.KeyExpr(self.set_key)):
+            replies = [self._set(str(expression), payload_of(query))]
+        elif query.payload is None:
+            replies = self._read(expression)
+        else:
+            raise self._other_key(str(expression))
         for key, message in replies:
             query.reply(key, message.to_bytes(), encoding=keys.msgpack_of(message.schema_name))
 

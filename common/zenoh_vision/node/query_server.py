@@ -29,6 +29,7 @@ MAX_WAITING_BYTES = 16 << 20
 CLOSE_S = 1.0
 
 Answer = Callable[[zenoh.Query], None]
+"""Answers a query. A ``ParameterRefused`` becomes an error reply, the message ``Refusal``."""
 
 
 class QueryServer:
@@ -90,6 +91,10 @@ class QueryServer:
             with query:  # the sender waits until the query is dropped
                 try:
                     answer(query)
+                except ParameterRefused as refused:
+                    refusal = Refusal(error=refused.error, allowed=refused.allowed)
+                    encoding = keys.msgpack_of(Refusal.schema_name)
+                    query.reply_err(refusal.to_bytes(), encoding=encoding)
                 except Exception as error:  # of a function of the service, perhaps
                     log.debug("a query could not be answered", exc_info=True)
                     words = f"{type(error).__name__}: {error}"
@@ -107,19 +112,13 @@ def _parameters(query: zenoh.Query) -> dict[str, str]:
 def message_answer(key: str, reply_to: Callable[[Mapping[str, str]], Message]) -> Answer:
     """Return a function that answers queries on a key with a message made for their parameters.
 
-    A refusal is an error reply, the message ``Refusal``. A query with wildcards, such as a snapshot
-    of all streams, gets no reply.
+    A query with wildcards, such as a snapshot of all streams, gets no reply.
     """
 
     def answer(query: zenoh.Query) -> None:
         if str(query.key_expr) != key:
             return
-        try:
-            message = reply_to(_parameters(query))
-        except ParameterRefused as refused:
-            refusal = Refusal(error=refused.error, allowed=refused.allowed)
-            query.reply_err(refusal.to_bytes(), encoding=keys.msgpack_of(Refusal.schema_name))
-            return
+        message = reply_to(_parameters(query))
         attachment = message.header.to_bytes() if isinstance(message, Stamped) else None
         encoding = keys.msgpack_of(message.schema_name)
         query.reply(key, message.to_bytes(), encoding=encoding, attachment=attachment)

@@ -14,10 +14,9 @@ import zenoh
 
 from zenoh_vision import keys
 from zenoh_vision.error_text import shortened
-from zenoh_vision.errors import PayloadError
+from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.keys import LaunchVerb
 from zenoh_vision.message_codec import unpack
-from zenoh_vision.messages import Refusal
 from zv.launcher.child import Child
 
 VERBS: Final = get_args(LaunchVerb)
@@ -55,6 +54,9 @@ class NodeControl:
         """Answer a query on ``@{ns}/launch/{node}`` with the state of each node that it names.
 
         Its payload is the verb; without one nothing changes. Blocks until it is done.
+
+        Raises:
+            ParameterRefused: The payload is no verb, or several nodes are named.
         """
         keys_of = {
             zenoh.KeyExpr(keys.launch_key(self._namespace, name)): child
@@ -66,9 +68,8 @@ class NodeControl:
             if verb is not None and len(named) > 1:
                 raise PayloadError("bad_message", "a change of several nodes at once")
         except PayloadError as error:
-            refusal = Refusal(error=error.detail, allowed=f"one of {', '.join(VERBS)}, of one node")
-            query.reply_err(refusal.to_bytes(), encoding=keys.msgpack_of(Refusal.schema_name))
-            return
+            allowed = f"one of {', '.join(VERBS)}, of one node"
+            raise ParameterRefused(error.detail, allowed) from None
         for key, child in named:
             state = child.state if verb is None else self._done(child, verb)
             query.reply(key, msgpack.packb(state), encoding="application/msgpack")

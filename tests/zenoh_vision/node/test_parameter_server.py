@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tests.support.clocks import SteppedClock
 from tests.support.library import LIVE, LampSettings
 from zenoh_vision.config.revisions import ParameterStore
+from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.messages import Parameter, ParameterList, Refusal
 from zenoh_vision.node.parameter_server import MAX_BYTES, MAX_LOGGED, ParameterServer
 
@@ -53,10 +54,6 @@ class Query:
         }[encoding]
         self.good.append((key, kind.from_bytes(payload).to_map()))
 
-    def reply_err(self, payload: bytes, encoding: str) -> None:
-        assert encoding == f"{MSGPACK};vision.Refusal.v1"
-        self.bad.append(Refusal.from_bytes(payload))
-
 
 class Lamp:
     """A server with its settings, asked without a network."""
@@ -68,7 +65,10 @@ class Lamp:
     def ask(self, key: str, payload: bytes | None = None, encoding: str = MSGPACK) -> Query:
         sent = None if payload is None else Bytes(payload)
         query = Query(zenoh.KeyExpr(key), sent, None if sent is None else encoding)
-        self.server.answer(query)  # type: ignore[arg-type]
+        try:
+            self.server.answer(query)  # type: ignore[arg-type]
+        except ParameterRefused as refused:
+            query.bad.append(Refusal(error=refused.error, allowed=refused.allowed))
         return query
 
     def set(self, key: str, value: object) -> Query:

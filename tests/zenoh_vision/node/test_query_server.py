@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import zenoh
 
 from tests.support.waiting import wait_until
-from zenoh_vision.messages import Centroid
+from zenoh_vision.errors import ParameterRefused
+from zenoh_vision.messages import Centroid, Refusal
 from zenoh_vision.node.query_server import (
     MAX_WAITING_BYTES,
     MAX_WAITING_QUERIES,
@@ -24,6 +25,7 @@ class Query:
     def __init__(self, payload: bytes | None = None) -> None:
         self.payload = payload
         self.errors: list[bytes] = []
+        self.encodings: list[str] = []
 
     def __enter__(self) -> Query:
         return self
@@ -33,6 +35,7 @@ class Query:
 
     def reply_err(self, payload: bytes, encoding: str) -> None:
         self.errors.append(payload)
+        self.encodings.append(encoding)
 
 
 def test_close_does_not_wait_for_a_full_queue():
@@ -78,6 +81,21 @@ def test_queries_that_wait_are_limited_in_bytes_and_the_limit_is_for_those_that_
     server.queue(refused, answered.append)  # type: ignore[arg-type]
     wait_until(lambda: answered[-1] is refused)
     server.close()
+
+
+def test_a_refusal_is_an_error_reply_and_the_next_query_is_answered():
+    def refuse(_query: object) -> None:
+        raise ParameterRefused("rate = 0", "above 0")
+
+    server = QueryServer()
+    asked, answered = Query(), threading.Event()
+    server.queue(asked, refuse)  # type: ignore[arg-type]
+    server.queue(Query(), lambda _query: answered.set())  # type: ignore[arg-type]
+    server.start()
+    assert answered.wait(5)
+    server.close()
+    assert asked.encodings == ["application/msgpack;vision.Refusal.v1"]
+    assert Refusal.from_bytes(asked.errors[0]) == Refusal(error="rate = 0", allowed="above 0")
 
 
 def test_the_schema_of_a_message_is_made_once_however_often_it_is_asked_for(monkeypatch):
