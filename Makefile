@@ -30,6 +30,8 @@ security: $(VENV)/.runtime
 
 ## test: everything that CI checks
 test: check tests wheel
+# What `check` has run already.
+test: DONE := --ignore=tests/zv/viewer/page/test_lint.py
 
 ## check: format, lint, types, import layers, spelling; the page's modules by Debian's tsc
 check: $(VENV)/.dev
@@ -47,7 +49,7 @@ marked = $(or $(ARGS),$$(grep -rl --include='test_*.py' 'mark\.$(1)\b' tests))
 define run_tests
 failed=0; selected=0; \
 	run() { $(BIN)/pytest "$$@"; case $$? in 0) selected=1 ;; 5) ;; *) failed=1 ;; esac; }; \
-	run -m "not compose and not devices and not quiet and not alone" -n 4 --dist loadgroup $(1) $(ARGS); \
+	run -m "not compose and not devices and not quiet and not alone" -n 4 --dist loadgroup $(DONE) $(1) $(ARGS); \
 	run -m quiet -n 3 --maxschedchunk 1 $(2) $(call marked,quiet); \
 	run -m alone $(3) $(call marked,alone); \
 	[ $$failed$$selected = 01 ]
@@ -104,8 +106,9 @@ coverage: $(VENV)/.dev
 
 ## wheel: build the wheel, with and without the weights of `learned`, install it, run it
 wheel: $(VENV)/.dev
-	PYTHON=$(BIN)/python ZV_WEIGHTS=yes tests/smoke_wheel.sh
-	PYTHON=$(BIN)/python ZV_WEIGHTS= tests/smoke_wheel.sh
+	PYTHON=$(BIN)/python ZV_WEIGHTS=yes tests/smoke_wheel.sh & \
+	PYTHON=$(BIN)/python ZV_WEIGHTS= tests/smoke_wheel.sh; without=$$?; \
+	wait $$! && exit $$without
 
 ## bench: measure speed relative to a minimum of the same run
 bench: $(VENV)/.dev
