@@ -31,7 +31,8 @@ from zv.bag.recording import Recording
 from zv.camera.sources.jpeg_splitter import JpegSplitter
 from zv.camera.sources.mjpeg import DamagedJpeg, whole_jpeg
 from zv.tools.doctor.observation import router_of
-from zv.tools.shared.json_schema import UnusableSchema, error_in, parsed
+from zv.tools.shared.json_schema import UnusableSchema, parsed
+from zv.tools.shared.schema_check import SchemaCheck
 from zv.viewer.websocket.commands import MalformedCommand, parse_command
 
 KINDS: tuple[type[Message], ...] = tuple(dict.fromkeys(messages.MESSAGES.values()))
@@ -129,7 +130,7 @@ def schema(data: bytes) -> None:
     with suppress(UnusableSchema):
         found = parsed(text)
         with suppress(ValueError, RecursionError):
-            error_in(found, json.loads(value or b"null"), "value")
+            SchemaCheck(found).error_in(json.loads(value or b"null"), "value")
 
 
 def calibration(data: bytes) -> None:

@@ -137,7 +137,7 @@ def test_a_message_is_sent_with_the_type_of_its_key_and_checked(zv, client, node
     assert sample.encoding == "application/msgpack;my.Difference.v1"
     sent = Difference.from_bytes(sample.payload)
     assert (sent.share, sent.where, sent.header.camera) == (0.25, (1, 2), "front")
-    with pytest.raises(ConfigurationError, match=r"Difference\.share: .* valid number, got 'x'"):
+    with pytest.raises(ConfigurationError, match=r"Difference\.share: 'x' is not of type 'number'"):
         zv(pub(key, {"share": "x"}, **options))
     with pytest.raises(ConfigurationError, match="no field 'shares'; its fields: header, share"):
         zv(pub(key, {"shares": 1}, **options))
@@ -200,5 +200,5 @@ def test_the_doctor_finds_messages_that_are_not_as_their_schema_says(endpoint, c
         ended.set()
         thread.join()
     assert f"messages on {KEY} are no my.Difference.v1 (sent by bad): " in text
-    assert "Difference.share: Input should be a valid number, got 'half" in text
+    assert "Difference.share: 'half" in text
     assert "\x1b" not in text

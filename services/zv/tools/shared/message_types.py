@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
 
 from zenoh_vision import keys
 from zenoh_vision.error_text import did_you_mean, joined, printable, similar_names
@@ -20,10 +20,12 @@ from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import MESSAGES, Header, NodeDescription, known_message
 from zenoh_vision.topics import topic_of
 from zenoh_vision.transport.query import Query, Reply, messages_in
-from zv.tools.shared import json_schema
 from zv.tools.shared.discovery import MAX_COMPARED, discover
-from zv.tools.shared.json_schema import Schema, UnusableSchema, resolved
+from zv.tools.shared.json_schema import Schema, UnusableSchema, parsed, resolved
 from zv.tools.shared.session import ToolSession
+
+if TYPE_CHECKING:
+    from zv.tools.shared.schema_check import SchemaCheck
 
 MAX_REPLIES_BYTES = 8 << 20
 MAX_TYPES = 200
@@ -124,11 +126,17 @@ def foreign_type(schema_name: str, text: bytes) -> MessageType:
     Raises:
         UnusableSchema: The text is too large, or is not the schema of an object.
     """
-    schema = json_schema.parsed(text)
+    schema = parsed(text)
+
+    @cache
+    def check() -> SchemaCheck:
+        from zv.tools.shared.schema_check import SchemaCheck  # loads for 0.1 s
+
+        return SchemaCheck(schema)
 
     def checked(fields: dict[str, Any]) -> dict[str, Any]:
         try:
-            error = json_schema.error_in(schema, fields, keys.short_name_of(schema_name))
+            error = check().error_in(fields, keys.short_name_of(schema_name))
         except UnusableSchema as unsuited:
             error = unusable(schema_name, unsuited)
         if error:
