@@ -61,6 +61,10 @@ class PageServer:
         facts = {"version": "0", "namespace": "vision", "server": "viewer"}
         self.tell("hello", **facts, now_ns=str(now_ns))
 
+    def end(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
     def tell(self, op: str, **fields: object) -> None:
         self._socket.send(json.dumps({"op": op, **fields}))
 

@@ -1,8 +1,9 @@
-"""What the page shows at the end of a slow link."""
+"""What the page shows at the end of a slow link, and of one that it may not use any more."""
 
 from __future__ import annotations
 
 import itertools
+import re
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -11,6 +12,7 @@ from urllib.parse import urlsplit
 from tests.support.pictures.encoded import full_hd_jpeg
 from tests.support.publishing import Paced
 from tests.support.viewer.browser import CAMERA, Running, tab
+from tests.support.viewer.page_server import served_page
 from tests.support.viewer.slow_link import ONE_MBIT, SlowLink
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
@@ -81,3 +83,25 @@ def _frames(picture: bytes) -> Iterator[Frame]:
             node="camera_front",
         )
         yield Frame(header, picture)
+
+
+def test_a_page_whose_session_has_ended_says_so_at_each_attempt(
+    browser: Any, system: Running
+) -> None:
+    banner = "document.querySelector('#banner').textContent"
+    with served_page(browser, system.address) as (page, server):
+        page.open()
+        page.wait("document.querySelector('#link').dataset.state === 'up'")
+        page.page.route("**/page/icon.svg", lambda route: route.fulfill(status=401))
+        page.page.route_web_socket(re.compile("/live"), lambda socket: socket.close())
+        server.end()
+        page.wait(f"{banner}.startsWith('The session has ended.')")
+        seen = page.page.evaluate(  # while it tries to connect every 2 s
+            f"""new Promise((done) => {{
+                const seen = new Set();
+                setInterval(() => seen.add({banner}), 50);
+                setTimeout(() => done([...seen]), 5000);
+            }})"""
+        )
+        assert seen == ["The session has ended. Open the address that the viewer printed."]
+        page.complaints.clear()  # of the console about the status

@@ -9,6 +9,7 @@ const SLOW_MS = 8000; // the server reports a slow link every 2 s
 /** Returns a function that shows a sentence about something that was refused, for some seconds. */
 export function showConnection(system, connection, watches) {
 	let failures = 0;
+	let hasEnded = false; // the session
 	let refusal = "";
 	let refusalTimer;
 	let slow = null; // what the link carries: {bits_per_s, at}
@@ -27,14 +28,16 @@ export function showConnection(system, connection, watches) {
 		const { routerConnected, hello } = system;
 		const state = !connection.isOpen ? "down" : routerConnected === false ? "no-router" : "up";
 		const [words, text] = {
-			down: ["no connection to the viewer",
-				"The viewer's server does not answer. This page reconnects automatically."],
+			down: ["no connection to the viewer", hasEnded
+				? "The session has ended. Open the address that the viewer printed."
+				: "The viewer's server does not answer. This page reconnects automatically."],
 			"no-router": ["no router", "The viewer has no router. It reconnects automatically."],
 			up: [hello ? `${hello.namespace} · connected` : "connected", slowness()],
 		}[state];
 		setData(byId("link"), { state });
 		setText(byId("link-words"), words);
-		banner(refusal || text, refusal && "refused");
+		setText(byId("banner"), refusal || text);
+		setData(byId("banner"), { kind: refusal || hasEnded ? "refused" : "" });
 	}
 
 	system.on("router hello", draw);
@@ -45,6 +48,7 @@ export function showConnection(system, connection, watches) {
 	connection.on("tick", () => slow && draw());
 	connection.on("open", () => {
 		failures = 0;
+		hasEnded = false;
 		draw();
 	});
 	connection.on("close", async () => {
@@ -54,9 +58,8 @@ export function showConnection(system, connection, watches) {
 		if (failures % 4 !== 2) return;
 		// A WebSocket does not tell why it is refused, so try HTTP now and then.
 		const { status } = await fetch("page/icon.svg", { cache: "no-store" }).catch(() => ({ status: 0 }));
-		if (status === 401 && !connection.isOpen) {
-			banner("The session has ended. Open the address that the viewer printed.", "refused");
-		}
+		hasEnded = status === 401 && !connection.isOpen;
+		draw();
 	});
 
 	function refuse(text) {
@@ -70,9 +73,4 @@ export function showConnection(system, connection, watches) {
 	}
 	connection.on("error", ({ text }) => refuse(text));
 	return refuse;
-}
-
-function banner(text, kind = "") {
-	setText(byId("banner"), text);
-	setData(byId("banner"), { kind });
 }
