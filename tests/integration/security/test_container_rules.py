@@ -50,11 +50,11 @@ def read(tmp_path: Path) -> Callable[[], list[str]]:
 def new(tmp_path: Path, rules: Path) -> New:
     """Start the script with a stand-in for zenohd, which starts and runs with these commands."""
 
-    def start(start: str = "", run: str = RUNS) -> Entrypoint:
+    def start(start: str = "", run: str = RUNS, grace_s: int = 10) -> Entrypoint:
         program = tmp_path / "zenohd"
         program.write_text(STARTS.format(start=start, run=run))
         program.chmod(0o700)
-        return Entrypoint(rules, program, tmp_path)
+        return Entrypoint(rules, program, tmp_path, grace_s)
 
     return start
 
@@ -119,7 +119,7 @@ def test_rules_that_cannot_be_read_leave_the_former_ones_and_it_is_said(
 
 
 def test_a_zenohd_that_does_not_end_when_told_is_killed(new: New, rules: Path, read):
-    with new(start="""[ -e "$0.read" ] || trap '' TERM"""):
+    with new(start="""[ -e "$0.read" ] || trap '' TERM""", grace_s=2):
         wait_until(read)
         replace(rules, "rules 1\n")
         wait_until(lambda: read() == ["rules 0", "rules 1"], 30)

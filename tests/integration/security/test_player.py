@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -51,15 +52,17 @@ def test_a_player_sends_a_recording_as_its_camera_and_is_controlled(
             assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    ("who", "camera"),
-    [("player", "front"), ("operator", "walk"), ("camera_front", "walk")],
-    ids=["a player as another camera", "an operator", "a camera"],
-)
-def test_nobody_else_and_as_nothing_else(system: Secured, tmp_path: Path, who: str, camera: str):
-    with system.witness() as witness:
-        received = Listener(witness, f"vision/{camera}/**")
-        given = words(system, who, "--as", camera, "--loop")
-        with Program(given, tmp_path, "play", forked=ZV) as program:
-            wait_until(lambda: "the router denies" in program.complaints, 30)
-        assert not received.messages
+def test_nobody_else_and_as_nothing_else(system: Secured, tmp_path: Path):
+    cases = [("player", "front"), ("operator", "walk"), ("camera_front", "walk")]
+    with system.witness() as witness, ExitStack() as playing:
+        received = [Listener(witness, f"vision/{camera}/**") for camera in ("front", "walk")]
+        programs = [
+            playing.enter_context(
+                Program(words(system, who, "--as", camera, "--loop"), tmp_path, who, forked=ZV)
+            )
+            for who, camera in cases
+        ]
+        for program in programs:
+            wait_until(lambda program=program: "the router denies" in program.complaints, 30)
+        playing.close()  # each has sent all that it will
+        assert not [listener.messages for listener in received if listener.messages]
