@@ -37,29 +37,24 @@ def foreign(endpoint: str):
 
 
 @pytest.mark.usefixtures("foreign")
-@pytest.mark.parametrize("encoding", ["latin-1"])
 @pytest.mark.parametrize(
     "words",
     [
         "node list",
-        f"node info {NODE}",
         "top --once",
         "doctor configs/Ω.toml --for 1.2",
-        f"param get {NODE}Ω low",
-        "topic list --window 0.2",
         "topic echo vision/front/* --once",
-        "topic info vision/front/* --window 0.2",
         "topic hz vision/Ω --for 0.1 --timeout 0.5",
     ],
 )
-def test_what_the_output_cannot_encode_is_escaped(endpoint: str, words: str, encoding: str):
+def test_what_the_output_cannot_encode_is_escaped(endpoint: str, words: str):
     done = subprocess.run(
         [sys.executable, "-m", "zv", *words.split(), "--connect", endpoint],
-        env=environment() | {"PYTHONIOENCODING": encoding, "PATH": os.environ["PATH"]},
+        env=environment() | {"PYTHONIOENCODING": "latin-1", "PATH": os.environ["PATH"]},
         capture_output=True,
         timeout=START_S,
         check=False,
     )
-    said = (done.stdout + done.stderr).decode(encoding)
+    said = (done.stdout + done.stderr).decode("latin-1")
     assert done.returncode in (0, 1), said
     assert "\\u03a9" in said
