@@ -52,6 +52,18 @@ def test_two_cameras_are_shown_each_with_its_newest_frame_and_none_waits_for_the
     assert "no picture" in tab.page.inner_text(".pane >> nth=0 >> .pane-state")
 
 
+def test_a_double_click_where_no_picture_has_come_shows_the_others_one_to_one(
+    browser: Any, system: Running
+) -> None:
+    with served_page(browser, system.address, stream(CAMERA), stream(REAR)) as (tab, server):
+        tab.open(f"{CAMERA}+{REAR}")
+        server.wait_for(REAR)
+        server.show_grey(CAMERA, 1, 50)
+        tab.wait_for_red(CAMERA, 32, 24, 50)
+        tab.page.dblclick(f".pane[data-key='{REAR}'] .pane-surface")
+        tab.wait("document.querySelector('#actual').getAttribute('aria-pressed') === 'true'")
+
+
 def test_the_other_camera_is_chosen_in_the_menu_and_zooms_with_the_first(
     browser: Any, system: Running
 ) -> None:

@@ -128,7 +128,7 @@ export class PaneGrid {
 	/** Show the pixel at a point of a pane one to one, or the whole frame again. */
 	toggleFit(pane, at) {
 		if (this.editor.isActive) return;
-		const pixel = this.mode === "fit" && this.lead && this.pixelAt(pane, at);
+		const pixel = this.mode === "fit" && this.lead && pane.frame && this.pixelAt(pane, at);
 		if (this.mode !== "fit" || !this.lead) this.fit();
 		else if (!pixel) this.actual();
 		else {
@@ -222,7 +222,7 @@ export class PaneGrid {
 
 	/** Pass an event of the pointer on a pane to the shape editor; returns whether it used it. */
 	press(pane, at) {
-		if (!this.lead || pane.stream.camera !== this.lead.stream.camera) return false;
+		if (!this.lead || !pane.frame || pane.stream.camera !== this.lead.stream.camera) return false;
 		const reach = REACH_PX * devicePixelRatio / this.viewOf(pane).scale;
 		return this.editor.press(this.pointAt(pane, at), reach);
 	}
