@@ -143,6 +143,22 @@ def test_depth_shows_true_values_with_its_scale_and_is_saved_with_16_bits(
     assert b"tEXtvision.Header\0" in (tmp_path / "depth.png").read_bytes()
 
 
+def test_keys_change_nothing_while_the_stream_is_not_there(
+    opened: tuple[Tab, PageServer],
+) -> None:
+    tab, server = opened
+    _open(tab, server, CAMERA)
+    tab.page.evaluate("location.hash = 'vision/side/image/compressed'")
+    tab.wait("document.querySelector('#unknown').checkVisibility()")
+    for key in ("r", "m", "c", "u", "s"):
+        tab.page.keyboard.press(key)
+    assert tab.page.evaluate("Object.keys(localStorage).join()") in ("", "zv.panel")
+    assert tab.page.is_hidden("#transfer-menu")
+    assert tab.page.is_disabled("#adjust-button")
+    tab.page.evaluate(f"location.hash = '{CAMERA}'")
+    tab.wait("!document.querySelector('#adjust-button').disabled")
+
+
 def test_a_layout_in_the_address_says_which_streams_in_which_order_and_what_is_hidden(
     opened: tuple[Tab, PageServer],
 ) -> None:

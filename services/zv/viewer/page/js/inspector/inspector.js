@@ -16,6 +16,7 @@ import { ShapeEditor } from "./shape_editor.js";
 import { TransferMenu } from "./transfer_menu.js";
 
 const TICK_MS = 200;
+const ITS_MENUS = '.tools [popovertarget]:not([popovertarget="layout-menu"])';
 const BARE = { keys: [], trails: null, shapes: null };
 
 export class Inspector {
@@ -57,9 +58,9 @@ export class Inspector {
 			editShapes: () => this.editor.toggle(),
 			showSteps: () => go(stepKeys(system.streams, this.camera), { panel: "parameters" }),
 			neighbour: (by) => this.showNeighbour(by),
-			turn: (how) => this.adjust.turn(how),
-			stretch: () => this.adjust.toggleStretch(),
-			copyAddress: () => this.transferMenu.copyAddress(),
+			turn: (how) => this.lead && this.adjust.turn(how),
+			stretch: () => this.lead && this.adjust.toggleStretch(),
+			copyAddress: () => this.lead && this.transferMenu.copyAddress(),
 			fullScreen: () => (document.fullscreenElement ? document.exitFullscreen()
 				: byId("large").requestFullscreen?.()),
 			save: () => this.picture && saveOriginal(this.frame, this.lead),
@@ -168,6 +169,7 @@ export class Inspector {
 		setText(byId("large-camera"), this.lead?.camera ?? "");
 		setText(byId("large-topic"), this.lead ? topicName(this.lead) : this.keys[0]);
 		byId("steps").hidden = !stepKeys(this.system.streams, this.camera).length;
+		for (const button of byId("large").querySelectorAll(ITS_MENUS)) button.disabled = !this.lead;
 		if (!this.lead) return;
 		this.menus.write(this.keys, this.lead);
 		byId("overlay-toggle").setAttribute("aria-pressed", String(this.menus.overlayOn));
