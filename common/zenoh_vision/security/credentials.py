@@ -122,9 +122,12 @@ def credentials_file(path: str) -> Path:
             return each
     if given.is_dir():
         names = sorted(each.stem for each in given.glob(f"*{SUFFIX}"))
-        there = ", ".join(f"{given / name}" for name in names) or "none: zv security init writes it"
+        there = ", ".join(f"{given / name}" for name in names) or "none"
         raise ConfigurationError(f"credentials {path}: a folder; allowed: a file: {there}")
-    raise SourceError(f"credentials {path}: no such file; zv security init writes it")
+    raise SourceError(
+        f"credentials {path}: no such file; zv security init writes those of a system, "
+        "zv security add those of others, and zv security renew those that were lost"
+    )
 
 
 def file_state(file: Path) -> tuple[int, ...] | None:

@@ -22,6 +22,10 @@ SLOW_S: Final = 0.5
 
 GRACE_S: Final = 0.3
 START: Final = "start one with `zv router`, or name another with --connect tcp/HOST:PORT"
+START_TLS: Final = (
+    "start it with `zv router --credentials DIR/router`, or name another with "
+    "--connect tls/HOST:PORT"
+)
 LOADED: Final = (
     "the link is congested or slow: send less over it (zv camera --max-kbps, zv relay), or wait "
     "longer with --timeout 20s"
@@ -49,7 +53,8 @@ class Diagnosis:
         """What was found and what to do about it; that there is none if nothing else is known."""
         if self._thread.ident is not None:
             self._thread.join(GRACE_S)
-        return self._found or f"; {START}"
+        is_tls = self._endpoint is not None and self._endpoint.scheme == "tls"
+        return self._found or f"; {START_TLS if is_tls else START}"
 
     def _examine(self) -> None:
         assert self._endpoint is not None

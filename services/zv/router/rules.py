@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from typing import Final
 
@@ -16,6 +17,9 @@ log = logging.getLogger("router")
 
 LOOK_S: Final = 1.0
 """How often the file is read."""
+
+RETRY_S: Final = 10.0
+"""After which rules are tried again with which the system ran no router, as on a port in use."""
 
 
 class RouterRules:
@@ -46,6 +50,7 @@ class RouterRules:
         self.config = self._config(self._text)
         self._former: tuple[str, zenoh.Config] | None = None
         self._rejected = ""
+        self._retry_s = math.inf
         self._look_s = 0.0
 
     def changed(self) -> bool:
@@ -55,7 +60,7 @@ class RouterRules:
         self._look_s = time.monotonic() + LOOK_S
         try:
             text = read_private(self.path)
-            if text == self._rejected:
+            if text == self._rejected and time.monotonic() < self._retry_s:
                 return False
             config = self.config if text == self._text else self._config(text)
         except VisionError as error:
@@ -69,10 +74,14 @@ class RouterRules:
         return True
 
     def reject(self, error: VisionError) -> bool:
-        """Return to the former rules, since no router can run with these; False without former."""
+        """Return to the former rules, since no router can run with these; False without former.
+
+        What only the system refuses is tried again: the former rules let in who was revoked.
+        """
         if self._former is None:
             return False
         self._rejected = self._text
+        self._retry_s = time.monotonic() + RETRY_S if "os error" in str(error) else math.inf
         self._text, self.config = self._former
         self._former = None
         self._hold(error)

@@ -97,6 +97,7 @@ def test_what_accepts_and_never_answers_may_hang_or_be_behind_a_congested_link()
 def test_a_tool_says_it():
     for endpoint, said in (
         (f"tcp/127.0.0.1:{free_port()}", r"within 0.5 s; start one with `zv router`"),
+        (f"tls/127.0.0.1:{free_port()}", r"start it with `zv router --credentials DIR/router`"),
         ("tcp/no-such-router.invalid:7447", r": the name no-such-router.invalid is not known here"),
     ):
         with pytest.raises(RouterUnreachable, match=said):

@@ -106,3 +106,17 @@ def test_rules_with_which_no_router_can_run_give_way_to_the_former_ones(tmp_path
     system.file("router").write_text(good)
     assert not followed.changed()
     assert followed.fault == ""
+
+
+def test_rules_that_only_the_system_refused_are_tried_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(rules, "LOOK_S", 0.0)
+    system = secured(tmp_path)
+    followed = RouterRules(str(system.file("router")), ANY)
+    system.revoke("guest")
+    assert followed.changed()
+    assert followed.reject(ConfigurationError("Address in use (os error 98)"))
+    assert not followed.changed()
+    monkeypatch.setattr(followed, "_retry_s", 0.0)  # the time is over
+    assert followed.changed()
+    assert "guest: " not in followed.config.get_json("access_control")
+    assert followed.fault == ""

@@ -46,8 +46,6 @@ from zv.tools.shared.output import Output
 
 COMPOSE_APART: Final = 10_000
 
-RELOAD = "zv router and the compose file take the new rules within 5 s; restart any other router"
-
 
 def init(options: InitOptions, connection: Connection, output: Output) -> None:
     """Make an authority, and certificates for the router, every node and the tools' users.
@@ -143,7 +141,7 @@ def add(options: AddOptions, _connection: Connection, output: Output) -> None:
         str((folder.router_file_of if role.kind == ROUTER else folder.file_of)(name))
         for name, role in named
     ]
-    output.result({"added": files}, *(f"wrote {file}" for file in files), RELOAD)
+    output.result({"added": files}, *(f"wrote {file}" for file in files), _reload(folder, system))
 
 
 def renew(options: RenewOptions, _connection: Connection, output: Output) -> None:
@@ -203,10 +201,23 @@ def revoke(options: RevokeOptions, _connection: Connection, output: Output) -> N
             )
         issuing.routers(system)
         folder.write(system)
+        in_browsers = [name for name in options.name if folder.browser_file_of(name).exists()]
         for name in options.name:
             folder.remove(name)
     names = ", ".join(dict.fromkeys(options.name))
-    output.result({"revoked": list(options.name)}, f"revoked {names}", RELOAD)
+    output.result({"revoked": list(options.name)}, f"revoked {names}", _reload(folder, system))
+    if in_browsers:
+        output.note(
+            f"a viewer with --tls-clients still admits the browsers of {', '.join(in_browsers)}: "
+            "take the name out of its --tls-operators and --tls-guests"
+        )
+
+
+def _reload(folder: Folder, system: System) -> str:
+    """Return how the routers take new rules."""
+    said = "zv router and the compose file take the new rules within 5 s; restart any other router"
+    files = [str(folder.router_file_of(name)) for name in system.routers() if name != ROUTER]
+    return f"{said}, and copy {', '.join(files)} to where it runs" if files else said
 
 
 def _role_in(system: System, options: AddOptions) -> Role:

@@ -121,6 +121,10 @@ class Folder:
         """Return the path of somebody's credentials."""
         return self.path / f"{name}{SUFFIX}"
 
+    def browser_file_of(self, name: str) -> Path:
+        """Return the path of the certificate and key that somebody's browser imports."""
+        return self.path / f"{name}.p12"
+
     def router_file_of(self, name: str) -> Path:
         """Return the path of a router's configuration.
 
@@ -284,9 +288,9 @@ class Folder:
             )
 
     def remove(self, name: str) -> None:
-        """Delete somebody's file."""
-        with suppress(FileNotFoundError):
-            self.file_of(name).unlink()
+        """Delete somebody's file, and that for a browser."""
+        for file in (self.file_of(name), self.browser_file_of(name)):
+            file.unlink(missing_ok=True)
 
     def _has(self, *names: str) -> bool:
         return any((self.path / name).exists() for name in names)

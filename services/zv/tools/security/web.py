@@ -27,8 +27,6 @@ FILE: Final = "web.pem"
 NAME: Final = "viewer-web"
 """Whom the viewer's certificate names: nobody who has rights at a router."""
 
-FOR_BROWSERS: Final = ".p12"
-
 
 def web(options: WebOptions, _connection: Connection, output: Output) -> None:
     """Write the viewer's certificate with its key, and a file for the browser of each person.
@@ -47,7 +45,7 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
         text = f"{own.certificate.decode()}{own.key.decode()}"
         folder.put(files[0], text, PRIVATE)
         for name in people:
-            files.append(folder.path / f"{name}{FOR_BROWSERS}")
+            files.append(folder.browser_file_of(name))
             folder.put(files[-1], _for_browser(name, read_json5(folder.file_of(name))), PRIVATE)
     names = ",".join(system.holders[name].common_name(name) for name in people)
     output.result(
@@ -57,7 +55,7 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
         "next:",
         f"  zv view --host 0.0.0.0 --tls-certificate {files[0]} "
         f"--tls-clients {folder.path / AUTHORITY}",
-        f"  import {folder.path / AUTHORITY}, and a {FOR_BROWSERS} without a password, in browsers",
+        f"  import {folder.path / AUTHORITY}, and a .p12 without a password, in browsers",
     )
 
 

@@ -25,8 +25,9 @@ from zenoh_vision.security.credentials import (
 from zv.registry import SERVICES
 from zv.tools.security import showing
 from zv.tools.security.folder import Folder
-from zv.tools.security.options import CheckOptions, ShowOptions
+from zv.tools.security.options import CheckOptions, ShowOptions, WebOptions
 from zv.tools.security.roles import rights_of
+from zv.tools.security.web import web
 
 
 @pytest.fixture
@@ -256,6 +257,25 @@ def test_whoever_is_revoked_comes_back_with_the_former_rights(system: Secured, n
         system.add(node=name)
 
 
+def test_who_is_revoked_has_no_browser_file_and_the_viewer_that_admits_it_is_named(
+    system: Secured, capsys
+):
+    quietly(web, WebOptions(dir=str(system.folder), name=("guest",)))
+    assert (system.folder / "guest.p12").exists()
+    system.revoke("guest", "camera_front")
+    assert not (system.folder / "guest.p12").exists()
+    said = capsys.readouterr().err
+    assert "still admits the browsers of guest: take the name out of its --tls-operators" in said
+
+
+def test_the_files_that_routers_elsewhere_need_are_named(system: Secured):
+    assert "copy" not in system.revoke("guest")
+    system.add(router="far", host=("far.example.com",))
+    copied = f"copy {system.folder / 'far' / 'router.json5'} to where it runs"
+    assert copied in system.revoke("operator")
+    assert copied in system.add(node="operator")
+
+
 def test_a_router_that_is_revoked_needs_its_name_again(system: Secured):
     system.add(router="far", host=("far.example.com",))
     system.revoke("far")
@@ -340,7 +360,7 @@ def test_a_file_that_was_cut_short_is_named(system: Secured, size: int):
 def test_a_folder_or_a_missing_file_is_no_credentials(system: Secured):
     with pytest.raises(ConfigurationError, match=r"a folder; allowed: a file: .*camera_front"):
         read_credentials(str(system.folder))
-    with pytest.raises(SourceError, match="no such file; zv security init writes it"):
+    with pytest.raises(SourceError, match="no such file; zv security init writes those"):
         read_credentials(str(system.folder / "nobody"))
     with pytest.raises(ConfigurationError, match="no credentials of a node"):
         read_credentials(str(system.file("router")))
