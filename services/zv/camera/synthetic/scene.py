@@ -160,19 +160,24 @@ class Scene:
 
     def _truth(self, placed: list[_Placed], corner: tuple[int, int] = (0, 0)) -> Truth:
         """Return the visible part of each object; a corner of this width and height is hidden."""
-        tracks, hidden = [], np.zeros(self._room.shape[:2], np.uint8)
-        hidden[: corner[1], : corner[0]] = 255
-        for one in reversed(placed):  # nearest first
-            windows = overlap(hidden.shape, one.sprite.mask.shape, one.left, one.top)
+        tracks = []
+        for number, one in enumerate(placed, 1):
+            windows = overlap(self._room.shape, one.sprite.mask.shape, one.left, one.top)
             if windows is None:
                 continue
-            there, here = windows
-            seen = one.sprite.mask[here] & ~hidden[there]
-            hidden[there] |= one.sprite.mask[here]
+            (rows, columns), here = windows
+            left, top = columns.start, rows.start
+            seen = one.sprite.mask[here].copy()
+            seen[: max(0, corner[1] - top), : max(0, corner[0] - left)] = 0
+            for nearer in placed[number:]:
+                mask = nearer.sprite.mask
+                both = overlap(seen.shape, mask.shape, nearer.left - left, nearer.top - top)
+                if both is not None:
+                    seen[both[0]] &= ~mask[both[1]]
             if not (area := cv2.countNonZero(seen)):
                 continue
             x, y, width, height = cv2.boundingRect(seen)
-            x, y = x + there[1].start, y + there[0].start
+            x, y = x + left, y + top
             tracks.append(
                 Track(
                     id=one.id,
