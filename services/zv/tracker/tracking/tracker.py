@@ -49,7 +49,7 @@ class TrackingParameters:
     """The parameters of ``Tracker``."""
 
     keep_lost_s: float = 2.0  # how long a track that is not seen is kept
-    min_area: float = 40.0  # of what begins or is confirmed, square pixels of the mask
+    min_area: float = 40.0  # of what begins, is confirmed, or seen then; square pixels of the mask
     convex: bool = False  # each region is an object, none a part of one
     life: LifeLimits = field(default_factory=LifeLimits)
     association: AssociationLimits = field(default_factory=AssociationLimits)
@@ -121,7 +121,10 @@ class Tracker(TrackerBase[TrackState]):
                 elif track.parted_s is None:
                     track.parted_s = moment.now_s
                 track.grouped &= self._near_another(track)
+                seen_s = track.seen_s
                 measure(track, region, moment, scene, alone=alone)
+                if track.confirmed and region.area < self.parameters.min_area:
+                    track.seen_s = seen_s  # a part of it moves it, but shows not where it is
             case Share(tracks, regions):
                 self._share(tracks, regions, scene)
             case Split(track, mine, other):

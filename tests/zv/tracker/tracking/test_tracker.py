@@ -92,6 +92,19 @@ def test_what_has_become_smaller_than_the_least_area_is_not_confirmed(height: in
     assert [track.state for track in tracks] == [state]
 
 
+def test_an_object_of_which_less_than_the_least_area_shows_is_lost_for_so_long_and_followed():
+    found, states = tracker(min_area=500), []
+    for k in range(40):
+        (track,) = step(found, [box(50 + 6 * k, 100, height=25 if 20 <= k < 30 else 40)], k / 10)
+        states.append(track.state)
+        assert track.id == 1
+    assert (set(states[10:20]), set(states[20:30]), set(states[30:])) == (
+        {"confirmed"},
+        {"lost"},
+        {"confirmed"},
+    )
+
+
 @pytest.mark.parametrize("rate", [5, 10, 30])
 def test_what_is_seen_in_two_of_three_frames_is_never_confirmed(rate: int):
     found = tracker()
