@@ -1,10 +1,9 @@
-"""The appearance of an object: its silhouette, and colour histograms from its top to its bottom."""
+"""The appearance of an object: colour histograms from its top to its bottom."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,9 +17,6 @@ LEVELS = 8
 
 BANDS = 6
 """Horizontal bands of an object, from its top to its bottom; each has its own histogram."""
-
-SILHOUETTE = (12, 12)
-"""Rows and columns into which a silhouette is divided."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,40 +34,21 @@ class Scene:
         return slice(top, max(top, bottom)), slice(left, max(left, right))
 
 
-class Appearance:
-    """The silhouette and the colour histograms of an object, learned over time.
+def learned(colors: Floats | None, scene: Scene, box: Region, share: float) -> Floats | None:
+    """Return histograms as ``histograms_of`` does, adapted to a frame.
 
-    Attributes:
-        silhouette: How often each cell of the object's box was foreground, 0 to 1, of shape
-            ``SILHOUETTE``; None before anything was learned.
-        colors: The histogram of each band, (BANDS, LEVELS ** 3), each with the sum 1; None before
-            any was learned.
+    Args:
+        colors: The former ones; None before any were learned.
+        scene: The frame.
+        box: The object's box, which shows no other object.
+        share: Weight of this frame, 0 to 1; the first frame has the weight 1.
     """
-
-    def __init__(self) -> None:
-        self.silhouette: Floats | None = None
-        self.colors: Floats | None = None
-
-    def learn(self, scene: Scene, box: Region, share: float) -> None:
-        """Adapt the appearance to a frame.
-
-        Args:
-            scene: The frame.
-            box: The object's box, which shows no other object.
-            share: Weight of this frame, 0 to 1; the first frame has the weight 1.
-        """
-        cut = scene.cut(box)
-        mask = scene.mask[cut]
-        if min(mask.shape) < 2:
-            return
-        seen = cv2.resize(mask, SILHOUETTE[::-1], interpolation=cv2.INTER_AREA)
-        silhouette = np.asarray(seen, np.float32) * np.float32(1 / 255)
-        histograms = histograms_of(scene.picture[cut], mask)
-        if self.silhouette is None or self.colors is None:
-            self.silhouette, self.colors = silhouette, histograms
-            return
-        self.silhouette += (silhouette - self.silhouette) * np.float32(share)
-        self.colors += (histograms - self.colors) * np.float32(share)
+    cut = scene.cut(box)
+    mask = scene.mask[cut]
+    if min(mask.shape) < 2:
+        return colors
+    seen = histograms_of(scene.picture[cut], mask)
+    return seen if colors is None else colors + (seen - colors) * np.float32(share)
 
 
 def levels_of(picture: Image) -> NDArray[np.intp]:

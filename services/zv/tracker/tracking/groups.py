@@ -16,6 +16,8 @@ MARGIN_SIDES = 0.25
 """An object is searched for within its expected box plus this margin, in sides."""
 
 LEAST_PRIOR = 0.05
+"""Probability that an object is at a place outside of its expected box."""
+
 LEAST_COLOR = 0.0005
 """Probability of a colour that an object never showed; equally probable colours have 0.002 each."""
 
@@ -29,8 +31,8 @@ def divide(
     """Divide a shared region among objects, pixel by pixel.
 
     Each pixel is assigned to the object with the largest product of two probabilities: that the
-    object is foreground at this place of its box, predicted by its motion, and that it has this
-    colour at this height. If objects look the same, the place decides.
+    object is at this place, predicted by its motion, and that it has this colour at this height.
+    If objects look the same, the place decides.
 
     Args:
         targets: The objects.
@@ -64,7 +66,7 @@ def _likely(
     target: TrackState, levels: NDArray[np.intp], origin: tuple[int, int]
 ) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
     """Return how probable each pixel of a region is for an object, and where in the region."""
-    box, looks, more = target.box, target.appearance, MARGIN_SIDES * target.side
+    box, more = target.box, MARGIN_SIDES * target.side
     height, width = levels.shape
     top = max(0, round(box.top - more) - origin[0])
     left = max(0, round(box.left - more) - origin[1])
@@ -73,22 +75,12 @@ def _likely(
     window = slice(top, bottom), slice(left, right)
     v = (np.arange(top, bottom) + origin[0] + 0.5 - box.top) / max(1.0, box.height)
     u = (np.arange(left, right) + origin[1] + 0.5 - box.left) / max(1.0, box.width)
-    if looks.silhouette is None or looks.colors is None:
-        inside = ((v >= 0) & (v < 1))[:, None] & ((u >= 0) & (u < 1))[None]
-        likely = np.where(inside, LEAST_COLOR, LEAST_PRIOR * LEAST_COLOR).astype(np.float32)
-        return window, likely
-    size = looks.silhouette.shape
-    rows = np.repeat((v * size[0] - 0.5).astype(np.float32)[:, None], u.size, axis=1)
-    columns = np.repeat((u * size[1] - 0.5).astype(np.float32)[None], v.size, axis=0)
-    prior = np.full(rows.shape, LEAST_PRIOR, np.float32)
-    if prior.size:
-        prior += cv2.remap(
-            looks.silhouette, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
-        )
-    bands = (v * BANDS).astype(np.intp)
-    bands = np.minimum(np.maximum(bands, 0), BANDS - 1)
-    colors = looks.colors[bands[:, None], levels[window]]
-    return window, prior * (colors + LEAST_COLOR)
+    inside = ((v >= 0) & (v < 1))[:, None] & ((u >= 0) & (u < 1))[None]
+    prior = np.where(inside, 1.0, LEAST_PRIOR).astype(np.float32)
+    if target.colors is None:
+        return window, prior * LEAST_COLOR
+    bands = np.clip((v * BANDS).astype(np.intp), 0, BANDS - 1)
+    return window, prior * (target.colors[bands[:, None], levels[window]] + LEAST_COLOR)
 
 
 def _portion(own: NDArray[np.bool_], origin: tuple[int, int]) -> Region | None:

@@ -1,11 +1,11 @@
-"""Corrects an object's position, size and appearance by its foreground in one frame."""
+"""Corrects an object's position, size and colours by its foreground in one frame."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.appearance import Scene, learned
 from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.state import MOTION, TrackState
 
@@ -16,10 +16,8 @@ class MeasuringLimits:
 
     # If a box differs from the expected size by more than this factor, only one edge is used.
     grown: float = 1.25
-    appearance_s: float = 1.0  # time constant of the appearance, seconds,
+    colors_s: float = 1.0  # time constant of the colours, seconds,
     learn_every_s: float = 0.15  # and the interval in which it is learned
-    # An object in a group is hidden if a smaller share of its usual area is visible.
-    visible: float = 0.15
     border: float = 0.02  # width of the border of the picture, as a share of its smaller side
 
 
@@ -63,7 +61,7 @@ def measure(
         track: The object, predicted to the moment.
         found: All of its foreground.
         moment: The frame.
-        scene: The pixels of the frame, from which the appearance is learned; None to not learn it.
+        scene: The pixels of the frame, from which its colours are learned; None to not learn them.
         alone: Whether that foreground shows no other object.
     """
     at_border, now_s = moment.at_border(found), moment.now_s
@@ -92,14 +90,16 @@ def measure(
         track.correct((x, y), now_s, (width, height))
     since_s = now_s - track.learned_s
     if scene is not None and alone and complete and since_s >= LIMITS.learn_every_s:
-        share = 1 - math.exp(-min(since_s / LIMITS.appearance_s, 1.0))
-        track.appearance.learn(scene, found, share)
+        share = 1 - math.exp(-min(since_s / LIMITS.colors_s, 1.0))
+        track.colors = learned(track.colors, scene, found, share)
         track.learned_s = now_s
 
 
-def measure_portion(track: TrackState, portion: Region | None, moment: Moment) -> None:
-    """Correct an object by its portion of a region that it shares with others, if it is visible."""
-    if portion is None or portion.area < LIMITS.visible * max(1.0, track.area):
+def measure_portion(
+    track: TrackState, portion: Region | None, moment: Moment, least: float
+) -> None:
+    """Correct an object by its portion of a region that it shares, if that has the least area."""
+    if portion is None or portion.area < least:
         return
     (x, _), (y, _) = _centre(portion, track, moment)
     track.correct((x, y), moment.now_s)

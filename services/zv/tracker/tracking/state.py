@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Self
 
-from zv.tracker.tracking.appearance import Appearance
+from zv.tracker.tracking.appearance import Floats
 from zv.tracker.tracking.kalman import AxisFilter
 from zv.tracker.tracking.region import Region
 
@@ -56,7 +56,7 @@ class TrackState:
     grouped: bool = False
     parted_s: float | None = None  # since when it has looked like two objects; None if it does not
     tested_s: float = 0.0  # when it was last tested for being a ghost
-    learned_s: float = 0.0  # when its appearance was last learned
+    learned_s: float = 0.0  # when its colours were last learned
     # For how long it was seen alone, complete, away from the border of the picture.
     alone_s: float = 0.0
     was_inside: bool = False  # whether it was ever seen away from the border of the picture
@@ -68,7 +68,7 @@ class TrackState:
     offset: Point = (0.0, 0.0)  # from ``steady`` to the centre, x and y
     # From the mean position of its pixels to ``steady``; None if unknown.
     shift: Point | None = None
-    appearance: Appearance = field(default_factory=Appearance)  # its silhouette and colours
+    colors: Floats | None = None  # as ``appearance.learned`` returns them
     class_name: str | None = None  # name of its class, if a model says it
     score: float | None = None  # how sure the model was when it last found it
 

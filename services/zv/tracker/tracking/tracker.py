@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from zv.tracker.tracking import boxes
-from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.appearance import Scene, learned
 from zv.tracker.tracking.association import (
     AssociationLimits,
     Begin,
@@ -141,7 +141,7 @@ class Tracker(TrackerBase[TrackState]):
     def _begin(self, region: Region, scene: Scene | None) -> TrackState | None:
         state = self._new(region)
         if state is not None and scene is not None:
-            state.appearance.learn(scene, state.box, 1.0)
+            state.colors = learned(None, scene, state.box, 1.0)
         return state
 
     def _share(
@@ -155,7 +155,7 @@ class Tracker(TrackerBase[TrackState]):
             if portions is None:
                 track.correct((track.x.position, track.y.position), moment.now_s)
             else:
-                measure_portion(track, portions[number], moment)
+                measure_portion(track, portions[number], moment, self.parameters.min_area)
 
     def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene | None) -> None:
         track.parted_s = None

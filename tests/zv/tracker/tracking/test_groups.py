@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zv.tracker.tracking.appearance import Scene
+from zv.tracker.tracking.appearance import Scene, learned
 from zv.tracker.tracking.groups import divide
 from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.state import TrackState
@@ -28,7 +28,7 @@ def painted(*objects: tuple[Box, tuple[int, int, int]]) -> Scene:
 def known(number: int, seen: Box, color: tuple[int, int, int], at: Box) -> TrackState:
     """Return an object that was seen alone in one box and is expected in another one."""
     target = TrackState.new(number, region(at), 0.0)
-    target.appearance.learn(painted((seen, color)), region(seen), 1.0)
+    target.colors = learned(None, painted((seen, color)), region(seen), 1.0)
     return target
 
 
