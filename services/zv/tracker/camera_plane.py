@@ -42,10 +42,6 @@ class CameraPlane:
     its publisher answers queries, the calibration is dropped at the first query without a reply:
     the camera was started again without one. If it was only published, it stays until another one
     arrives. An invalid calibration is dropped and counted, and the previous one stays.
-
-    Args:
-        node: The tracker, open.
-        camera: The camera's name.
     """
 
     def __init__(self, node: Node, camera: str) -> None:

@@ -53,11 +53,6 @@ class CameraTracking:
     The background is learned anew for a new epoch, size, orientation, pipeline or range of depth,
     and when the camera's clock was set back; a change of another setting keeps it. Ids start again
     from 1 in each epoch.
-
-    Args:
-        node: Publishes the results.
-        camera: The camera's name.
-        settings: The initial settings.
     """
 
     def __init__(self, node: Node, camera: str, settings: TrackerSettings) -> None:
@@ -113,12 +108,7 @@ class CameraTracking:
         return self._detector.begin(header.stamp_ns, header.seq, size, picture)
 
     def finish(self, frame: Frame, found: Sequence[Detection] | None) -> None:
-        """Finish the frame that was begun: publish its results.
-
-        Args:
-            frame: That frame.
-            found: What the model found in it; None if it did not see it.
-        """
+        """Finish the frame that was begun: publish its results."""
         self._detector.finish(found)
         self._all_objects(frame, self._detector, frame.revision.settings)
 

@@ -57,11 +57,6 @@ class DetectorLoop:
     Each camera has at most one frame in the model or waiting for it; when a newer one arrives
     before the model has begun, that one takes its place. While the model sees a frame, the newest
     frame of its camera waits, and those that it replaces count as overwritten.
-
-    Args:
-        node: The tracker, open.
-        model: The model, loaded.
-        tracking_of: Returns the tracking of a camera; None if there are too many cameras.
     """
 
     def __init__(

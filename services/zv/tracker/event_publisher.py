@@ -32,12 +32,7 @@ Counted = tuple[dict[str, ZoneCount] | None, dict[str, LineCount] | None]
 
 
 class EventPublisher:
-    """Finds the events in the tracks of one camera and publishes them on its ``events`` key.
-
-    Args:
-        node: Publishes ``events`` of the camera.
-        settings: The initial settings.
-    """
+    """Finds the events in the tracks of one camera and publishes them on its ``events`` key."""
 
     def __init__(self, node: Node, settings: TrackerSettings) -> None:
         self._node = node
@@ -140,13 +135,7 @@ def rules_of(settings: TrackerSettings) -> EventRules:
 
 
 def message_of(event: Event, header: Header, class_: Class | None = None) -> TrackEvent:
-    """Return the message of an event.
-
-    Args:
-        event: The event.
-        header: That of the frame in which it was found.
-        class_: What a model says of the object.
-    """
+    """Return the message of an event."""
     x, y = event.at.pixel
     name, score = class_ or (None, None)
     return TrackEvent(

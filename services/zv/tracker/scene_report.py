@@ -27,12 +27,7 @@ class SceneReport:
         self._intervals_s: deque[float] = deque(maxlen=INTERVALS)
 
     def update(self, stamp_ns: int, shown: Shown) -> str:
-        """Return what is wrong as a sentence; empty if nothing is.
-
-        Args:
-            stamp_ns: The capture time of the next frame.
-            shown: What it shows.
-        """
+        """Return what is wrong as a sentence; empty if nothing is."""
         before, self._stamp_ns = self._stamp_ns, stamp_ns
         if before is not None and stamp_ns > before:
             self._intervals_s.append((stamp_ns - before) / 1e9)

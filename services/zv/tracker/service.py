@@ -81,12 +81,7 @@ def run(settings: TrackerSettings, connection: Connection) -> None:
 
 
 class TrackedCameras:
-    """The state of each camera that has sent a frame.
-
-    Args:
-        node: The tracker, open.
-        settings: The initial settings.
-    """
+    """The state of each camera that has sent a frame."""
 
     def __init__(self, node: Node, settings: TrackerSettings) -> None:
         self._node = node

@@ -38,11 +38,6 @@ class TurnedShapes:
     The settings of the start hold for the orientation with which the camera was started, and
     shapes that are set later hold for the picture as it is then. When it is turned, their texts are
     turned too, as a new revision of the parameters. If they cannot be, the health says so.
-
-    Args:
-        node: The tracker, whose parameters are changed.
-        camera: The camera's name.
-        settings: The initial settings.
     """
 
     def __init__(self, node: Node, camera: str, settings: TrackerSettings) -> None:

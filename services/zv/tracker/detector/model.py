@@ -83,9 +83,6 @@ class Found:
 class Model:
     """A model that was loaded and has run once; used by one thread at a time.
 
-    Args:
-        options: The file, and what is known about it.
-
     Attributes:
         layout: What its outputs mean.
         size: Width and height of its input.

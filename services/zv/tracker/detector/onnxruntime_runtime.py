@@ -33,12 +33,6 @@ SEVERE: Final = 4
 class OnnxRuntime:
     """A model that ONNX Runtime runs.
 
-    Args:
-        file: The model.
-        example: Inputs of the first run.
-        device: Where; ``auto`` takes the first device that works.
-        threads: On the CPU; as for ``threads_of``.
-
     Raises:
         UnusableModel: Names the operator that ONNX Runtime does not know, if it says so.
         ConfigurationError: The device is not there; says which are.

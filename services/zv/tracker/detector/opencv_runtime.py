@@ -28,11 +28,6 @@ OPERATOR = re.compile(r"Node \[(\w+)@|of type \"(\w+)\"")
 class OpenCvRuntime:
     """A model that OpenCV runs, by the faster of its two engines.
 
-    Args:
-        file: The model.
-        example: Inputs of the first run.
-        threads: Of OpenCV, in the whole process; as for ``threads_of``.
-
     Raises:
         UnusableModel: Names the operator that OpenCV does not know, if it says so.
     """

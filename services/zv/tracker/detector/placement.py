@@ -61,13 +61,7 @@ class Placement:
 
 
 def placement(picture: tuple[int, int], canvas: tuple[int, int], fit: Fit) -> Placement:
-    """Return where a picture is in an input.
-
-    Args:
-        picture: Width and height of the picture.
-        canvas: Width and height of the input.
-        fit: How it is placed there.
-    """
+    """Return where a picture is in an input."""
     if fit == "stretch":
         return Placement(picture, canvas, canvas, 0, 0)
     (width, height), (across, down) = picture, canvas

@@ -55,13 +55,6 @@ def opened(
 ) -> Runtime:
     """Return a model that has run once.
 
-    Args:
-        file: The model.
-        example: Inputs of the first run.
-        runtime: What runs it; ``auto`` tries both.
-        device: On what; ``auto`` takes the first that works.
-        threads: As for ``threads_of``.
-
     Raises:
         UnusableModel: It cannot be run; names the operator and by what.
         ConfigurationError: There is no such runtime or device here; says which there are.

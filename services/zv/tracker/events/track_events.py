@@ -40,24 +40,16 @@ class TrackEvents:
     reported with their own stamps. Only positions at which a track was seen count, not predicted
     ones: a track that reappears is assumed to have moved in a straight line. A stamp earlier than
     the previous one counts as the same.
-
-    Args:
-        rules: Which events to find.
     """
 
     def __init__(self, rules: EventRules) -> None:
-        self._rules = rules
+        self.rules = rules
         self._lines = {line: LineWatch(line) for line in rules.lines}
         self._zones = {zone: ZoneWatch(zone) for zone in rules.zones}
         self._objects: dict[int, _Object] = {}
         self._waiting: list[Event] = []
         self._stamp_ns = 0
         self._plane: WorldPlane | None = None
-
-    @property
-    def rules(self) -> EventRules:
-        """The rules in force."""
-        return self._rules
 
     @property
     def counts(self) -> Counts:
@@ -73,16 +65,16 @@ class TrackEvents:
         Unchanged shapes keep their counts and state. A removed or changed zone ends the stays in
         it; a changed shape counts from 0 again.
         """
-        if rules == self._rules:
+        if rules == self.rules:
             return
         for zone, watch in self._zones.items():
             if zone not in rules.zones:
                 self._waiting += watch.close(self._stamp_ns)
         self._lines = {line: self._lines.get(line) or LineWatch(line) for line in rules.lines}
         self._zones = {zone: self._zones.get(zone) or ZoneWatch(zone) for zone in rules.zones}
-        if rules.anchor != self._rules.anchor:
+        if rules.anchor != self.rules.anchor:
             self._restart(self._watches())
-        self._rules = rules
+        self.rules = rules
 
     def update(
         self, tracks: Sequence[Track], stamp_ns: int, plane: WorldPlane | None = None
@@ -104,7 +96,7 @@ class TrackEvents:
         for id_ in [id_ for id_ in self._objects if id_ not in present]:
             found += _in_order(self._end(id_))
         seen = [track for track in tracks if track.state != "lost" and track.missing_s <= 0]
-        sightings = sightings_of(seen, stamp_ns, self._rules.anchor, plane)
+        sightings = sightings_of(seen, stamp_ns, self.rules.anchor, plane)
         by_id = {track.id: each for track, each in zip(seen, sightings, strict=True)}
         for track in tracks:
             found += _in_order(self._take(track, by_id.get(track.id)))
@@ -141,7 +133,7 @@ class TrackEvents:
         for line in self._lines.values():
             yield from line.see(id_, sighting, confirmed=confirmed)
         for zone in self._zones.values():
-            yield from zone.see(id_, sighting, confirmed=confirmed, dwell_s=self._rules.dwell_s)
+            yield from zone.see(id_, sighting, confirmed=confirmed, dwell_s=self.rules.dwell_s)
 
     def _end(self, id_: int) -> Iterator[Event]:
         known = self._objects.pop(id_)

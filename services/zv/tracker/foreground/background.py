@@ -45,15 +45,10 @@ class Background:
     picture, or beyond it by less than a distance that grows with brightness and noise. The range
     forgives aliasing and a pixel of shake.
 
-    Args:
-        picture: The first one, (height, width, 3) uint8 BGR.
-        limits: The constants.
-        light: Those of the light.
-
     Attributes:
         light: The light of the newest picture.
-        unlit: (height, width, 3) uint8 BGR, in the light of the first one; another array whenever
-            something was learned.
+        shown: (height, width, 3) uint8 BGR, in that light.
+        unlit: The same in the light of the first one; another array whenever something was learned.
     """
 
     def __init__(self, picture: Image, limits: BackgroundLimits, light: LightLimits) -> None:
@@ -68,12 +63,7 @@ class Background:
         self._refresh()
 
     def start(self, picture: Image, age_s: float) -> None:
-        """Begin again with the median of the first pictures, when one is due.
-
-        Args:
-            picture: The newest one.
-            age_s: Its time since the first one, seconds.
-        """
+        """Begin again with the median of the first pictures, when one is due."""
         if not self._starts:
             return
         if age_s - self._kept_s >= self._limits.keep_s:
@@ -129,7 +119,7 @@ class Background:
         far = (beyond > reach * (self._limits.strong - 1.0)).any(axis=1)
         strong.reshape(-1)[places[far]] = 255
         if shadows:
-            dark = self._is_shadow(shown, _at(self._shown, places), reach)
+            dark = self._is_shadow(shown, _at(self.shown, places), reach)
             mask.reshape(-1)[places[dark]] = 0
             mask = np.asarray(cv2.medianBlur(mask, 3), np.uint8)
             strong &= mask
@@ -165,7 +155,7 @@ class Background:
         self._learned_s = age_s
         free = None if kept is None else cv2.bitwise_not(kept)
         _, off = cv2.threshold(
-            cv2.absdiff(picture, self._shown), self._limits.most_noise, 0, cv2.THRESH_TRUNC
+            cv2.absdiff(picture, self.shown), self._limits.most_noise, 0, cv2.THRESH_TRUNC
         )
         cv2.accumulateWeighted(
             off, self._noise, 1 - math.exp(-elapsed_s / self._limits.noise_s), free
@@ -180,10 +170,6 @@ class Background:
         for each in self._kept:
             cv2.copyTo(picture, where, each)
         self._refresh()
-
-    def picture(self) -> Image:
-        """Return the background in the light of the newest picture, (height, width, 3) uint8."""
-        return self._shown
 
     def _unlit(self, picture: Image) -> Image:
         """Return a picture as it would be in the light in which the background is kept."""
@@ -202,7 +188,7 @@ class Background:
         curve, limits = self.light.curve, self._limits
         shown = np.rint(curve).astype(np.uint8)[None]
         reach = (limits.base + limits.share * curve) * self._scale
-        self._shown = np.asarray(cv2.LUT(self.unlit, shown), np.uint8)
+        self.shown = np.asarray(cv2.LUT(self.unlit, shown), np.uint8)
         noise = cv2.convertScaleAbs(self._noise, alpha=limits.noise * self._scale)
         table = np.rint(np.clip(reach, 1, 255)).astype(np.uint8)[None]
         self._reach = np.asarray(cv2.add(cv2.LUT(self.unlit, table), noise), np.uint8)

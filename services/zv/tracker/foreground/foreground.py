@@ -77,27 +77,7 @@ class ForegroundDetector:
 
     def reset(self) -> None:
         """Learn the background anew from the next picture on."""
-        self._background: Background | None = None
-
-    @property
-    def empty(self) -> bool:
-        """Whether there is no background yet."""
-        return self._background is None
-
-    def background_picture(self) -> Image:
-        """Return the background in the light of the newest picture, (height, width, 3) uint8 BGR.
-
-        Raises:
-            ValueError: There was no picture yet.
-        """
-        if self._background is None:
-            raise ValueError("there was no picture yet")
-        return self._background.picture()
-
-    def absorb(self, picture: Image, where: Image) -> None:
-        """Make a picture the background where a mask, (height, width) uint8, is not 0."""
-        if self._background is not None:
-            self._background.absorb(picture, where)
+        self.background: Background | None = None
 
     def update(
         self, picture: Image, now_s: float, known: Sequence[Region]
@@ -118,10 +98,10 @@ class ForegroundDetector:
         if self._size != (width, height):
             self._size = width, height
             self._searched = self._area()
-        if self._background is None:
+        if self.background is None:
             self._start(picture, now_s)
-        assert self._background is not None
-        background = self._background
+        assert self.background is not None
+        background = self.background
         hidden = self._boxes_mask(known, (height, width))
         age_s = now_s - self._started_s
         self._look(picture, hidden, age_s)
@@ -165,11 +145,11 @@ class ForegroundDetector:
 
     def _look(self, picture: Image, hidden: Image | None, age_s: float) -> None:
         """Compare the view with the background, when that is due."""
-        assert self._background is not None
+        assert self.background is not None
         elapsed_s = age_s - self._looked_s
         if elapsed_s >= self._parameters.scene.every_s:
             self._looked_s = age_s
-            self._shown = self._view.shown(self._background.unlit, picture, hidden, elapsed_s)
+            self._shown = self._view.shown(self.background.unlit, picture, hidden, elapsed_s)
 
     def _is_hidden(self, mask: Image, hidden: Image | None) -> bool:
         """Return whether most of what no known object hides is foreground."""
@@ -180,7 +160,7 @@ class ForegroundDetector:
         return marked > self._parameters.scene.changed * total
 
     def _start(self, picture: Image, now_s: float) -> None:
-        self._background = Background(picture, self._parameters.background, self._parameters.light)
+        self.background = Background(picture, self._parameters.background, self._parameters.light)
         self._view = View(self._parameters.view)
         self._shown = "scene"
         self._started_s = now_s

@@ -38,9 +38,6 @@ class Light:
     The background stays in one light for ever, so that an error of the fit cannot be learned and
     grow. A curve is accepted only if more of the scene agrees with the picture than before.
 
-    Args:
-        limits: The constants.
-
     Attributes:
         curve: (256, 3) float32: for each value of the background, that of the picture; ascending.
         gains: (3,), mean slope of each channel.

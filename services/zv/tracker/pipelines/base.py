@@ -38,9 +38,6 @@ def working_scale(width: int, height: int) -> int:
 class PipelineWithIds:
     """The base of both pipelines.
 
-    Args:
-        first_id: Id of the first track.
-
     Attributes:
         tracks: The tracks of the last frame, oldest first, in pixels of the frame.
         mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the reduced
@@ -91,11 +88,10 @@ class PipelineWithIds:
             ValueError: There was no frame yet, or background subtraction does not run.
         """
         with self._lock:
-            if self._foreground is None or self._size is None or self._foreground.empty:
+            learned = None if self._foreground is None else self._foreground.background
+            if learned is None or self._size is None:
                 raise ValueError("there was no frame yet, or no background is learned")
-            return np.asarray(
-                cv2.resize(self._foreground.background_picture(), self._size), np.uint8
-            )
+            return np.asarray(cv2.resize(learned.shown, self._size), np.uint8)
 
     def _begin(self, size: tuple[int, int]) -> None:
         """Begin with frames of another size: learn the background anew."""

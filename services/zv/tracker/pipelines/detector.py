@@ -44,21 +44,12 @@ class DetectorParameters:
     min_area: float = 0.0  # least region of motion, square pixels of the picture; 0: automatic
     at_foot: bool = False  # whether the foot of a box must be inside, not its centre
 
-    @property
-    def needs_motion(self) -> bool:
-        """Whether background subtraction runs on every frame."""
-        return self.on_motion or self.every != 1
-
 
 class DetectorTracker(PipelineWithIds):
     """Tracks the objects of one camera by the boxes of a model.
 
     For each frame, ``begin`` must be called, then ``finish``, with what the model found in it if it
     ran; ``late`` takes what it found in an earlier frame, between two frames.
-
-    Args:
-        parameters: What is wanted.
-        first_id: Id of the first track.
     """
 
     def __init__(self, parameters: DetectorParameters, first_id: int = 1) -> None:
@@ -148,7 +139,7 @@ class DetectorTracker(PipelineWithIds):
     def _find_motion(self, picture: Image, now_s: float) -> bool:
         """Return whether anything moves, has moved a moment ago, or cannot be judged yet."""
         wanted = self.parameters
-        unknown = self._foreground is None or self._foreground.empty
+        unknown = self._foreground is None or self._foreground.background is None
         _, strong = self._subtract(picture, now_s, self._known(), wanted.foreground)
         least = self._least_area(wanted.min_area)
         scale = self._scale

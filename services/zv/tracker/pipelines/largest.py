@@ -86,10 +86,6 @@ class LargestObject:
 def draw(bgr: NDArray[np.uint8], found: MovingObject | None) -> NDArray[np.uint8]:
     """Return a copy of the frame with the object drawn; the frame itself without an object.
 
-    Args:
-        bgr: (height, width, 3) uint8; not modified.
-        found: The moving object, or None.
-
     Source: seed tutorial, "Real-Time Object Tracking", drawing step.
     """
     if found is None:

@@ -40,12 +40,7 @@ class RobustParameters:
 
 
 class RobustTracker(PipelineWithIds):
-    """Tracks all moving objects of one camera.
-
-    Args:
-        parameters: Those of the foreground and of the tracking; None for the defaults.
-        first_id: Id of the first track.
-    """
+    """Tracks all moving objects of one camera."""
 
     def __init__(self, parameters: RobustParameters | None = None, first_id: int = 1) -> None:
         super().__init__(first_id)
@@ -102,7 +97,8 @@ class RobustTracker(PipelineWithIds):
     def _absorb(self, picture: Image, tracker: Tracker) -> None:
         """Make ghosts part of the background."""
         assert self._foreground is not None
-        mask = self.mask
+        background, mask = self._foreground.background, self.mask
+        assert background is not None
         where = np.zeros_like(mask)
         for state in tracker.suspects():
             box = state.shown or state.box
@@ -115,7 +111,7 @@ class RobustTracker(PipelineWithIds):
             )
             found = evidence(
                 picture[window],
-                self._foreground.background_picture()[window],
+                background.shown[window],
                 region[window],
                 mask[window],
             )
@@ -124,7 +120,7 @@ class RobustTracker(PipelineWithIds):
                 where[window] |= np.asarray(cv2.dilate(region[window], BAND), np.uint8)
         if where.any():
             with self._lock:
-                self._foreground.absorb(picture, where)
+                background.absorb(picture, where)
 
     @property
     def detections(self) -> list[tuple[Box, float]]:

@@ -21,12 +21,7 @@ PARAMETERS = "id, and ahead_ms or at_ns"
 
 
 class PredictionAnswers:
-    """Keeps the paths of one camera's objects and answers queries with predictions.
-
-    Args:
-        node: The tracker, open; it publishes ``prediction``.
-        camera: The camera's name.
-    """
+    """Keeps the paths of one camera's objects and answers queries with predictions."""
 
     def __init__(self, node: Node, camera: str) -> None:
         self._node = node

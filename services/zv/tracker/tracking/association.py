@@ -88,15 +88,7 @@ def associate(
     *,
     convex: bool = False,
 ) -> list[Decision]:
-    """Return what each region of a frame is. Nothing is changed.
-
-    Args:
-        tracks: The tracks, predicted to the time of the frame.
-        regions: The regions of the foreground.
-        now_s: The time of the frame.
-        limits: The constants.
-        convex: Whether each region is an object, none a part of one.
-    """
+    """Return what each region of a frame is. Nothing is changed."""
     if not convex:
         known = [each.box for each in tracks if _established(each, 0.0, limits)]
         regions = joined(regions, known, limits.pieces)
@@ -123,18 +115,12 @@ def _links(
     columns = np.flatnonzero(~links.any(axis=0))
     if not rows.size or not columns.size:
         return links
-    costs = np.full((rows.size, columns.size), boxes.IMPOSSIBLE)
-    centers = np.array([regions[column].center for column in columns.tolist()])
-    areas = np.array([regions[column].area for column in columns.tolist()])
-    for number, row in enumerate(rows.tolist()):
-        track = tracks[row]
-        reach = limits.gate_sides / 2 * track.side
-        away = np.square((centers[:, 0] - track.x.position) / (math.sqrt(track.x.pp) + reach))
-        away += np.square((centers[:, 1] - track.y.position) / (math.sqrt(track.y.pp) + reach))
-        ratio = np.abs(np.log((areas + 1) / (track.area + 1)))
-        fits = (away < 4.0) & (ratio < limits.log_area)
-        costs[number, fits] = (away + ratio)[fits]
-    for number, found in boxes.assigned(costs):
+    rest = [regions[column] for column in columns.tolist()]
+    costs = [
+        track.costs(rest, (track.x.position, track.y.position), limits.gate_sides, limits.log_area)
+        for track in (tracks[row] for row in rows.tolist())
+    ]
+    for number, found in boxes.assigned(np.array(costs)):
         links[rows[number], columns[found]] = True
     return links
 

@@ -5,7 +5,6 @@ Unlike a region of the foreground, each box is one object, and says how sure the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -53,12 +52,6 @@ def match_boxes(
     object that is partly hidden has a low score. Source: Y. Zhang et al., "ByteTrack: multi-object
     tracking by associating every detection box", 2022. What moved farther than its own size is
     then found by its distance.
-
-    Args:
-        tracks: The tracks.
-        expected: The box in which each is expected in the picture.
-        found: The boxes of the model.
-        limits: The constants.
     """
     sure = [number for number, each in enumerate(found) if each.score >= each.least]
     unsure = [number for number, each in enumerate(found) if each.score < each.least]
@@ -84,9 +77,13 @@ def match_boxes(
     assign(confirmed, unsure, shared >= limits.unsure_overlap)
     assign(everything, sure, near)
     if len(pairs) < min(len(tracks), len(sure)):
-        away = _distances(tracks, expected, found, limits)
-        costs = np.where(np.isfinite(away), away, boxes.IMPOSSIBLE)
-        assign(everything, sure, np.isfinite(away))
+        regions, centers = [each.region for each in found], [box.center for box in expected]
+        away = [
+            track.costs(regions, center, limits.gate_sides, limits.log_area)
+            for track, center in zip(tracks, centers, strict=True)
+        ]
+        costs = np.where(other, boxes.IMPOSSIBLE, away)
+        assign(everything, sure, costs < boxes.IMPOSSIBLE)
     taken = {column for _, column in pairs}
     known = [found[column].region for column in taken]
     new = []
@@ -98,24 +95,3 @@ def match_boxes(
             new.append(column)
             known.append(region)
     return pairs, new
-
-
-def _distances(
-    tracks: Sequence[BoxState],
-    expected: Sequence[Region],
-    found: Sequence[ScoredBox],
-    limits: BoxLimits,
-) -> NDArray[np.float64]:
-    """Return the cost of each pair that may be one object by distance, size and class, else inf."""
-    costs = np.full((len(tracks), len(found)), np.inf)
-    centers = np.array([each.region.center for each in found])
-    areas = np.array([each.region.area for each in found])
-    for row, (track, box) in enumerate(zip(tracks, expected, strict=True)):
-        reach = limits.gate_sides / 2 * track.side
-        away = np.square((centers[:, 0] - box.center[0]) / (math.sqrt(track.x.pp) + reach))
-        away += np.square((centers[:, 1] - box.center[1]) / (math.sqrt(track.y.pp) + reach))
-        ratio = np.abs(np.log((areas + 1) / (track.area + 1)))
-        same = np.array([each.name == track.class_name for each in found])
-        fits = (away < 4.0) & (ratio < limits.log_area) & same
-        costs[row, fits] = (away + ratio)[fits]
-    return costs

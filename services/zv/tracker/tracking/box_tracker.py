@@ -51,15 +51,7 @@ class BoxLife:
 
 
 class BoxTracker(TrackerBase[BoxState]):
-    """Turns boxes of a model, and regions of motion, into tracks; see ``TrackerBase``.
-
-    Args:
-        size: Width and height of the picture, in pixels of which all lengths are.
-        first_id: Id of the first track.
-        keep_lost_s: How long a track that is not seen is kept.
-        life: The constants of a track's life.
-        limits: Those of association.
-    """
+    """Turns boxes of a model, and regions of motion, into tracks; see ``TrackerBase``."""
 
     def __init__(
         self,

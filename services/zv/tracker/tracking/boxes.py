@@ -58,9 +58,6 @@ def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
     """Return the connected components of a bipartite graph of rows and columns, in order of rows.
 
     Rows and columns without a link are left out.
-
-    Args:
-        links: (n, m), the adjacency matrix.
     """
     root = list(range(links.shape[0]))
     first: dict[int, int] = {}  # the first row of each column

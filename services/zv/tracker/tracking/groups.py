@@ -34,11 +34,6 @@ def divide(
     object is at this place, predicted by its motion, and that it has this colour at this height.
     If objects look the same, the place decides.
 
-    Args:
-        targets: The objects.
-        region: The regions that form the region.
-        scene: The pixels of the frame.
-
     Returns:
         The portion of each object, in the order of ``targets``; None for one without pixels.
     """

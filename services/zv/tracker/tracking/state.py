@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from zv.tracker.tracking.appearance import Floats
+from zv.tracker.tracking.boxes import IMPOSSIBLE
 from zv.tracker.tracking.kalman import AxisFilter
 from zv.tracker.tracking.region import Region
 
@@ -186,6 +191,21 @@ class TrackState:
         return math.hypot(
             _way(moved[0], moved[2], left, right), _way(moved[1], moved[3], top, bottom)
         )
+
+    def costs(
+        self, regions: Sequence[Region], center: Point, gate_sides: float, log_area: float
+    ) -> NDArray[np.float64]:
+        """Return what it costs that it is each of some regions, by distance and area.
+
+        Those farther from the expected centre than twice a gate in sides and the uncertainty of its
+        place, or with another logarithm of the area, are ``IMPOSSIBLE``.
+        """
+        reach, found = gate_sides / 2 * self.side, np.array([each.center for each in regions])
+        away = np.square((found[:, 0] - center[0]) / (math.sqrt(self.x.pp) + reach))
+        away += np.square((found[:, 1] - center[1]) / (math.sqrt(self.y.pp) + reach))
+        areas = np.array([each.area for each in regions])
+        ratio = np.abs(np.log((areas + 1) / (self.area + 1)))
+        return np.where((away < 4.0) & (ratio < log_area), away + ratio, IMPOSSIBLE)
 
     def resize(self, width: float, height: float, area: float, share: float) -> None:
         """Move the size towards a measured one, by the weight ``share`` from 0 to 1."""
