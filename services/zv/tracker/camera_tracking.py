@@ -63,10 +63,7 @@ class CameraTracking:
         self._header: Header | None = None
         self._frame_s = 0.0
         self._next_id = 1
-        self._largest = LargestObject(largest_parameters(settings))
-        self._robust = RobustTracker(robust_parameters(settings))
-        self._detector = DetectorTracker(detector_parameters(settings))
-        self._trails = Trails()
+        self._restart(settings)
         self._events = EventPublisher(node, settings)
         self._shapes = TurnedShapes(node, camera, settings)
         self._plane = CameraPlane(node, camera)
@@ -129,10 +126,7 @@ class CameraTracking:
         stream = (header.width, header.height, settings.pipeline, frame.value_range)
         if restarts or stream != self._stream:
             self._stream = stream
-            self._largest = LargestObject(largest_parameters(settings))
-            self._robust = RobustTracker(robust_parameters(settings), self._next_id)
-            self._detector = DetectorTracker(detector_parameters(settings), self._next_id)
-            self._trails = Trails()
+            self._restart(settings)
         elif settings is not self._settings:
             self._largest.adjust(largest_parameters(settings))
             self._robust.adjust(robust_parameters(settings))
@@ -142,6 +136,12 @@ class CameraTracking:
                 self._detector.reset()
         self._reset = settings.reset
         self._settings = settings
+
+    def _restart(self, settings: TrackerSettings) -> None:
+        self._largest = LargestObject(largest_parameters(settings))
+        self._robust = RobustTracker(robust_parameters(settings), self._next_id)
+        self._detector = DetectorTracker(detector_parameters(settings), self._next_id)
+        self._trails = Trails()
 
     def _largest_object(self, frame: Frame, bgr: Pixels, settings: TrackerSettings) -> None:
         """Process a frame with the tutorial's pipeline; it has no ids, so ``tracks`` is empty."""

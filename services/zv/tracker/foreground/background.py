@@ -32,7 +32,6 @@ class BackgroundLimits:
     noise_s: float = 10.0  # time constant of the noise, seconds
     # Range of a shadow's brightness, relative to the background's.
     shadow: tuple[float, float] = (0.6, 1.0)
-    tint: float = 1.0  # largest distance of a shadow's colour, as a multiple of the distance above
     # Times since the first picture at which the median of the pictures so far is taken.
     starts_s: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
     keep_s: float = 0.1  # interval of these pictures, seconds
@@ -136,7 +135,7 @@ class Background:
         square = np.maximum((other * other) @ ones, 1.0)
         ratio = ((one * other) @ ones) / square
         tint = (one * one) @ ones - ratio * ratio * square
-        allowed = (reach.astype(np.float32) @ ones) * (self._limits.tint / 3**0.5)
+        allowed = (reach.astype(np.float32) @ ones) / 3**0.5
         least, most = self._limits.shadow
         return np.asarray((ratio > least) & (ratio < most) & (tint < allowed * allowed), np.bool_)
 

@@ -142,17 +142,8 @@ class DetectorTracker(PipelineWithIds):
         unknown = self._foreground is None or self._foreground.background is None
         _, strong = self._subtract(picture, now_s, self._known(), wanted.foreground)
         least = self._least_area(wanted.min_area)
-        scale = self._scale
-        self._regions = [
-            Region(
-                each.left * scale,
-                each.top * scale,
-                each.right * scale,
-                each.bottom * scale,
-                each.area * scale * scale,
-            )
-            for each in regions_of(self.mask, strong, least, np.inf, RegionLimits())
-        ]
+        found = regions_of(self.mask, strong, least, np.inf, RegionLimits())
+        self._regions = [each.scaled(self._scale) for each in found]
         if self._regions or unknown or self.shown == "other":
             self._moved_s = now_s
         return self._moved_s is not None and now_s - self._moved_s <= WATCHED_S
@@ -160,15 +151,10 @@ class DetectorTracker(PipelineWithIds):
     def _known(self) -> list[Region]:
         """Return the boxes of the tracks, at the reduced size: they are not learned."""
         assert self._tracker is not None
-        moving = [
-            each.box
+        return [
+            each.box.scaled(1 / self._scale)
             for each in self._tracker.states
             if each.confirmed and each.speed > PROTECTED_SPEED
-        ]
-        scale = self._scale
-        return [
-            Region(box.left / scale, box.top / scale, box.right / scale, box.bottom / scale, 0.0)
-            for box in moving
         ]
 
 

@@ -125,12 +125,11 @@ class RobustTracker(PipelineWithIds):
     @property
     def detections(self) -> list[tuple[Box, float]]:
         """The detections of the last frame: box and area, full-resolution pixels."""
-        scale, found = self._scale, []
-        for each in self._regions:
-            edges = (each.left, each.top, each.width, each.height)
-            x, y, width, height = (round(scale * edge) for edge in edges)
-            found.append(((x, y, width, height), each.area * scale * scale))
-        return found
+        found = [each.scaled(self._scale) for each in self._regions]
+        return [
+            ((round(each.left), round(each.top), round(each.width), round(each.height)), each.area)
+            for each in found
+        ]
 
     def _begin(self, size: tuple[int, int]) -> None:
         super()._begin(size)

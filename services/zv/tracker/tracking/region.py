@@ -38,6 +38,11 @@ class Region(NamedTuple):
         """Centre of the bounding box, x, y."""
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
+    def scaled(self, factor: float) -> Region:
+        """Return its bounding box and area in pixels of a picture of another size."""
+        left, top, right, bottom = (factor * edge for edge in self[:4])
+        return Region(left, top, right, bottom, factor * factor * self.area)
+
     def moved(self, x: float, y: float) -> Region:
         """Return its bounding box and area at another place."""
         edges = self.left + x, self.top + y, self.right + x, self.bottom + y
