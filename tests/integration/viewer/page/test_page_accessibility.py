@@ -103,7 +103,7 @@ def test_without_javascript_the_page_is_the_list_of_streams_with_links_and_pictu
         link = opened.page.locator("a", has=opened.page.locator("img")).first
         link.wait_for()
         assert opened.page.url == f"{system.address}streams"
-        assert opened.page.locator(f"img[src*='{CAMERA}']").is_visible()
+        opened.page.locator(f"img[src*='{CAMERA}']").wait_for()
         link.click()
         opened.page.wait_for_url("**/stream_viewer?topic=/vision/front/**")
         opened.page.locator("img").wait_for()
