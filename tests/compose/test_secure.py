@@ -98,3 +98,16 @@ def test_a_revoked_camera_is_out_within_a_minute_and_the_others_go_on(
     assert not newest(guest.session, "@vision/node/camera_front")
     assert time.monotonic() - begun_s < 60
     guest.close()
+
+
+def test_a_container_that_starts_without_its_file_leaves_the_place_for_another(
+    stack: Stack, system: Secured
+):
+    file = system.file("camera_front")
+    stack.compose("restart", "camera", check=False)
+    assert not file.exists()
+    system.add(camera=("front",))
+    stack.compose("up", "-d", "--no-build", "--no-deps", "camera")
+    guest = Link(system.connection("guest", timeout_s=60.0))
+    wait_until(lambda: newest(guest.session, "@vision/node/camera_front"), 60)
+    guest.close()
