@@ -270,7 +270,7 @@ def picture_size(picture: bytes) -> tuple[int, int]:
 
     Raises:
         PayloadError: ``empty``, ``too_large`` (bytes, pixels or scans), ``not_an_image``,
-            ``corrupt``.
+            ``unsupported_encoding``, ``corrupt``.
     """
     if not picture:
         raise PayloadError("empty", "no bytes")
@@ -284,6 +284,10 @@ def picture_size(picture: bytes) -> tuple[int, int]:
             height, width, *_ = simplejpeg.decode_jpeg_header(picture)
         except ValueError as error:
             raise PayloadError("corrupt", str(error)) from None
+        except KeyError as error:  # 4:4:1, which simplejpeg 1.9 does not know
+            raise PayloadError(
+                "unsupported_encoding", f"a JPEG of chroma subsampling {error}"
+            ) from None
         head_end = check_scans(picture)
     elif picture.startswith(PNG_START) and picture[12:16] == b"IHDR" and len(picture) > 24:
         width, height = struct.unpack(">II", picture[16:24])
