@@ -49,7 +49,7 @@ marked = $(or $(ARGS),$$(grep -rl --include='test_*.py' 'mark\.$(1)\b' tests))
 define run_tests
 failed=0; selected=0; \
 	run() { $(BIN)/pytest "$$@"; case $$? in 0) selected=1 ;; 5) ;; *) failed=1 ;; esac; }; \
-	run -m "not compose and not devices and not quiet and not alone" -n 4 --dist loadgroup $(DONE) $(1) $(ARGS); \
+	run -m "not compose and not devices and not quiet and not alone" -n 4 --dist loadfile $(DONE) $(1) $(ARGS); \
 	run -m quiet -n 3 --maxschedchunk 1 $(2) $(call marked,quiet); \
 	run -m alone $(3) $(call marked,alone); \
 	[ $$failed$$selected = 01 ]

@@ -1,4 +1,4 @@
-"""Real video, which is not part of the project, and how the tests are divided among workers."""
+"""Real video, which is not part of the project, and what all programs of the tests inherit."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ import pytest
 from tests.support.processes import CAMERA_SIZE
 
 ROOT = Path(__file__).parents[1]
-PAGE = "tests/integration/viewer/page/"
-IDLE_PAGES = (f"{PAGE}test_page_link.py", f"{PAGE}test_page_streams.py")
-"""Tests of the page that mostly wait, for a slow link or for something that is frozen."""
 OPENCV_DOC = Path("/usr/share/doc/opencv-doc/examples/data")
 
 
@@ -29,16 +26,6 @@ def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("markexpr") in ("quiet", "alone", "devices"):
         CAMERA_SIZE.clear()
-
-
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """Have one worker run all tests of a file, and all that keep a browser busy.
-
-    Two busy browsers at a time would fill two cores, and the tests beside them would take longer.
-    """
-    file = item.nodeid.partition("::")[0]
-    busy = file.startswith(PAGE) and file not in IDLE_PAGES
-    item.add_marker(pytest.mark.xdist_group(PAGE if busy else file))
 
 
 @pytest.fixture(scope="session", autouse=True)
