@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from zenoh_vision import Connection, Frame, Level, Node
 from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.calibration.camera_model import CalibrationFault
 from zenoh_vision.config.revisions import Revision
 from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.keys import JPEG
+from zenoh_vision.messages import Header
+from zenoh_vision.node.calibration_source import CalibrationSource
 from zenoh_vision.topics import COMPRESSED, TOPICS, Topic
-from zv.relay.calibration_source import CalibrationSource
 from zv.relay.settings import RELAYED, RelaySettings
 from zv.relay.transform import RateLimit, Transform, Transformer, calibration_after
 
@@ -81,7 +83,7 @@ class Relay:
         settings = revision.settings
         if not self._limit.allow(frame.header, settings.rate):
             return
-        known = self._calibrations.of_frame(frame.header)
+        known = self._calibration_of(frame.header)
         if settings.rectify and known is None:
             self._node.report("rectify", Level.WARN, "rectify: there is no camera_info that fits")
             return
@@ -129,6 +131,17 @@ class Relay:
             "end this relay, or give it --to with a new name",
         )
         return True
+
+    def _calibration_of(self, header: Header) -> Calibration | None:
+        """Return the calibration for frames of this size; None if there is none that fits."""
+        known = self._calibrations.newest(header)
+        try:
+            fitting = known and known.scaled(header.width, header.height)
+        except CalibrationFault as fault:
+            self._node.report("calibration", Level.WARN, str(fault))
+            return None
+        self._node.report("calibration", Level.OK)
+        return fitting
 
     def _tell(self, frame: Frame, known: Calibration, transform: Transform) -> None:
         """Publish the calibration of the result, once for each epoch and change."""

@@ -7,17 +7,20 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision import Centroid, Frame, Node
+from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.calibration.camera_model import CalibrationFault
+from zenoh_vision.calibration.plane_view import PlaneView
 from zenoh_vision.messages import Header, Level, Tracks
 from zenoh_vision.messages import Track as TrackMessage
+from zenoh_vision.node.calibration_source import CalibrationSource
 from zv.tracker import shapes
-from zv.tracker.camera_plane import CameraPlane
 from zv.tracker.detector.class_names import Wanted
 from zv.tracker.detector.model import Detection
 from zv.tracker.detector.options import classes_of
@@ -66,7 +69,7 @@ class CameraTracking:
         self._restart(settings)
         self._events = EventPublisher(node, settings)
         self._shapes = TurnedShapes(node, camera, settings)
-        self._plane = CameraPlane(node, camera)
+        self._calibrations = CalibrationSource(node, camera)
         self._predictions = PredictionAnswers(node, camera)
         self._report = SceneReport()
         self._reported = ""
@@ -228,7 +231,8 @@ class CameraTracking:
     def _publish_tracks(
         self, frame: Frame, tracks: Sequence[Track], settings: TrackerSettings
     ) -> None:
-        header, plane = self._node.header(frame), self._plane.view(frame.header)
+        header, calibration = self._node.header(frame), self._calibrations.newest(frame.header)
+        plane = plane_view(calibration, header.width, header.height)
         self._predictions.update(header, tracks, settings.anchor, plane)
         zones, lines = self._events.update(frame, tracks, settings, plane)
         self._node.publish(
@@ -253,6 +257,19 @@ def decoded(frame: Frame, settings: TrackerSettings) -> Pixels:
     width, height = frame.header.width, frame.header.height
     scale = working_scale(width, height)
     return np.asarray(frame.reduced("bgr8", -(-width // scale), -(-height // scale)), np.uint8)
+
+
+@lru_cache(maxsize=64)
+def plane_view(calibration: Calibration | None, width: int, height: int) -> PlaneView | None:
+    """Return the mapping from a frame's pixels to the plane; None without a calibrated plane.
+
+    A calibration for another size with the same aspect ratio is scaled; one for another aspect
+    ratio is not used.
+    """
+    try:
+        return None if calibration is None else calibration.scaled(width, height).view
+    except CalibrationFault:
+        return None
 
 
 def largest_parameters(settings: TrackerSettings) -> LargestObjectParameters:

@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from tests.support import detector_models
+from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.calibration.camera_model import CameraModel
+from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header, Level, TrackEvent, Tracks
 from zenoh_vision.node.node import Node
 from zv.camera.synthetic.scene import Scene
-from zv.tracker.camera_tracking import CameraTracking, centroid_of
+from zv.tracker.camera_tracking import CameraTracking, centroid_of, plane_view
 from zv.tracker.camera_tracking import largest_parameters as parameters_of
 from zv.tracker.pipelines.largest import LargestObject, MovingObject
 from zv.tracker.service import loaded_model
@@ -138,7 +141,7 @@ class Recorder:
 
 
 def test_tracks_and_stays_end_when_a_camera_has_been_silent(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("zv.tracker.camera_tracking.CameraPlane", lambda *_: NoPlane())
+    monkeypatch.setattr("zv.tracker.camera_tracking.CalibrationSource", Uncalibrated)
     settings = TrackerSettings(zones="all 0,0 320,0 320,240 0,240", keep_lost=2.0)
     recorder = Recorder()
     tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
@@ -166,7 +169,7 @@ def test_tracks_and_stays_end_when_a_camera_has_been_silent(monkeypatch: pytest.
 
 
 def test_tracks_of_a_paused_replay_do_not_end(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("zv.tracker.camera_tracking.CameraPlane", lambda *_: NoPlane())
+    monkeypatch.setattr("zv.tracker.camera_tracking.CalibrationSource", Uncalibrated)
     settings, recorder = TrackerSettings(), Recorder()
     for replay in (None, 7):
         tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
@@ -180,9 +183,27 @@ def test_tracks_of_a_paused_replay_do_not_end(monkeypatch: pytest.MonkeyPatch):
         assert tracking.expire(time.monotonic() + 3600) == (replay is None)
 
 
-class NoPlane:
-    def view(self, _: Header) -> None:
+class Uncalibrated:
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def newest(self, _: Header) -> None:
         return None
+
+
+def test_a_plane_is_scaled_to_another_size_but_not_to_another_aspect_ratio():
+    lens = CameraModel(640, 480, (500.0, 0, 320, 0, 500, 240, 0, 0, 1))
+    calibration = Calibration(lens, plane=Plane((0.01, 0, 0, 0, 0.01, 0, 0, 0, 1)))
+    view = plane_view(calibration, 640, 480)
+    assert view is not None
+    assert view is plane_view(replace(calibration), 640, 480)
+    assert view.position(100, 50) == pytest.approx((1, 0.5))
+    smaller = plane_view(calibration, 320, 240)
+    assert smaller is not None
+    # the centre of pixel 100 is 100.5 from the edge: 201 of the larger, whose pixel is 200.5
+    assert smaller.position(100, 50) == pytest.approx((2.005, 1.005))
+    assert plane_view(calibration, 640, 360) is None
+    assert plane_view(replace(calibration, plane=None), 640, 480) is None
 
 
 def show(
@@ -220,7 +241,7 @@ def show(
 def test_what_makes_tracking_impossible_is_said_in_the_health_and_taken_back(
     monkeypatch: pytest.MonkeyPatch, interval_s: float, black: bool, said: str
 ):
-    monkeypatch.setattr("zv.tracker.camera_tracking.CameraPlane", lambda *_: NoPlane())
+    monkeypatch.setattr("zv.tracker.camera_tracking.CalibrationSource", Uncalibrated)
     settings, recorder = TrackerSettings(), Recorder()
     tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
     room, at_s, reported = Scene(320, 240, 10.0, 1).frame(0)[0], 0.0, []

@@ -1,4 +1,4 @@
-"""The tracker's calibration: when one arrives, is replaced, is invalid or disappears."""
+"""A camera's calibration: when one arrives, is replaced, is invalid or disappears."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from zenoh_vision import CameraInfo, Connection, Header, Node
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
+from zenoh_vision.node.calibration_source import REPLY_S, CalibrationSource
 from zenoh_vision.transport.query import Query, Replies, send
-from zv.tracker.camera_plane import REPLY_S, CameraPlane
 
 KEY = "vision/front/camera_info"
+MODULE = "zenoh_vision.node.calibration_source"
 LENS = CameraModel(640, 480, (500.0, 0, 320, 0, 500, 240, 0, 0, 1))
 
 
-def header(width: int = 640, height: int = 480, epoch: int = 1) -> Header:
+def header(epoch: int = 1) -> Header:
     now = time.time_ns()
-    return Header(camera="front", epoch=epoch, seq=0, stamp_ns=now, width=width, height=height)
+    return Header(camera="front", epoch=epoch, seq=0, stamp_ns=now, width=640, height=480)
 
 
 def calibrated(scale: float, camera: str = "front") -> bytes:
@@ -44,42 +45,41 @@ def node(router) -> Iterator[Node]:
 
 
 @pytest.fixture
-def plane(node: Node) -> CameraPlane:
-    return CameraPlane(node, "front")
+def source(node: Node) -> CalibrationSource:
+    return CalibrationSource(node, "front")
 
 
-def where(plane: CameraPlane, head: Header) -> tuple[float, float] | None:
-    view = plane.view(head)
-    return None if view is None else view.position(100, 50)
+def where(source: CalibrationSource, head: Header) -> tuple[float, float] | None:
+    found = source.newest(head)
+    return None if found is None or found.view is None else found.view.position(100, 50)
 
 
 def test_a_calibration_applies_from_its_arrival_until_a_newer_one_replaces_it(
-    plane: CameraPlane, client: zenoh.Session
+    source: CalibrationSource, client: zenoh.Session
 ):
-    assert plane.view(header()) is None
+    assert source.newest(header()) is None
     wait_for_subscriber(client, KEY)
     client.put(KEY, calibrated(0.01))
-    wait_until(lambda: where(plane, header()) == (1, 0.5))
-    assert plane.view(header()) is plane.view(header())
+    wait_until(lambda: where(source, header()) == (1, 0.5))
     client.put(KEY, calibrated(0.02))
-    wait_until(lambda: where(plane, header()) == (2, 1))
+    wait_until(lambda: where(source, header()) == (2, 1))
 
 
 def test_a_calibration_published_earlier_is_queried_and_dropped_when_its_publisher_is_gone(
-    plane: CameraPlane, router
+    source: CalibrationSource, router
 ):
     with open_client(router.endpoint) as camera:
         queryable = camera.declare_queryable(KEY, lambda query: query.reply(KEY, calibrated(0.01)))
         wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
-        wait_until(lambda: where(plane, header(epoch=5)) == (1, 0.5))
+        wait_until(lambda: where(source, header(epoch=5)) == (1, 0.5))
         queryable.undeclare()
         wait_until(lambda: not list(camera.get(f"@/*/router/queryable/{KEY}")))
-        assert where(plane, header(epoch=5)) is not None
-    wait_until(lambda: plane.view(header(epoch=6)) is None)
+        assert where(source, header(epoch=5)) is not None
+    wait_until(lambda: source.newest(header(epoch=6)) is None)
 
 
 def test_the_first_frame_of_an_epoch_waits_for_the_reply_and_no_longer_than_its_limit(
-    plane: CameraPlane, router, monkeypatch: pytest.MonkeyPatch
+    source: CalibrationSource, router, monkeypatch: pytest.MonkeyPatch
 ):
     def answer(query: zenoh.Query) -> None:
         time.sleep(0.05)
@@ -88,42 +88,42 @@ def test_the_first_frame_of_an_epoch_waits_for_the_reply_and_no_longer_than_its_
     with open_client(router.endpoint) as camera:
         queryable = camera.declare_queryable(KEY, answer)
         wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
-        monkeypatch.setattr("zv.tracker.camera_plane.Query", partial(Query, timeout_s=20.0))
+        monkeypatch.setattr(f"{MODULE}.Query", partial(Query, timeout_s=20.0))
         with monkeypatch.context() as patched:
-            patched.setattr("zv.tracker.camera_plane.REPLY_S", 20.0)
-            assert where(plane, header(epoch=5)) == (1, 0.5)
+            patched.setattr(f"{MODULE}.REPLY_S", 20.0)
+            assert where(source, header(epoch=5)) == (1, 0.5)
         queryable.undeclare()
         silent = threading.Event()
         queryable = camera.declare_queryable(KEY, lambda _: silent.wait(20))
         wait_until(lambda: list(camera.get(f"@/*/router/queryable/{KEY}")))
         begun_s = time.monotonic()
-        assert where(plane, header(epoch=6)) == (1, 0.5)
-        assert not plane._replied.is_set()
+        assert where(source, header(epoch=6)) == (1, 0.5)
+        assert not source._replied.is_set()
         assert time.monotonic() - begun_s >= REPLY_S
         silent.set()
 
 
 def test_a_calibration_published_without_a_queryable_stays_through_later_epochs(
-    plane: CameraPlane, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+    source: CalibrationSource, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ):
     answers = []
 
     def counted(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) -> None:
         send(session, query, lambda replies: (done(replies), answers.append(list(replies)))[0])
 
-    monkeypatch.setattr("zv.tracker.camera_plane.send", counted)
+    monkeypatch.setattr(f"{MODULE}.send", counted)
     wait_for_subscriber(client, KEY)
     client.put(KEY, calibrated(0.01))
-    wait_until(lambda: where(plane, header(epoch=5)) == (1, 0.5))
+    wait_until(lambda: where(source, header(epoch=5)) == (1, 0.5))
     for epoch, answered in ((6, 2), (7, 3)):
-        plane.view(header(epoch=epoch))
+        source.newest(header(epoch=epoch))
         wait_until(lambda: len(answers) == answered)  # noqa: B023 - waited for here
-        assert where(plane, header(epoch=epoch)) == (1, 0.5)
+        assert where(source, header(epoch=epoch)) == (1, 0.5)
     assert answers == [[], [], []]
 
 
 def test_a_calibration_is_decoded_by_the_loop_and_not_on_zenohs_thread(
-    plane: CameraPlane, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+    source: CalibrationSource, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ):
     readers = []
     read = CameraInfo.from_bytes
@@ -135,19 +135,8 @@ def test_a_calibration_is_decoded_by_the_loop_and_not_on_zenohs_thread(
     monkeypatch.setattr(CameraInfo, "from_bytes", recorded)
     wait_for_subscriber(client, KEY)
     client.put(KEY, calibrated(0.01))
-    wait_until(lambda: plane.view(header()))
+    wait_until(lambda: source.newest(header()))
     assert set(readers) == {threading.current_thread()}
-
-
-def test_a_calibration_is_scaled_to_another_size_but_not_to_another_aspect_ratio(
-    plane: CameraPlane, client: zenoh.Session
-):
-    wait_for_subscriber(client, KEY)
-    client.put(KEY, calibrated(0.01))
-    wait_until(lambda: plane.view(header()))
-    x, y = where(plane, header(320, 240)) or (0, 0)
-    assert (x, y) == pytest.approx((2.005, 1.005))
-    assert plane.view(header(640, 360)) is None
 
 
 def dropped(node: Node, reason: str) -> int:
@@ -165,13 +154,13 @@ def dropped(node: Node, reason: str) -> int:
     ids=["not msgpack", "not CameraInfo", "another camera's", "focal length 0"],
 )
 def test_an_invalid_calibration_is_dropped_and_counted_and_the_previous_one_stays(
-    plane: CameraPlane, node: Node, client: zenoh.Session, payload: bytes, reason: str
+    source: CalibrationSource, node: Node, client: zenoh.Session, payload: bytes, reason: str
 ):
     wait_for_subscriber(client, KEY)
     client.put(KEY, calibrated(0.01))
-    wait_until(lambda: plane.view(header()))
+    wait_until(lambda: source.newest(header()))
     client.put(KEY, payload)
-    wait_until(lambda: where(plane, header()) and dropped(node, reason) == 1)
-    assert where(plane, header()) == (1, 0.5)
+    wait_until(lambda: where(source, header()) and dropped(node, reason) == 1)
+    assert where(source, header()) == (1, 0.5)
     counters = node.counters.snapshot()
     assert (counters["received"], counters["pending"]) == (1, 0)

@@ -1,4 +1,4 @@
-"""Receives the calibration of one camera from its ``camera_info``."""
+"""Receives the newest calibration of one camera from its ``camera_info``."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Final
 
 import zenoh
 
-from zenoh_vision import CameraInfo, Header, Node, PayloadError
 from zenoh_vision.calibration.calibration import Calibration
-from zenoh_vision.calibration.camera_model import CalibrationFault
-from zenoh_vision.calibration.plane_view import PlaneView
+from zenoh_vision.errors import PayloadError
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
+from zenoh_vision.messages import CameraInfo, Header
+from zenoh_vision.node.node import Node
 from zenoh_vision.topics import topic_named
 from zenoh_vision.transport.query import Query, Replies, send
 from zenoh_vision.transport.session import direct
@@ -28,14 +28,14 @@ MAX_WAITING: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class _Arrival:
-    """A calibration received on Zenoh's thread, to be processed by the tracker's loop."""
+    """A calibration received on Zenoh's thread, to be processed by the loop of the service."""
 
     sample: zenoh.Sample | None  # the published sample or the reply; None if a query had no reply
     query: int = 0  # number of the query that it answers; 0 if it was published
 
 
-class CameraPlane:
-    """Maps the pixels of each frame to the plane of the camera's newest calibration.
+class CalibrationSource:
+    """Receives the calibrations of one camera of an open node.
 
     A calibration may arrive at any time, from the camera or from another program. It is subscribed
     to, and queried at the first frame of each epoch, since it may have been published before. If
@@ -55,35 +55,22 @@ class CameraPlane:
         self._published_since = False  # whether a calibration was published since that query
         self._run: tuple[int, int] | None = None
         self._replied = threading.Event()
-        self._view: PlaneView | None = None
-        self._made_for: tuple[Calibration | None, int, int] | None = None
         node.link.declare(
             lambda session: session.declare_subscriber(
                 self._key, direct(lambda sample: self._arrived.append(_Arrival(sample)))
             )
         )
 
-    def view(self, header: Header) -> PlaneView | None:
-        """Return the mapping from a frame's pixels to the plane; None without a calibrated plane.
-
-        A calibration for another size with the same aspect ratio is scaled; one for another
-        aspect ratio is not used.
-        """
-        while self._arrived:
-            self._process(self._arrived.popleft())
+    def newest(self, header: Header) -> Calibration | None:
+        """Return the calibration that holds for a frame, of any size; None without one."""
+        self._process_all()
         if header.run != self._run:
             self._run = header.run
             self._send_query()
             # Otherwise it would depend on the network with which frame the calibration begins.
             self._replied.wait(REPLY_S)
-            while self._arrived:
-                self._process(self._arrived.popleft())
-        calibration = self._calibration
-        made_for = (calibration, header.width, header.height)
-        if self._made_for != made_for:
-            self._made_for = made_for
-            self._view = _view(calibration, header)
-        return self._view
+            self._process_all()
+        return self._calibration
 
     def _send_query(self) -> None:
         self._query += 1
@@ -99,6 +86,10 @@ class CameraPlane:
 
         with suppress(zenoh.ZError):  # the session is being closed or replaced
             send(self._node.link.session, Query(self._key), done)
+
+    def _process_all(self) -> None:
+        while self._arrived:
+            self._process(self._arrived.popleft())
 
     def _process(self, arrival: _Arrival) -> None:
         calibration = None
@@ -129,12 +120,3 @@ class CameraPlane:
         if message.header.camera != self._camera:
             raise PayloadError("wrong_camera", f"{message.header.camera!r} on {self._key}")
         return Calibration.of_message(message)
-
-
-def _view(calibration: Calibration | None, header: Header) -> PlaneView | None:
-    if calibration is None:
-        return None
-    try:
-        return calibration.scaled(header.width, header.height).view
-    except CalibrationFault:
-        return None
