@@ -20,9 +20,10 @@ class Reading:
             with FrameReader(offer, "vision/front/image") as reader:
                 ready.set()
                 while not self._closed:
-                    for sample in reader.receive(0.02):
+                    sample = reader.receive(0.02)
+                    if sample is not None:
                         receive(sample)
-                        del sample  # or it would be kept until the next
+                    del sample  # or it would be kept until the next
 
         self._thread = threading.Thread(target=read, daemon=True)
         self._thread.start()

@@ -13,6 +13,7 @@ import zenoh
 from zenoh_vision import keys
 from zenoh_vision.host.clock import Clock
 from zenoh_vision.node.routes import JOIN_S, Route
+from zenoh_vision.shm.channel import iceoryx_errors
 from zenoh_vision.shm.doorbell import Doorbell
 from zenoh_vision.shm.machine import SharedMemoryError, channel_name, machine_identity
 from zenoh_vision.shm.reader import FrameReader
@@ -143,7 +144,10 @@ class MemoryRoute(Route):
         Raises:
             SharedMemoryError: It cannot be opened, or nothing can be received any more.
         """
-        with FrameReader(channel_name(offer), self.key, self._clock) as reader:
+        with (
+            iceoryx_errors(),
+            FrameReader(channel_name(offer), self.key, self._clock) as reader,
+        ):
             # The camera writes while someone subscribes: only once the reader can receive.
             request = self._link.declare(partial(_subscribe_to, offer))
             self._failed_ns.pop(offer, None)
@@ -151,10 +155,10 @@ class MemoryRoute(Route):
             self._set_receiving(True)
             try:
                 while self._running and self._newest() == offer:
-                    for sample in reader.receive(WAIT_S):
-                        if self._intake.receive(sample):
-                            self._noticed(self, sample)
-                        del sample  # or its memory would be kept until the next
+                    sample = reader.receive(WAIT_S)
+                    if sample is not None and self._intake.receive(sample):
+                        self._noticed(self, sample)
+                    del sample  # or its memory would be kept until the next
             finally:
                 self._set_receiving(False)
                 with suppress(zenoh.ZError):  # the session is being closed

@@ -102,12 +102,13 @@ class Doorbell:
         self._number.value += 1
         self._futex(self._call, ctypes.byref(self._number), FUTEX_WAKE, ALL, None, None, 0)
 
-    def wait(self, seen: int, timeout_s: float) -> None:
-        """Wait until the number is another one than was seen, or for the time-out."""
+    def wait(self, seen: int, timeout_s: float) -> int:
+        """Wait until the number is another one than was seen, or for the time-out; return it."""
         seconds = int(timeout_s)
         limit = _TimeSpec(seconds, int((timeout_s - seconds) * 1e9))
         number, value = ctypes.byref(self._number), ctypes.c_uint32(seen)
         self._futex(self._call, number, FUTEX_WAIT, value, ctypes.byref(limit), None, 0)
+        return self._number.value
 
     def close(self) -> None:
         """Release the memory; the owner removes the file. Nobody may wait for it any more."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import weakref
-from collections.abc import Iterator
 from typing import Any, Self
 
 from zenoh_vision.host.clock import SYSTEM_CLOCK, Clock
@@ -29,8 +28,9 @@ class FrameReader:
     def __init__(self, offer: str, key: str, clock: Clock = SYSTEM_CLOCK) -> None:
         self._key = key
         self._clock = clock
-        self._lent: list[weakref.ref[Any]] = []
+        self._lent: list[weakref.ref[Any]] = []  # of memory that something refers to
         self._bell = Doorbell.open(offer)
+        self._rung = self._bell.number
         self._node: Any = None
         self._service: Any = None
         self._subscriber: Any = None
@@ -50,23 +50,18 @@ class FrameReader:
         self._subscriber = self._service = self._node = None
         self._bell.close()
 
-    def receive(self, timeout_s: float) -> Iterator[Sample]:
-        """Yield the frames that have arrived; wait for the first for the time-out at most.
+    def receive(self, timeout_s: float) -> Sample | None:
+        """Return the next frame; None after the time-out. Called inside of ``iceoryx_errors``.
 
         Raises:
             SharedMemoryError: Nothing can be received any more.
         """
-        with iceoryx_errors():
-            seen = self._bell.number
+        sample = self._subscriber.receive()
+        if sample is None:
+            # The number was read before that look, so a frame that came since has changed it.
+            self._rung = self._bell.wait(self._rung, timeout_s)
             sample = self._subscriber.receive()
-            if sample is None:
-                self._bell.wait(seen, timeout_s)
-                sample = self._subscriber.receive()
-            while sample is not None:
-                passed_on = self._sample(sample)
-                del sample
-                yield passed_on
-                sample = self._subscriber.receive()
+        return None if sample is None else self._sample(sample)
 
     def _sample(self, sample: Any) -> Sample:
         # iceoryx2's own views of both double the time that this function takes. The lengths are
@@ -78,11 +73,10 @@ class FrameReader:
         memory.sample = sample  # references to this memory keep it alive
         whole = memoryview(memory).cast("B").toreadonly()
         attachment = bytes(whole[length:])
-        self._lent = [lent for lent in self._lent if lent() is not None]
         if encoding != RAW_IMAGE or len(self._lent) >= VIEWS - 1:
             payload: bytes | memoryview = bytes(whole[:length])
         else:
-            self._lent.append(weakref.ref(memory))
+            self._lent.append(weakref.ref(memory, self._lent.remove))
             payload = whole[:length]
         clock = self._clock
         times = clock.monotonic_ns(), clock.time_ns()

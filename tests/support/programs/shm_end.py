@@ -29,9 +29,9 @@ def read(offer: str) -> None:
     kept = []
     with FrameReader(offer, "vision/front/image") as reader:
         while True:
-            for sample in reader.receive(0.1):
+            if (sample := reader.receive(0.1)) is not None:
                 kept.append(sample)
-                del kept[:-2]
+                del sample, kept[:-2]
                 print(len(kept), flush=True)
 
 
