@@ -157,7 +157,7 @@ class MemoryRoute(Route):
                 while self._running and self._newest() == offer:
                     sample = reader.receive(WAIT_S)
                     if sample is not None and self._intake.receive(sample):
-                        self._noticed(self, sample)
+                        self._noticed(sample)
                     del sample  # or its memory would be kept until the next
             finally:
                 self._set_receiving(False)
@@ -166,7 +166,7 @@ class MemoryRoute(Route):
 
     def _set_receiving(self, value: bool) -> None:
         self._receiving = value
-        self._noticed(self, None)
+        self._noticed(None)
 
     def _fail(self, offer: str, why: str) -> None:
         words = f"no frames of {self._camera} through shared memory: {why}"

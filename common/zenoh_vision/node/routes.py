@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import zenoh
@@ -38,9 +39,9 @@ class Route(ABC):
 
     def __init__(self, key: str) -> None:
         self.key = key
-        self._noticed: Callable[[Route, Sample | None], None] = lambda _route, _sample: None
+        self._noticed: Callable[[Sample | None], None] = lambda _: None
 
-    def watch(self, noticed: Callable[[Route, Sample | None], None]) -> None:
+    def watch(self, noticed: Callable[[Sample | None], None]) -> None:
         """Call a function after each good frame, and with None when ``available`` has changed."""
         self._noticed = noticed
 
@@ -96,7 +97,7 @@ class TopicRoute(Route):
         with self._lock:
             if self._subscription is None:
                 self._subscription = subscribe(
-                    self._link, self._intake, self.key, route=self._name, receive=self._receive
+                    self._link, self._intake, self.key, route=self._name, delivered=self._noticed
                 )
 
     def stop(self) -> None:
@@ -105,10 +106,6 @@ class TopicRoute(Route):
             subscription, self._subscription = self._subscription, None
         if subscription is not None:
             subscription.undeclare()
-
-    def _receive(self, sample: Sample) -> None:
-        if self._intake.receive(sample):
-            self._noticed(self, sample)
 
 
 class AutoRoute(Route):
@@ -147,7 +144,7 @@ class AutoRoute(Route):
         self._running = False
         self._thread: threading.Thread | None = None
         for route in routes:
-            route.watch(self._notice)
+            route.watch(partial(self._notice, route))
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 from zenoh_vision import keys
@@ -96,7 +95,9 @@ class FrameIntake(Intake[Arrival, Frame]):
         encoding: str = JPEG,
         max_pixels: int = MAX_PIXELS,
     ) -> None:
-        super().__init__(key, consumer, buffering, _limit_of(encoding, max_pixels))
+        most = {each.encoding: each.most_bytes(max_pixels) for each in forms.FORMS.values()}
+        limit = SizeLimit(most.get(encoding, most[JPEG]), by_encoding=most)
+        super().__init__(key, consumer, buffering, limit)
         self._max_pixels = max_pixels
         self._encoding = encoding
         self.depth_limits: tuple[int | None, int | None] | None = None
@@ -184,12 +185,6 @@ class FrameIntake(Intake[Arrival, Frame]):
             ]
         return found or [InputState(self.key, self._since_ns, stream=self.key)]
 
-    def limit_of(self, encoding: str) -> SizeLimit:
-        """Return the limit of the size of a payload of a Zenoh encoding."""
-        if encoding in forms.FORMS and encoding != self._encoding:
-            return _limit_of(encoding, self._max_pixels)
-        return self._limit
-
     def _decode(self, frame: Frame, stream: KeyStream, want: Want) -> None:
         """Decode what the consumer needs; the range of 16 bits first, as it follows the stream."""
         if frame.is_deep and self.depth_limits is not None:
@@ -254,11 +249,6 @@ def _came_already(stream: KeyStream, route: RouteName, header: Header, now_ns: i
     if newest is None or route == stream.route or header.run != newest.run or silent:
         return False
     return header.seq == newest.seq or (header.seq < newest.seq and stream.route == "shm")
-
-
-@lru_cache(maxsize=16)
-def _limit_of(encoding: str, max_pixels: int) -> SizeLimit:
-    return SizeLimit((forms.FORMS.get(encoding) or forms.JPEG_FORM).most_bytes(max_pixels))
 
 
 def checked_header(

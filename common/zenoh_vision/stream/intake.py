@@ -54,14 +54,12 @@ class Consumer:
     Attributes:
         counters: Count arrivals and drops; the consumer counts what it has processed.
         dropped: Called with the reason of each drop, for the log.
-        arrived: Called on the transport's thread when there is something to take.
-        filled: Set when there is something to take.
+        filled: Set on the transport's thread when there is something to take.
         clock: What the age of frames is measured by.
     """
 
     counters: FrameCounters
     dropped: Callable[[PayloadError], None]
-    arrived: Callable[[], None] = lambda: None
     filled: Wakeup = field(default_factory=Wakeup)
     clock: Clock = SYSTEM_CLOCK
 
@@ -90,11 +88,10 @@ class Intake(ABC, Generic[Waiting, Item]):
         self.key = key
         self._single = "*" not in key
         self.closed = False
-        self._limit = limit
+        self.limit = limit
         self._deletions = deletions
         self._counters = consumer.counters
         self._dropped = consumer.dropped
-        self._arrived = consumer.arrived
         self.clock = consumer.clock
         self._filled = consumer.filled
         self._unread: str | None = None
@@ -104,10 +101,6 @@ class Intake(ABC, Generic[Waiting, Item]):
         )
 
     # On the transport's thread
-
-    def limit_of(self, encoding: str) -> SizeLimit:  # noqa: ARG002 - for those that distinguish
-        """Return the limit of the size of a payload of a Zenoh encoding."""
-        return self._limit
 
     def receive(self, sample: Sample) -> bool:
         """Check a sample and queue it for the consumer, or drop it.
@@ -120,7 +113,7 @@ class Intake(ABC, Generic[Waiting, Item]):
         size = len(sample.payload)
         stream = self.key if self._single else sample.key
         try:
-            self.limit_of(sample.encoding).check(size)
+            self.limit.check(size, sample.encoding)
             if sample.deleted and not self._deletions:
                 raise PayloadError("empty", "a deletion")
             item, unverified = self._check(sample, stream)
@@ -133,8 +126,6 @@ class Intake(ABC, Generic[Waiting, Item]):
         self.buffer.put((sample, item), stream, unverified=unverified, size=size)
         if self.closed:  # it was on its way when the subscription ended
             self._discard_waiting()
-        else:
-            self._arrived()
         return True
 
     def reject(self, error: PayloadError) -> None:

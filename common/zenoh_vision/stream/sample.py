@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from zenoh_vision.errors import PayloadError
@@ -16,19 +17,24 @@ MAX_ATTACHMENT_BYTES = 4096
 
 @dataclass(frozen=True, slots=True)
 class SizeLimit:
-    """The most bytes of a payload, and the reason under which a larger one is dropped."""
+    """The most bytes of a payload, and the reason under which a larger one is dropped.
+
+    ``by_encoding`` has the Zenoh encodings that have another limit.
+    """
 
     max_bytes: int
     reason: str = "too_large"
+    by_encoding: Mapping[str, int] = field(default_factory=dict)
 
-    def check(self, size: int) -> None:
+    def check(self, size: int, encoding: str = "") -> None:
         """Check a payload's size in bytes; a transport does so before it copies the payload.
 
         Raises:
             PayloadError: It is over the limit.
         """
-        if size > self.max_bytes:
-            raise PayloadError(self.reason, f"{size} bytes, at most {self.max_bytes} are allowed")
+        most = self.by_encoding.get(encoding, self.max_bytes)
+        if size > most:
+            raise PayloadError(self.reason, f"{size} bytes, at most {most} are allowed")
 
 
 MESSAGE_LIMIT = SizeLimit(MAX_MESSAGE_BYTES, "bad_message")

@@ -20,7 +20,7 @@ DELETE = zenoh.SampleKind.DELETE
 
 def sample_of(
     sample: zenoh.Sample,
-    limit_of: Callable[[str], SizeLimit] = lambda _: RAW_LIMIT,
+    limit: SizeLimit = RAW_LIMIT,
     key: str | None = None,
     route: RouteName = "jpeg",
     clock: Clock = SYSTEM_CLOCK,
@@ -29,7 +29,7 @@ def sample_of(
 
     Args:
         sample: As it arrived.
-        limit_of: Returns the limit of the size of its payload, for its Zenoh encoding.
+        limit: Of the size of its payload.
         key: Its key, if that is known.
         route: How it came.
         clock: What its time of arrival is read from.
@@ -40,7 +40,7 @@ def sample_of(
     """
     payload, attachment = sample.payload, sample.attachment  # each access makes an object
     encoding = str(sample.encoding)
-    limit_of(encoding).check(len(payload))
+    limit.check(len(payload), encoding)
     if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
         raise PayloadError("bad_header", f"an attachment of {len(attachment)} bytes")
     return Sample(
@@ -61,7 +61,7 @@ def subscribe(
     key: str | None = None,
     *,
     route: RouteName = "jpeg",
-    receive: Callable[[Sample], object] | None = None,
+    delivered: Callable[[Sample], None] | None = None,
 ) -> Declaration[zenoh.Subscriber[None]]:
     """Pass the samples on a key to an intake until ``undeclare()``.
 
@@ -70,18 +70,18 @@ def subscribe(
         intake: Checks and keeps them.
         key: By default the intake's.
         route: What their ``Sample.route`` says.
-        receive: Called with each instead of the intake's ``receive``.
+        delivered: Called with each that is good.
     """
     expression = key or intake.key
     only_key = None if "*" in expression else expression
-    receive = receive or intake.receive
 
     def on_sample(arrived: zenoh.Sample) -> None:
         try:
-            sample = sample_of(arrived, intake.limit_of, only_key, route, intake.clock)
+            sample = sample_of(arrived, intake.limit, only_key, route, intake.clock)
         except PayloadError as error:
             intake.reject(error)
         else:
-            receive(sample)
+            if intake.receive(sample) and delivered is not None:
+                delivered(sample)
 
     return link.declare(lambda session: session.declare_subscriber(expression, direct(on_sample)))

@@ -36,7 +36,7 @@ class Plain(Route):
         self.started = False
 
     def notice(self, came: Sample | None) -> None:
-        self._noticed(self, came)
+        self._noticed(came)
 
 
 class System:

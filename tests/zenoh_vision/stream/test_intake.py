@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
 from tests.support.headers import NOW_NS, header
 from tests.support.intakes import JPEG, KEY, PIXELS, RAW_KEY, Taker, sample, take
 from zenoh_vision.errors import PayloadError
+from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.image import codecs
 from zenoh_vision.keys import JPEG as JPEG_ENCODING
 from zenoh_vision.keys import RAW_IMAGE
@@ -73,7 +72,7 @@ def test_frames_over_the_consumers_pixels_are_dropped_on_arrival(raw: bool):
         taker = Taker()
         encoding = RAW_IMAGE if raw else JPEG_ENCODING
         intake = taker.frames(key, encoding=encoding, max_pixels=most)
-        limit = intake.limit_of("").max_bytes
+        limit = intake.limit.max_bytes
         assert limit == (4 * most if raw else codecs.MAX_COMPRESSED_BYTES)
         intake.receive(sample(0, payload, key))
         assert taker.drops == reasons
@@ -200,11 +199,16 @@ def test_a_deletion_is_a_sample_but_neither_a_frame_nor_a_message():
 
 def test_inputs_that_share_a_condition_wake_one_consumer():
     taker = Taker()
-    woken = itertools.count()
-    consumer = Consumer(taker.counters, lambda _: None, lambda: next(woken))
+    woken = []
+
+    class Counted(Wakeup):
+        def set(self) -> None:
+            woken.append(1)
+
+    consumer = Consumer(taker.counters, lambda _: None, Counted())
     for key in ("a/b/c", "d/e/f"):
         SampleIntake(key, consumer).receive(Sample(key, b""))
-    assert next(woken) == 2
+    assert len(woken) == 2
 
 
 def test_a_bare_png_of_16_bits_is_assumed_to_be_one():

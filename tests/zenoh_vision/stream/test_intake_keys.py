@@ -9,6 +9,7 @@ import pytest
 
 from tests.support.headers import header
 from tests.support.intakes import FAR_NS, KEY, PIXELS, RAW_KEY, Taker, sample, take
+from zenoh_vision.errors import PayloadError
 from zenoh_vision.image.depth import ValueRange
 from zenoh_vision.keys import RAW_IMAGE
 from zenoh_vision.stream.buffer import queue
@@ -142,5 +143,8 @@ def test_each_camera_has_a_range_of_depth_of_its_own():
 
 def test_raw_pixels_beside_compressed_frames_have_a_limit_of_their_own():
     intake = Taker().frames(max_pixels=100)
-    assert intake.limit_of(RAW_IMAGE).max_bytes == 400, "4 bytes a pixel"
-    assert intake.limit_of("image/jpeg").max_bytes == 32 << 20
+    intake.limit.check(400, RAW_IMAGE)  # 4 bytes a pixel
+    intake.limit.check(32 << 20, "image/jpeg")
+    for most, encoding in ((400, RAW_IMAGE), (32 << 20, "image/jpeg")):
+        with pytest.raises(PayloadError, match=f"at most {most} are"):
+            intake.limit.check(most + 1, encoding)

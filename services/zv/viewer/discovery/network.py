@@ -15,6 +15,7 @@ from typing import TypeVar
 import zenoh
 
 from zenoh_vision.health.fleet import Event
+from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.query import REPLY_S, Query, Replies, send
 from zenoh_vision.transport.zenoh_config import zenoh_error_text
@@ -107,15 +108,16 @@ async def in_slices(items: Iterable[T]) -> AsyncIterator[T]:
             end_s = time.monotonic() + SLICE_S
 
 
-class WakeUp:
+class LoopWakeup(Wakeup):
     """Makes the event loop call a function, with at most one call pending; from any thread."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
+        super().__init__()
         self._loop = loop
         self._call = call
         self._pending = False
 
-    def __call__(self) -> None:
+    def set(self) -> None:
         """Schedule the call, unless one is pending."""
         if not self._pending:
             self._pending = True
@@ -133,7 +135,7 @@ class Mailbox:
     def __init__(self, loop: asyncio.AbstractEventLoop, take: Callable[[Key, Event], None]) -> None:
         self._take = take
         self._waiting: OrderedDict[Key, Event] = OrderedDict()
-        self._wake_up = WakeUp(loop, self._empty)
+        self._wake_up = LoopWakeup(loop, self._empty)
 
     def put(self, key: Key, value: Event) -> None:
         """Pass an event on; from any thread."""
@@ -141,7 +143,7 @@ class Mailbox:
         if key not in self._waiting and len(self._waiting) >= most:
             return
         self._waiting[key] = value
-        self._wake_up()
+        self._wake_up.set()
 
     def _empty(self) -> None:
         end_s = time.monotonic() + SLICE_S
@@ -150,4 +152,4 @@ class Mailbox:
                 self._take(*self._waiting.popitem(last=False))
         finally:
             if self._waiting:
-                self._wake_up()
+                self._wake_up.set()

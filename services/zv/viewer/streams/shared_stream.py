@@ -17,7 +17,7 @@ from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.intake import Consumer, Intake
 from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.subscriber import subscribe
-from zv.viewer.discovery.network import Network, WakeUp
+from zv.viewer.discovery.network import LoopWakeup, Network
 from zv.viewer.settings import ViewerSettings
 
 P = ParamSpec("P")
@@ -89,8 +89,8 @@ class SharedStream(ABC, Generic[IntakeT]):
         if self.closed or self._subscription is not None:
             return
         context = self._context
-        wake_up = WakeUp(context.network.loop, self._on_arrival)
-        consumer = Consumer(context.counters, context.health.log_drop, wake_up)
+        wakeup = LoopWakeup(context.network.loop, self._on_arrival)
+        consumer = Consumer(context.counters, context.health.log_drop, wakeup)
         self._intake = self._new_intake(consumer)
         self._subscription = subscribe(link, self._intake)
         context.health.watch(self._intake)

@@ -280,7 +280,7 @@ def test_a_picture_over_the_limit_is_dropped_before_it_is_decoded(registry):
     most = ViewerSettings(max_pixels=64 * 48 - 1)
     context = replace(registry.context, settings=lambda: most)
     intake = PictureStream(context, KEY, registry.closed.append)._new_intake(
-        Consumer(registry.counters, lambda _: None, lambda: None)
+        Consumer(registry.counters, lambda _: None)
     )
     intake.receive(Sample(KEY, JPEG))
     assert registry.counters.snapshot()["dropped.too_large"] == 1
