@@ -74,18 +74,23 @@ class Buffer(Generic[T]):
     Args:
         buffering: The limits, and which items they apply to.
         dropped: Called with each item that a newer one replaced.
-        filled: Set with each new item; shared by buffers that one consumer waits for.
+        wakeup: Set with each new item; shared by buffers that one consumer waits for.
+
+    Attributes:
+        filled: Whether an item waits.
     """
 
     def __init__(
         self,
         buffering: Buffering,
         dropped: Callable[[T], None],
-        filled: Wakeup | None = None,
+        wakeup: Wakeup | None = None,
     ) -> None:
+        self.filled = False
         self._buffering = buffering
         self._dropped = dropped
-        self._filled = filled or Wakeup()
+        self._wakeup = wakeup or Wakeup()
+        self._closed = False
         self._lock = threading.Lock()
         # Items with their sizes, by key and whether unverified. A newer item takes the place of the
         # one that it replaces, so the queues are in the order of their oldest items.
@@ -93,7 +98,10 @@ class Buffer(Generic[T]):
         self._bytes = 0  # of all items
 
     def put(self, item: T, key: str = "", *, unverified: bool = False, size: int = 0) -> None:
-        """Add an item of ``size`` bytes; drop the oldest of its queue while that is full."""
+        """Add an item of ``size`` bytes; drop the oldest of its queue while that is full.
+
+        Of a closed buffer it is dropped itself.
+        """
         limits = self._buffering
         # With ``queue``, all items share one queue, so that their order is kept.
         queue_key = (key, unverified) if limits.per_key else ("", False)
@@ -108,16 +116,14 @@ class Buffer(Generic[T]):
                 replaced.append(oldest)
             items.append((size, item))
             self._bytes += size
-            while self._bytes > QUEUE_BYTES and len(self._queues) > 1:
+            self.filled = True
+            over = self._bytes > QUEUE_BYTES
+            while self.filled and (self._closed or (over and len(self._queues) > 1)):
                 replaced.append(self._pop_oldest())
-        self._filled.set()
+                over = self._bytes > QUEUE_BYTES
+        self._wakeup.set()
         for oldest in replaced:
             self._dropped(oldest)
-
-    @property
-    def filled(self) -> bool:
-        """Whether an item waits."""
-        return bool(self._queues)
 
     def take(self, timeout_s: float) -> T | None:
         """Remove and return an item of the key that has waited longest, a verified one first.
@@ -125,12 +131,20 @@ class Buffer(Generic[T]):
         Returns:
             The item; None after ``timeout_s`` without one, or if another thread took it.
         """
-        if not self._queues and not self._filled.wait_for(self._queues.__len__, timeout_s):
-            return None
+        if timeout_s > 0:
+            self._wakeup.wait_for(self._queues.__len__, timeout_s)
         with self._lock:
-            if not self._queues:
-                return None  # another thread took it
-            return self._pop_oldest()
+            return self._pop_oldest() if self._queues else None
+
+    def close(self, dropped: Callable[[T], None]) -> None:
+        """Pass the items that wait, and those that are still put, to a function instead."""
+        self._dropped = dropped
+        with self._lock:
+            self._closed = True
+            left = [self._pop_oldest() for _ in range(sum(map(len, self._queues.values())))]
+        for item in left:
+            dropped(item)
+        self._wakeup.set()
 
     def _pop_oldest(self) -> T:
         key, _ = next(iter(self._queues))
@@ -139,13 +153,17 @@ class Buffer(Generic[T]):
         size, item = items.popleft()
         if not items:
             del self._queues[queue_key]
+            self.filled = bool(self._queues)
         self._bytes -= size
         return item
 
 
-def wait_for_any(filled: Wakeup, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
-    """Wait until one of the buffers that share a wake-up has an item, or until the time-out."""
-    if len(buffers) == 1:  # nearly always
-        filled.wait_for(buffers[0]._queues.__len__, timeout_s)
-    else:
-        filled.wait_for(lambda: any(buffer.filled for buffer in buffers), timeout_s)
+def wait_for_any(wakeup: Wakeup, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
+    """Wait until one of the buffers that share a wake-up has an item, or until the time-out.
+
+    It may end sooner for no reason.
+    """
+    for buffer in buffers:
+        if buffer.filled:
+            return
+    wakeup.wait(timeout_s)

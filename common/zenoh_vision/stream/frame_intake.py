@@ -124,16 +124,8 @@ class FrameIntake(Intake[Arrival, Frame]):
                 dropped as ``stale``; None drops none.
             revision: Becomes ``Frame.revision``, before ``want`` is called.
         """
-        item = self._next(timeout_s)
-        return None if item is None else self.accept(item[1], max_age_s, want, revision)
-
-    def arrival(self, timeout_s: float) -> Arrival | None:
-        """Return the next arrival, not decoded; None after the time-out.
-
-        ``accept`` must be called with each arrival, in their order.
-        """
-        item = self._next(timeout_s)
-        return None if item is None else item[1]
+        arrival = self.buffer.take(timeout_s)
+        return None if arrival is None else self.accept(arrival, max_age_s, want, revision)
 
     def accept(
         self,
@@ -144,6 +136,7 @@ class FrameIntake(Intake[Arrival, Frame]):
     ) -> Frame | None:
         """Return the frame of an arrival; None if it was dropped as stale or no picture.
 
+        For a consumer that takes the arrivals from ``buffer`` itself; called in their order.
         With ``want`` None only a frame of an unverified epoch is decoded, for a consumer that
         passes pictures on as they are; the arguments are otherwise those of ``take``.
         """

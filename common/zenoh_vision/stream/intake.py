@@ -87,16 +87,13 @@ class Intake(ABC, Generic[Waiting, Item]):
         check_buffering(buffering)
         self.key = key
         self._single = "*" not in key
-        self.closed = False
         self.limit = limit
         self._deletions = deletions
         self._counters = consumer.counters
         self._dropped = consumer.dropped
         self.clock = consumer.clock
-        self._filled = consumer.filled
-        self._unread: str | None = None
         reason = buffering.reason
-        self.buffer = Buffer[tuple[Sample, Waiting]](
+        self.buffer = Buffer[Waiting](
             buffering, lambda _: self._counters.drop(reason), consumer.filled
         )
 
@@ -123,9 +120,7 @@ class Intake(ABC, Generic[Waiting, Item]):
                 return True
             self._dropped(error)
             return False
-        self.buffer.put((sample, item), stream, unverified=unverified, size=size)
-        if self.closed:  # it was on its way when the subscription ended
-            self._discard_waiting()
+        self.buffer.put(item, stream, unverified=unverified, size=size)
         return True
 
     def reject(self, error: PayloadError) -> None:
@@ -150,29 +145,18 @@ class Intake(ABC, Generic[Waiting, Item]):
         return ()
 
     def close(self, unread: str | None = None) -> None:
-        """Discard the items that wait, and wake the consumer, for which there are no more.
+        """Drop the items that wait or are on their way, and wake the consumer.
 
         Args:
-            unread: The reason under which the waiting items are counted as dropped; None leaves
-                them pending, for a node that ends with its input.
+            unread: The reason under which they are counted as dropped; None leaves them pending,
+                for a node that ends with its input.
         """
-        self._unread = unread  # before it is closed, since another thread may then read it
-        self.closed = True
-        self._discard_waiting()
-        self._filled.set()
 
-    def _discard_waiting(self) -> None:
-        while self.buffer.take(0) is not None:
-            if self._unread is not None:
-                self._counters.drop(self._unread)
+        def drop(_item: Waiting) -> None:
+            if unread is not None:
+                self._counters.drop(unread)
 
-    def _next(self, timeout_s: float) -> tuple[Sample, Waiting] | None:
-        item = self.buffer.take(timeout_s)
-        if item is None or not self.closed:
-            return item
-        if self._unread is not None:  # it was closed meanwhile
-            self._counters.drop(self._unread)
-        return None
+        self.buffer.close(drop)
 
     def _drop(self, error: PayloadError) -> None:
         self._counters.drop(error.reason)
@@ -208,14 +192,13 @@ class SampleIntake(Intake[Sample, Sample]):
 
     def take(self, timeout_s: float) -> Sample | None:
         """Return the next sample; None after the time-out."""
-        item = self._next(timeout_s)
-        return None if item is None else item[0]
+        return self.buffer.take(timeout_s)
 
     def _check(self, sample: Sample, _stream: str) -> tuple[Sample, bool]:
         return sample, False
 
 
-class MessageIntake(Intake[type[Message], Message]):
+class MessageIntake(Intake[tuple[bytes, type[Message]], Message]):
     """Messages, decoded and checked against their class.
 
     ``message`` is their class; None takes the one that the sample's encoding names.
@@ -234,18 +217,18 @@ class MessageIntake(Intake[type[Message], Message]):
 
     def take(self, timeout_s: float) -> Message | None:
         """Return the next message; None after the time-out, or if it was malformed."""
-        item = self._next(timeout_s)
+        item = self.buffer.take(timeout_s)
         if item is None:
             return None
-        sample, message = item
+        payload, message = item
         try:
-            return message.from_bytes(bytes(sample.payload))
+            return message.from_bytes(payload)
         except PayloadError as error:
             self._drop(error)
             return None
 
-    def _check(self, sample: Sample, _stream: str) -> tuple[type[Message], bool]:
+    def _check(self, sample: Sample, _stream: str) -> tuple[tuple[bytes, type[Message]], bool]:
         message = self._message or MESSAGES.get(keys.schema_name_of(sample.encoding))
         if message is None:
             raise PayloadError("unknown_message", f"{sample.key} carries {sample.encoding!r}")
-        return message, False
+        return (bytes(sample.payload), message), False

@@ -66,10 +66,7 @@ class Source:
         self.accepted: list[tuple[int, str]] = []
         self.closed = False
         self._counters = registry.counters
-        self._buffer = Buffer[Arrival](latest, lambda _: registry.counters.drop("overwritten"))
-
-    def arrival(self, timeout_s: float) -> Arrival | None:
-        return self._buffer.take(timeout_s)
+        self.buffer = Buffer[Arrival](latest, lambda _: registry.counters.drop("overwritten"))
 
     def accept(self, arrival: Arrival, max_age_s: float) -> Frame:
         payload = bytes(arrival.sample.payload)
@@ -91,7 +88,7 @@ class Source:
             Sample(KEY, payload), JPEG_FORM, stream, sent, unverified, self.number, missed
         )
         self._counters.arrive()
-        self._buffer.put(arrival, KEY, unverified=unverified)
+        self.buffer.put(arrival, KEY, unverified=unverified)
         self.stream._on_arrival()
 
 

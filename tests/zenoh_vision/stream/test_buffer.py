@@ -157,3 +157,16 @@ def test_keys_without_end_cost_bounded_memory_and_the_one_that_waits_longest_goe
         buffer.put(number, f"key/{number}")
     assert replaced == [0, 1]
     assert buffer.take(0) == 2
+
+
+def test_what_waits_when_a_buffer_is_closed_and_what_comes_later_is_passed_on_once():
+    replaced: list[str] = []
+    left: list[str] = []
+    buffer = Buffer[str](latest, replaced.append)
+    buffer.put("a", "a")
+    buffer.put("b", "b", unverified=True)
+    buffer.close(left.append)
+    buffer.put("c", "a")
+    assert (left, replaced) == (["a", "b", "c"], [])
+    assert not buffer.filled
+    assert buffer.take(0) is None

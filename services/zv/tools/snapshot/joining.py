@@ -60,7 +60,7 @@ class Join:
 
     def receive(self, pictures: FrameIntake, results: Iterable[MessageIntake]) -> None:
         """Add the pictures and results that have arrived."""
-        while (arrival := pictures.arrival(0)) is not None:
+        while (arrival := pictures.buffer.take(0)) is not None:
             if frame := pictures.accept(arrival, None):
                 self.add(frame.header, Picture(arrival.sample, arrival.form, frame))
         for intake in results:

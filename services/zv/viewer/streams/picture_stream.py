@@ -122,7 +122,7 @@ class PictureStream(SharedStream[FrameIntake]):
     # Arrivals
 
     def _receive(self, intake: FrameIntake) -> None:
-        while not self._verifying and (arrival := intake.arrival(0)) is not None:
+        while not self._verifying and (arrival := intake.buffer.take(0)) is not None:
             settings = self._context.settings()
             max_age_s = settings.max_age
             self.finder.limits = settings.depth_min, settings.depth_max
