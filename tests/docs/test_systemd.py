@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.fork_server import ZV
 from tests.support.listening import newest, open_client
 from tests.support.processes import ROOT, STOP_S, Program, need, run_program
 from tests.support.routing import free_endpoint
@@ -124,9 +125,7 @@ def test_the_units_commands_make_a_system_and_end_with_sigterm(tmp_path):
                 given["ZV_VIEWER_PORT"] = "0"
             command = shlex.split(value(unit, "ExecStart")[0].replace("%i", "front"))
             assert command[0] == INSTALLED
-            program = Program(
-                ["-m", "zv", *command[1:]], tmp_path, unit.stem, cwd=tmp_path, **given
-            )
+            program = Program(command[1:], tmp_path, unit.stem, forked=ZV, cwd=tmp_path, **given)
             programs.append(running.enter_context(program))
 
         def opened() -> bool:
@@ -149,7 +148,7 @@ def test_the_unit_of_a_launch_file_runs_its_nodes_and_ends_with_sigterm(tmp_path
     (command,) = value(unit, "ExecStart")
     words = shlex.split(command.replace("/etc/zenoh-vision/%i.toml", str(file)))
     assert words[0] == INSTALLED
-    with Program(["-m", "zv", *words[1:]], tmp_path, "up") as program:
+    with Program(words[1:], tmp_path, "up", forked=ZV) as program:
         program.lines(r"camera_front +running +rate.*")
         program.process.send_signal(signal.SIGTERM)
         assert program.process.wait(STOP_S) == 0
