@@ -83,7 +83,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         yield found
 
 
-@pytest.fixture(params=["guest", "camera_back", "edge_back"])
+@pytest.fixture(params=["guest", "camera_back"])
 def attacker(request: pytest.FixtureRequest, system: System) -> Iterator[zenoh.Session]:
     with system.secured.client(request.param) as session:
         yield session

@@ -25,9 +25,17 @@ class Entrypoint:
         zenohd: The program that it starts.
         folder: Where its output goes.
         grace_s: How long a zenohd that was told to end has for it, instead of the script's 10.
+        look_s: How often the rules are looked at, instead of each second.
     """
 
-    def __init__(self, rules: Path, zenohd: str | Path, folder: Path, grace_s: int = 10) -> None:
+    def __init__(
+        self,
+        rules: Path,
+        zenohd: str | Path,
+        folder: Path,
+        grace_s: int = 10,
+        look_s: float = 0.2,
+    ) -> None:
         self._log = folder / "entrypoint.log"
         script = yaml.safe_load(SECURE.read_text())["services"]["router"]["entrypoint"][2]
         for there, here in {
@@ -36,6 +44,7 @@ class Entrypoint:
             "/run/security/router.json5": str(rules),
             "/tmp/again": str(folder / "again"),
             "sleep 10": f"sleep {grace_s}",
+            "while sleep 1;": f"while sleep {look_s};",
         }.items():
             assert there in script
             script = script.replace(there, here)
