@@ -11,10 +11,10 @@ from functools import partial
 from operator import is_
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.message_codec import Message, unpack
+from zenoh_vision.message_codec import Message, first_error, unpack
 
 MAX_BOUNDS = 100
 MAX_ROUTES = 100
@@ -145,9 +145,11 @@ class Header(Message):
             fields = unpack(payload)
             if isinstance(fields, dict) and type(fields.get("received_ns")) in (int, type(None)):
                 fields["received_ns"] = received_ns
-            return cls.from_map(fields)
+            return cls.model_validate(fields)
         except PayloadError as error:
             raise PayloadError("bad_header", error.detail) from None
+        except ValidationError as error:
+            raise PayloadError("bad_header", first_error(cls.__name__, error)) from None
 
 
 class Stamped(Message):

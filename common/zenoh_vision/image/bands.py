@@ -115,18 +115,13 @@ def layout(jpeg: bytes) -> Layout | None:
     if head is None or not head.interval:
         return None
     height, width = struct.unpack_from(">HH", jpeg, head.size)
-    if not are_worth_it(width, height) or width * height > MAX_PIXELS:
+    if not 2 * BAND_PIXELS <= width * height <= MAX_PIXELS:
         return None
     lines, rest = divmod(head.interval, -(-width // head.mcu[0]))
     rows = lines * head.mcu[1]
     if rest or not 1 < -(-height // rows) <= MAX_BANDS:
         return None
     return Layout(head, width, height, rows)
-
-
-def are_worth_it(width: int, height: int) -> bool:
-    """Tell whether a picture is large enough that it is decoded band by band."""
-    return width * height >= 2 * BAND_PIXELS
 
 
 def decode(jpeg: bytes, found: Layout, decode_rows: Callable[[bytes, slice], object]) -> bool:

@@ -106,7 +106,8 @@ def decode_jpeg(
     if size is None:
         check_scans(jpeg)
     try:
-        layout = bands.layout(jpeg) if size is None or bands.are_worth_it(*size) else None
+        is_small = size is not None and size[0] * size[1] < 2 * bands.BAND_PIXELS
+        layout = None if is_small else bands.layout(jpeg)
         pixels = None
         if layout is not None:
             pixels = _decode_bands(jpeg, layout, encoding, least, target, strict=strict)

@@ -18,6 +18,7 @@ from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame, check_shows
 from zenoh_vision.image.limits import MAX_PIXEL_BYTES, MAX_SIDE
 from zenoh_vision.image.picture import JpegPicture, Picture, PixelPicture, PngPicture
+from zenoh_vision.image.pixel_formats import ENCODINGS
 from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE
 from zenoh_vision.messages import Header
 
@@ -69,11 +70,16 @@ class PictureForm(ABC):
             PayloadError: ``unsupported_encoding wrong_size too_large``.
         """
         del payload
-        pixel_formats.encoding_named(header.encoding)
+        ENCODINGS[header.encoding or ""]  # or it is refused
 
     @abstractmethod
-    def open(self, payload: Payload, header: Header) -> Picture:
+    def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return a payload that was checked as a picture; nothing need be decoded.
+
+        Args:
+            payload: The bytes.
+            header: Their header.
+            size: What ``size`` returned, if it was asked.
 
         Raises:
             PayloadError: ``corrupt``.
@@ -120,9 +126,9 @@ class JpegForm(_FileForm):
 
     name, encoding, signature = "jpeg", JPEG, codecs.JPEG_START
 
-    def open(self, payload: Payload, header: Header) -> Picture:
+    def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return a JPEG as a picture."""
-        return JpegPicture(bytes(payload), header.encoding or "bgr8")
+        return JpegPicture(bytes(payload), header.encoding or "bgr8", size)
 
     def make(self, picture: Picture, quality: int) -> bytes:
         """Return a picture as JPEG."""
@@ -138,9 +144,9 @@ class PngForm(_FileForm):
         """Return ``mono16`` for 16 bits of grey, else ``bgr8``."""
         return codecs.stored_encoding(bytes(payload[: codecs.PNG_HEAD]))
 
-    def open(self, payload: Payload, header: Header) -> Picture:
+    def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return a PNG as a picture."""
-        return PngPicture(bytes(payload), header.encoding or "bgr8")
+        return PngPicture(bytes(payload), header.encoding or "bgr8", size)
 
     def make(self, picture: Picture, quality: int) -> bytes:
         """Return a picture as PNG."""
@@ -159,8 +165,9 @@ class RawForm(PictureForm):
         if len(payload) != expected:
             raise PayloadError("wrong_size", f"{len(payload)} bytes instead of {expected}")
 
-    def open(self, payload: Payload, header: Header) -> Picture:
+    def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return raw pixels as a picture; a view of the payload."""
+        del size
         named = header.encoding or ""
         pixels = pixel_formats.from_raw(payload, named, header.width, header.height)
         return PixelPicture(pixels, named)
@@ -186,8 +193,9 @@ class BitsForm(PictureForm):
         if len(payload) != expected:
             raise PayloadError("wrong_size", f"{len(payload)} bytes of bits instead of {expected}")
 
-    def open(self, payload: Payload, header: Header) -> Picture:
+    def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return packed bits as a picture of 0 and 255."""
+        del size
         return PixelPicture(unpack_bits(payload, header.width, header.height), bilevel=True)
 
     def make(self, picture: Picture, quality: int) -> bytes:
@@ -284,17 +292,25 @@ def check_header(
     if max(width, height) > MAX_SIDE:
         raise PayloadError("too_large", f"{width}x{height} pixels, a side at most {MAX_SIDE}")
     form.check(payload, header)
-    if size is not None:
+    if size not in (None, (width, height)):
         check_shows(size, header)
 
 
-def opened(form: PictureForm, payload: Payload, header: Header, key: str = "") -> Frame:
+def opened(
+    form: PictureForm,
+    payload: Payload,
+    header: Header,
+    size: tuple[int, int] | None = None,
+    key: str = "",
+) -> Frame:
     """Return the frame of a payload that was checked; nothing is decoded yet.
+
+    ``size`` is what ``form.size`` returned of it, if it was asked.
 
     Raises:
         PayloadError: ``corrupt``.
     """
-    picture = form.open(payload, header)
+    picture = form.open(payload, header, size)
     if picture.encoding != header.encoding:  # packed bits become grey, whatever the header says
         header = header.model_copy(update={"encoding": picture.encoding})
     return Frame(header, picture, key=key)

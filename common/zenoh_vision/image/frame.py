@@ -112,18 +112,19 @@ class Frame:
     @property
     def bgr(self) -> NDArray[np.uint8]:
         """(height, width, 3) uint8 in BGR order, whatever the encoding; read-only."""
-        return self._eight_bits("bgr8")
+        return np.asarray(self.view("bgr"), np.uint8)
 
     @property
     def gray(self) -> NDArray[np.uint8]:
         """(height, width) uint8; from a JPEG the luma plane, without decoding colour."""
-        return self._eight_bits("mono8")
+        return np.asarray(self.view("gray"), np.uint8)
 
     def view(self, name: View) -> Pixels:
         """Return ``pixels``, ``bgr`` or ``gray`` by its name."""
         if name == "pixels":
             return self.pixels
-        return self._eight_bits("bgr8" if name == "bgr" else "mono8")
+        encoding, values = "bgr8" if name == "bgr" else "mono8", self.value_range
+        return self._at_full_size(encoding, values, self.picture.in_8_bits(encoding, values))
 
     def reduced(self, encoding: str, width: int, height: int) -> NDArray[np.uint8]:
         """Return the pixels in an 8-bit encoding, at least as large as the given size.
@@ -166,13 +167,6 @@ class Frame:
         depth = self.picture.depth
         if depth is not None and self.value_range is None:
             self.value_range = finder.range_of(depth)
-
-    def _eight_bits(self, encoding: str) -> NDArray[np.uint8]:
-        values = self.value_range
-        found = self.picture.in_8_bits(encoding, values)
-        if not self.is_reduced:
-            return found
-        return self._at_full_size(encoding, values, found)  # type: ignore[return-value]
 
     def _at_full_size(self, name: str, values: ValueRange | None, pixels: Pixels) -> Pixels:
         if not self.is_reduced:

@@ -275,7 +275,7 @@ class PixelPicture(Picture):
         super().__init__(named, pixels.shape[1], pixels.shape[0])
         if bilevel:
             self.bilevel, self.mime = True, PNG
-        self._pixels = read_only(pixels)
+        self._pixels = read_only(pixels) if pixels.flags.writeable else pixels
 
     def png(self) -> bytes:
         """Return the picture as a PNG."""
@@ -289,15 +289,34 @@ class PixelPicture(Picture):
 
 
 class _FilePicture(Picture):
-    """A picture as the bytes of a file."""
+    """A picture as the bytes of a file.
+
+    Args:
+        data: The file.
+        encoding: Of the pixels.
+        size: Width and height, if they were read from the file already.
+        strict: Whether a flaw that a decoder could repair is an error, so that a damaged picture is
+            not taken for an intact one.
+        is_deep: Whether it has more than 8 bits, depth or grey.
+
+    Raises:
+        PayloadError: It is no such file, or too large, or the encoding is unknown.
+    """
 
     def __init__(
-        self, data: bytes, encoding: str, size: tuple[int, int] | None, *, is_deep: bool
+        self,
+        data: bytes,
+        encoding: str = "bgr8",
+        size: tuple[int, int] | None = None,
+        *,
+        strict: bool = True,
+        is_deep: bool = False,
     ) -> None:
-        pixel_formats.encoding_named(encoding)
-        width, height = codecs.picture_size(data) if size is None else size
+        ENCODINGS[encoding]  # or it is refused
+        width, height = size or codecs.picture_size(data)
         super().__init__(encoding, width, height, is_deep=is_deep)
         self.data = data
+        self._strict = strict
 
     def compressed(self, _quality: int) -> bytes:
         """Return the file."""
@@ -308,31 +327,9 @@ class _FilePicture(Picture):
 
 
 class JpegPicture(_FilePicture):
-    """A picture as JPEG.
-
-    Args:
-        data: The file.
-        encoding: Of the pixels.
-        size: Width and height, if they were read from the file already.
-        strict: Whether a flaw that libjpeg could repair is an error, so that a damaged picture is
-            not taken for an intact one.
-
-    Raises:
-        PayloadError: It is no JPEG, or too large, or the encoding is unknown.
-    """
+    """A picture as JPEG."""
 
     form = JPEG
-
-    def __init__(
-        self,
-        data: bytes,
-        encoding: str = "bgr8",
-        size: tuple[int, int] | None = None,
-        *,
-        strict: bool = True,
-    ) -> None:
-        super().__init__(data, encoding, size, is_deep=False)
-        self._strict = strict
 
     def jpeg(self, _quality: int) -> bytes:
         """Return the file, whose quality is its own."""
@@ -394,7 +391,7 @@ class JpegPicture(_FilePicture):
 
 
 class PngPicture(_FilePicture):
-    """A picture as PNG; the arguments are those of ``JpegPicture``."""
+    """A picture as PNG, which is always decoded strictly."""
 
     form = PNG
 

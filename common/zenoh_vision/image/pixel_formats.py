@@ -29,16 +29,30 @@ class PixelEncoding:
     space: str
 
 
-ENCODINGS: Final = {
-    "mono8": PixelEncoding(1, np.dtype("<u1"), "GRAY"),
-    "mono16": PixelEncoding(1, np.dtype("<u2"), "GRAY"),
-    "bgr8": PixelEncoding(3, np.dtype("<u1"), "BGR"),
-    "rgb8": PixelEncoding(3, np.dtype("<u1"), "RGB"),
-    "bgra8": PixelEncoding(4, np.dtype("<u1"), "BGRA"),
-    "rgba8": PixelEncoding(4, np.dtype("<u1"), "RGBA"),
-    "16UC1": PixelEncoding(1, np.dtype("<u2"), "GRAY"),
-    "32FC1": PixelEncoding(1, np.dtype("<f4"), "GRAY"),
-}
+class _Encodings(dict[str, PixelEncoding]):
+    """The encodings by name."""
+
+    def __missing__(self, name: str) -> PixelEncoding:
+        """Refuse a name that is not known.
+
+        Raises:
+            PayloadError: ``unsupported_encoding``, listing those that are known.
+        """
+        raise PayloadError("unsupported_encoding", f"{name!r}, known are {', '.join(self)}")
+
+
+ENCODINGS: Final = _Encodings(
+    {
+        "mono8": PixelEncoding(1, np.dtype("<u1"), "GRAY"),
+        "mono16": PixelEncoding(1, np.dtype("<u2"), "GRAY"),
+        "bgr8": PixelEncoding(3, np.dtype("<u1"), "BGR"),
+        "rgb8": PixelEncoding(3, np.dtype("<u1"), "RGB"),
+        "bgra8": PixelEncoding(4, np.dtype("<u1"), "BGRA"),
+        "rgba8": PixelEncoding(4, np.dtype("<u1"), "RGBA"),
+        "16UC1": PixelEncoding(1, np.dtype("<u2"), "GRAY"),
+        "32FC1": PixelEncoding(1, np.dtype("<f4"), "GRAY"),
+    }
+)
 _BY_PIXEL: Final = {
     (each.channels, each.dtype): name
     for name, each in ENCODINGS.items()
@@ -79,7 +93,7 @@ def checked_encoding(pixels: NDArray[Any], encoding: str | None = None) -> str:
             "unsupported_encoding", f"{found} instead of an array (height, width[, channels])"
         )
     named = encoding or encoding_of(pixels)
-    known = encoding_named(named)
+    known = ENCODINGS[named]
     channels = 1 if pixels.ndim == 2 else pixels.shape[2]
     if (channels, pixels.dtype) != (known.channels, known.dtype):
         raise PayloadError(
@@ -88,18 +102,6 @@ def checked_encoding(pixels: NDArray[Any], encoding: str | None = None) -> str:
             f"of {known.dtype}",
         )
     return named
-
-
-def encoding_named(name: str | None) -> PixelEncoding:
-    """Return the encoding of a name.
-
-    Raises:
-        PayloadError: ``unsupported_encoding``, listing those that are known.
-    """
-    found = ENCODINGS.get(name or "")
-    if found is None:
-        raise PayloadError("unsupported_encoding", f"{name!r}, known are {', '.join(ENCODINGS)}")
-    return found
 
 
 def convert(pixels: Pixels, source: str, target: str) -> Pixels:
@@ -135,7 +137,7 @@ def raw_size(encoding: str | None, width: int, height: int) -> int:
     Raises:
         PayloadError: ``unsupported_encoding``, or ``too_large``.
     """
-    known = encoding_named(encoding)
+    known = ENCODINGS[encoding or ""]
     if width * height > MAX_PIXELS:
         raise PayloadError("too_large", f"{width}x{height} pixels, at most {MAX_PIXELS} in all")
     return width * height * known.channels * known.dtype.itemsize
@@ -152,7 +154,7 @@ def from_raw(raw: bytes | memoryview, encoding: str, width: int, height: int) ->
     Raises:
         PayloadError: ``unsupported_encoding``, or ``wrong_size`` if the byte count does not fit.
     """
-    known = encoding_named(encoding)
+    known = ENCODINGS[encoding]
     shape = (height, width) if known.channels == 1 else (height, width, known.channels)
     try:
         return np.frombuffer(raw, known.dtype).reshape(shape)

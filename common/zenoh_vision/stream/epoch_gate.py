@@ -155,7 +155,7 @@ class EpochGate:
         """
         with self._lock:
             try:
-                follows = self._check_order(header, now_ns, now_ns)
+                follows = self._check_order(header, header.run, now_ns, now_ns)
             except PayloadError:
                 self._refused = _continued(self._refused, header, now_ns)
                 raise
@@ -201,7 +201,7 @@ class EpochGate:
             run, stamp_ns = header.run, header.age_start_ns
             if run == self._epoch and header.seq < self._seq and self._alive(now_ns):
                 raise PayloadError("overwritten", f"frame {header.seq} after {self._seq}")
-            if not self._check_order(header, arrived_ns, now_ns):
+            if not self._check_order(header, run, arrived_ns, now_ns):
                 # Others of this run may have arrived while this one was decoded.
                 unverified = _run_of(header, self._unverified)
                 self._arrived_seq = header.seq if unverified is None else unverified.seq
@@ -224,13 +224,14 @@ class EpochGate:
             self._last_stamp_ns = stamp_ns
             self._gauge.note(stamp_ns, arrived_ns)
 
-    def _check_order(self, header: Header, arrived_ns: int, now_ns: int) -> bool:
+    def _check_order(
+        self, header: Header, run: tuple[int, int], arrived_ns: int, now_ns: int
+    ) -> bool:
         """Return whether a frame follows in the current epoch, by a possible step of ``seq``.
 
         Raises:
             PayloadError: It may not be accepted.
         """
-        run = header.run
         if run == self._epoch:
             since_ns = max(0, arrived_ns - self._arrived_ns)
             if 0 < header.seq - self._seq <= STEP + STEP_PER_S * since_ns // 10**9:

@@ -56,6 +56,7 @@ class Arrival:
         form: How its picture is written.
         stream: State of its key, which the intake may have forgotten meanwhile.
         header: Of the frame, with its time of arrival.
+        size: What ``form.size`` returned of it.
         unverified: No picture of its epoch was decoded yet.
         number: Number of this frame among those that arrived on its key, from 1.
         missed: Number of the camera's frames that are missing up to this one.
@@ -65,6 +66,7 @@ class Arrival:
     form: PictureForm
     stream: KeyStream
     header: Header
+    size: tuple[int, int] | None
     unverified: bool
     number: int
     missed: int
@@ -149,10 +151,15 @@ class FrameIntake(Intake[Arrival, Frame]):
                 stream.late_since_ns = now_ns
             return None
         try:
-            frame = forms.opened(arrival.form, sample.payload, header, sample.key)
+            frame = forms.opened(arrival.form, sample.payload, header, arrival.size, sample.key)
             frame.revision = revision
-            if want is not None or arrival.unverified:
-                self._decode(frame, stream, want or "gray")
+            if frame.is_deep and want is not None and self.depth_limits is not None:
+                stream.finder.limits = self.depth_limits
+                frame.find_range(stream.finder)  # first, as it follows the stream
+            if callable(want):
+                want(frame)
+            elif want is not None or arrival.unverified:
+                frame.view(want or "gray")
             stream.gate.accept(header, sample.arrived_ns, self.clock.monotonic_ns(), max_age_ns)
         except PayloadError as error:
             self._drop(error)
@@ -178,34 +185,25 @@ class FrameIntake(Intake[Arrival, Frame]):
             ]
         return found or [InputState(self.key, self._since_ns, stream=self.key)]
 
-    def _decode(self, frame: Frame, stream: KeyStream, want: Want) -> None:
-        """Decode what the consumer needs; the range of 16 bits first, as it follows the stream."""
-        if frame.is_deep and self.depth_limits is not None:
-            stream.finder.limits = self.depth_limits
-            frame.find_range(stream.finder)
-        if callable(want):
-            want(frame)
-        else:
-            frame.view(want)
-
     def _check(self, sample: Sample, key: str) -> tuple[Arrival, bool]:
         now_ns = sample.arrived_ns
         default = RAW_IMAGE if sample.route == "raw" else self._encoding
         form = forms.form_of(sample.encoding, sample.payload, default)
         with self._lock:
             stream = self._streams.get(key) or KeyStream(EpochGate(keys.camera_of(key)))
-            header = checked_header(sample, form, stream.gate, self._max_pixels)
-            if _came_already(stream, sample.route, header, now_ns):
+            header, size = checked_header(sample, form, stream.gate, self._max_pixels)
+            if sample.route != stream.route and _came_already(stream, header, now_ns):
                 raise PayloadError("duplicate", f"frame {header.seq} came by another route")
             unverified, missed = stream.gate.admit(header, now_ns)
-            self._enter(key, stream, now_ns)
+            if not self._single or not self._streams:
+                self._enter(key, stream, now_ns)
             stream.number += 1
             stream.missed += missed
             stream.since_ns = self._since_ns = now_ns
             stream.key, stream.route = sample.key, sample.route
             stream.newest = header
             arrival = Arrival(
-                sample, form, stream, header, unverified, stream.number, stream.missed
+                sample, form, stream, header, size, unverified, stream.number, stream.missed
             )
         if missed:
             self._counters.note("missed", missed)
@@ -230,8 +228,8 @@ class FrameIntake(Intake[Arrival, Frame]):
             del self._streams[key]
 
 
-def _came_already(stream: KeyStream, route: RouteName, header: Header, now_ns: int) -> bool:
-    """Tell whether a frame, or a later one, already arrived by another route.
+def _came_already(stream: KeyStream, header: Header, now_ns: int) -> bool:
+    """Tell whether a frame, or a later one, already arrived by another route: that of the newest.
 
     Frames from shared memory also rule out earlier ones, since only processes of this user can
     write there. Frames from the network rule out only the very same frame; and none of the same
@@ -239,15 +237,15 @@ def _came_already(stream: KeyStream, route: RouteName, header: Header, now_ns: i
     """
     silent = now_ns - stream.since_ns >= SILENCE_NS
     newest = stream.newest
-    if newest is None or route == stream.route or header.run != newest.run or silent:
+    if newest is None or header.run != newest.run or silent:
         return False
     return header.seq == newest.seq or (header.seq < newest.seq and stream.route == "shm")
 
 
 def checked_header(
     sample: Sample, form: PictureForm, gate: EpochGate, max_pixels: int = MAX_PIXELS
-) -> Header:
-    """Check the sizes of a sample and return its header with the time of arrival.
+) -> tuple[Header, tuple[int, int] | None]:
+    """Check the sizes of a sample; return its header with the time of arrival, and the file's size.
 
     Raises:
         PayloadError: It is no picture, or its header does not fit.
@@ -255,11 +253,12 @@ def checked_header(
     attachment, payload = sample.attachment, sample.payload
     if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
         raise PayloadError("bad_header", f"an attachment of {len(attachment)} bytes")
-    size = form.size(payload)  # first: what is no picture is named so, whatever its header
+    # First: what is no picture is named so, whatever its header.
+    size = None if form.needs_header else form.size(payload)
     encoding = form.pixel_encoding(payload) if attachment is None else ""
     header = gate.identify(attachment, size, sample.received_ns, sample.arrived_ns, encoding)
     forms.check_header(form, payload, header, size, max_pixels)
-    return header
+    return header, size
 
 
 def snapshot_of(sample: Sample, encoding: str = JPEG, max_pixels: int = MAX_PIXELS) -> Frame:
@@ -281,5 +280,5 @@ def snapshot_of(sample: Sample, encoding: str = JPEG, max_pixels: int = MAX_PIXE
         raise PayloadError("empty", "a deletion")
     camera = keys.camera_of(sample.key)
     gate = EpochGate(camera if keys.is_name(camera) else "unknown")
-    header = checked_header(sample, form, gate, max_pixels)
-    return forms.opened(form, sample.payload, header, sample.key)
+    header, size = checked_header(sample, form, gate, max_pixels)
+    return forms.opened(form, sample.payload, header, size, sample.key)

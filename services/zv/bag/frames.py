@@ -58,7 +58,7 @@ def frame_of(record: Record) -> Frame | None:
     try:
         header = Header.from_bytes(record.attachment or b"")
         form = form_of(record.encoding, record.payload)
-        return opened(form, record.payload, header, record.key)
+        return opened(form, record.payload, header, key=record.key)
     except PayloadError:
         return None
 

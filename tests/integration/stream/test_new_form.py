@@ -35,8 +35,8 @@ class DeflatedRows(forms.RawForm):
         if not payload:
             raise forms.PayloadError("empty", "no bytes")
 
-    def open(self, payload, header):
-        return super().open(zlib.decompress(payload), header)
+    def open(self, payload, header, size):
+        return super().open(zlib.decompress(payload), header, size)
 
     def make(self, picture, quality):
         return zlib.compress(super().make(picture, quality))

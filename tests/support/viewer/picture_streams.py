@@ -85,7 +85,7 @@ class Source:
         sent = header(self.number, stamp_ns=time.time_ns())
         stream = KeyStream(EpochGate("front"))
         arrival = Arrival(
-            Sample(KEY, payload), JPEG_FORM, stream, sent, unverified, self.number, missed
+            Sample(KEY, payload), JPEG_FORM, stream, sent, None, unverified, self.number, missed
         )
         self._counters.arrive()
         self.buffer.put(arrival, KEY, unverified=unverified)
