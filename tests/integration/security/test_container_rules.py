@@ -93,11 +93,11 @@ def test_rules_that_change_while_zenohd_starts_are_taken(new: New, rules: Path, 
 def test_rules_that_are_half_written_are_not_taken(new: New, rules: Path, read):
     with new(look_s=1):
         wait_until(read)
-        for number in range(2):
+        for number in (1, 2):
+            time.sleep(0.5)  # half a second later it looks
             rules.write_text(f"half {number}")
             time.sleep(0.7)  # less than it takes to look twice
-            rules.write_text(f"rules {number + 1}\n")
-            time.sleep(0.5)
+            rules.write_text(f"rules {number}\n")
         wait_until(lambda: read()[-1] == "rules 2", 2 * TAKEN_S)
         assert not [each for each in read() if each.startswith("half")]
 
