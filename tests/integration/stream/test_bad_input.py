@@ -43,52 +43,29 @@ def attached(attachment: bytes | None) -> Send:
     return lambda camera: camera.put(GOOD, attachment)
 
 
-def without(field: str) -> Send:
-    """Return what sends a good picture whose header lacks a field."""
-
-    def send(camera: PlainCamera) -> None:
-        header = camera.header(GOOD)
-        del header[field]
-        camera.put(GOOD, msgpack.packb(header))
-
-    return send
-
-
 def stamped(offset_ns: int) -> Send:
     """Return what sends a good picture with a stamp that is off."""
     return lambda camera: picture(GOOD, stamp_ns=time.time_ns() + offset_ns)(camera)
 
 
-# What is wrong, the reason under which it is counted.
+# What is wrong, the reason under which it is counted. More that is wrong with a header is tried
+# without a router, in tests/zenoh_vision/stream/test_identity.py and the vectors of headers.
 BAD: dict[str, tuple[Send, str]] = {
     "not a JPEG": (picture(b"GIF89a" + bytes(500)), "not_an_image"),
     "empty": (picture(b""), "empty"),
     "truncated": (picture(GOOD[: len(GOOD) // 2]), "corrupt"),
-    "cut in its header": (picture(GOOD[:30]), "corrupt"),
     "corrupt entropy data": (picture(damaged(GOOD)), "corrupt"),
     "forged 32767x32767": (
         picture(forged_size(GOOD, 32767, 32767), width=32767, height=32767),
         "too_large",
     ),
-    "8K, over max_pixels": (
-        picture(forged_size(GOOD, 7680, 4320), width=7680, height=4320),
-        "too_large",
-    ),
     "forged size unlike the header's": (picture(forged_size(GOOD, 640, 480)), "wrong_size"),
     "too many bytes": (picture(GOOD + bytes(MAX_COMPRESSED_BYTES)), "too_large"),
     "attachment of garbage": (attached(b"\xc1garbage\xff" * 5), "bad_header"),
-    "attachment empty": (attached(b""), "bad_header"),
-    "attachment not a map": (attached(msgpack.packb([1, 2, 3])), "bad_header"),
     "attachment huge": (attached(bytes(1_000_000)), "bad_header"),
-    "seq as text": (picture(GOOD, seq="7"), "bad_header"),
-    "epoch as a float": (picture(GOOD, epoch=1.5), "bad_header"),
-    "seq negative": (picture(GOOD, seq=-1), "bad_header"),
-    "seq missing": (without("seq"), "bad_header"),
     "another camera's header": (picture(GOOD, camera="rear"), "wrong_camera"),
     "an encoding nobody knows": (picture(GOOD, encoding="yuv422"), "unsupported_encoding"),
-    "stamp negative": (stamped(-2 * time.time_ns()), "bad_stamp"),
     "stamp days ahead": (stamped(3 * DAY_NS), "bad_stamp"),
-    "epoch days ahead": (picture(GOOD, epoch=time.time_ns() + 3 * DAY_NS), "bad_stamp"),
     "no attachment beside an identified stream": (attached(None), "no_header"),
 }
 
