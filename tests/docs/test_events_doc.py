@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 import tomllib
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from tests.support.processes import Program, run_program
-from tests.support.typist import zv
+from tests.support.fork_server import SCRIPT
+from tests.support.processes import Program
+from tests.support.typist import type_zv, zv
 from tests.support.viewer.pages import Page, begins, run_as_written
 from zv.tracker.events.event import Kind
 from zv.tracker.settings import TrackerSettings
@@ -33,7 +33,7 @@ def test_the_commands_run_as_written_one_after_the_other(page: Page, endpoint: s
 def test_the_first_program_prints_events(endpoint: str, tmp_path: Path):
     program = tmp_path / "watch.py"
     program.write_text(INDEX.blocks("python")[0].replace("tcp/127.0.0.1:7447", endpoint))
-    with Program([program], tmp_path, "watch") as running:
+    with Program([program], tmp_path, "watch", SCRIPT) as running:
         running.lines(r"(started|confirmed|zone_entered) \d+ (None|middle)", count=2)
         assert running.interrupt() == 0
 
@@ -49,7 +49,7 @@ def test_the_refusal_is_as_shown(endpoint: str):
 def test_the_program_runs_as_written(endpoint: str, tmp_path: Path):
     program = tmp_path / "last_events.py"
     program.write_text(PAGE.blocks("python")[0])
-    done = run_program([sys.executable, program, endpoint])
+    done = type_zv([program, endpoint], program=SCRIPT)
     assert done.returncode == 0, done.stderr
 
 

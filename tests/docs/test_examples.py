@@ -16,10 +16,12 @@ import numpy as np
 import pytest
 
 from tests.support import systems
+from tests.support.fork_server import SCRIPT
 from tests.support.listening import Listener, newest, open_client
 from tests.support.processes import HEIGHT, ROOT, START_S, WIDTH, Program, catches, run_program
 from tests.support.routing import free_endpoint
 from tests.support.systems import running_router, service
+from tests.support.typist import type_zv
 from tests.support.waiting import wait_until
 from zenoh_vision.messages import Centroid
 
@@ -41,7 +43,7 @@ def tracker_alone(tmp_path: Path) -> Iterator[str]:
 
 
 def run_once(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    return run_program([sys.executable, EXAMPLES / name, *arguments])
+    return type_zv([EXAMPLES / name, *arguments], program=SCRIPT)
 
 
 def centroids(endpoint: str, count: int) -> list[Centroid]:
@@ -52,7 +54,7 @@ def centroids(endpoint: str, count: int) -> list[Centroid]:
 
 
 def test_subscribe_prints_centroids_and_ends_with_ctrl_c(system: str, tmp_path: Path):
-    with Program([EXAMPLES / "subscribe.py", system], tmp_path, "subscribe") as program:
+    with Program([EXAMPLES / "subscribe.py", system], tmp_path, "subscribe", SCRIPT) as program:
         lines = program.lines(r"front (\d+) (\d+|None) (\d+|None) (-?[\d.]+) ms", count=10)
         assert program.interrupt() == 0
         assert not program.complaints
@@ -116,7 +118,9 @@ def test_what_an_example_cannot_do_is_one_line(
 
 def test_own_service_publishes_its_message_and_answers_its_schema(system: str, tmp_path: Path):
     with (
-        Program([EXAMPLES / "own_service.py", "--connect", system], tmp_path, "own") as program,
+        Program(
+            [EXAMPLES / "own_service.py", "--connect", system], tmp_path, "own", SCRIPT
+        ) as program,
         open_client(system) as session,
     ):
         sample = newest(session, "vision/front/brightness")
@@ -146,7 +150,7 @@ def test_own_service_takes_the_endpoint_from_the_environment_and_says_what_it_wa
 ):
     with running_router(tmp_path) as endpoint:
         own = EXAMPLES / "own_service.py"
-        with Program([own], tmp_path, "own", ZV_CONNECT=endpoint) as program:
+        with Program([own], tmp_path, "own", SCRIPT, ZV_CONNECT=endpoint) as program:
             keys = "vision/front/image/compressed or vision/front/image"
             said = f"brightness_front: waiting: no frame on {keys} for 2 s"
             wait_until(lambda: said in program.complaints, START_S, lambda: program.complaints)
@@ -162,9 +166,8 @@ def catches_sigterm(program: Program) -> bool:
 
 def test_show_shows_each_picture_until_q(system: str):
     windows = ROOT / "tests" / "support" / "programs" / "fake_windows.py"
-    done = run_program(
-        [sys.executable, windows, EXAMPLES / "show.py", system, "tracked/compressed"]
-    )
+    words = [windows, EXAMPLES / "show.py", system, "tracked/compressed"]
+    done = type_zv(words, program=SCRIPT)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == [f"tracked/compressed {HEIGHT} {WIDTH} 3 uint8"] * 5
 
@@ -191,7 +194,7 @@ def test_a_bare_publisher_is_tracked_under_an_identity_made_up(
             picture = np.full((120, 160, 3), 80 * number, np.uint8)
             cv2.imwrite(str(tmp_path / f"{number}.jpg"), picture)
             arguments.append(tmp_path / f"{number}.jpg")
-    with Program(arguments, tmp_path, "publish") as program:
+    with Program(arguments, tmp_path, "publish", SCRIPT) as program:
         first, *_, last = centroids(tracker_alone, 5)
         assert program.interrupt() == 0
         assert not program.complaints
@@ -205,7 +208,7 @@ def test_a_publisher_with_three_more_lines_gives_its_own_identity(
     tracker_alone: str, tmp_path: Path
 ):
     arguments = [EXAMPLES / "publish_from_anything.py", tracker_alone, "--header"]
-    with Program(arguments, tmp_path, "publish") as program:
+    with Program(arguments, tmp_path, "publish", SCRIPT) as program:
         found = centroids(tracker_alone, 40)  # the background is learned for a second
         assert program.interrupt() == 0
     assert {centroid.header.assumed for centroid in found} == {None}

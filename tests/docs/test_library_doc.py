@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import zenoh_vision
+from tests.support.fork_server import SCRIPT
 from tests.support.headers import header
 from tests.support.processes import Program, run_program
 from tests.support.systems import system
@@ -77,7 +78,7 @@ def test_the_example_prints_frames_and_centroids_of_every_camera(tmp_path: Path)
     with system(tmp_path, "tracker") as endpoint:
         program = tmp_path / "onlooker.py"
         program.write_text(PAGE.blocks("python")[0].replace("tcp/127.0.0.1:7447", endpoint))
-        with Program([program], tmp_path, "onlooker") as running:
+        with Program([program], tmp_path, "onlooker", SCRIPT) as running:
             running.lines(r"front \d+ \d+\.\d+", count=3)
             running.lines(r"front \d+ (\d+|None) (\d+|None)", count=3)
             assert running.interrupt() == 0

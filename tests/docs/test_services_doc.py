@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.fork_server import ZV
+from tests.support.fork_server import SCRIPT, ZV
 from tests.support.listening import ask, newest, open_client, wait_for_nodes
-from tests.support.processes import ROOT, START_S, Program, run_program
+from tests.support.processes import ROOT, START_S, Program
 from tests.support.routing import free_endpoint
 from tests.support.typist import type_zv
-from tests.support.viewer.pages import PROGRAMS, Page, run_as_written
+from tests.support.viewer.pages import Page, run_as_written
 from tests.support.waiting import wait_until
 from zenoh_vision import Connection, Node
 from zenoh_vision.messages import Centroid
@@ -77,7 +77,7 @@ def test_the_commands_run_as_written_one_after_the_other(folder: Path):
                 assert done.returncode == 0, (command, done.stdout, done.stderr)
     with running_router() as endpoint, open_client(endpoint) as session:
         words = [folder / "brightness.py", "--config", folder / "brightness.toml"]
-        with Program([*words, "--connect", endpoint], folder, "alone") as program:
+        with Program([*words, "--connect", endpoint], folder, "alone", SCRIPT) as program:
             (gain,) = wait_until(lambda: ask(session, "@vision/param/brightness_front/gain"))
             assert gain.body["value"] == 2.0
             assert program.interrupt() == 0
@@ -85,7 +85,7 @@ def test_the_commands_run_as_written_one_after_the_other(folder: Path):
 
 def test_the_flags_and_statuses_that_the_page_names_are_those_of_the_service(folder: Path):
     said = PAGE.text.partition("## What `run_service` gives")[2].partition("\n## ")[0]
-    text = run_program([*PROGRAMS["python"], folder / "brightness.py", "--help"]).stdout
+    text = type_zv([folder / "brightness.py", "--help"], program=SCRIPT).stdout
     for word in re.findall(r"--[a-z][a-z-]+|ZV_[A-Z]+(?:_[A-Z]+)?", said):
         assert word in text, word
 
@@ -131,7 +131,7 @@ def running(name: str, endpoint: str, folder: Path) -> Iterator[Program]:
     settings = re.findall(r"^class (\w+Settings)", code, re.MULTILINE) or ["ServiceSettings"]
     end = "from zenoh_vision import ServiceSettings, run_service\n\nrun_service(run, {})\n"
     file.write_text(f"{code}\n{end.format(settings[-1])}")
-    with Program([WINDOWS, file, "--connect", endpoint], folder, name) as program:
+    with Program([WINDOWS, file, "--connect", endpoint], folder, name, SCRIPT) as program:
         yield program
         ended = program.process.wait(START_S) if name == "window" else program.interrupt()
         assert ended == 0

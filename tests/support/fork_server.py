@@ -27,6 +27,9 @@ ROOT = Path(__file__).parents[2]
 ZV = "zv.cli.main"
 """The module whose ``main`` is ``zv``."""
 
+SCRIPT = "tests.support.programs.script"
+"""The module whose ``main`` is the program that the first argument names."""
+
 PR_SET_PDEATHSIG = 1
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(["tests.support.programs.all_modules"])

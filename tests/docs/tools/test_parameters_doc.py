@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 
 import msgpack
 import pytest
 
+from tests.support.fork_server import SCRIPT
 from tests.support.listening import open_client
-from tests.support.processes import Program, run_program
-from tests.support.typist import zv
+from tests.support.processes import Program
+from tests.support.typist import type_zv, zv
 from tests.support.viewer.pages import Page, run_as_written
 from tests.support.waiting import wait_until
 from zenoh_vision.config.settings import load_settings
@@ -43,7 +43,7 @@ def test_the_commands_run_as_written_one_after_the_other(page: Page, endpoint: s
 def test_the_program_sets_two_parameters_as_written(endpoint: str, tmp_path: Path):
     program = tmp_path / "set.py"
     program.write_text(PAGE.blocks("python")[0])
-    done = run_program([sys.executable, program, endpoint])
+    done = type_zv([program, endpoint], program=SCRIPT)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert re.fullmatch(r"revision \d+", lines[0])
@@ -54,7 +54,7 @@ def test_the_service_of_ones_own_takes_what_is_set(endpoint: str, tmp_path: Path
     program = tmp_path / "dimmer.py"
     program.write_text(PAGE.blocks("python")[1])
     command: list[str | Path] = [program, "--connect", endpoint]
-    with Program(command, tmp_path, "dimmer") as running, open_client(endpoint) as session:
+    with Program(command, tmp_path, "dimmer", SCRIPT) as running, open_client(endpoint) as session:
         running.lines(r"\d+ [1-9][\d.]+")
         key, payload = "@vision/set/dimmer_front/gain", msgpack.packb(0)
         (reply,) = wait_until(lambda: list(session.get(key, payload=payload)))
@@ -65,7 +65,7 @@ def test_the_service_of_ones_own_takes_what_is_set(endpoint: str, tmp_path: Path
         assert running.interrupt() == 0
     # What was dumped holds at the next start.
     command += ["--config", saved]
-    with Program(command, tmp_path, "again") as running:
+    with Program(command, tmp_path, "again", SCRIPT) as running:
         running.lines(r"\d+ 0\.0")
         assert not re.search(r"^\d+ [1-9]", running.output, re.MULTILINE)
         assert running.interrupt() == 0

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import zenoh
 
+from tests.support.fork_server import SCRIPT
 from tests.support.listening import Listener, ask
 from tests.support.pictures.belt import Belt
 from tests.support.processes import ROOT, START_S, Program
@@ -76,7 +77,7 @@ def camera(client: zenoh.Session, belt: Belt, pictures: tuple[bytes, ...]) -> It
 def example(router, tmp_path: Path) -> Iterator[Program]:
     """``pick_from_belt.py`` with a gripper at X = 600 mm."""
     path = ROOT / "examples" / "pick_from_belt.py"
-    with Program([path, "gate", "600", router.endpoint], tmp_path, "pick") as program:
+    with Program([path, "gate", "600", router.endpoint], tmp_path, "pick", SCRIPT) as program:
         yield program
 
 

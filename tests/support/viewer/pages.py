@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.support.fork_server import SCRIPT, ZV
 from tests.support.processes import ROOT, START_S, environment
 from tests.support.typist import type_zv
 
@@ -68,8 +69,10 @@ def run_as_written(
         variables: Of the environment, beside those of every program.
     """
     program, _, rest = command.partition(" ")
-    if program == "zv" and not set(">|<;&$`") & set(command):
-        return type_zv(shlex.split(rest), folder=folder, timeout_s=timeout_s, **variables)
+    forked = ZV if program == "zv" else None if rest.startswith("-") else SCRIPT
+    if forked and not set(">|<;&$`") & set(command):
+        words = shlex.split(rest)
+        return type_zv(words, folder=folder, program=forked, timeout_s=timeout_s, **variables)
     return subprocess.run(
         ["bash", "-c", f"exec {shlex.join(PROGRAMS[program])} {rest}"],
         capture_output=True,
