@@ -53,15 +53,6 @@ def centroids(endpoint: str, count: int) -> list[Centroid]:
         return [Centroid.from_bytes(message.payload) for message in found[:count]]
 
 
-def test_subscribe_prints_centroids_and_ends_with_ctrl_c(system: str, tmp_path: Path):
-    with Program([EXAMPLES / "subscribe.py", system], tmp_path, "subscribe", SCRIPT) as program:
-        lines = program.lines(r"front (\d+) (\d+|None) (\d+|None) (-?[\d.]+) ms", count=10)
-        assert program.interrupt() == 0
-        assert not program.complaints
-    numbers = [int(line[1]) for line in lines]
-    assert numbers == sorted(set(numbers))
-
-
 def test_subscribe_ends_silently_when_nobody_reads_its_output_any_more(system: str):
     line = f"{sys.executable} {EXAMPLES / 'subscribe.py'} {system} | head -1; echo $PIPESTATUS"
     done = run_program(["bash", "-c", line])
@@ -89,13 +80,6 @@ def test_without_a_router_an_example_says_so_in_one_line(
         said = f"no router at {endpoint} (tcp/ADDRESS:PORT); start one: zv router\n"
         assert done.stderr == said
         assert (done.returncode, done.stdout) == (1, "")
-
-
-def test_save_frame_writes_the_newest_picture(system: str, tmp_path: Path):
-    picture = tmp_path / "frame.jpg"
-    done = run_once("save_frame.py", picture, system)
-    assert done.returncode == 0, done.stderr
-    assert cv2.imread(str(picture)).shape == (HEIGHT, WIDTH, 3)
 
 
 NOWHERE = "vision/nowhere/image/compressed"

@@ -177,7 +177,7 @@ def test_an_example_runs_as_written(endpoint: str, tmp_path: Path, arguments: li
             with open_client(endpoint) as session:
                 newest(session, "vision/front/brightness")
         else:
-            program.lines(r"front \d+ .*", count=3)
+            program.lines(r"front \d+ (\d+|None) (\d+|None) -?[\d.]+ ms", count=3)
         assert program.interrupt() == 0
 
 

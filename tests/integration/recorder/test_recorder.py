@@ -6,7 +6,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +16,7 @@ import pytest
 import zenoh
 
 from tests.support.fork_server import ZV
-from tests.support.listening import Listener, open_client
+from tests.support.listening import open_client
 from tests.support.processes import Program
 from tests.support.publishing import PlainCamera, wait_for_subscriber
 from tests.support.waiting import wait_until
@@ -438,35 +437,6 @@ def test_a_recorder_without_a_folder_waits_for_it_with_an_error_in_its_health(
         report = next(each for each in report_of(found).keys if each.key.endswith("compressed"))
     assert report.count > 0
     assert report.missed["not_written"] > 0
-
-
-def test_a_read_only_disk_is_an_error_in_the_health_until_it_can_be_written(
-    endpoint: str, client: zenoh.Session, tmp_path: Path
-) -> None:
-    if subprocess.run(["unshare", "-m", "true"], check=False, capture_output=True).returncode:
-        pytest.skip("mount namespaces cannot be made here")
-    place, camera = tmp_path / "place", PlainCamera(client)
-    place.mkdir()
-    mounting = 'mount -t tmpfs -o ro none "$0" && exec "$@"'
-    inside = ["-c", "import os, sys; os.execvp(sys.argv[1], sys.argv[1:])"]
-    inside += ["unshare", "-m", "sh", "-c", mounting, str(place), sys.executable, "-m", "zv"]
-    output = str(place / "run.mcap")
-    with Program(
-        [*inside, "bag", "record", "-o", output, "--connect", endpoint], tmp_path, "once"
-    ) as program:
-        assert program.process.wait(60) == 3
-        assert f"cannot make {output}.partial: Read-only file system" in program.complaints
-    words = [*inside, "recorder", "--connect", endpoint, "--output", output]
-    with Program(words, tmp_path, "recorder") as program, camera.at(20):
-        health = Listener(client, "@vision/diagnostics/recorder")
-        wait_until(lambda: health.messages and health.messages[-1].body["level"] == 2)
-        assert "Read-only file system" in health.messages[-1].body["message"]
-        writable = ["mount", "-o", "remount,rw", str(place)]
-        subprocess.run(["nsenter", "-t", str(program.process.pid), "-m", *writable], check=True)
-        wait_until(lambda: health.messages[-1].body["level"] == 0)
-        seen = Path(f"/proc/{program.process.pid}/root{place}")
-        wait_until(lambda: list(seen.glob("run-*.mcap.partial")))
-        assert program.interrupt() == 0
 
 
 def test_a_file_that_cannot_be_made_at_the_trigger_is_made_later(

@@ -404,16 +404,6 @@ def test_nodes_that_share_memory_are_denied_nothing(tmp_path):
             assert "denies" not in node.complaints
 
 
-def test_two_nodes_with_the_same_certificate_are_both_told(tmp_path):
-    system = secured(tmp_path)
-    with embedded(system, tmp_path), service(system, "camera", tmp_path) as first:
-        wait_until(lambda: "connected to the router" in first.complaints, 30)
-        with service(system, "camera", tmp_path) as second:
-            for camera in (first, second):
-                said = "another node is called camera_front: pid"
-                wait_until(lambda camera=camera, said=said: said in camera.complaints, 30)
-
-
 def test_nothing_secret_is_printed_logged_or_on_the_command_line(router: Secured, tmp_path):
     content = router.content("camera_front")
     secret = content["transport"]["link"]["tls"][KEY]
