@@ -125,7 +125,7 @@ def test_the_clock_of_a_process_counts_what_it_uses():
 
 
 def test_one_camera_and_one_subscriber_are_measured():
-    (point,) = measuring.of_pixels(3.0, [(64, 48)])
+    (point,) = measuring.of_pixels(1.0, [(64, 48)])
     assert point.work == 64 * 48
     assert set(point.cpu_ms) == {"camera", "router", "subscriber"}
     assert min(point.cpu_ms.values()) > 0

@@ -138,7 +138,7 @@ def test_a_flood_of_queries_does_not_stop_the_beat(router, client, service, heal
     for asker in askers:
         asker.start()
     try:
-        for _ in range(3):
+        for _ in range(2):  # the first may have been on its way
             assert fresh(health)
     finally:
         flooding.set()

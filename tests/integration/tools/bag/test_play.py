@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,10 +14,11 @@ import zenoh
 from tests.integration.conftest import Service
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, Message, open_client
-from tests.support.processes import Program, run_program
+from tests.support.processes import Program
 from tests.support.recordings import centroids, frames, write
 from tests.support.routing import Router
 from tests.support.terminal import Terminal
+from tests.support.typist import zv
 from tests.support.waiting import wait_until
 from zenoh_vision import Centroid, Node
 from zenoh_vision.testing import at
@@ -61,8 +61,7 @@ def play(router: Router, tmp_path: Path) -> Iterator[Play]:
 
 
 def set_parameter(router: Router, name: str, value: str, node: str = "player_front") -> None:
-    words = [sys.executable, "-m", "zv", "param", "set", node, f"{name}={value}"]
-    done = run_program([*words, "--connect", router.endpoint])
+    done = zv(router.endpoint, "param", "set", node, f"{name}={value}")
     assert done.returncode == 0, done.stderr
 
 

@@ -174,7 +174,7 @@ def test_of_several_fields_only_that_is_named_which_a_message_lacks(echoed, clie
             echoed(options, centroids(client, 1))
     with pytest.raises(ExpectationNotMet, match="none of 1 messages was printed"):
         echoed(
-            EchoOptions(key="a/b", field=("x", "nope"), for_=2.0),
+            EchoOptions(key="a/b", field=("x", "nope"), for_=1.0),
             lambda: client.put("a/b", '{"x": 1}', encoding="application/json"),
         )
     assert capsys.readouterr().err.splitlines() == [
@@ -205,7 +205,7 @@ def test_a_part_that_this_message_lacks_is_no_wrong_use(echoed, client, capsys):
         put_centroid(client, KEY, 1)
 
     with pytest.raises(ExpectationNotMet, match="none of 2 messages was printed"):
-        echoed(EchoOptions(key=KEY, field=("box.4",), for_=2.0), send)
+        echoed(EchoOptions(key=KEY, field=("box.4",), for_=1.0), send)
     assert "skipped 2 messages without box.4" in capsys.readouterr().err
 
 
@@ -259,8 +259,8 @@ def test_what_has_stopped_to_flow_is_shown_by_query(client, zv):
 
 
 def test_echo_that_is_given_a_time_and_gets_less_than_asked_is_1(echoed, client):
-    with pytest.raises(ExpectationNotMet, match=f"2 of 5 messages arrived on {KEY} in 2 s"):
-        echoed(EchoOptions(key=KEY, count=5, for_=2.0), centroids(client, 2))
+    with pytest.raises(ExpectationNotMet, match=f"2 of 5 messages arrived on {KEY} in 1 s"):
+        echoed(EchoOptions(key=KEY, count=5, for_=1.0), centroids(client, 2))
     with pytest.raises(ExpectationNotMet, match="nothing matches nowhere"):
         echoed._zv(EchoOptions(key="nowhere", for_=0.2))
 
