@@ -163,14 +163,22 @@ class RawForm(PictureForm):
         """Check the number of bytes."""
         expected = pixel_formats.raw_size(header.encoding, header.width, header.height)
         if len(payload) != expected:
-            raise PayloadError("wrong_size", f"{len(payload)} bytes instead of {expected}")
+            size = f"{header.width}x{header.height} {header.encoding}"
+            raise PayloadError("wrong_size", f"{len(payload)} bytes, {size} has {expected}")
 
     def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return raw pixels as a picture; a view of the payload."""
         del size
-        named = header.encoding or ""
-        pixels = pixel_formats.from_raw(payload, named, header.width, header.height)
-        return PixelPicture(pixels, named)
+        known = ENCODINGS[header.encoding or ""]
+        shape = (header.height, header.width, known.channels)
+        try:
+            pixels = np.frombuffer(payload, known.dtype).reshape(
+                shape if known.channels > 1 else shape[:2]
+            )
+        except ValueError:
+            RawForm.check(self, payload, header)
+            raise
+        return PixelPicture(pixels, header.encoding)
 
     def make(self, picture: Picture, quality: int) -> bytes:
         """Return the pixel rows of a picture."""

@@ -146,20 +146,3 @@ def raw_size(encoding: str | None, width: int, height: int) -> int:
 def to_raw(pixels: Pixels, encoding: str) -> bytes:
     """Return pixel rows without padding, 16-bit values little-endian."""
     return np.ascontiguousarray(pixels, ENCODINGS[encoding].dtype).tobytes()
-
-
-def from_raw(raw: bytes | memoryview, encoding: str, width: int, height: int) -> Pixels:
-    """Return raw pixels as a read-only array (height, width[, channels]).
-
-    Raises:
-        PayloadError: ``unsupported_encoding``, or ``wrong_size`` if the byte count does not fit.
-    """
-    known = ENCODINGS[encoding]
-    shape = (height, width) if known.channels == 1 else (height, width, known.channels)
-    try:
-        return np.frombuffer(raw, known.dtype).reshape(shape)
-    except ValueError:
-        expected = raw_size(encoding, width, height)
-        raise PayloadError(
-            "wrong_size", f"{len(raw)} bytes, {width}x{height} {encoding} has {expected}"
-        ) from None

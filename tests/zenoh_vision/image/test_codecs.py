@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.support.headers import header
 from tests.support.pictures.encoded import SCENE
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.forms import RAW_FORM
 
 EIGHT_BITS = ["mono8", "bgr8", "rgb8", "bgra8", "rgba8"]
 
@@ -35,7 +37,7 @@ def test_raw_pixels_survive_exactly(encoding: str):
     raw = pixel_formats.to_raw(pixels, encoding)
     known = pixel_formats.ENCODINGS[encoding]
     assert len(raw) == 31 * 17 * known.channels * known.dtype.itemsize
-    back = pixel_formats.from_raw(raw, encoding, 31, 17)
+    back = RAW_FORM.open(raw, header(encoding=encoding, width=31, height=17), None).pixels
     assert back.dtype == pixels.dtype
     assert np.array_equal(back, pixels)
 
@@ -54,11 +56,16 @@ def test_raw_rows_are_without_padding_even_from_a_view():
 @pytest.mark.parametrize("encoding", pixel_formats.ENCODINGS)
 def test_raw_pixels_of_another_length_are_refused(encoding: str, change: int):
     raw = pixel_formats.to_raw(noise(encoding), encoding)
-    with pytest.raises(PayloadError) as caught:
-        pixel_formats.from_raw((raw + b"\0")[: len(raw) + change], encoding, 31, 17)
-    assert caught.value.reason == "wrong_size"
-    sizes = f"{len(raw) + change} bytes, 31x17 {encoding} has {len(raw)}"
-    assert sizes in str(caught.value)
+    about, other = (
+        header(encoding=encoding, width=31, height=17),
+        (raw + b"\0")[: len(raw) + change],
+    )
+    for look in (RAW_FORM.check, lambda *given: RAW_FORM.open(*given, None)):
+        with pytest.raises(PayloadError) as caught:
+            look(other, about)
+        assert caught.value.reason == "wrong_size"
+        sizes = f"{len(raw) + change} bytes, 31x17 {encoding} has {len(raw)}"
+        assert sizes in str(caught.value)
 
 
 @pytest.mark.parametrize("encoding", [None, "", "bgr16", "BGR8", "yuv422"])

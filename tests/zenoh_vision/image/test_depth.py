@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.headers import header
-from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image import codecs
 from zenoh_vision.image.depth import (
     WHOLE,
     RangeFinder,
@@ -17,6 +17,7 @@ from zenoh_vision.image.depth import (
     metres,
     millimetres,
 )
+from zenoh_vision.image.forms import RAW_FORM
 from zenoh_vision.image.frame import Frame
 
 ROOM = np.array([[0, 2000, 2500, 3000]], np.uint16)
@@ -149,7 +150,7 @@ def test_depth_in_metres_is_raw_as_it_is_and_a_png_of_millimetres_compressed():
     assert codecs.decode_png(frame.compressed).tolist() == ROOM.tolist()
     assert frame.header.encoding == "32FC1"
     assert frame.gray.tolist() == [[0, 1, 128, 255]]
-    raw = pixel_formats.from_raw(frame.raw, "32FC1", 4, 1)
+    raw = RAW_FORM.open(frame.raw, frame.header, None)
     assert ranged(Frame(frame.header, raw)).gray.tolist() == [[0, 1, 128, 255]]
 
 

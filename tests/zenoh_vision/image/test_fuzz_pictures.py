@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import struct
 import zlib
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.headers import header
 from tests.support.library import Changes, changed, changes, fuzz, tried
 from tests.support.pictures.encoded import chunks_of, png_of
 from zenoh_vision.image import codecs, pixel_formats
+from zenoh_vision.image.forms import RAW_FORM
 
 NOISE = np.random.default_rng(7).integers(0, 256, (48, 64, 3), np.uint8)
 PICTURES = {
@@ -90,9 +93,6 @@ def test_pngs_with_changed_chunks_and_right_checksums(
 )
 def test_raw_pixels_of_arbitrary_size(raw: bytes, encoding: str, width: int, height: int):
     reasons = {"wrong_size", "too_large", "unsupported_encoding"}
-    tried(lambda pixels: pixel_formats.from_raw(pixels, encoding, width, height), raw, reasons)
-    tried(
-        lambda pixels: pixel_formats.from_raw(pixels, encoding, width % 8 + 1, height % 8 + 1),
-        raw,
-        reasons,
-    )
+    for wide, high in ((width, height), (width % 8 + 1, height % 8 + 1)):
+        about = header(encoding=encoding, width=wide, height=high)
+        tried(partial(RAW_FORM.open, header=about, size=None), raw, reasons)
