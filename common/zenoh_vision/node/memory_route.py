@@ -59,6 +59,7 @@ class MemoryRoute(Route):
         self._clock = clock
         self._pattern = keys.shared_memory_key(namespace, camera, machine_identity(), "*")
         self._offers: set[str] = set()
+        self._current: str | None = None  # the newest of them, from which frames are received
         self._failed_ns: dict[str, int] = {}
         self._changed = threading.Condition()
         self._running = False
@@ -121,8 +122,9 @@ class MemoryRoute(Route):
         """Wait for an offer that can be tried; None when the route was stopped."""
         with self._changed:
             while self._running:
-                if (offer := self._newest()) is not None:
-                    return offer
+                self._current = self._newest()
+                if self._current is not None:
+                    return self._current
                 if not self._failed_ns:
                     self._fault = ""
                 self._changed.wait(AGAIN_S if self._failed_ns else None)
@@ -154,7 +156,7 @@ class MemoryRoute(Route):
             self._fault = ""
             self._set_receiving(True)
             try:
-                while self._running and self._newest() == offer:
+                while self._running and self._current == offer:
                     sample = reader.receive(WAIT_S)
                     if sample is not None and self._intake.receive(sample):
                         self._noticed(sample)
@@ -180,6 +182,7 @@ class MemoryRoute(Route):
     def _follow_tokens(self, session: zenoh.Session) -> Any:
         with self._changed:
             self._offers, self._failed_ns = set(), {}  # those were of another session
+            self._current = None
         tokens = session.liveliness()
         return tokens.declare_subscriber(self._pattern, direct(self._on_token), history=True)
 
@@ -191,6 +194,7 @@ class MemoryRoute(Route):
                 self._failed_ns.pop(key, None)
             elif self._running and Doorbell.exists(channel_name(key)):
                 self._offers.add(key)
+            self._current = self._newest()
             self._changed.notify()
 
 

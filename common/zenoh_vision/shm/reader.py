@@ -61,10 +61,9 @@ class FrameReader:
             # The number was read before that look, so a frame that came since has changed it.
             self._rung = self._bell.wait(self._rung, timeout_s)
             sample = self._subscriber.receive()
-        return None if sample is None else self._sample(sample)
-
-    def _sample(self, sample: Any) -> Sample:
-        # iceoryx2's own views of both double the time that this function takes. The lengths are
+        if sample is None:
+            return None
+        # iceoryx2's own views of both double the time that this takes. The lengths are
         # believed: only processes of this user can write here.
         layout = Layout.from_address(sample.user_header_ptr)
         length, attached = layout.payload, layout.attachment
