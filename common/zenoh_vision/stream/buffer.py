@@ -107,8 +107,6 @@ class Buffer(Generic[T]):
         queue_key = (key, unverified) if limits.per_key else ("", False)
         replaced = []
         with self._lock:
-            if queue_key not in self._queues and len(self._queues) >= MAX_KEYS:
-                replaced.append(self._pop_oldest())
             items = self._queues.setdefault(queue_key, deque())
             while items and (len(items) == limits.depth or self._bytes + size > limits.max_bytes):
                 oldest_size, oldest = items.popleft()
@@ -117,13 +115,16 @@ class Buffer(Generic[T]):
             items.append((size, item))
             self._bytes += size
             self.filled = True
-            over = self._bytes > QUEUE_BYTES
-            while self.filled and (self._closed or (over and len(self._queues) > 1)):
-                replaced.append(self._pop_oldest())
-                over = self._bytes > QUEUE_BYTES
         self._wakeup.set()
         for oldest in replaced:
             self._dropped(oldest)
+        while self._closed or (
+            len(self._queues) > 1 and (len(self._queues) > MAX_KEYS or self._bytes > QUEUE_BYTES)
+        ):
+            left = self.take(0)
+            if left is None:
+                break
+            self._dropped(left)
 
     def take(self, timeout_s: float) -> T | None:
         """Remove and return an item of the key that has waited longest, a verified one first.
@@ -134,28 +135,25 @@ class Buffer(Generic[T]):
         if timeout_s > 0:
             self._wakeup.wait_for(self._queues.__len__, timeout_s)
         with self._lock:
-            return self._pop_oldest() if self._queues else None
+            if not self._queues:
+                return None
+            key, _ = next(iter(self._queues))
+            queue_key = (key, False) if (key, False) in self._queues else (key, True)
+            items = self._queues[queue_key]
+            size, item = items.popleft()
+            if not items:
+                del self._queues[queue_key]
+                self.filled = bool(self._queues)
+            self._bytes -= size
+            return item
 
     def close(self, dropped: Callable[[T], None]) -> None:
         """Pass the items that wait, and those that are still put, to a function instead."""
         self._dropped = dropped
-        with self._lock:
-            self._closed = True
-            left = [self._pop_oldest() for _ in range(sum(map(len, self._queues.values())))]
-        for item in left:
+        self._closed = True
+        while (item := self.take(0)) is not None:
             dropped(item)
         self._wakeup.set()
-
-    def _pop_oldest(self) -> T:
-        key, _ = next(iter(self._queues))
-        queue_key = (key, False) if (key, False) in self._queues else (key, True)
-        items = self._queues[queue_key]
-        size, item = items.popleft()
-        if not items:
-            del self._queues[queue_key]
-            self.filled = bool(self._queues)
-        self._bytes -= size
-        return item
 
 
 def wait_for_any(wakeup: Wakeup, buffers: Sequence[Buffer[Any]], timeout_s: float) -> None:
