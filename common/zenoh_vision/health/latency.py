@@ -15,6 +15,9 @@ LEAST_S = 1.0
 """Shortest time over which a rate is computed. The first frame takes longer than those after it, as
 what it needs is loaded and allocated, so the first intervals are too short."""
 
+MOST = 50_000
+"""Most items that are kept until the next report, which forgets those before the window."""
+
 BOUNDS_MS = tuple(
     map(float, (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000, 5000))
 )
@@ -29,7 +32,7 @@ class LatencyMonitor:
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s
-        self._done: deque[tuple[float, float | None]] = deque()
+        self._done: deque[tuple[float, float | None]] = deque(maxlen=MOST)
         self._buckets = [0] * (len(BOUNDS_MS) + 1)
         self._sum_ms = 0.0
         self._lock = threading.Lock()
@@ -38,7 +41,6 @@ class LatencyMonitor:
         """Add an item that was finished at a monotonic time, with its latency if known."""
         with self._lock:
             self._done.append((at_s, latency_ms))
-            self._forget(at_s)
             if latency_ms is None:
                 return
             # The clock of a camera may be ahead. A sum that falls would look like a restart.

@@ -124,7 +124,8 @@ class Frame:
         if name == "pixels":
             return self.pixels
         encoding, values = "bgr8" if name == "bgr" else "mono8", self.value_range
-        return self._at_full_size(encoding, values, self.picture.in_8_bits(encoding, values))
+        found = self.picture.in_8_bits(encoding, values)
+        return self._at_full_size(encoding, values, found) if self.is_reduced else found
 
     def reduced(self, encoding: str, width: int, height: int) -> NDArray[np.uint8]:
         """Return the pixels in an 8-bit encoding, at least as large as the given size.

@@ -105,7 +105,7 @@ class Picture(ABC):
             PayloadError: ``corrupt``, if the picture cannot be decoded.
         """
         if self.encoding == encoding and not self.is_deep:
-            return np.asarray(self.pixels, np.uint8)
+            return np.asarray(self.pixels if self._pixels is None else self._pixels, np.uint8)
         with self._lock:
             if (encoding, values) not in self._shown:
                 self._shown[encoding, values] = read_only(self._make_8_bits(encoding, values))

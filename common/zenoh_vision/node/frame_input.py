@@ -178,10 +178,14 @@ class FrameInput(Input[Frame]):
         """Return the next frame; see ``Input.take``."""
         if self.closed:
             return None
-        revision = self._core.revision
+        parameters = self._core.parameters
+        revision = None if parameters is None else parameters.active
         if revision is not self._followed and revision is not None:
             self._follow(revision)
-        return self.intake.take(timeout_s, self._want, self._allowed_s, revision)
+        arrival = self.intake.buffer.take(timeout_s)
+        if arrival is None:
+            return None
+        return self.intake.accept(arrival, self._allowed_s, self._want, revision)
 
     def _follow(self, revision: Revision[Any]) -> None:
         """Take over the settings of a revision that concern this input."""

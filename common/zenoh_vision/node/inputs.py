@@ -140,7 +140,7 @@ def merged(core: Core, inputs: Sequence[Input[Any]], every_s: float | None = Non
     """
     check_open(core, inputs)
     buffers = [each.intake.buffer for each in inputs]
-    clock = core.clock
+    clock, parameters = core.clock, core.parameters
     due_ns = clock.monotonic_ns() + int((every_s or 0) * 1e9)
     try:
         while not core.stopping and not core.inputs.isdisjoint(inputs):  # one is open
@@ -152,7 +152,8 @@ def merged(core: Core, inputs: Sequence[Input[Any]], every_s: float | None = Non
             for each in inputs:
                 if core.stopping:
                     break
-                core.activate()
+                if parameters is not None:
+                    parameters.activate()
                 item = each.take(0.0)
                 if item is None:
                     continue

@@ -218,11 +218,8 @@ class EpochGate:
             # true ones for longer, the longer it takes to decode.
             self._epoch, self._seq, self._accepted_ns = run, header.seq, arrived_ns
             self._arrived_ns = arrived_ns
-            late_ns = self._gauge.lateness_ns(stamp_ns, arrived_ns)
-            if max_age_ns is not None and late_ns > max_age_ns:
-                self._gauge.restart()  # another clock: the old offsets do not apply
             self._last_stamp_ns = stamp_ns
-            self._gauge.note(stamp_ns, arrived_ns)
+            self._gauge.note(stamp_ns, arrived_ns, max_age_ns)
 
     def _check_order(
         self, header: Header, run: tuple[int, int], arrived_ns: int, now_ns: int
@@ -324,9 +321,13 @@ class StalenessGauge:
             self._minima.popleft()
         return now_ns - stamp_ns - self._minima[0][1] if self._minima else 0
 
-    def note(self, stamp_ns: int, now_ns: int) -> None:
-        """Add a frame."""
+    def note(self, stamp_ns: int, now_ns: int, max_age_ns: int | None = None) -> None:
+        """Add a frame; if it is later than ``max_age_ns``, those before had another clock."""
         offset = now_ns - stamp_ns
+        while self._minima and now_ns - self._minima[0][0] > WINDOW_NS:
+            self._minima.popleft()
+        if max_age_ns is not None and self._minima and offset - self._minima[0][1] > max_age_ns:
+            self._minima.clear()
         while self._minima and self._minima[-1][1] > offset:
             self._minima.pop()
         if not self._minima or now_ns - self._minima[-1][0] >= STEP_NS:

@@ -179,7 +179,8 @@ def test_the_age_from_which_a_frame_is_stale(
 ):
     frames = taker(settings).frames(max_age_s=max_age_s)
     used = []
-    monkeypatch.setattr(frames.intake, "take", lambda *arguments: used.append(arguments[2]))
+    monkeypatch.setattr(frames.intake, "accept", lambda *arguments: used.append(arguments[1]))
+    frames.intake.receive(sample(0))
     assert frames.take(0.0) is None
     assert used == [used_s]
 
