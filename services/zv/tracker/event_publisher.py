@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from typing import Final
 
 from zenoh_vision import Frame, Node
+from zenoh_vision.calibration.plane_view import PlaneView
 from zenoh_vision.messages import Header, LineCount, TrackEvent, ZoneCount
 from zenoh_vision.topics import EVENTS
 from zv.tracker.events.event import Event
-from zv.tracker.events.sighting import WorldPlane
 from zv.tracker.events.track_events import EventRules, TrackEvents
 from zv.tracker.settings import TrackerSettings
 from zv.tracker.shapes import Line, Polygon, lines, polygons
@@ -48,7 +47,7 @@ class EventPublisher:
         frame: Frame,
         tracks: Sequence[Track],
         settings: TrackerSettings,
-        plane: WorldPlane | None = None,
+        plane: PlaneView | None = None,
     ) -> Counted:
         """Publish what happened from the last frame to this one.
 
@@ -96,11 +95,9 @@ class EventPublisher:
 
     def _counts(self) -> Counted:
         counts = self._events.counts
-        zones = {name: ZoneCount(**asdict(count)) for name, count in counts.zones.items()}
-        passed = {name: LineCount(**asdict(count)) for name, count in counts.lines.items()}
-        return zones or None, passed or None
+        return counts.zones or None, counts.lines or None
 
-    def _warn_without_plane(self, plane: WorldPlane | None, stamp_ns: int) -> None:
+    def _warn_without_plane(self, plane: PlaneView | None, stamp_ns: int) -> None:
         """Log once that shapes in world units have no events without a calibration."""
         if plane is not None or self._without_plane_ns is None:
             self._without_plane_ns = None if plane is not None else stamp_ns

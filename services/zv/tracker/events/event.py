@@ -1,8 +1,8 @@
-"""Events of tracks, with their times and positions, and the counts of zones and lines."""
+"""Events of tracks, with their times and positions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from zv.tracker.shapes import Point
@@ -46,32 +46,6 @@ class Event:
     inside: int | None = None  # for zones, the number of objects in the zone after this event
     # For ``zone_dwell`` and ``zone_left``, the time that the object was in the zone.
     dwell_s: float | None = None
-
-
-@dataclass(slots=True)
-class LineCount:
-    """Crossings of a line by direction, since the line was set."""
-
-    left: int = 0
-    right: int = 0
-
-
-@dataclass(slots=True)
-class ZoneCount:
-    """Entries, exits and long stays in a zone since the zone was set, and the objects in it now."""
-
-    entered: int = 0
-    left: int = 0
-    dwelled: int = 0
-    inside: int = 0
-
-
-@dataclass(slots=True)
-class Counts:
-    """The counts of all shapes, by name."""
-
-    lines: dict[str, LineCount] = field(default_factory=dict)
-    zones: dict[str, ZoneCount] = field(default_factory=dict)
 
 
 def between(first: Moment, second: Moment, share: float) -> Moment:

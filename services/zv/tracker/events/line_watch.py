@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from zv.tracker.events.event import Direction, Event, LineCount, Moment, between
+from zenoh_vision.messages import LineCount
+from zv.tracker.events.event import Direction, Event, Moment, between
 from zv.tracker.events.sighting import Sighting
 from zv.tracker.shapes import Line, Point, distance, passage, turn
 
@@ -95,7 +96,7 @@ class LineWatch:
     def _report(self, id_: int, path: _Path) -> Iterator[Event]:
         for direction, at in path.crossings:
             count = getattr(self.count, direction) + 1
-            setattr(self.count, direction, count)
+            self.count = self.count.model_copy(update={direction: count})
             name = self.line.name
             yield Event("line_crossed", id_, at, shape=name, direction=direction, count=count)
         path.crossings.clear()

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from zenoh_vision.calibration.plane_view import pair
+from zenoh_vision.calibration.plane_view import PlaneView, pair
 from zv.tracker.events.event import Moment
 from zv.tracker.shapes import Point, Unit
 from zv.tracker.tracking.track import Track
@@ -27,19 +26,6 @@ MARGIN_SHARE = 0.1
 """Margin as a share of the box's smaller side, since boxes of large objects jitter more."""
 
 
-class WorldPlane(Protocol):
-    """A mapping from pixels to a plane, such as a ``PlaneView``; equal ones have the same plane."""
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether the plane's X, Y are mirrored in the picture, so that left and right change."""
-        ...
-
-    def positions(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map full-resolution pixels, (n, 2), to X, Y, (n, 2); NaN where there is no plane."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Sighting:
     """The position at which an object was seen, with the hysteresis for its jitter."""
@@ -48,7 +34,7 @@ class Sighting:
     margin_pixels: float  # hysteresis at the edges of shapes in pixels, pixels
     # Hysteresis at the edges of shapes in world units, world units; infinite without a plane.
     margin_world: float = math.inf
-    mirrored: bool = False  # the value of ``WorldPlane.mirrored``; False without a plane
+    mirrored: bool = False  # the value of ``PlaneView.mirrored``; False without a plane
 
     def position(self, unit: Unit) -> Point | None:
         """Return the position in the unit of a shape; None if it is unknown."""
@@ -64,7 +50,7 @@ class Sighting:
 
 
 def sightings_of(
-    tracks: Sequence[Track], stamp_ns: int, anchor: Anchor, plane: WorldPlane | None = None
+    tracks: Sequence[Track], stamp_ns: int, anchor: Anchor, plane: PlaneView | None = None
 ) -> list[Sighting]:
     """Return the sightings of tracks at a stamp; with a plane, also their positions on it."""
     points = [anchor_of(track, anchor) for track in tracks]
@@ -88,7 +74,7 @@ def sightings_of(
     ]
 
 
-def places(tracks: Sequence[Track], anchor: Anchor, plane: WorldPlane | None) -> list[Point | None]:
+def places(tracks: Sequence[Track], anchor: Anchor, plane: PlaneView | None) -> list[Point | None]:
     """Return the positions of tracks on a plane: X, Y of each anchor, None if it is not on it."""
     if plane is None or not tracks:
         return [None] * len(tracks)

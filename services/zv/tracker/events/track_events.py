@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from zv.tracker.events.event import Counts, Event, Moment
+from zenoh_vision.calibration.plane_view import PlaneView
+from zenoh_vision.messages import LineCount, ZoneCount
+from zv.tracker.events.event import Event, Moment
 from zv.tracker.events.line_watch import LineWatch
-from zv.tracker.events.sighting import Anchor, Sighting, WorldPlane, sightings_of
+from zv.tracker.events.sighting import Anchor, Sighting, sightings_of
 from zv.tracker.events.zone_watch import ZoneWatch
 from zv.tracker.shapes import Line, Polygon
 from zv.tracker.tracking.track import Track
@@ -21,6 +24,13 @@ class EventRules:
     lines: tuple[Line, ...] = ()  # lines with unique names
     dwell_s: float = 10.0  # time in a zone after which ``zone_dwell`` is reported, once per stay
     anchor: Anchor = "centre"  # the point of an object that zones and lines refer to
+
+
+class Counts(NamedTuple):
+    """The counts of all shapes, by name."""
+
+    lines: dict[str, LineCount]
+    zones: dict[str, ZoneCount]
 
 
 @dataclass(slots=True)
@@ -49,11 +59,11 @@ class TrackEvents:
         self._objects: dict[int, _Object] = {}
         self._waiting: list[Event] = []
         self._stamp_ns = 0
-        self._plane: WorldPlane | None = None
+        self._plane: PlaneView | None = None
 
     @property
     def counts(self) -> Counts:
-        """The counts of all shapes; the objects are not copies, so they change later."""
+        """The counts after the last frame."""
         return Counts(
             {line.name: watch.count for line, watch in self._lines.items()},
             {zone.name: watch.count for zone, watch in self._zones.items()},
@@ -77,7 +87,7 @@ class TrackEvents:
         self.rules = rules
 
     def update(
-        self, tracks: Sequence[Track], stamp_ns: int, plane: WorldPlane | None = None
+        self, tracks: Sequence[Track], stamp_ns: int, plane: PlaneView | None = None
     ) -> list[Event]:
         """Process all tracks of the next frame and return their events, those of a track by time.
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from zv.tracker.events.event import Event, Kind, Moment, ZoneCount, between
+from zenoh_vision.messages import ZoneCount
+from zv.tracker.events.event import Event, Kind, Moment, between
 from zv.tracker.events.sighting import Sighting
 from zv.tracker.shapes import Point, Polygon, contains, distance, passage
 
@@ -113,14 +114,13 @@ class ZoneWatch:
         """Yield the events of a stay other than its end, each once."""
         if not stay.reported:
             stay.reported = True
-            self.count.entered += 1
-            self.count.inside += 1
+            self._add(entered=1, inside=1)
             yield self._event("zone_entered", id_, stay.entered, self.count.entered)
         until = stay.last.at if stay.out is None else stay.out
         dwell_ns = round(dwell_s * 1e9)
         if not stay.dwelled and until.stamp_ns - stay.entered.stamp_ns >= dwell_ns:
             stay.dwelled = True
-            self.count.dwelled += 1
+            self._add(dwelled=1)
             at = Moment(stay.entered.stamp_ns + dwell_ns, until.pixel, until.world)
             yield self._event("zone_dwell", id_, at, self.count.dwelled, dwell_s)
 
@@ -134,10 +134,13 @@ class ZoneWatch:
 
     def _left(self, id_: int, stay: _Stay) -> Event:
         assert stay.out is not None
-        self.count.left += 1
-        self.count.inside -= 1
+        self._add(left=1, inside=-1)
         stayed_s = (stay.out.stamp_ns - stay.entered.stamp_ns) / 1e9
         return self._event("zone_left", id_, stay.out, self.count.left, stayed_s)
+
+    def _add(self, **steps: int) -> None:
+        new = {name: getattr(self.count, name) + step for name, step in steps.items()}
+        self.count = self.count.model_copy(update=new)
 
     def _event(
         self, kind: Kind, id_: int, at: Moment, count: int, dwell_s: float | None = None
