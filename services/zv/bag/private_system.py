@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from tempfile import TemporaryFile
 from typing import IO, Final, Self
 
-from zenoh_vision.errors import ExpectationNotMet
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 
 STOP_S: Final = 5.0
 KEPT_BYTES: Final = 4000
@@ -87,3 +87,20 @@ class Child:
         self._log.seek(0, os.SEEK_END)
         self._log.seek(max(0, self._log.tell() - KEPT_BYTES))
         return self._log.read().decode(errors="replace").strip()
+
+    def check(self, expected: int | None = None) -> None:
+        """Raise what a command of this program has said if it has ended.
+
+        Args:
+            expected: Its exit status with which nothing is raised.
+
+        Raises:
+            ConfigurationError, SourceError, ExpectationNotMet: By its exit status.
+        """
+        status = self.status
+        if status is None or status == expected:
+            return
+        lines = self.said().splitlines()
+        words = lines[-1] if lines else f"{self.command[3]} ended with status {status}"
+        kinds = {each.exit_status: each for each in (ConfigurationError, SourceError)}
+        raise kinds.get(status, ExpectationNotMet)(words.partition("zv: ")[2] or words)

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.status import Status
 
 from zenoh_vision import Connection, Frame, Node
-from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
+from zenoh_vision.errors import ExpectationNotMet, PayloadError, SourceError
 from zenoh_vision.image import codecs
 from zenoh_vision.image.files import names_image
 from zenoh_vision.messages import Contours, Header
@@ -91,7 +91,9 @@ def of_every_frame(
                         shown.update(f"{count} frames")
                     elif camera.status is not None:
                         break
-                _check(camera, count)
+                if camera.status is None:
+                    raise ExpectationNotMet(f"told to stop after {count} frames")
+                camera.check(expected=0)
     return count
 
 
@@ -105,19 +107,3 @@ def _edges(frame: Frame, file: Path, settings: EdgeSettings, mask: Gray | None) 
 def _answer(header: Header) -> Contours:
     """Return a message that only says that a frame is done."""
     return Contours(header=header, density=0.0, contours=(), omitted=0, segments=())
-
-
-def _check(camera: Child, count: int) -> None:
-    """Raise what the camera said if it has not read the whole file.
-
-    Raises:
-        ConfigurationError, SourceError, ExpectationNotMet: By its exit status.
-    """
-    status = camera.status
-    if status is None:
-        raise ExpectationNotMet(f"told to stop after {count} frames")
-    if status:
-        lines = camera.said().splitlines()
-        words = lines[-1] if lines else f"the camera ended with status {status}"
-        kinds = {each.exit_status: each for each in (ConfigurationError, SourceError)}
-        raise kinds.get(status, ExpectationNotMet)(words.partition("zv: ")[2] or words)

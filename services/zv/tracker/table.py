@@ -157,13 +157,13 @@ def _track(
         if console.is_terminal:
             opening.enter_context(shown)
         while not stopping() and camera.status is None:
-            _check(tracker)
+            tracker.check()
             arrived.pass_on(table)
             shown.update(f"{table.frames} frames, {len(table.ids)} objects")
             time.sleep(POLL_S)
         if stopping():
             return
-        _check(camera, expected=0)
+        camera.check(expected=0)
         until_s = time.monotonic() + LATE_S
         while table.newest != arrived.answered and time.monotonic() < until_s:
             time.sleep(POLL_S)
@@ -204,18 +204,3 @@ class Arrivals:
         if sample.attachment is not None:
             header = Header.from_bytes(sample.attachment.to_bytes())
             self.answered = header.epoch, header.seq
-
-
-def _check(child: Child, expected: int | None = None) -> None:
-    """Raise what a child said if it has ended with another status than expected.
-
-    Raises:
-        ConfigurationError, SourceError, ExpectationNotMet: By its exit status.
-    """
-    status = child.status
-    if status is None or status == expected:
-        return
-    lines = child.said().splitlines()
-    words = lines[-1] if lines else f"{child.command[3]} ended with status {status}"
-    kinds = {each.exit_status: each for each in (ConfigurationError, SourceError)}
-    raise kinds.get(status, ExpectationNotMet)(words.partition("zv: ")[2] or words)
