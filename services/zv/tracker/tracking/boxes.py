@@ -39,15 +39,6 @@ def _intersections(
     return shared, (right - left) * (bottom - top), others
 
 
-def overlap(one: Region, other: Region) -> float:
-    """Return the intersection of two boxes over the area of the smaller one: 0 to 1."""
-    across = min(one.right, other.right) - max(one.left, other.left)
-    along = min(one.bottom, other.bottom) - max(one.top, other.top)
-    if across <= 0 or along <= 0:
-        return 0.0
-    return across * along / min(one.width * one.height, other.width * other.height)
-
-
 def edges(boxes: Sequence[Region]) -> NDArray[np.float64]:
     """Return left, top, right and bottom of boxes as (4, n)."""
     edges = [(each.left, each.top, each.right, each.bottom) for each in boxes]
@@ -59,24 +50,17 @@ def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
 
     Rows and columns without a link are left out.
     """
-    root = list(range(links.shape[0]))
-    first: dict[int, int] = {}  # the first row of each column
-
-    def root_of(row: int) -> int:
-        while root[row] != row:
-            row = root[row]
-        return row
-
-    pairs: list[list[int]] = np.argwhere(links).tolist()
-    for row, column in pairs:
-        one, two = root_of(row), root_of(first.setdefault(column, row))
-        root[max(one, two)] = min(one, two)
-    found: dict[int, tuple[set[int], set[int]]] = {}
-    for row, column in pairs:
-        members, reached = found.setdefault(root_of(row), (set(), set()))
-        members.add(row)
-        reached.add(column)
-    return [(sorted(members), sorted(reached)) for _, (members, reached) in sorted(found.items())]
+    left = links.any(axis=1)
+    found = []
+    while left.any():
+        members, before = np.arange(len(left)) == left.argmax(), 0
+        while members.sum() > before:
+            before = members.sum()
+            reached = links[members].any(axis=0)
+            members = links[:, reached].any(axis=1)
+        found.append((np.flatnonzero(members).tolist(), np.flatnonzero(reached).tolist()))
+        left &= ~members
+    return found
 
 
 def assigned(costs: NDArray[np.float64]) -> list[tuple[int, int]]:

@@ -133,9 +133,8 @@ class Tracker(TrackerBase[TrackState]):
                 self.drop(track)
             case Begin(region):
                 least, overlap = self.parameters.min_area, self.parameters.association.overlap
-                if region.area >= least and not any(
-                    boxes.overlap(region, each.shown or each.box) > overlap for each in self.states
-                ):
+                known = [each.shown or each.box for each in self.states]
+                if region.area >= least and (boxes.overlaps([region], known) <= overlap).all():
                     self._begin(region, scene)
 
     def _begin(self, region: Region, scene: Scene | None) -> TrackState | None:
@@ -170,8 +169,8 @@ class Tracker(TrackerBase[TrackState]):
 
     def _near_another(self, track: TrackState) -> bool:
         """Return whether another object, possibly hidden, is expected in the track's box."""
-        box = track.box
-        return any(boxes.overlap(box, each.box) > 0 for each in self.states if each is not track)
+        others = [each.box for each in self.states if each is not track]
+        return bool(boxes.overlaps([track.box], others).any())
 
     def _confirm_and_end(self) -> None:
         life, now_s = self.parameters.life, self._moment.now_s

@@ -12,7 +12,6 @@ from zv.tracker.tracking.boxes import (
     IMPOSSIBLE,
     assigned,
     components,
-    overlap,
     overlaps,
 )
 from zv.tracker.tracking.region import Region
@@ -23,13 +22,15 @@ def test_the_overlap_is_relative_to_the_smaller_box():
     away = Region(10, 0, 12, 5, 10)  # touches: nothing in common
     # 2 x 2 of 16 pixels
     assert overlaps([large], [inside, away]).tolist() == [[pytest.approx(0.25), 0.0]]
-    assert [overlap(large, other) for other in (inside, away)] == [pytest.approx(0.25), 0.0]
-    assert overlap(large, Region(30, 30, 40, 40, 9)) == 0.0  # away along both axes
+    assert overlaps([large], [Region(30, 30, 40, 40, 9)]) == 0.0  # away along both axes
 
 
 def test_components_are_connected_across_several_links():
     links = np.array([[1, 1, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, 0]], bool)
     assert components(links) == [([0, 2], [0, 1]), ([1], [2])]
+    chain = np.eye(6, 5, dtype=bool) | np.eye(6, 5, -1, dtype=bool)
+    assert components(chain) == [([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4])]
+    assert components(np.zeros((3, 0), bool)) == []
 
 
 def test_the_assignment_has_the_least_sum():
