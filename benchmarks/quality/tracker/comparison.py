@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from benchmarks.quality.tracker.baselines import ByteTrack, Detection, Sort, Tutorial
 from benchmarks.quality.tracker.scoring import Scorer
 from benchmarks.quality.tracker.sequence import Box, Shot, Shots
+from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.track import Track
 
 METHODS = ("tutorial", "SORT", "ByteTrack", "robust")
@@ -57,6 +58,7 @@ def compare(
         tutorial: Whether to run the tutorial's pipeline, the slowest.
         convex: Whether regions are cut where convex objects touch.
     """
+    from zv.tracker.pipelines.base import working_scale
     from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
 
     comparison = Comparison()
@@ -64,10 +66,8 @@ def compare(
     chain, sort, bytetrack = Tutorial(), Sort(), ByteTrack()
     for shot in shots():
         tracks = robust.update(shot.bgr, shot.stamp_ns)
-        detections = [
-            Detection(box, min(1.0, area / max(box[2] * box[3], 1)))
-            for box, area in robust.detections
-        ]
+        scale = working_scale(*shot.bgr.shape[1::-1])
+        detections = [_detection(each.scaled(scale)) for each in robust.regions]
         confirmed = {track.id: _box(track) for track in tracks if track.state == "confirmed"}
         chosen = robust.centroid
         found = {
@@ -94,3 +94,10 @@ def _box(track: Track) -> Box:
 
 def _largest(boxes: dict[int, Box]) -> Found:
     return Found(boxes, max(boxes.values(), key=lambda box: box[2] * box[3], default=None))
+
+
+def _detection(region: Region) -> Detection:
+    left, top = round(region.left), round(region.top)
+    width, height = round(region.width), round(region.height)
+    score = min(1.0, region.area / max(width * height, 1))
+    return Detection((left, top, width, height), score)

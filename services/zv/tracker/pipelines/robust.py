@@ -15,7 +15,7 @@ from zv.tracker.foreground.regions import RegionLimits, regions_of
 from zv.tracker.pipelines.base import LEAST_SHARE, Image, PipelineWithIds
 from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.region import Region
-from zv.tracker.tracking.track import Box, Track
+from zv.tracker.tracking.track import Track
 from zv.tracker.tracking.tracker import Tracker, TrackingParameters
 
 LEAST_PART = 0.25
@@ -40,18 +40,20 @@ class RobustParameters:
 
 
 class RobustTracker(PipelineWithIds):
-    """Tracks all moving objects of one camera."""
+    """Tracks all moving objects of one camera.
+
+    Attributes:
+        regions: The regions of the last frame's foreground, in pixels of the mask.
+    """
 
     def __init__(self, parameters: RobustParameters | None = None, first_id: int = 1) -> None:
         super().__init__(first_id)
         self.parameters = parameters or RobustParameters()
-        self._regions: list[Region] = []
+        self.regions: list[Region] = []
         self._tracker: Tracker | None = None
 
     def adjust(self, parameters: RobustParameters) -> None:
         """Continue with other parameters; keep the background and the tracks."""
-        if parameters == self.parameters:
-            return
         self.parameters = parameters
         if self._foreground is not None:
             self._foreground.adjust(parameters.foreground)
@@ -87,8 +89,8 @@ class RobustTracker(PipelineWithIds):
         if wanted.convex:
             self.mask = cut_at_concavities(self.mask, least)
         most = wanted.max_area / (self._scale * self._scale)
-        self._regions = regions_of(self.mask, strong, LEAST_PART * least, most, wanted.region)
-        self.tracks = tracker.update(self._regions, Scene(picture, self.mask))
+        self.regions = regions_of(self.mask, strong, LEAST_PART * least, most, wanted.region)
+        self.tracks = tracker.update(self.regions, Scene(picture, self.mask))
         if not wanted.foreground.frozen:
             self._absorb(picture, tracker)
         self._choose_main()
@@ -121,15 +123,6 @@ class RobustTracker(PipelineWithIds):
         if where.any():
             with self._lock:
                 background.absorb(picture, where)
-
-    @property
-    def detections(self) -> list[tuple[Box, float]]:
-        """The detections of the last frame: box and area, full-resolution pixels."""
-        found = [each.scaled(self._scale) for each in self._regions]
-        return [
-            ((round(each.left), round(each.top), round(each.width), round(each.height)), each.area)
-            for each in found
-        ]
 
     def _begin(self, size: tuple[int, int]) -> None:
         super()._begin(size)

@@ -53,7 +53,7 @@ def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
     left = links.any(axis=1)
     found = []
     while left.any():
-        members, before = np.arange(len(left)) == left.argmax(), 0
+        members, before = np.arange(links.shape[0]) == left.argmax(), 0
         while members.sum() > before:
             before = members.sum()
             reached = links[members].any(axis=0)
