@@ -24,7 +24,7 @@ from zv.tracker import shapes
 from zv.tracker.detector.class_names import Wanted
 from zv.tracker.detector.model import Detection
 from zv.tracker.detector.options import classes_of
-from zv.tracker.drawing import Trails, draw_tracks
+from zv.tracker.drawing import draw_tracks
 from zv.tracker.event_publisher import EventPublisher, tracks_end
 from zv.tracker.events.sighting import places
 from zv.tracker.foreground.foreground import ForegroundParameters
@@ -144,7 +144,6 @@ class CameraTracking:
         self._largest = LargestObject(largest_parameters(settings))
         self._robust = RobustTracker(robust_parameters(settings), self._next_id)
         self._detector = DetectorTracker(detector_parameters(settings), self._next_id)
-        self._trails = Trails()
 
     def _largest_object(self, frame: Frame, bgr: Pixels, settings: TrackerSettings) -> None:
         """Process a frame with the tutorial's pipeline; it has no ids, so ``tracks`` is empty."""
@@ -163,13 +162,12 @@ class CameraTracking:
         node, tracks = self._node, pipeline.tracks
         size = frame.header.width, frame.header.height
         self._next_id = pipeline.next_id
-        self._trails.update(tracks, frame.header.stamp_ns)
         self._report_scene(frame.header, pipeline.shown)
         main = pipeline.centroid
         found = None if main is None else MovingObject(main.box, main.area)
         node.publish("centroid", centroid_of(node, frame, found))
         self._publish_tracks(frame, tracks, settings)
-        trails = self._trails.lines()
+        trails = self._predictions.trails()
         node.publish_picture(
             "tracked/compressed",
             lambda: draw_tracks(frame.bgr, tracks, trails),
@@ -207,7 +205,6 @@ class CameraTracking:
             return False
         self._robust.end_tracks()
         self._detector.end_tracks()
-        self._trails = Trails()
         ended = self._events.end()
         if ended is not None:
             header, (zones, lines) = ended

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 
 import cv2
@@ -12,8 +11,6 @@ from numpy.typing import NDArray
 from zv.tracker.tracking.box_association import ScoredBox
 from zv.tracker.tracking.track import Track
 
-TRAIL_S = 3.0
-MAX_POINTS = 200
 LOST_COLOR = (160, 160, 160)
 HUE_STEP = 111.25
 """Step between the hues of successive ids, modulo 180 as in OpenCV; by the golden ratio, the
@@ -21,41 +18,18 @@ colours of any few successive ids differ clearly."""
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
-Point = tuple[int, int]
-
-
-class Trails:
-    """The positions of each track in the last ``TRAIL_S`` seconds."""
-
-    def __init__(self) -> None:
-        self._points: dict[int, deque[tuple[int, Point]]] = {}
-
-    def update(self, tracks: Sequence[Track], stamp_ns: int) -> None:
-        """Add the tracks of a frame; forget ended tracks and positions that are too old."""
-        points: dict[int, deque[tuple[int, Point]]] = {}
-        for track in tracks:
-            trail = self._points.get(track.id, deque(maxlen=MAX_POINTS))
-            while trail and not 0 <= stamp_ns - trail[0][0] <= TRAIL_S * 1e9:
-                trail.popleft()
-            if track.missing_s == 0:
-                trail.append((stamp_ns, (round(track.x), round(track.y))))
-            points[track.id] = trail
-        self._points = points
-
-    def lines(self) -> dict[int, list[Point]]:
-        """Return the points of each trail by the track's id, oldest first."""
-        return {number: [point for _, point in trail] for number, trail in self._points.items()}
-
 
 def draw_tracks(
-    bgr: NDArray[np.uint8], tracks: Sequence[Track], trails: Mapping[int, Sequence[Point]]
+    bgr: NDArray[np.uint8],
+    tracks: Sequence[Track],
+    trails: Mapping[int, Sequence[tuple[float, float]]],
 ) -> NDArray[np.uint8]:
     """Return a copy of a frame with its confirmed and lost tracks drawn; the frame if it has none.
 
     Args:
         bgr: (height, width, 3) uint8; not modified.
         tracks: In full-resolution pixels; tentative ones are not drawn.
-        trails: Earlier positions by id, as returned by ``Trails.lines``.
+        trails: Earlier centres by id, oldest first.
     """
     shown = [track for track in tracks if track.state != "tentative"]
     if not shown:
@@ -63,7 +37,7 @@ def draw_tracks(
     picture = bgr.copy()
     for track in shown:
         color = color_of(track.id) if track.state == "confirmed" else LOST_COLOR
-        trail = np.array(trails.get(track.id, ()), np.int32).reshape(-1, 1, 2)
+        trail = np.rint(np.reshape(trails.get(track.id, ()), (-1, 1, 2))).astype(np.int32)
         cv2.polylines(picture, [trail], False, color, 2, cv2.LINE_AA)
         x, y, width, height = track.box
         thickness = 2 if track.state == "confirmed" else 1

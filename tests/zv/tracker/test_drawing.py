@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from tests.support.track_walks import track
-from zv.tracker.drawing import LOST_COLOR, Trails, color_of, draw_tracks
+from zv.tracker.drawing import LOST_COLOR, color_of, draw_tracks
 
 FRAME = np.full((120, 160, 3), 50, np.uint8)
 
@@ -38,13 +38,7 @@ def test_without_tracks_to_draw_the_result_is_the_frame_itself():
     assert draw_tracks(FRAME, [track(130, 60, state="tentative")], {}) is FRAME
 
 
-def test_a_trail_has_the_seen_positions_of_the_last_three_seconds():
-    trails = Trails()
-    for second in range(5):
-        seen = second != 3
-        state = "confirmed" if seen else "lost"
-        found = track(10 * second, 5, state=state, missing_s=0.0 if seen else 1.0)
-        trails.update([found], second * 10**9)
-    assert trails.lines() == {1: [(10, 5), (20, 5), (40, 5)]}
-    trails.update([track(90, 5, id_=2)], 5 * 10**9)
-    assert trails.lines() == {2: [(90, 5)]}
+def test_a_trail_is_drawn_through_earlier_centres():
+    drawn = draw_tracks(FRAME, [track(80, 100, id_=2)], {2: [(80.4, 20), (79.6, 60)]})
+    assert (drawn[25:55, 80] == color_of(2)).all()
+    assert (drawn[:, 120:] == 50).all()

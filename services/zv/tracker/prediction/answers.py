@@ -12,7 +12,7 @@ from zenoh_vision.error_text import shortened
 from zenoh_vision.topics import PREDICTION
 from zv.tracker.events.sighting import Anchor
 from zv.tracker.prediction.forecast import LEAST_POSITIONS, TooShort
-from zv.tracker.prediction.paths import Paths
+from zv.tracker.prediction.paths import Paths, Point
 from zv.tracker.tracking.track import Track
 
 AHEAD_NS = 10 * 10**9
@@ -48,6 +48,10 @@ class PredictionAnswers:
                 self._paths = Paths(anchor)
             self._header, self._view = header, view
             self._paths.update(tracks, header.stamp_ns)
+
+    def trails(self) -> dict[int, list[Point]]:
+        """Return the last centres of each object in the newest frame, as ``Paths.trails`` does."""
+        return {} if self._header is None else self._paths.trails(self._header.stamp_ns)
 
     def answer(self, parameters: Mapping[str, str]) -> Prediction:
         """Return the prediction that a query asks for.

@@ -43,8 +43,8 @@ class Path:
     """The path of one object."""
 
     track: Track  # its track in the newest frame
-    # Stamp and ``Track.steady`` of each frame in which it was measured.
-    seen: deque[tuple[int, Point]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    # Stamp, ``Track.steady`` and the smoothed centre of each frame in which it was measured.
+    seen: deque[tuple[int, Point, Point]] = field(default_factory=lambda: deque(maxlen=KEPT))
     # Its centre in the newest of these frames, (2,), pixels.
     center: Floats = field(default_factory=lambda: np.zeros(2))
     # Its anchor in the newest of these frames, (2,), pixels.
@@ -77,11 +77,19 @@ class Paths:
             if path.seen and stamp_ns < path.seen[-1][0]:  # the camera's clock was set back
                 path.seen.clear()
             if track.steady is not None and (not path.seen or stamp_ns > path.seen[-1][0]):
-                path.seen.append((stamp_ns, track.steady))
+                path.seen.append((stamp_ns, track.steady, (track.x, track.y)))
                 path.center = np.add(track.steady, track.offset)
                 x, y = path.center.tolist()
                 path.anchor = np.array(anchor_of(replace(track, x=x, y=y), self.anchor))
             self._paths[track.id] = path
+
+    def trails(self, stamp_ns: int) -> dict[int, list[Point]]:
+        """Return the centres of each object in the seconds before a stamp, oldest first, by id."""
+        since_ns = stamp_ns - KEPT_S * 1e9
+        return {
+            id_: [center for at_ns, _, center in path.seen if at_ns >= since_ns]
+            for id_, path in self._paths.items()
+        }
 
     def track(self, id_: int) -> Track | None:
         """Return a track of the newest frame; None if there is none with this id."""
@@ -107,8 +115,8 @@ class Paths:
         if not recent:
             raise TooShort("seen in 0 frames")
         origin_ns = recent[0][0]
-        times_s = np.array([(stamp_ns - origin_ns) / 1e9 for stamp_ns, _ in recent])
-        moved = np.array([point for _, point in recent]) - recent[-1][1]
+        times_s = np.array([(stamp_ns - origin_ns) / 1e9 for stamp_ns, _, _ in recent])
+        moved = np.array([point for _, point, _ in recent]) - recent[-1][1]
         at_s = (at_ns - origin_ns) / 1e9
         if view is not None:
             last = path.anchor - HALF_PIXEL

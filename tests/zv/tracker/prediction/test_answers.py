@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -136,3 +137,15 @@ def test_before_the_first_frame_there_are_no_tracks_to_predict():
     answers = PredictionAnswers(StandIn(), "front")  # type: ignore[arg-type]
     with pytest.raises(ParameterRefused, match="none is followed now"):
         answers.answer({"id": "7", "ahead_ms": "1"})
+
+
+def test_a_trail_has_the_measured_centres_of_the_last_three_seconds():
+    answers = PredictionAnswers(StandIn(), "front")  # type: ignore[arg-type]
+    assert answers.trails() == {}
+    for second in range(5):
+        found = moving(second)
+        lost = replace(found, state="lost", steady=None, missing_s=1.0)
+        answers.update(header(10 * second), [lost if second == 3 else found], "centre", None)
+    assert answers.trails() == {7: [(110, 50), (120, 50), (140, 50)]}
+    answers.update(header(50), [moving(9, id_=8)], "centre", None)
+    assert answers.trails() == {8: [(190, 50)]}
