@@ -18,12 +18,14 @@ from zenoh_vision import messages
 from zenoh_vision.calibration.ros_yaml import read_calibration
 from zenoh_vision.errors import ConfigurationError, PayloadError
 from zenoh_vision.health.message_limits import check
-from zenoh_vision.image import bands, codecs, forms
+from zenoh_vision.image import bands, codecs
 from zenoh_vision.image.exif import as_stored, orientation_of
 from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE
 from zenoh_vision.message_codec import Message, unpack
 from zenoh_vision.messages import Diagnostics, Header, NodeDescription, Parameter
 from zenoh_vision.security.rights import Rights
+from zenoh_vision.stream.frame_intake import snapshot_of
+from zenoh_vision.stream.sample import Sample
 from zenoh_vision.transport.declarations import declaration_in, session_ids
 from zenoh_vision.transport.unreachable import is_acknowledgement, is_refusal
 from zv.bag.record import RecordingError
@@ -89,12 +91,12 @@ def frame(data: bytes) -> None:
     """Open a frame of the form, and with the header, that the first bytes say."""
     encoding = (JPEG, PNG, RAW_IMAGE, BITS)[(data or b"\0")[0] % 4]
     size = int.from_bytes(data[1:3], "little")
+    attachment, payload = data[3 : 3 + size], data[3 + size :]
     with suppress(PayloadError):
-        header = Header.from_bytes(data[3 : 3 + size])
-        payload = data[3 + size :]
-        form = forms.form_of(encoding, payload)
-        forms.check_header(form, payload, header, form.size(payload), MOST_PIXELS)
-        forms.opened(form, payload, header)
+        key = f"vision/{Header.from_bytes(attachment).camera}/image"
+        # Late enough that no stamp is of the future.
+        sample = Sample(key, payload, encoding, attachment, received_ns=2**63 - 1)
+        snapshot_of(sample, max_pixels=MOST_PIXELS)
 
 
 def router_list(data: bytes) -> None:

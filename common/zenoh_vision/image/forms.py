@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, pixel_formats
-from zenoh_vision.image.frame import Frame, check_shows
-from zenoh_vision.image.limits import MAX_PIXEL_BYTES, MAX_SIDE
+from zenoh_vision.image.frame import Frame
+from zenoh_vision.image.limits import MAX_PIXEL_BYTES
 from zenoh_vision.image.picture import JpegPicture, Picture, PixelPicture, PngPicture
 from zenoh_vision.image.pixel_formats import ENCODINGS
 from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE
@@ -273,35 +273,6 @@ def form_of(encoding: str, payload: Payload, default: str = JPEG) -> PictureForm
             if other.signature and payload[: len(other.signature)] == other.signature:
                 return other
     return form
-
-
-def check_header(
-    form: PictureForm,
-    payload: Payload,
-    header: Header,
-    size: tuple[int, int] | None,
-    max_pixels: int,
-) -> None:
-    """Check a picture that arrived: size, limits, encoding, number of bytes.
-
-    Args:
-        form: Its form.
-        payload: Its bytes.
-        header: Its header.
-        size: What ``form.size`` returns of it.
-        max_pixels: Most pixels.
-
-    Raises:
-        PayloadError: It does not fit.
-    """
-    width, height = header.width, header.height
-    if width * height > max_pixels:
-        raise PayloadError("too_large", f"{width}x{height} pixels, at most {max_pixels} in all")
-    if max(width, height) > MAX_SIDE:
-        raise PayloadError("too_large", f"{width}x{height} pixels, a side at most {MAX_SIDE}")
-    form.check(payload, header)
-    if size not in (None, (width, height)):
-        check_shows(size, header)
 
 
 def opened(

@@ -12,8 +12,8 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import forms
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.forms import PictureForm
-from zenoh_vision.image.frame import Frame, Want
-from zenoh_vision.image.limits import MAX_PIXELS
+from zenoh_vision.image.frame import Frame, Want, check_shows
+from zenoh_vision.image.limits import MAX_PIXELS, MAX_SIDE
 from zenoh_vision.keys import JPEG, RAW_IMAGE, RouteName
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffering, latest
@@ -245,7 +245,10 @@ def _came_already(stream: KeyStream, header: Header, now_ns: int) -> bool:
 def checked_header(
     sample: Sample, form: PictureForm, gate: EpochGate, max_pixels: int = MAX_PIXELS
 ) -> tuple[Header, tuple[int, int] | None]:
-    """Check the sizes of a sample; return its header with the time of arrival, and the file's size.
+    """Check what a sample says of its picture: size, limits, encoding, number of bytes.
+
+    Returns:
+        Its header with the time of arrival, and the size that the payload states, if it does.
 
     Raises:
         PayloadError: It is no picture, or its header does not fit.
@@ -257,7 +260,14 @@ def checked_header(
     size = None if form.needs_header else form.size(payload)
     encoding = form.pixel_encoding(payload) if attachment is None else ""
     header = gate.identify(attachment, size, sample.received_ns, sample.arrived_ns, encoding)
-    forms.check_header(form, payload, header, size, max_pixels)
+    width, height = header.width, header.height
+    if width * height > max_pixels:
+        raise PayloadError("too_large", f"{width}x{height} pixels, at most {max_pixels} in all")
+    if max(width, height) > MAX_SIDE:
+        raise PayloadError("too_large", f"{width}x{height} pixels, a side at most {MAX_SIDE}")
+    form.check(payload, header)
+    if size is not None and size != (width, height):
+        check_shows(size, header)
     return header, size
 
 

@@ -10,6 +10,8 @@ from zenoh_vision.errors import PayloadError
 from zenoh_vision.image import codecs, forms
 from zenoh_vision.image.picture import PixelPicture
 from zenoh_vision.keys import BITS, JPEG, PNG, RAW_IMAGE
+from zenoh_vision.stream.frame_intake import snapshot_of
+from zenoh_vision.stream.sample import Sample
 
 PIXELS = np.arange(64 * 48 * 3, dtype=np.uint32).reshape(48, 64, 3).astype(np.uint8)
 BILEVEL = (np.random.default_rng(1).random((48, 64)) < 0.5) * np.uint8(255)
@@ -103,11 +105,14 @@ def test_a_form_is_found_by_its_name_and_an_unknown_name_lists_all():
 
 
 def test_limits_hold_before_anything_is_decoded():
-    about = header(width=100, height=100)
-    for wide, high, most in ((100, 100, 9_999), (70_000, 1, 10**9)):
-        big = about.model_construct(**{**dict(about), "width": wide, "height": high})
-        with pytest.raises(PayloadError) as caught:
-            forms.check_header(forms.JPEG_FORM, JPEG_BYTES, big, None, most)
+    for wide, high, most, words in (
+        (100, 100, 9_999, "in all"),
+        (65_535, 1, 10**9, "a side at most"),
+    ):
+        about = header(width=wide, height=high, encoding="mono8").to_bytes()
+        big = Sample("vision/front/image", bytes(wide * high), RAW_IMAGE, about)
+        with pytest.raises(PayloadError, match=words) as caught:
+            snapshot_of(big, max_pixels=most)
         assert caught.value.reason == "too_large"
     assert forms.RAW_FORM.most_bytes(100) == 400
     assert forms.PNG_FORM.most_bytes(100) == codecs.MAX_COMPRESSED_BYTES
