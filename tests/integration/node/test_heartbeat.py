@@ -156,10 +156,16 @@ def test_the_router_beats(tmp_path, health):
         router.close()
 
 
+def one_camera(folder: Path) -> str:
+    """Write a launch file; return its path."""
+    file = folder / "up.toml"
+    file.write_text('[[node]]\nservice = "camera"\n')
+    return str(file)
+
+
 def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
     listen = Router(tmp_path).endpoint
-    (tmp_path / "up.toml").write_text('[[node]]\nservice = "camera"\n')
-    words = ["up", str(tmp_path / "up.toml"), "--plain", "--listen", listen]
+    words = ["up", one_camera(tmp_path), "--plain", "--listen", listen]
     with Program(words, tmp_path, "up", forked=QUICK_ZV) as program:
         wait_until(lambda: "camera_front" in program.output, 30)
         wait_until(lambda: says(health) == "ok\n")
@@ -171,7 +177,8 @@ def test_zv_up_speaks_for_all_its_nodes(tmp_path, health):
 
 def test_zv_up_that_waits_for_a_router_elsewhere_is_well(tmp_path, health):
     nobody = Router(tmp_path).endpoint
-    with Program(["up", "--plain", "--connect", nobody], tmp_path, "up", forked=ZV):
+    words = ["up", one_camera(tmp_path), "--plain", "--connect", nobody]
+    with Program(words, tmp_path, "up", forked=ZV):
         wait_until(lambda: says(health) == "ok\n")
         assert fresh(health)
 
