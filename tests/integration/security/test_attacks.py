@@ -12,10 +12,10 @@ import zenoh
 
 from tests.support.attacks.table import ATTACKS, run
 from tests.support.fork_server import ZV
+from tests.support.listening import living_nodes, newest
 from tests.support.processes import Program
 from tests.support.secured import Secured, official, secured
 from tests.support.waiting import wait_until
-from zenoh_vision.messages import Diagnostics, ParameterList
 from zenoh_vision.transport.link import Link
 
 NODES = ("camera_front", "tracker_front", "edge_front")
@@ -35,9 +35,7 @@ class System:
         """Return what the consumers dropped as wrong, by node and reason."""
         found: dict[str, int] = {}
         for node in NODES:
-            report = self.newest(f"@vision/diagnostics/{node}")
-            counters = Diagnostics.from_bytes(report).counters
-            for name, count in counters.items():
+            for name, count in self.counters(node).items():
                 reason = name.partition("dropped.")[2]
                 if reason and reason not in USUAL and count:
                     found[f"{node} {reason}"] = count
@@ -45,24 +43,18 @@ class System:
 
     def revisions(self) -> dict[str, int]:
         return {
-            node: ParameterList.from_bytes(self.newest(f"@vision/param/{node}")).revision
+            node: newest(self.link.session, f"@vision/param/{node}").body["revision"]
             for node in NODES
         }
 
-    def tokens(self) -> set[str]:
-        replies = self.link.session.liveliness().get("@vision/node/*", timeout=5.0)
-        return {str(each.ok.key_expr).rpartition("/")[2] for each in replies if each.ok}
-
-    def newest(self, key: str) -> bytes:
-        def reply() -> bytes | None:
-            replies = self.link.session.get(key, timeout=5.0)
-            return next((each.ok.payload.to_bytes() for each in replies if each.ok), None)
-
-        return wait_until(reply, 30)
+    def counters(self, node: str) -> dict[str, int]:
+        return newest(self.link.session, f"@vision/diagnostics/{node}").body["counters"]
 
     def processed(self, node: str) -> int:
-        report = Diagnostics.from_bytes(self.newest(f"@vision/diagnostics/{node}"))
-        return report.counters["processed"]
+        return self.counters(node)["processed"]
+
+    def all_live(self) -> bool:
+        return living_nodes(self.link.session) == {f"@vision/node/{node}" for node in NODES}
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +71,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         link = Link(system.connection("guest"))
         running.callback(link.close)
         found = System(system, link)
-        wait_until(lambda: found.tokens() == set(NODES), 60)
+        wait_until(found.all_live, 60)
         yield found
 
 
@@ -101,7 +93,7 @@ def test_no_attack_with_a_certificate_touches_what_is_not_the_attackers(
         # Nobody asks who may not answer, so there is nothing to wait for.
         run(attacker, replace(attack, count=min(attack.count, MOST), rate_hz=100, is_asked=False))
     assert (system.faults(), system.revisions()) == before
-    assert system.tokens() == set(NODES)
+    assert system.all_live()
     for node in ("tracker_front", "edge_front"):
         done = system.processed(node)
         wait_until(lambda node=node, done=done: system.processed(node) > done, 10)
@@ -111,5 +103,5 @@ def test_a_message_over_the_limit_ends_the_attackers_own_connection_only(system:
     with system.secured.client("camera_back") as session:
         attack = ATTACKS["140 MB, over the limit of a message"]
         run(session, replace(attack, count=1))
-    assert system.tokens() == set(NODES)
+    assert system.all_live()
     assert system.faults() == {}

@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ import zenoh
 
 from tests.integration.conftest import QUICK_ZV
 from tests.support.fork_server import ZV
+from tests.support.listening import living_nodes
 from tests.support.processes import Program
 from tests.support.routing import free_port
 from tests.support.secured import Secured, embedded, official, secured
@@ -207,27 +208,11 @@ def test_a_revoked_node_is_out_and_comes_back_under_another_number_and_the_other
             assert seen() == set()
 
 
-def watching(system: Secured) -> _Watching:
-    return _Watching(system)
-
-
-class _Watching:
-    """The nodes whose tokens a guest sees."""
-
-    def __init__(self, system: Secured) -> None:
-        self._system = system
-
-    def __enter__(self) -> Callable[[], set[str]]:
-        self._link = Link(self._system.connection("guest"))
-
-        def seen() -> set[str]:
-            replies = self._link.session.liveliness().get("@vision/node/*", timeout=1.0)
-            return {str(each.ok.key_expr).rpartition("/")[2] for each in replies if each.ok}
-
-        return seen
-
-    def __exit__(self, *error: object) -> None:
-        self._link.close()
+@contextmanager
+def watching(system: Secured) -> Iterator[Callable[[], set[str]]]:
+    """Yield what returns the nodes whose tokens a guest sees."""
+    with closing(Link(system.connection("guest"))) as link:
+        yield lambda: {key.rpartition("/")[2] for key in living_nodes(link.session)}
 
 
 def service(system: Secured, name: str, folder: Path, **variables: str) -> Program:
