@@ -72,11 +72,10 @@ def test_under_load(router, client, service, number):
 
 
 @pytest.mark.quiet
-@SIGNALS
-def test_while_nothing_comes(router, client, service, number):
+def test_while_nothing_comes(router, client, service):
     programs = [service("tracker"), service("edge")]
     wait_for_nodes(client, "tracker_front", "edge_front")
-    check_ends(programs, number)
+    check_ends(programs, signal.SIGTERM)
 
 
 @pytest.mark.quiet
@@ -89,10 +88,9 @@ def test_while_no_router_was_ever_there(tmp_path, number):
 
 
 @pytest.mark.quiet
-@SIGNALS
-def test_while_the_port_is_taken_by_something_that_never_answers(tmp_path, number):
+def test_while_the_port_is_taken_by_something_that_never_answers(tmp_path):
     with knocking(tmp_path) as (programs, _, _):
-        check_ends(programs, number)
+        check_ends(programs, signal.SIGTERM)
 
 
 @contextmanager
@@ -115,33 +113,30 @@ def knocking(
 
 
 @pytest.mark.quiet
-@SIGNALS
 @pytest.mark.parametrize("stop", [Router.kill, Router.pause], ids=["killed", "frozen"])
-def test_after_the_router_was_killed_and_while_it_is_frozen(router, service, number, stop):
+def test_after_the_router_was_killed_and_while_it_is_frozen(router, service, stop):
     with open_client(router.endpoint) as client:
         programs = start_all(service)
         wait_for_nodes(client, *NODES)
         Listener(client, "vision/front/centroid").wait_for(5)
     stop(router)
-    check_ends(programs, number)
+    check_ends(programs, signal.SIGTERM)
 
 
 @pytest.mark.alone  # the router is frozen for less than the lease
-@SIGNALS
-def test_while_a_frozen_router_makes_publishing_block(router, client, service, number):
+def test_while_a_frozen_router_makes_publishing_block(router, client, service):
     # Raw frames of 6 MB fill the sockets to the frozen router within a few frames.
     camera = service("camera", "--width", 1920, "--height", 1080, "--rate", 15)
     wait_for_nodes(client, "camera_front")
     Listener(client, "vision/front/image").wait_for(3)
     router.pause()
     time.sleep(0.8)  # less than the lease, after which the camera gives the router up
-    check_ends([camera], number)
+    check_ends([camera], signal.SIGTERM)
     router.resume()
 
 
 @pytest.mark.quiet
-@SIGNALS
-def test_while_the_source_is_stalled(router, client, service, number):
+def test_while_the_source_is_stalled(router, client, service):
     camera = service("camera", *SMALL, "--faults", "stall@3+999999", "--stall-after", 3600)
     health = Listener(client, "@vision/diagnostics/camera_front")
 
@@ -150,12 +145,11 @@ def test_while_the_source_is_stalled(router, client, service, number):
         return bool(reports) and reports[-1].body["counters"]["captured"] == 3
 
     wait_until(stalled)
-    check_ends([camera], number)
+    check_ends([camera], signal.SIGTERM)
 
 
 @pytest.mark.quiet
-@SIGNALS
-def test_the_router_itself(tmp_path, number):
+def test_the_router_itself(tmp_path):
     with (
         a_router(tmp_path) as router,
         some_services(router.endpoint, tmp_path) as start,
@@ -163,7 +157,7 @@ def test_the_router_itself(tmp_path, number):
     ):
         start_all(start)
         wait_for_nodes(client, *NODES)
-        check_ends([router.program], number)
+        check_ends([router.program], signal.SIGTERM)
 
 
 @pytest.mark.quiet
