@@ -131,7 +131,7 @@ def test_a_node_that_takes_the_raw_key_gets_the_pixels_exactly(router, client, e
     pytest.fail("no frame came")
 
 
-@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("encoding", ["mono16", "rgb8", "bgra8"])
 def test_a_folder_of_pngs_arrives_exactly_on_the_raw_key(client, service, tmp_path, encoding):
     folder = tmp_path / "pictures"
     folder.mkdir()

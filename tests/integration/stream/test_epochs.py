@@ -5,13 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from tests.support.listening import Listener, balance, newest, wait_for_nodes
+from tests.support.listening import Listener, wait_for_nodes
 from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg, scene
 from tests.support.publishing import IMAGE_KEY, PlainCamera, wait_for_subscriber
 from tests.support.waiting import wait_until
-
-HEALTH = "@vision/diagnostics/tracker_front"
-
 
 # With shadows on, MOG2 takes the very first frame for shadow, 127, which the threshold drops;
 # with shadows off it takes it for foreground: the whole picture.
@@ -53,40 +50,6 @@ def test_a_new_size_starts_a_new_background(client, quick_service):
     assert (found.header["width"], found.header["height"]) == (WIDTH // 2, HEIGHT // 2)
 
 
-def test_of_two_publishers_that_fight_only_the_newer_epoch_is_seen(client, quick_service):
-    centroids = tracker(client, quick_service)
-    old = PlainCamera(client)
-    with old.at(30):
-        wait_until(lambda: of_epoch(centroids, old.epoch))
-        new = PlainCamera(client)
-        with new.at(30):
-            wait_until(lambda: len(of_epoch(centroids, new.epoch)) >= 60)
-        last = new.send()
-        wait_until(lambda: of_epoch(centroids, new.epoch)[-1].header["seq"] == last)
-    epochs = [message.header["epoch"] for message in centroids.messages]
-    assert epochs == sorted(epochs)  # never back to the older
-    numbers = [message.header["seq"] for message in of_epoch(centroids, new.epoch)]
-    assert numbers == sorted(set(numbers))
-    counters = wait_until(lambda: processed(client, len(epochs)))
-    assert counters["dropped.out_of_order"] > 0  # the older epoch
-    # No frame of the newer epoch is lost to the other: at most to a newer frame of its own.
-    assert new.seq - len(numbers) <= counters.get("dropped.overwritten", 0)
-    assert balance(counters) == 0
-
-
-def test_frames_that_never_came_are_counted_as_missed(client, quick_service):
-    centroids = tracker(client, quick_service)
-    camera = PlainCamera(client)
-    camera.send()
-    wait_until(lambda: centroids.messages)
-    camera.seq += 17
-    camera.send()
-    wait_until(lambda: len(centroids.messages) == 2)
-    counters = wait_until(lambda: processed(client, 2))
-    assert counters["missed"] == 17
-    assert counters["received"] == 2
-
-
 def tracker(client, quick_service, *flags: str) -> Listener:
     # A single frame must count also where the machine is so busy that it is seen late.
     quick_service("tracker", "--max-age", 30, *flags)
@@ -97,8 +60,3 @@ def tracker(client, quick_service, *flags: str) -> Listener:
 
 def of_epoch(listener: Listener, epoch: int) -> list:
     return [message for message in listener.messages if message.header["epoch"] == epoch]
-
-
-def processed(client, count: int) -> dict[str, int] | None:
-    counters = newest(client, HEALTH).body["counters"]
-    return counters if counters["processed"] >= count else None

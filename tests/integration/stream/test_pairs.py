@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 import pytest
@@ -103,31 +103,6 @@ def test_frames_that_were_taken_together_come_together_with_one_revision(node: N
     assert counted["processed"] == 20
     assert balance(counted) == 0
     assert counted["pending"] == 0
-
-
-def test_the_loop_goes_on_when_one_camera_dies_and_pairs_come_when_it_is_back(node: Node, rig: Rig):
-    inputs = inputs_of(node)
-    with rig.running(node):
-        phases: Iterator[Callable[[Frame | None, Frame | None], bool]] = iter(
-            [
-                lambda left, right: bool(left and right),
-                lambda left, right: left is not None and right is None,
-                lambda left, right: bool(left and right),
-            ]
-        )
-        switches = iter([{"right"}, set()])
-        expected = next(phases)
-        for left, right in in_time(node, node.pairs(*inputs, wait_s=0.1, alone=True)):
-            if not expected(left, right):
-                continue
-            rig.off = next(switches, set())
-            following = next(phases, None)
-            if following is None:
-                break
-            expected = following
-        else:
-            raise AssertionError("the loop was stopped by its deadline")
-    assert balance(node.counters.snapshot()) == 0
 
 
 def test_frames_without_a_partner_are_counted_and_do_not_wait_for_ever(node: Node, rig: Rig):
