@@ -91,7 +91,7 @@ class Buffer(Generic[T]):
         self._dropped = dropped
         self._wakeup = wakeup or Wakeup()
         self._closed = False
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # reentrant: room is made by taking
         # Items with their sizes, by key and whether unverified. A newer item takes the place of the
         # one that it replaces, so the queues are in the order of their oldest items.
         self._queues: dict[tuple[str, bool], deque[tuple[int, T]]] = {}
@@ -105,8 +105,10 @@ class Buffer(Generic[T]):
         limits = self._buffering
         # With ``queue``, all items share one queue, so that their order is kept.
         queue_key = (key, unverified) if limits.per_key else ("", False)
-        replaced = []
+        replaced: list[Any] = []
         with self._lock:
+            if queue_key not in self._queues and len(self._queues) >= MAX_KEYS:
+                replaced.append(self.take(0))
             items = self._queues.setdefault(queue_key, deque())
             while items and (len(items) == limits.depth or self._bytes + size > limits.max_bytes):
                 oldest_size, oldest = items.popleft()
@@ -115,16 +117,13 @@ class Buffer(Generic[T]):
             items.append((size, item))
             self._bytes += size
             self.filled = True
+            while self.filled and (
+                self._closed or (self._bytes > QUEUE_BYTES and len(self._queues) > 1)
+            ):
+                replaced.append(self.take(0))
         self._wakeup.set()
         for oldest in replaced:
             self._dropped(oldest)
-        while self._closed or (
-            len(self._queues) > 1 and (len(self._queues) > MAX_KEYS or self._bytes > QUEUE_BYTES)
-        ):
-            left = self.take(0)
-            if left is None:
-                break
-            self._dropped(left)
 
     def take(self, timeout_s: float) -> T | None:
         """Remove and return an item of the key that has waited longest, a verified one first.
@@ -149,9 +148,12 @@ class Buffer(Generic[T]):
 
     def close(self, dropped: Callable[[T], None]) -> None:
         """Pass the items that wait, and those that are still put, to a function instead."""
-        self._dropped = dropped
-        self._closed = True
-        while (item := self.take(0)) is not None:
+        left = []
+        with self._lock:
+            self._dropped, self._closed = dropped, True
+            while (item := self.take(0)) is not None:
+                left.append(item)
+        for item in left:
             dropped(item)
         self._wakeup.set()
 

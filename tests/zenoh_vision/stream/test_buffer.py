@@ -170,3 +170,13 @@ def test_what_waits_when_a_buffer_is_closed_and_what_comes_later_is_passed_on_on
     assert (left, replaced) == (["a", "b", "c"], [])
     assert not buffer.filled
     assert buffer.take(0) is None
+
+
+def test_when_there_are_too_many_keys_a_frame_does_not_go_for_an_unverified_one_of_its_key():
+    replaced: list[str] = []
+    buffer = Buffer[str](latest, replaced.append)
+    buffer.put("unverified", "key/0", unverified=True)
+    for number in range(1, MAX_KEYS):
+        buffer.put("another", f"key/{number}")
+    buffer.put("current", "key/0")
+    assert replaced == ["unverified"]
