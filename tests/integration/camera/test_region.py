@@ -132,7 +132,7 @@ def test_a_camera_does_not_start_with_a_region_outside_of_its_pictures(service, 
 
 KEY = "vision/front/image/compressed"
 BUDGET = 10_000  # bytes a second
-SECONDS = 4.0
+SECONDS = 2.0
 
 
 def test_a_flood_of_queries_takes_no_more_than_the_budget(client, service):

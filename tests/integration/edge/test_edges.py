@@ -95,11 +95,10 @@ def test_steps_and_lines_belong_to_the_same_frame_as_the_edge_map(client, camera
         listener.close()
 
 
-@pytest.mark.parametrize("detector", ["haralick", "laplacian_of_gaussian", "roberts", "scharr"])
-def test_the_detector_can_be_changed_while_it_runs(client, camera, detector: str):
+def test_the_detector_can_be_changed_while_it_runs(client, camera):
     edges = Listener(client, "vision/front/edges/compressed")
     before = edges.wait_for(1)[-1].header["revision"]
-    set_all(client, detector=detector)
+    set_all(client, detector="haralick")
     changed = wait_until(
         lambda: [each for each in edges.messages if each.header["revision"] > before]
     )[0]
