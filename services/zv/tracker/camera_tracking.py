@@ -82,10 +82,7 @@ class CameraTracking:
             frame: The next frame of the camera.
             picture: Its pixels, as returned by ``decoded``.
         """
-        self._shapes.follow(frame)
-        settings: TrackerSettings = frame.revision.settings
-        self._frame_s = time.monotonic()
-        self._apply(frame, settings)
+        settings = self._apply(frame)
         if settings.pipeline == "tutorial":
             self._largest_object(frame, picture, settings)
         else:
@@ -100,9 +97,7 @@ class CameraTracking:
             frame: The next frame of the camera; one that was begun and not finished is given up.
             picture: Its pixels, as returned by ``decoded``; None if that needs none.
         """
-        self._shapes.follow(frame)
-        self._frame_s = time.monotonic()
-        self._apply(frame, frame.revision.settings)
+        self._apply(frame)
         header = frame.header
         size = header.width, header.height
         return self._detector.begin(header.stamp_ns, header.seq, size, picture)
@@ -119,8 +114,11 @@ class CameraTracking:
             return False
         return self._detector.late(found, frame.header.stamp_ns)
 
-    def _apply(self, frame: Frame, settings: TrackerSettings) -> None:
+    def _apply(self, frame: Frame) -> TrackerSettings:
         """Apply the settings of a frame; reset the tracking if the frame does not continue it."""
+        self._frame_s = time.monotonic()
+        self._shapes.follow(frame)
+        settings: TrackerSettings = frame.revision.settings
         header, before = frame.header, self._header
         self._header = header
         if before is None or header.run != before.run:
@@ -132,13 +130,14 @@ class CameraTracking:
             self._restart(settings)
         elif settings is not self._settings:
             self._largest.adjust(largest_parameters(settings))
-            self._robust.adjust(robust_parameters(settings))
-            self._detector.adjust(detector_parameters(settings))
+            self._robust.parameters = robust_parameters(settings)
+            self._detector.parameters = detector_parameters(settings)
             if settings.reset != self._reset:
                 self._robust.reset()
                 self._detector.reset()
         self._reset = settings.reset
         self._settings = settings
+        return settings
 
     def _restart(self, settings: TrackerSettings) -> None:
         self._largest = LargestObject(largest_parameters(settings))

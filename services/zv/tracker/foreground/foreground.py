@@ -56,24 +56,19 @@ class ForegroundDetector:
     """Finds the foreground of each picture of a fixed camera.
 
     Args:
-        parameters: Those of the background, and where to detect.
+        parameters: Those of the background, and where to detect; an attribute, which may be set.
         scale: Full-resolution pixels per pixel of the pictures, for the polygons.
     """
 
     def __init__(self, parameters: ForegroundParameters, scale: float = 1.0) -> None:
         self._scale = scale
         self._searched: Image | None = None
-        self._size: tuple[int, int] | None = None
-        self._parameters = parameters
+        self._searched_of: tuple[object, ...] = ()
+        self.parameters = parameters
         self._view = View(parameters.view)
         self._shown: Shown = "scene"
         self._started_s = self._passed_s = self._looked_s = self._other_s = 0.0
         self.reset()
-
-    def adjust(self, parameters: ForegroundParameters) -> None:
-        """Continue with other parameters; the background is kept."""
-        self._size = None
-        self._parameters = parameters
 
     def reset(self) -> None:
         """Learn the background anew from the next picture on."""
@@ -93,11 +88,12 @@ class ForegroundDetector:
             The mask, (height, width) uint8 of 0 and 255; its strong pixels; and what the picture
             shows: ``other`` once, when another view begins to be learned.
         """
-        wanted, limits = self._parameters, self._parameters.scene
+        wanted, limits = self.parameters, self.parameters.scene
         height, width = picture.shape[:2]
-        if self._size != (width, height):
-            self._size = width, height
-            self._searched = self._area()
+        searched_of = (height, width, wanted.regions, wanted.ignored)
+        if searched_of != self._searched_of:
+            self._searched_of = searched_of
+            self._searched = self._area(height, width)
         if self.background is None:
             self._start(picture, now_s)
         assert self.background is not None
@@ -130,12 +126,12 @@ class ForegroundDetector:
             strong = np.asarray(cv2.bitwise_and(strong, self._searched), np.uint8)
         return mask, strong, shown
 
-    def _area(self) -> Image | None:
+    def _area(self, height: int, width: int) -> Image | None:
         """Return where objects are detected, 255, and ignored, 0; None if they are everywhere."""
-        regions, ignored = self._parameters.regions, self._parameters.ignored
-        if self._size is None or not (regions or ignored):
+        regions, ignored = self.parameters.regions, self.parameters.ignored
+        if not (regions or ignored):
             return None
-        mask = np.full(self._size[::-1], 0 if regions else 255, np.uint8)
+        mask = np.full((height, width), 0 if regions else 255, np.uint8)
         # OpenCV also fills the pixels on the outline. Corners are given in 1/16 pixels (shift=4).
         for polygons, value in ((regions, 255), (ignored, 0)):
             for polygon in polygons:
@@ -147,7 +143,7 @@ class ForegroundDetector:
         """Compare the view with the background, when that is due."""
         assert self.background is not None
         elapsed_s = age_s - self._looked_s
-        if elapsed_s >= self._parameters.scene.every_s:
+        if elapsed_s >= self.parameters.scene.every_s:
             self._looked_s = age_s
             self._shown = self._view.shown(self.background.unlit, picture, hidden, elapsed_s)
 
@@ -157,11 +153,11 @@ class ForegroundDetector:
         if hidden is not None:
             total -= cv2.countNonZero(hidden)
             marked -= cv2.countNonZero(cv2.bitwise_and(mask, hidden))
-        return marked > self._parameters.scene.changed * total
+        return marked > self.parameters.scene.changed * total
 
     def _start(self, picture: Image, now_s: float) -> None:
-        self.background = Background(picture, self._parameters.background, self._parameters.light)
-        self._view = View(self._parameters.view)
+        self.background = Background(picture, self.parameters.background, self.parameters.light)
+        self._view = View(self.parameters.view)
         self._shown = "scene"
         self._started_s = now_s
         self._passed_s = self._looked_s = self._other_s = 0.0
@@ -169,7 +165,7 @@ class ForegroundDetector:
     def _boxes_mask(self, boxes: Sequence[Region], size: tuple[int, int]) -> Image | None:
         if not boxes:
             return None
-        limits = self._parameters.scene
+        limits = self.parameters.scene
         mask = np.zeros(size, np.uint8)
         for box in boxes:
             margin = max(limits.least_margin, limits.margin * max(box.width, box.height))

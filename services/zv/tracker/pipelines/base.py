@@ -128,6 +128,7 @@ class PipelineWithIds:
         with self._lock:
             if self._foreground is None:
                 self._foreground = ForegroundDetector(parameters, self._scale)
+            self._foreground.parameters = parameters
             self.mask, strong, self.shown = self._foreground.update(picture, now_s, known)
         return picture, strong
 

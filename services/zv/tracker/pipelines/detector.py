@@ -50,6 +50,9 @@ class DetectorTracker(PipelineWithIds):
 
     For each frame, ``begin`` must be called, then ``finish``, with what the model found in it if it
     ran; ``late`` takes what it found in an earlier frame, between two frames.
+
+    Attributes:
+        parameters: May be set between two frames; the background and the tracks go on.
     """
 
     def __init__(self, parameters: DetectorParameters, first_id: int = 1) -> None:
@@ -60,14 +63,6 @@ class DetectorTracker(PipelineWithIds):
         self._times: dict[int, int] = {}  # the tracker's time by the stamp of recent frames
         self._ran_seq: int | None = None
         self._moved_s: float | None = None
-
-    def adjust(self, parameters: DetectorParameters) -> None:
-        """Continue with other parameters; keep the background and the tracks."""
-        self.parameters = parameters
-        if self._foreground is not None:
-            self._foreground.adjust(parameters.foreground)
-        if self._tracker is not None:
-            self._tracker.keep_lost_s = parameters.keep_lost_s
 
     def end_tracks(self) -> None:
         """End all tracks."""
@@ -90,6 +85,7 @@ class DetectorTracker(PipelineWithIds):
         if self._tracker is None or size != self._size:
             self._begin(size)
         assert self._tracker is not None
+        self._tracker.keep_lost_s = self.parameters.keep_lost_s
         now_s = self._pass_time(stamp_ns)
         self._times[stamp_ns] = self._now_ns
         while len(self._times) > 500:

@@ -43,6 +43,7 @@ class RobustTracker(PipelineWithIds):
     """Tracks all moving objects of one camera.
 
     Attributes:
+        parameters: May be set between two frames; the background and the tracks go on.
         regions: The regions of the last frame's foreground, in pixels of the mask.
     """
 
@@ -51,14 +52,6 @@ class RobustTracker(PipelineWithIds):
         self.parameters = parameters or RobustParameters()
         self.regions: list[Region] = []
         self._tracker: Tracker | None = None
-
-    def adjust(self, parameters: RobustParameters) -> None:
-        """Continue with other parameters; keep the background and the tracks."""
-        self.parameters = parameters
-        if self._foreground is not None:
-            self._foreground.adjust(parameters.foreground)
-        if self._tracker is not None:
-            self._tracker.parameters = self._tracking()
 
     def end_tracks(self) -> None:
         """End all tracks; the background stays."""
@@ -83,6 +76,7 @@ class RobustTracker(PipelineWithIds):
             self._begin(size)
         assert self._tracker is not None
         now_s, tracker, wanted = self._pass_time(stamp_ns), self._tracker, self.parameters
+        tracker.parameters = self._tracking()
         tracker.predict(now_s)
         picture, strong = self._subtract(picture, now_s, tracker.protected(), wanted.foreground)
         least = self._least_area(wanted.min_area, wanted.least_share)

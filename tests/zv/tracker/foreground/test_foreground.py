@@ -79,7 +79,7 @@ def test_a_standing_object_stays_foreground_if_known_and_becomes_background_if_n
 
 def test_nothing_is_learned_while_frozen():
     found = learned()
-    found.adjust(ForegroundParameters(frozen=True))
+    found.parameters = ForegroundParameters(frozen=True)
     for k in range(60, 660):
         mask, _, _ = found.update(with_object(), k / 10, [])
     assert np.count_nonzero(mask[40:80, 60:80]) > 780
@@ -149,7 +149,7 @@ def test_another_threshold_applies_at_once():
     picture[40:80, 60:80] += 40
     found = learned()
     assert found.update(picture, 6.0, [])[0][60, 70] == 255
-    found.adjust(ForegroundParameters(var_threshold=900.0))
+    found.parameters = ForegroundParameters(var_threshold=900.0)
     assert not found.update(picture, 6.1, [])[0].any()
 
 

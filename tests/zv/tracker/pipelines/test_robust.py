@@ -135,7 +135,7 @@ def test_a_query_has_a_background_while_sizes_and_settings_change_in_the_loop():
             robust.update(backdrop(width, height), k * TENTH)
             if k % 7 == 0:
                 robust.reset()
-            robust.adjust(RobustParameters(min_area=100 + k))
+            robust.parameters = RobustParameters(min_area=100 + k)
     finally:
         ended.set()
         thread.join()
@@ -159,7 +159,7 @@ def test_a_changed_smallest_area_applies_to_the_next_frame():
     for k in range(60):
         robust.update(frame(k), k * TENTH)
     assert robust.tracks
-    robust.adjust(RobustParameters(min_area=30_000))
+    robust.parameters = RobustParameters(min_area=30_000)
     for k in range(60, 100):
         robust.update(frame(k), k * TENTH)
     assert not robust.tracks
