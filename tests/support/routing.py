@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 import os
 import random
+import shutil
 import signal
 import socket
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -14,7 +16,7 @@ from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from pathlib import Path
 
 from tests.support.fork_server import ZV
-from tests.support.processes import STOP_S, Program
+from tests.support.processes import STOP_S, Program, environment, missing
 from tests.support.waiting import wait_until
 
 # Under the range that the kernel takes outgoing ports from: there, a client that knocks at a
@@ -162,6 +164,27 @@ def port_answers(port: int, address: str = "127.0.0.1") -> bool:
     except OSError:
         return False
     return True
+
+
+@contextmanager
+def zenohd(folder: Path, port: int, *words: str | Path, name: str = "zenohd") -> Iterator[None]:
+    """Run the official router.
+
+    Args:
+        folder: Where its log goes.
+        port: That these words make it listen on.
+        words: Of its command line.
+        name: Of the log.
+    """
+    program = shutil.which("zenohd") or missing("no zenohd; the image eclipse/zenoh has it")
+    with (folder / f"{name}.log").open("w") as log:
+        process = subprocess.Popen([program, *words], stdout=log, stderr=log, env=environment())
+    try:
+        wait_until(lambda: port_answers(port))
+        yield
+    finally:
+        process.terminate()
+        process.wait(STOP_S)
 
 
 ONE_WAY_S = 0.14

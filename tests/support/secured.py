@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import io
 import json
-import shutil
-import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +13,8 @@ from typing import Any
 import zenoh
 
 from tests.support.fork_server import ZV
-from tests.support.processes import Program, environment, missing
-from tests.support.routing import free_port, port_answers
+from tests.support.processes import Program
+from tests.support.routing import free_port, port_answers, zenohd
 from tests.support.waiting import wait_until
 from zenoh_vision.security.rights import TO_ROUTER as TO_ROUTER
 from zenoh_vision.transport.connection import Connection
@@ -111,19 +109,9 @@ def embedded(
         yield router
 
 
-@contextmanager
-def official(system: Secured, folder: Path, name: str = "router") -> Iterator[None]:
+def official(system: Secured, folder: Path, name: str = "router") -> AbstractContextManager[None]:
     """Run zenohd with the configuration of a router."""
-    program = shutil.which("zenohd") or missing("no zenohd; the image eclipse/zenoh has it")
-    command = [program, "-c", str(system.file(name))]
-    with (folder / f"{name}.log").open("w") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment())
-    try:
-        wait_until(lambda: port_answers(port_of(system, name)))
-        yield
-    finally:
-        process.terminate()
-        process.wait(20)
+    return zenohd(folder, port_of(system, name), "-c", system.file(name), name=name)
 
 
 def port_of(system: Secured, name: str) -> int:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,38 +13,22 @@ import zenoh
 from tests.integration.conftest import a_router, some_services
 from tests.integration.relay.test_relay import LENS
 from tests.support.listening import Listener, newest, open_client, wait_for_nodes
-from tests.support.processes import ROOT, environment, missing
-from tests.support.routing import free_port, port_answers
+from tests.support.processes import ROOT
+from tests.support.routing import free_port, zenohd
 from tests.support.typist import zv
 from tests.support.waiting import wait_until
 
 
-@contextmanager
-def zenohd(folder: Path) -> Iterator[str]:
-    """Run the official router; yield its endpoint."""
-    program = shutil.which("zenohd") or missing("no zenohd; the image eclipse/zenoh has it")
-    port = free_port()
-    command = [program, "-c", ROOT / "configs/router.json5", "-l", f"tcp/127.0.0.1:{port}"]
-    with (folder / "zenohd.log").open("w") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment())
-    try:
-        wait_until(lambda: port_answers(port))
-        yield f"tcp/127.0.0.1:{port}"
-    finally:
-        process.terminate()
-        process.wait(20)
-
-
-@contextmanager
-def embedded(folder: Path) -> Iterator[str]:
-    with a_router(folder) as router:
-        yield router.endpoint
-
-
-@pytest.fixture(params=[embedded, zenohd], ids=["embedded", "zenohd"])
+@pytest.fixture(params=["embedded", "zenohd"])
 def endpoint(request, tmp_path: Path) -> Iterator[str]:
-    with request.param(tmp_path) as running:
-        yield running
+    if request.param == "embedded":
+        with a_router(tmp_path) as router:
+            yield router.endpoint
+        return
+    port = free_port()
+    here = f"tcp/127.0.0.1:{port}"
+    with zenohd(tmp_path, port, "-c", ROOT / "configs" / "router.json5", "-l", here):
+        yield here
 
 
 def said_by(session: zenoh.Session, node: str) -> dict[str, Any]:

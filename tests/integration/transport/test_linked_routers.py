@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
-
-import pytest
 
 from tests.integration.conftest import some_services
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, living_nodes, open_client, wait_for_nodes
 from tests.support.processes import Program
-from tests.support.routing import free_port, port_answers
+from tests.support.routing import free_port, port_answers, zenohd
 from tests.support.viewer.pages import Page
 from tests.support.waiting import wait_until
 
@@ -81,22 +78,15 @@ def test_each_site_sees_both_and_goes_on_by_itself_while_the_link_is_gone(router
         assert all(service.process.poll() is None for service in services)
 
 
-ZENOHD = shutil.which("zenohd")
-
-
-@pytest.mark.skipif(ZENOHD is None, reason="no zenohd on the path; tests/compose has it")
 def test_zenohd_links_to_the_embedded_router_with_the_pages_command(router, tmp_path):
     command = re.search(r"^zenohd (.*)$", PAGE.text, re.MULTILINE)[1]
     port = free_port()
     words = [word.strip("'") for word in command.replace(SITE_A, router.endpoint).split()]
-    words += ["-l", f"tcp/127.0.0.1:{port}"]
-    run = "import os, sys; os.execv(sys.argv[1], sys.argv[1:])"
     with (
-        Program(["-c", run, ZENOHD, *words], tmp_path, "zenohd") as program,
+        zenohd(tmp_path, port, *words, "-l", f"tcp/127.0.0.1:{port}"),
         some_services(router.endpoint, tmp_path) as service,
+        open_client(f"tcp/127.0.0.1:{port}") as client,
     ):
         service("camera")
-        wait_until(lambda: port_answers(port), 20, lambda: program.complaints)
-        with open_client(f"tcp/127.0.0.1:{port}") as client:
-            wait_for_nodes(client, "camera_front")
-            Listener(client, "vision/front/image/compressed").wait_for(5)
+        wait_for_nodes(client, "camera_front")
+        Listener(client, "vision/front/image/compressed").wait_for(5)
