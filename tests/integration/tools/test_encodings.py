@@ -40,11 +40,9 @@ def foreign(endpoint: str):
 @pytest.mark.parametrize(
     "words",
     [
-        "node list",
         "top --once",
-        "doctor configs/Ω.toml --for 1.2",
         "topic echo vision/front/* --once",
-        "topic hz vision/Ω --for 0.1 --timeout 0.5",
+        "topic hz vision/Ω --for 0.1 --timeout 0.5",  # on standard error
     ],
 )
 def test_what_the_output_cannot_encode_is_escaped(endpoint: str, words: str):
