@@ -40,10 +40,16 @@ class PageServer:
     Args:
         page: Playwright's, before it is opened.
         streams: What is said first of the streams, see ``stream``.
+
+    Attributes:
+        asked: What the page sent, oldest first.
+        scope: What the page may do, by what it is told when it connects.
     """
 
     def __init__(self, page: Any, *streams: dict[str, Any]) -> None:
         self.asked: list[dict[str, Any]] = []
+        self.scope = "control"
+        self._answered = 0
         self._page = page
         self._streams = streams
         self._socket: Any = None
@@ -53,13 +59,9 @@ class PageServer:
     def _serve(self, socket: Any) -> None:
         socket.on_message(lambda text: self.asked.append(json.loads(text)))
         self._socket = socket
-        self.greet(NOW_NS)
+        facts = {"version": "0", "namespace": "vision", "server": "viewer", "scope": self.scope}
+        self.tell("hello", **facts, now_ns=str(NOW_NS))
         self.tell("streams", streams=self._streams)
-
-    def greet(self, now_ns: int) -> None:
-        """Say what time it is here."""
-        facts = {"version": "0", "namespace": "vision", "server": "viewer"}
-        self.tell("hello", **facts, now_ns=str(now_ns))
 
     def end(self) -> None:
         """Close the connection."""
@@ -67,6 +69,22 @@ class PageServer:
 
     def tell(self, op: str, **fields: object) -> None:
         self._socket.send(json.dumps({"op": op, **fields}))
+
+    def answer(self, **reply: object) -> dict[str, Any]:
+        """Return the next request about parameters, and answer it: it succeeds, unless ``ok``."""
+
+        def requests() -> list[dict[str, Any]]:
+            self.hear()
+            return [one for one in self.asked if "id" in one][self._answered :]
+
+        asked = wait_until(requests, explain=lambda: str(self.asked[-20:]))[0]
+        self._answered += 1
+        self.tell("reply", id=asked["id"], **{"ok": True, **reply})
+        return asked
+
+    def hear(self) -> bool:
+        """Let what the page sent arrive; true."""
+        return bool(self._page.evaluate("true"))
 
     def show(self, key: str, payload: bytes, header: dict[str, Any], **about: object) -> None:
         """Send a picture, a PNG; ``about`` is added to what is said of it."""
@@ -85,7 +103,7 @@ class PageServer:
         """Wait until the page watches a stream, or no longer does."""
 
         def is_so() -> bool:
-            self._page.evaluate("true")  # what the page sent arrives
+            self.hear()
             found = [one["op"] for one in self.asked if one.get("key") == key]
             last = [op for op in found if op != "shown"][-1:]
             return (last == ["watch"]) == watched
