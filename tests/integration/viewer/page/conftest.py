@@ -16,6 +16,9 @@ FOLDER = Path(__file__).parent
 OPEN: dict[str, Any] = {}
 """Chromium while tests of the page follow one another, and what closes it."""
 
+ALONE = ExitStack()
+"""Closes the viewer that has no services, which serves all modules that want one; so does OPEN."""
+
 
 @pytest.fixture(scope="module")
 def browser() -> Any:
@@ -39,6 +42,7 @@ def pytest_runtest_teardown(nextitem: pytest.Item | None) -> None:
 
 def close() -> None:
     if OPEN:
+        ALONE.close()
         next(OPEN.pop("end"), None)
         OPEN.clear()
 
@@ -50,11 +54,18 @@ def system(
     """A viewer and the services that a module names; one system for all its tests.
 
     ``SERVICES`` are a camera, tracker and edge detector unless a module says otherwise, ``FLAGS``
-    those of the viewer. A module that needs the usual rate says so as ``RATE_HZ``: at 30 Hz,
-    Chromium and all that it shows take half of a core for as long as a page is open.
+    those of the viewer; a viewer alone without flags serves all modules. A module that needs the
+    usual rate says so as ``RATE_HZ``: at 30 Hz, Chromium and all that it shows take half of a core
+    for as long as a page is open.
     """
     given = vars(request.module)
     services = given.get("SERVICES", ("camera", "tracker", "edge"))
+    if not services and "FLAGS" not in given:
+        if "alone" not in OPEN:
+            folder = tmp_path_factory.mktemp("alone")
+            OPEN["alone"] = ALONE.enter_context(running(folder))
+        yield OPEN["alone"]
+        return
     with running(tmp_path_factory.mktemp("system"), *given.get("FLAGS", ())) as found:
         for service in services:
             rate = ("--rate", given.get("RATE_HZ", 10)) if service == "camera" else ()
