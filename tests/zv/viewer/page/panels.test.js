@@ -133,6 +133,20 @@ test("only chosen numbers of the chosen camera are kept, and nothing is watched 
   assert.deepEqual(recorder.points("brightness", "mean"), []);
 });
 
+test("a value stands where it came, whatever the camera's clock says, and after a gap apart", (t) => {
+  let now = 1000;
+  t.mock.method(performance, "now", () => now);
+  const recorder = new FieldRecorder({ streams: [] }, { watchMessages() {} });
+  recorder.follow("front", [], [["centroid", "x"]]);
+  for (const [at, x] of [[1000, 100], [1100, 400], [121_000, 100], [121_100, 400]]) {
+    now = at;
+    recorder.take("centroid", { header: { stamp_ns: "5" }, body: { x } });
+  }
+  const points = recorder.points("centroid", "x");
+  assert.deepEqual(points.map(({ at }) => at), [1000, 1100, 121_000, 121_100]);
+  assert.deepEqual(columns(points)[1], [100, 400, null, 100, 400]);
+});
+
 /** A recorder of `mean`, and what it keeps of these [ms, value]. */
 function recorded(points) {
   const recorder = new FieldRecorder({ streams: [] }, { watchMessages() {} });
