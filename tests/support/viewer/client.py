@@ -47,6 +47,19 @@ class Part:
         return int(self.headers["x-seq"])
 
 
+def get(port: int, path: str, method: str = "GET", **headers: str) -> Answer:
+    """Ask a port of this machine for a path; ``headers`` are named with ``_`` for ``-``."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=DEADLINE_S)
+    try:
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        connection.request(method, path, headers=named)
+        answer = connection.getresponse()
+        found = {name.lower(): value for name, value in answer.getheaders()}
+        return Answer(answer.status, found, answer.read())
+    finally:
+        connection.close()
+
+
 @dataclass
 class Viewer:
     """A running ``zv view``."""
@@ -66,15 +79,7 @@ class Viewer:
 
     def get(self, path: str, method: str = "GET", **headers: str) -> Answer:
         """Ask for a path as it stands; ``headers`` are named with ``_`` for ``-``."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=DEADLINE_S)
-        try:
-            named = {name.replace("_", "-"): value for name, value in headers.items()}
-            connection.request(method, path, headers=named)
-            answer = connection.getresponse()
-            found = {name.lower(): value for name, value in answer.getheaders()}
-            return Answer(answer.status, found, answer.read())
-        finally:
-            connection.close()
+        return get(self.port, path, method, **headers)
 
     def open(self, path: str, **headers: str) -> Answer:
         """Ask for a page as a browser does, which follows a redirect with the cookie it got."""
@@ -101,15 +106,12 @@ class Viewer:
         return connected
 
     @asynccontextmanager
-    async def page(
-        self, query: str = "", port: int | None = None, **options: Any
-    ) -> AsyncIterator[Page]:
-        """Open the page's WebSocket, at the viewer's port or at that of a proxy."""
+    async def page(self, **options: Any) -> AsyncIterator[Page]:
+        """Open the page's WebSocket."""
+        address = f"http://127.0.0.1:{self.port}/live"
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(
-                f"http://127.0.0.1:{port or self.port}/live{query}", **options
-            ) as socket,
+            session.ws_connect(address, **options) as socket,
         ):
             yield Page(socket)
 
@@ -142,7 +144,6 @@ class Page:
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self.socket = socket
         self.texts: list[dict[str, Any]] = []
-        self.during: list[dict[str, Any]] = []  # texts that came between the parts of a picture
         self._begun: tuple[dict[str, Any], list[bytes]] | None = None  # a picture in parts
 
     async def ask(self, op: str, **fields: Any) -> None:
@@ -177,8 +178,6 @@ class Page:
         if message.type == aiohttp.WSMsgType.TEXT:
             text: dict[str, Any] = json.loads(message.data)
             self.texts.append(text)
-            if self._begun is not None:
-                self.during.append(text)
             return text
         assert message.type == aiohttp.WSMsgType.BINARY, message
         if self._begun is None:

@@ -3,42 +3,21 @@
 import asyncio
 import logging
 import threading
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tests.support.viewer.serving import FakeNode, serving
 from tests.support.waiting import wait_until
-from zenoh_vision.config.revisions import ParameterStore
-from zenoh_vision.health.health import Health
 from zenoh_vision.messages import Level
-from zenoh_vision.stream.counters import FrameCounters
 from zv.viewer.discovery.monitor import SystemMonitor
 from zv.viewer.discovery.network import Mailbox
 from zv.viewer.http import server
-from zv.viewer.http.access import Access
-from zv.viewer.http.listener import listen
-from zv.viewer.http.server import WebServer
-from zv.viewer.settings import ViewerSettings
-
-
-class FakeNode:
-    def __init__(self) -> None:
-        self.counters = FrameCounters()
-        self.health = Health("viewer", self.counters)
-        self.connection = SimpleNamespace(namespace="vision")
-        self.stopped = threading.Event()
-        self.stop = self.stopped.set
 
 
 @pytest.fixture
 def node() -> FakeNode:
     return FakeNode()
-
-
-def serving(node: Any) -> WebServer:
-    access = Access(None, frozenset())
-    return WebServer(listen("127.0.0.1", 0), ParameterStore(ViewerSettings()), node, access)
 
 
 def fail(*_: object) -> None:

@@ -1,15 +1,18 @@
-"""The table of the page's files: complete, small, readable, and without another host."""
+"""The page's files: complete, small, without another host, and nothing else is served."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
 import re
-from pathlib import Path
+from collections.abc import Iterator
 
 import pytest
 
 from tests.support.processes import ROOT
+from tests.support.viewer.client import get
+from tests.support.viewer.serving import FakeNode, serving
+from zv.viewer.http.access import SECURITY_HEADERS
 from zv.viewer.http.static_files import TYPES, page_files
 
 PAGE = ROOT / "services" / "zv" / "viewer" / "page"
@@ -78,12 +81,50 @@ def test_all_files_together_are_sent_as_less_than_125_kb_and_ours_as_less_than_1
     assert sum(size for name, size in sizes.items() if name not in SUMS) < OURS_BYTES
 
 
-@pytest.mark.parametrize("file", FILES.values(), ids=FILES)
-def test_a_file_names_no_other_host(file: Path) -> None:
-    text = file.read_text().replace(NAMESPACE, "").replace(NOTICE, "")
-    assert re.findall(r"(?:https?:|wss?:)?//[a-z0-9.-]+\.[a-z]{2,}|@import|data:[a-z]", text) == []
+def test_no_file_names_another_host() -> None:
+    for name, file in FILES.items():
+        text = file.read_text().replace(NAMESPACE, "").replace(NOTICE, "")
+        found = re.findall(r"(?:https?:|wss?:)?//[a-z0-9.-]+\.[a-z]{2,}|@import|data:[a-z]", text)
+        assert found == [], name
 
 
 def test_the_page_has_no_script_and_no_style_of_its_own() -> None:
     html = FILES["index.html"].read_text()
     assert re.findall(r"<style|\sstyle=|\son[a-z]+=|<script(?![^>]*\ssrc=)", html) == []
+
+
+ABSENT = (
+    "/page/js", "/page/js/", "/page/js/nosuch.js", "/page/js/main.js/", "/page/main.js",
+    "/page//js/main.js", "/page/js//main.js", "/page/js/main.js%00", "/page/js\\main.js",
+    "/page/js/../../settings.py", "/page/js/%2e%2e/%2e%2e/settings.py",
+    "/page/js/ui/..%2f..%2f..%2fservice.py", "/page/js/../../../../../../etc/passwd",
+    "/page/__init__.py", "/page/JS/main.js",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    """Of a server."""
+    with serving(FakeNode()) as server:
+        yield server._listening.getsockname()[1]
+
+
+def test_every_file_is_served_with_its_type_its_tag_and_the_policy(port: int) -> None:
+    for name, file in page_files().items():
+        answer = get(port, f"/page/{name}")
+        assert (answer.status, answer.body) == (200, file.body), name
+        assert answer.headers["content-type"] == file.type
+        for header, value in SECURITY_HEADERS.items():
+            assert answer.headers[header.lower()] == value
+        small = get(port, f"/page/{name}", Accept_Encoding="gzip, deflate, br")
+        assert (small.body, small.headers["content-encoding"]) == (file.compressed, "gzip")
+        assert small.headers["vary"] == answer.headers["vary"] == "Accept-Encoding"
+        known = get(port, f"/page/{name}", If_None_Match=answer.headers["etag"])
+        assert (known.status, known.body) == (304, b"")
+    plain = get(port, "/page/js/main.js", Accept_Encoding="br, gzip;q=0")
+    assert "content-encoding" not in plain.headers
+
+
+def test_what_is_not_in_the_table_is_not_found(port: int) -> None:
+    for path in ABSENT:
+        assert get(port, path).status == 404, path
