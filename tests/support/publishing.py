@@ -5,8 +5,7 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, Self
 
 import msgpack
@@ -15,12 +14,6 @@ import zenoh
 
 from tests.support.pictures.encoded import PICTURES, size_of
 from tests.support.waiting import wait_until
-from zenoh_vision.image.frame import Frame
-from zenoh_vision.messages import Header
-from zenoh_vision.node.node import Node
-from zenoh_vision.topics import COMPRESSED, RAW
-from zenoh_vision.transport.zenoh_config import Connection
-from zv.camera.synthetic.scene import Scene
 
 IMAGE_KEY = "vision/front/image/compressed"
 
@@ -198,46 +191,3 @@ def counting(session: zenoh.Session, key: str, put: Callable = put_picture) -> C
     """Return what puts message after message on a key."""
     numbers = iter(range(10**9))
     return lambda: put(session, key, next(numbers))
-
-
-WIDTH = 320
-HEIGHT = 240
-
-
-@contextmanager
-def publish_cameras(endpoint: str, count: int, rate_hz: float) -> Iterator[tuple[str, ...]]:
-    """Publish from so many cameras until the end; yield their names."""
-    names = tuple(f"bay_{number:02d}" for number in range(1, count + 1))
-    stop = threading.Event()
-    with Node(
-        "camera", camera=names, connection=Connection(endpoint), publishes=[COMPRESSED, RAW]
-    ) as node:
-        thread = threading.Thread(target=_publish, args=(node, rate_hz, stop))
-        thread.start()
-        try:
-            yield names
-        finally:
-            stop.set()
-            thread.join()
-
-
-def _publish(node: Node, rate_hz: float, stop: threading.Event) -> None:
-    scenes = [Scene(WIDTH, HEIGHT, seed=seed) for seed, _ in enumerate(node.cameras, 1)]
-    epoch = time.time_ns()
-    seq = 0
-    while not stop.wait(1 / rate_hz):
-        for camera, scene in zip(node.cameras, scenes, strict=True):
-            header = Header(
-                camera=camera,
-                epoch=epoch,
-                seq=seq,
-                stamp_ns=time.time_ns(),
-                width=WIDTH,
-                height=HEIGHT,
-                encoding="bgr8",
-                node=node.name,
-            )
-            node.publish_picture(
-                "image/compressed", Frame(header, scene.render(round(seq * 30 / rate_hz)))
-            )
-        seq += 1

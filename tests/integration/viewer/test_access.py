@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import socket
 import stat
 import time
 from contextlib import ExitStack
-from pathlib import Path
 
-import aiohttp
 import numpy as np
 import pytest
 
@@ -53,11 +50,6 @@ NO_REQUESTS = (
     b"GET /live HTTP/1.1\r\nHost: localhost\r\n\r\n",
     b"CONNECT evil.example:443 HTTP/1.1\r\nHost: localhost\r\n\r\n",
 )
-
-
-@pytest.fixture
-def guarded(service: Service) -> Viewer:
-    return Viewer(service("view", "--port", 0, "--token", TOKEN))
 
 
 @pytest.fixture(scope="module")
@@ -103,19 +95,6 @@ def test_a_foreign_host_and_a_foreign_page_are_refused(standing_viewer):
         assert standing_viewer.get("/", method, Host=here).status == 405
 
 
-def test_the_page_may_open_its_websocket_and_another_sites_may_not(standing_viewer):
-    async def opened(origin: str) -> int:
-        try:
-            async with standing_viewer.page(headers={"Origin": origin}) as page:
-                assert (await page.text("hello"))["namespace"] == "vision"
-                return 101
-        except aiohttp.WSServerHandshakeError as error:
-            return error.status
-
-    assert asyncio.run(opened(f"http://127.0.0.1:{standing_viewer.port}")) == 101
-    assert asyncio.run(opened("http://evil.example")) == 403
-
-
 def test_every_answer_carries_what_keeps_browsers_safe(standing_viewer):
     for path in ("/", "/nosuch", "/snapshot", "/healthz", "/stream_viewer?" + TOPIC):
         headers = standing_viewer.get(path).headers
@@ -129,7 +108,7 @@ def test_every_answer_carries_what_keeps_browsers_safe(standing_viewer):
 
 
 def test_without_the_token_nothing_is_served_but_the_health(standing_guarded):
-    for path in ("/", f"/snapshot?{TOPIC}", f"/stream?{TOPIC}", "/page/index.html", "/nosuch"):
+    for path in ("/", f"/snapshot?{TOPIC}", f"/stream?{TOPIC}", "/page/index.html", "/events"):
         answer = standing_guarded.get(path)
         assert answer.status == 401
         assert "token" in answer.text
@@ -138,70 +117,27 @@ def test_without_the_token_nothing_is_served_but_the_health(standing_guarded):
     assert standing_guarded.get("/healthz").status == 200
 
 
-def test_the_token_in_the_address_becomes_a_cookie_that_is_enough(standing_guarded):
-    assert standing_guarded.url.endswith(f"/?token={TOKEN}")
-    opened = standing_guarded.get(f"/?token={TOKEN}&x=1")
-    assert (opened.status, opened.headers["location"]) == (303, "./?x=1")
-    cookie = opened.headers["set-cookie"]
-    assert "HttpOnly" in cookie
-    assert "SameSite=Lax" in cookie  # Strict: a link on another site could not open the page
-    assert TOKEN not in cookie
-    assert "Secure" not in cookie  # there is no TLS
-    behind_tls = standing_guarded.get(f"/?token={TOKEN}", X_Forwarded_Proto="https")
-    assert "Secure" in behind_tls.headers["set-cookie"]
-    pair = cookie.partition(";")[0]
-    assert standing_guarded.get("/", Cookie=pair).status == 200
-    assert (
-        standing_guarded.get(f"/snapshot?{TOPIC}", Cookie=pair).status == 404
-    )  # there is no camera
-    assert standing_guarded.get("/", Cookie=f"{pair.partition('=')[0]}=wrong").status == 401
-    assert standing_guarded.get("/", Authorization=f"Bearer {TOKEN}").status == 200
-    assert standing_guarded.get("/", Authorization="Bearer wrong").status == 401
-
-
-def test_two_viewers_on_one_host_do_not_log_each_other_out(guarded: Viewer, service: Service):
-    other = Viewer(service("view", "--port", 0, "--token", TOKEN[::-1]))
-    kept: dict[str, str] = {}  # as a browser does: by name, whatever the port
-    for viewer in (guarded, other):
-        opened = viewer.get(viewer.url.partition(str(viewer.port))[2])
-        kept |= [opened.headers["set-cookie"].partition(";")[0].split("=", 1)]
-    cookies = "; ".join(f"{name}={value}" for name, value in kept.items())
-    assert [viewer.get("/", Cookie=cookies).status for viewer in (guarded, other)] == [200, 200]
-
-
-def test_any_other_address_than_loopback_gets_a_token_of_its_own(tmp_path, router, monkeypatch):
-    changed = {**environment(), "XDG_STATE_HOME": str(tmp_path / "state")}
-    monkeypatch.setattr(processes, "environment", lambda: changed)
-    arguments = ["view", "--host", "0.0.0.0", "--port", "0", "--connect", router.endpoint]
-    addresses = []
-    for name in ("first", "second"):
-        with Program(arguments, tmp_path, name, forked=ZV) as program:
-            viewer = Viewer(program)
-            addresses.append(viewer.url)
-            assert viewer.get("/").status == 401
-            path = re.sub(r"^http://[^/]+", "", viewer.url)
-            assert viewer.open(path).status == 200
-    tokens = {address.partition("token=")[2] for address in addresses}
-    assert len(tokens) == 1  # it is kept
-    kept = tmp_path / "state" / "zenoh-vision" / "viewer_token"
-    assert kept.read_text().strip() in tokens
-    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
-
-
-def test_a_name_that_is_allowed_as_of_a_proxy_is_served_to_those_with_the_token(
+def test_any_other_address_or_name_than_loopback_gets_a_token_of_its_own_that_is_kept(
     tmp_path, router, monkeypatch
 ):
     changed = {**environment(), "XDG_STATE_HOME": str(tmp_path / "state")}
     monkeypatch.setattr(processes, "environment", lambda: changed)
-    flags = ("--port", "0", "--allow-host", "cam.example", "--connect", router.endpoint)
-    with Program(["view", *flags], tmp_path, "view", forked=ZV) as program:
-        viewer = Viewer(program)
-        token = viewer.url.partition("?")[2]
-        assert token.startswith("token=")
-        assert viewer.get("/", Host="cam.example").status == 401
-        assert viewer.get("/").status == 401
-        assert viewer.open(f"/?{token}", Host="cam.example").status == 200
-        assert viewer.get(f"/?{token}", Host="evil.example").status == 403
+    tokens = set()
+    for flags, host in (
+        (("--host", "0.0.0.0"), "localhost"),
+        (("--allow-host", "cam.example"), "cam.example"),  # as of a proxy
+    ):
+        arguments = ["view", *flags, "--port", "0", "--connect", router.endpoint]
+        with Program(arguments, tmp_path, host, forked=ZV) as program:
+            viewer = Viewer(program)
+            token = viewer.url.partition("token=")[2]
+            tokens.add(token)
+            assert viewer.get("/", Host=host).status == viewer.get("/").status == 401
+            assert viewer.open(f"/?token={token}", Host=host).status == 200
+            assert viewer.get(f"/?token={token}", Host="evil.example").status == 403
+    kept = tmp_path / "state" / "zenoh-vision" / "viewer_token"
+    assert {kept.read_text().strip()} == tokens
+    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
 
 
 def test_a_taken_port_is_named_with_the_way_out(tmp_path):
@@ -276,20 +212,20 @@ def can_stream(viewer: Viewer) -> bool:
         return False
 
 
-def test_a_thousand_connections_without_a_request_do_not_block_others(viewer, client):
+def test_hundreds_of_connections_without_a_request_do_not_block_others(viewer, client):
     camera = PlainCamera(client)
     with camera.at(15), ExitStack() as opened:
         wait_until(lambda: viewer.get(f"/snapshot?{TOPIC}").status == 200)
         with viewer.stream(TOPIC) as pictures:
             first = next(pictures).seq
             slow = []
-            for index in range(800):  # and 200 more that never finish a header
+            for index in range(240):  # and 60 more that never finish a header
                 slow.append(opened.enter_context(connected(viewer.port)))
                 if index % 4 == 0:
                     begun = opened.enter_context(connected(viewer.port))
                     begun.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nX-Slow: ")
                     slow.append(begun)
-                if index % 80 == 0:  # else the queue overflows, and the kernel tries again in 1 s
+                if index % 60 == 0:  # else the queue overflows, and the kernel tries again in 1 s
                     assert viewer.get("/healthz").status == 200
             # Answered in less time than the others have before they are disconnected.
             for _ in range(20):
@@ -330,7 +266,7 @@ def test_what_is_no_request_is_refused_and_the_next_one_served(standing_viewer):
     assert "Traceback" not in standing_viewer.program.complaints
 
 
-def test_its_own_words_do_not_give_the_token_away(guarded: Viewer, tmp_path: Path):
-    guarded.get(f"/nosuch?token={TOKEN}")
-    guarded.get(f"/stream?{TOPIC}&width=x&token={TOKEN}")
-    assert TOKEN not in guarded.program.complaints
+def test_its_own_words_do_not_give_the_token_away(standing_guarded):
+    standing_guarded.get(f"/nosuch?token={TOKEN}")
+    standing_guarded.get(f"/stream?{TOPIC}&width=x&token={TOKEN}")
+    assert TOKEN not in standing_guarded.program.complaints

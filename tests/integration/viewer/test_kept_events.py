@@ -169,15 +169,6 @@ def test_an_event_names_the_recording_that_it_triggered_and_the_command_that_sho
     assert shown.get("/healthz").status == 200
 
 
-def test_kept_events_need_the_token(service: Service, tmp_path: Path):
-    token = "a-token-of-letters"
-    flags = ("--host", "0.0.0.0", "--token", token, "--events-dir", tmp_path)
-    viewer = Viewer(service("view", "--port", 0, *flags))
-    for path in ("/events", "/events.csv", "/events/1.jpg"):
-        assert viewer.get(path).status == 401
-    assert viewer.get(f"/events?token={token}").status == 200
-
-
 def test_a_folder_that_cannot_be_used_is_a_warning_and_the_viewer_goes_on(
     service: Service, client: zenoh.Session, camera: Camera, router, tmp_path: Path
 ):

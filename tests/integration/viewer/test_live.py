@@ -76,36 +76,6 @@ async def test_a_parameter_is_set_for_all_pages_and_a_refusal_says_why(viewer: V
             pass
 
 
-async def test_a_page_gets_of_panels_what_it_shows_and_all_of_it_when_it_begins_to(
-    viewer: Viewer, service
-):
-    service("camera", "--rate", 15)
-    async with viewer.page() as other, viewer.page("?show=") as page:
-        await page.streams(IMAGE)
-        for _ in range(2):  # what others get meanwhile
-            await other.text("health", node="camera_front")
-        await page.text("tick")
-        await page.text("tick")
-        assert {text["op"] for text in page.texts} <= {
-            "hello", "router", "nodes", "streams", "tick",
-        }  # fmt: skip
-        await page.ask("show", kinds=["parameters", "log", "matches"])
-        assert (await page.text("log"))["text"]
-        await page.text("matches")
-        await page.text("parameters", node="camera_front")
-        await page.ask("show", kinds=["health"])
-        await page.text("health", node="camera_front")
-        before = len(page.texts)
-        await other.ask("set", id=1, node="camera_front", values={"rate": 14.0})
-        await other.text("parameter", node="camera_front")
-        await page.text("health", node="camera_front")
-        await page.text("health", node="camera_front")
-        since = {text["op"] for text in page.texts[before:]}
-        assert not since & {"parameter", "parameters", "log", "matches"}
-        await page.ask("show", kinds=["everything"])
-        assert (await page.text("error"))["text"]
-
-
 async def test_nodes_that_go_are_told_as_gone_and_forgotten_subscriptions_end(
     viewer: Viewer, service
 ):

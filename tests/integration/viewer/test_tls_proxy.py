@@ -152,24 +152,7 @@ def accepts(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-async def test_the_page_has_a_secure_session_and_its_socket_brings_pictures(
-    proxied: Proxied, client
-):
-    async with proxied.browser() as browser:
-        async with browser.get("/") as page:
-            assert page.status == 200
-            assert "<html" in await page.text()
-        async with browser.ws_connect("/live", origin=proxied.url) as socket:
-            page = Page(socket)
-            await page.text("hello")
-            with PlainCamera(client).at(10):
-                await page.ask("watch", key=IMAGE)
-                head, picture = await page.picture()
-    assert head["key"] == IMAGE
-    assert picture[:2] == b"\xff\xd8"
-
-
-async def test_each_picture_of_a_stream_is_passed_on_before_there_is_another(
+async def test_the_page_has_a_secure_session_and_gets_each_picture_before_there_is_another(
     proxied: Proxied, client
 ):
     # A picture smaller than the 4 kB of a proxy's buffer: one that fills buffers holds it back.
@@ -187,9 +170,19 @@ async def test_each_picture_of_a_stream_is_passed_on_before_there_is_another(
             received += await stream.content.readany()
 
     async with proxied.browser() as browser:
-        with camera.at(10):  # the viewer answers 404 for a camera that sends nothing
-            stream = await browser.get("/stream?topic=/front/image/compressed")
-            await picture(stream, 0)
+        async with browser.get("/") as index:
+            assert index.status == 200
+            assert "<html" in await index.text()
+        async with browser.ws_connect("/live", origin=proxied.url) as socket:
+            page = Page(socket)
+            await page.text("hello")
+            with camera.at(10):
+                await page.ask("watch", key=IMAGE)
+                head, payload = await page.picture()
+                # The viewer answers 404 for a camera that sends nothing.
+                stream = await browser.get("/stream?topic=/front/image/compressed")
+                await picture(stream, 0)
+        assert (head["key"], payload) == (IMAGE, small)
         with closing(stream):
             for _ in range(3):
                 await picture(stream, camera.send())

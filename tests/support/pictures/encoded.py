@@ -78,13 +78,6 @@ def write_video(path: Path, *, frames: int, rate_hz: float) -> Path:
     return path
 
 
-def full_hd_jpeg(quality: int = 50) -> bytes:
-    """Return a JPEG of 1920x1080 with much detail: 0.4 MB, 0.8 MB with a quality of 87."""
-    noise = np.random.default_rng(1).integers(0, 255, (270, 480, 3), np.uint8)
-    picture = cv2.resize(noise, (1920, 1080), interpolation=cv2.INTER_LINEAR)
-    return jpeg(np.asarray(picture, np.uint8), quality)
-
-
 STILL = jpeg(scene(None))
 PICTURES = tuple(jpeg(scene(step)) for step in range(40))
 

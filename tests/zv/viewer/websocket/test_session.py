@@ -120,6 +120,21 @@ async def test_of_many_commands_to_show_the_last_counts_and_the_others_cost_noth
     serving.cancel()
 
 
+async def test_a_page_is_sent_of_the_panels_those_that_it_shows():
+    socket = Socket({"op": "show", "kinds": ["log"]})
+    session = a_session(socket, SystemState("vision", lambda text, replaces: None))
+    session.send("early line", ("log", 1))
+    session.send("of everybody", "nodes")
+    serving = asyncio.create_task(session.serve())
+    while session.shows != {"log"}:  # the deadline is run's
+        await asyncio.sleep(0.01)
+    for text, replaces in (("health", ("health", "a")), ("line", ("log", 2)), ("last", None)):
+        session.send(text, replaces)
+    await socket.until(lambda: "last" in socket.sent)
+    assert socket.sent == ["of everybody", "line", "last"]
+    serving.cancel()
+
+
 @pytest.mark.parametrize(("message_bytes", "texts"), [(64 << 10, 0), (100, 0), (500, 1000)])
 async def test_between_two_parts_of_a_picture_other_things_are_as_much_as_a_part(
     message_bytes, texts
