@@ -52,16 +52,14 @@ class Moment:
         return max(1.0, LIMITS.border * min(self.size))
 
 
-def measure(
-    track: TrackState, found: Region, moment: Moment, scene: Scene | None, *, alone: bool
-) -> None:
+def measure(track: TrackState, found: Region, moment: Moment, scene: Scene, *, alone: bool) -> None:
     """Correct an object by the bounding box of its own foreground.
 
     Args:
         track: The object, predicted to the moment.
         found: All of its foreground.
         moment: The frame.
-        scene: The pixels of the frame, from which its colours are learned; None to not learn them.
+        scene: The pixels of the frame, from which its colours are learned.
         alone: Whether that foreground shows no other object.
     """
     at_border, now_s = moment.at_border(found), moment.now_s
@@ -89,7 +87,7 @@ def measure(
     else:
         track.correct((x, y), now_s, (width, height))
     since_s = now_s - track.learned_s
-    if scene is not None and alone and complete and since_s >= LIMITS.learn_every_s:
+    if alone and complete and since_s >= LIMITS.learn_every_s:
         share = 1 - math.exp(-min(since_s / LIMITS.colors_s, 1.0))
         track.colors = learned(track.colors, scene, found, share)
         track.learned_s = now_s

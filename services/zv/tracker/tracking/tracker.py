@@ -72,13 +72,12 @@ class Tracker(TrackerBase[TrackState]):
         super().__init__(TrackState, size, scale, first_id)
         self.parameters = parameters
 
-    def update(self, regions: Sequence[Region], scene: Scene | None = None) -> list[Track]:
+    def update(self, regions: Sequence[Region], scene: Scene) -> list[Track]:
         """Process the regions of the frame to which the tracks were predicted.
 
         Args:
             regions: The connected regions of the frame's foreground.
-            scene: Pixels of the frame; without them, objects that meet are distinguished by their
-                motion alone.
+            scene: Pixels of the frame, to distinguish objects that meet.
 
         Returns:
             The tracks, oldest first, in full-resolution pixels.
@@ -112,7 +111,7 @@ class Tracker(TrackerBase[TrackState]):
             state.tested_s = now_s
         return found
 
-    def _apply(self, decision: Decision, scene: Scene | None) -> None:
+    def _apply(self, decision: Decision, scene: Scene) -> None:
         moment = self._moment
         match decision:
             case Follow(track, region, alone, parted):
@@ -137,26 +136,20 @@ class Tracker(TrackerBase[TrackState]):
                 if region.area >= least and (boxes.overlaps([region], known) <= overlap).all():
                     self._begin(region, scene)
 
-    def _begin(self, region: Region, scene: Scene | None) -> TrackState | None:
+    def _begin(self, region: Region, scene: Scene) -> TrackState | None:
         state = self._new(region)
-        if state is not None and scene is not None:
+        if state is not None:
             state.colors = learned(None, scene, state.box, 1.0)
         return state
 
-    def _share(
-        self, tracks: Sequence[TrackState], regions: Sequence[Region], scene: Scene | None
-    ) -> None:
+    def _share(self, tracks: Sequence[TrackState], regions: Sequence[Region], scene: Scene) -> None:
         moment = self._moment
-        portions = None if scene is None else divide(tracks, regions, scene)
-        for number, track in enumerate(tracks):
+        for track, portion in zip(tracks, divide(tracks, regions, scene), strict=True):
             track.grouped = True
             track.parted_s = None
-            if portions is None:
-                track.correct((track.x.position, track.y.position), moment.now_s)
-            else:
-                measure_portion(track, portions[number], moment, self.parameters.min_area)
+            measure_portion(track, portion, moment, self.parameters.min_area)
 
-    def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene | None) -> None:
+    def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene) -> None:
         track.parted_s = None
         track.resize(mine.width, mine.height, mine.area, 1.0)
         track.correct(mine.center, self._moment.now_s)

@@ -16,12 +16,13 @@ from zv.tracker.tracking.tracker import Tracker, TrackingParameters
 
 SIZE = (300, 120)  # width, height
 RED, BLUE = (20, 20, 200), (200, 60, 20)
+EMPTY = Scene(np.zeros((SIZE[1], SIZE[0], 3), np.uint8), np.zeros(SIZE[::-1], np.uint8))
 Box = tuple[float, float, float, float]  # left, top, width, height
 Painted = Sequence[tuple[Box, tuple[int, int, int]]]
 
 
 def step(
-    tracker: Tracker, regions: Sequence[Region], now_s: float, scene: Scene | None = None
+    tracker: Tracker, regions: Sequence[Region], now_s: float, scene: Scene = EMPTY
 ) -> list[Track]:
     tracker.predict(now_s)
     return tracker.update(regions, scene)

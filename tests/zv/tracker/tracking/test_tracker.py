@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zv.tracker.tracking.appearance import Scene
 from zv.tracker.tracking.base import MAX_TRACKS
 from zv.tracker.tracking.region import Region
 from zv.tracker.tracking.track import Track
@@ -24,8 +25,13 @@ def box(x: float, y: float, width: float = 20, height: float = 40) -> Region:
 
 
 def step(found: Tracker, regions: Sequence[Region], now_s: float) -> list[Track]:
+    """Track the regions of a frame in which all objects have one colour."""
+    mask = np.zeros(SIZE[::-1], np.uint8)
+    for region in regions:
+        left, top, right, bottom = (max(0, round(edge)) for edge in region[:4])
+        mask[top:bottom, left:right] = 255
     found.predict(now_s)
-    return found.update(regions)
+    return found.update(regions, Scene(np.zeros((*SIZE[::-1], 3), np.uint8), mask))
 
 
 def tracker(**changes: Any) -> Tracker:
@@ -189,7 +195,7 @@ def test_the_same_input_gives_the_same_tracks():
     assert results() == results()
 
 
-def test_crossing_objects_keep_their_ids_by_their_motion_if_no_pixels_are_given():
+def test_crossing_objects_keep_their_ids_by_their_motion_if_they_look_the_same():
     found = tracker()
     for k in range(60):
         one, two = box(50 + 5 * k, 100), box(345 - 5 * k, 104)
