@@ -36,7 +36,6 @@ RULES: dict[str, dict[str, Any]] = {
     "proof before sharing": {"tracking.association.proven_s": 0.0},
     "confirmation within one motion": {"tracking.life.rest_s": 1e9},
     "seen for most of its age": {"tracking.life.seen_share": 0.0},
-    "dividing what looks like two": {"tracking.association.parted_s": 1e9},
 }
 """What each rule is, and the constants with which it does nothing."""
 

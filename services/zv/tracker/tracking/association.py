@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.tracker.tracking import boxes
-from zv.tracker.tracking.pieces import PieceLimits, around_largest, joined, parted
+from zv.tracker.tracking.pieces import PieceLimits, around_largest, joined
 from zv.tracker.tracking.region import Region, union
 from zv.tracker.tracking.state import TrackState
 
@@ -32,18 +32,15 @@ class AssociationLimits:
     # A track that is not confirmed yet is a part of another one if its area is smaller than this
     # share of the other's.
     part: float = 0.3
-    parted_s: float = 0.4  # an object that has looked like two for this long is divided
     pieces: PieceLimits = field(default_factory=PieceLimits)  # the constants of joining pieces
 
 
 @dataclass(frozen=True, slots=True)
 class Follow:
-    """The track is seen as this region, alone or perhaps not; ``parted`` if it looks like two."""
+    """The track is seen as this region, which shows no other one."""
 
     track: TrackState
     region: Region
-    alone: bool
-    parted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,15 +49,6 @@ class Share:
 
     tracks: tuple[TrackState, ...]
     regions: tuple[Region, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Split:
-    """The track is two objects, of which the first keeps its id."""
-
-    track: TrackState
-    mine: Region
-    other: Region
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,13 +65,12 @@ class Begin:
     region: Region
 
 
-Decision = Follow | Share | Split | End | Begin
+Decision = Follow | Share | End | Begin
 
 
 def associate(
     tracks: Sequence[TrackState],
     regions: Sequence[Region],
-    now_s: float,
     limits: AssociationLimits,
     *,
     convex: bool = False,
@@ -98,8 +85,8 @@ def associate(
         owned = [regions[column] for column in columns]
         members = [tracks[row] for row in rows]
         if len(members) == 1:
-            track = members[0]
-            decisions.append(_alone(track, owned, now_s, limits, convex=convex))
+            found = owned[0] if convex else around_largest(owned, limits.pieces)
+            decisions.append(Follow(members[0], found))
         else:
             decisions += _together(members, owned, limits)
     used = {part for each in decisions for part in _parts_used(each)}
@@ -125,32 +112,13 @@ def _links(
     return links
 
 
-def _alone(
-    track: TrackState,
-    owned: list[Region],
-    now_s: float,
-    limits: AssociationLimits,
-    *,
-    convex: bool,
-) -> Decision:
-    """Return what the regions of one track are."""
-    largest = (owned[0], owned[1]) if len(owned) > 1 else None
-    parts = largest if convex else parted(track, owned)
-    if parts is None:
-        return Follow(track, around_largest(owned, limits.pieces), alone=True)
-    if track.parted_s is None or now_s - track.parted_s < limits.parted_s:
-        return Follow(track, union(owned), alone=False, parted=True)
-    mine, other = sorted(parts, key=lambda each: math.dist(each.center, track.box.center))
-    return Split(track, mine, other)
-
-
 def _together(
     members: list[TrackState], owned: list[Region], limits: AssociationLimits
 ) -> list[Decision]:
     """Return what the regions of several tracks are."""
     pairs = _one_for_each(members, owned)
     if pairs is not None:
-        return [Follow(members[row], owned[column], alone=True) for row, column in pairs]
+        return [Follow(members[row], owned[column]) for row, column in pairs]
     whole = union(owned)
     largest = max(each.area for each in members)
     established = [each for each in members if _established(each, largest, limits)]
@@ -160,7 +128,7 @@ def _together(
     else:
         most = max(established or members, key=lambda each: (each.confirmed, each.area, -each.id))
         parts = [each for each in members if each is not most]
-        rest = Follow(most, whole, alone=True)
+        rest = Follow(most, whole)
     return [*map(End, parts), rest]
 
 
@@ -177,8 +145,6 @@ def _parts_used(decision: Decision) -> Sequence[Region]:
             return [*region.parts, region]
         case Share(_, regions):
             return regions
-        case Split(_, mine, other):
-            return [*mine.parts, mine, *other.parts, other]
         case _:
             return []
 

@@ -15,8 +15,8 @@ from zv.tracker.tracking.state import TrackState
 MARGIN_SIDES = 0.25
 """An object is searched for within its expected box plus this margin, in sides."""
 
-LEAST_PRIOR = 0.05
-"""Probability that an object is at a place outside of its expected box."""
+DEVIATION = 0.25
+"""Standard deviation of where the pixels of an object are, in widths and heights of its box."""
 
 LEAST_COLOR = 0.0005
 """Probability of a colour that an object never showed; equally probable colours have 0.002 each."""
@@ -70,8 +70,8 @@ def _likely(
     window = slice(top, bottom), slice(left, right)
     v = (np.arange(top, bottom) + origin[0] + 0.5 - box.top) / max(1.0, box.height)
     u = (np.arange(left, right) + origin[1] + 0.5 - box.left) / max(1.0, box.width)
-    inside = ((v >= 0) & (v < 1))[:, None] & ((u >= 0) & (u < 1))[None]
-    prior = np.where(inside, 1.0, LEAST_PRIOR).astype(np.float32)
+    away = (u - 0.5) ** 2 + ((v - 0.5) ** 2)[:, None]
+    prior = np.exp(-away / (2 * DEVIATION**2)).astype(np.float32)
     if target.colors is None:
         return window, prior * LEAST_COLOR
     bands = np.clip((v * BANDS).astype(np.intp), 0, BANDS - 1)

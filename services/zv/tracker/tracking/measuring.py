@@ -52,15 +52,14 @@ class Moment:
         return max(1.0, LIMITS.border * min(self.size))
 
 
-def measure(track: TrackState, found: Region, moment: Moment, scene: Scene, *, alone: bool) -> None:
+def measure(track: TrackState, found: Region, moment: Moment, scene: Scene) -> None:
     """Correct an object by the bounding box of its own foreground.
 
     Args:
         track: The object, predicted to the moment.
-        found: All of its foreground.
+        found: All of its foreground, which shows no other object.
         moment: The frame.
         scene: The pixels of the frame, from which its colours are learned.
-        alone: Whether that foreground shows no other object.
     """
     at_border, now_s = moment.at_border(found), moment.now_s
     entering = not track.was_inside
@@ -68,7 +67,7 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene, *, a
     (x, width), (y, height) = _centre(found, track, moment, (dx, dy))
     complete = width and height
     track.was_inside |= not at_border
-    follows = entering or (alone and not track.grouped)
+    follows = entering or not track.grouped
     share = max(1 - math.exp(-moment.dt_s / MOTION.size_s), 1 / (track.hits + 1))
     track.resize(
         found.width if width or follows else track.width,
@@ -77,8 +76,7 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene, *, a
         1.0 if entering else share,
     )
     track.shown = found
-    if alone:
-        track.alone_s += moment.dt_s
+    track.alone_s += moment.dt_s
     if entering:  # it moves as its edge inside the picture; its box is the part in view
         track.correct((x, y), now_s)
         track.place_at(found.center)
@@ -87,7 +85,7 @@ def measure(track: TrackState, found: Region, moment: Moment, scene: Scene, *, a
     else:
         track.correct((x, y), now_s, (width, height))
     since_s = now_s - track.learned_s
-    if alone and complete and since_s >= LIMITS.learn_every_s:
+    if complete and since_s >= LIMITS.learn_every_s:
         share = 1 - math.exp(-min(since_s / LIMITS.colors_s, 1.0))
         track.colors = learned(track.colors, scene, found, share)
         track.learned_s = now_s

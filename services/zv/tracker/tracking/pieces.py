@@ -1,4 +1,4 @@
-"""Joins the pieces in which one object is seen, and tells an object that looks like two."""
+"""Joins the pieces in which one object is seen."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from zv.tracker.tracking import boxes
 from zv.tracker.tracking.region import Region, union
-from zv.tracker.tracking.state import TrackState
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,21 +73,3 @@ def around_largest(owned: list[Region], limits: PieceLimits) -> Region:
         if shared > 0.5 * each.width and whole.area > limits.fill * whole.width * whole.height:
             found = whole
     return found
-
-
-def parted(track: TrackState, owned: list[Region]) -> tuple[Region, Region] | None:
-    """Return a left and a right part if the regions of a track look like two objects."""
-    ordered = sorted(owned, key=lambda each: each.center[0])
-    for number in range(1, len(ordered)):
-        one, two = union(ordered[:number]), union(ordered[number:])
-        if one.right > two.left + 1:
-            continue
-        heights = sorted((one.height, two.height))
-        areas = sorted((one.area, two.area))
-        if (
-            heights[0] > 0.6 * heights[1]
-            and areas[0] > 0.3 * areas[1]
-            and heights[0] > 0.55 * track.height
-        ):
-            return one, two
-    return None

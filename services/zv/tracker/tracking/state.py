@@ -59,7 +59,6 @@ class TrackState:
     confirmed: bool = False  # whether it was ever confirmed
     # Whether it shares a region with others, or did so and another is still near.
     grouped: bool = False
-    parted_s: float | None = None  # since when it has looked like two objects; None if it does not
     tested_s: float = 0.0  # when it was last tested for being a ghost
     learned_s: float = 0.0  # when its colours were last learned
     # For how long it was seen alone, complete, away from the border of the picture.

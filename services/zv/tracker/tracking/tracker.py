@@ -14,7 +14,6 @@ from zv.tracker.tracking.association import (
     End,
     Follow,
     Share,
-    Split,
     associate,
 )
 from zv.tracker.tracking.base import TrackerBase
@@ -82,10 +81,8 @@ class Tracker(TrackerBase[TrackState]):
         Returns:
             The tracks, oldest first, in full-resolution pixels.
         """
-        wanted, now_s = self.parameters, self._moment.now_s
-        for decision in associate(
-            self.states, regions, now_s, wanted.association, convex=wanted.convex
-        ):
+        wanted = self.parameters
+        for decision in associate(self.states, regions, wanted.association, convex=wanted.convex):
             self._apply(decision, scene)
         self._confirm_and_end()
         return [self._track(state) for state in self.states]
@@ -114,20 +111,14 @@ class Tracker(TrackerBase[TrackState]):
     def _apply(self, decision: Decision, scene: Scene) -> None:
         moment = self._moment
         match decision:
-            case Follow(track, region, alone, parted):
-                if not parted:
-                    track.parted_s = None
-                elif track.parted_s is None:
-                    track.parted_s = moment.now_s
+            case Follow(track, region):
                 track.grouped &= self._near_another(track)
                 seen_s = track.seen_s
-                measure(track, region, moment, scene, alone=alone)
+                measure(track, region, moment, scene)
                 if track.confirmed and region.area < self.parameters.min_area:
                     track.seen_s = seen_s  # a part of it moves it, but shows not where it is
             case Share(tracks, regions):
                 self._share(tracks, regions, scene)
-            case Split(track, mine, other):
-                self._split(track, mine, other, scene)
             case End(track):
                 self.drop(track)
             case Begin(region):
@@ -136,29 +127,16 @@ class Tracker(TrackerBase[TrackState]):
                 if region.area >= least and (boxes.overlaps([region], known) <= overlap).all():
                     self._begin(region, scene)
 
-    def _begin(self, region: Region, scene: Scene) -> TrackState | None:
+    def _begin(self, region: Region, scene: Scene) -> None:
         state = self._new(region)
         if state is not None:
             state.colors = learned(None, scene, state.box, 1.0)
-        return state
 
     def _share(self, tracks: Sequence[TrackState], regions: Sequence[Region], scene: Scene) -> None:
         moment = self._moment
         for track, portion in zip(tracks, divide(tracks, regions, scene), strict=True):
             track.grouped = True
-            track.parted_s = None
             measure_portion(track, portion, moment, self.parameters.min_area)
-
-    def _split(self, track: TrackState, mine: Region, other: Region, scene: Scene) -> None:
-        track.parted_s = None
-        track.resize(mine.width, mine.height, mine.area, 1.0)
-        track.correct(mine.center, self._moment.now_s)
-        second = self._begin(other, scene)
-        if second is not None:
-            second.x.velocity, second.y.velocity = track.x.velocity, track.y.velocity
-            second.confirmed = track.confirmed
-            second.travelled = track.travelled
-            second.was_inside = track.was_inside
 
     def _near_another(self, track: TrackState) -> bool:
         """Return whether another object, possibly hidden, is expected in the track's box."""
