@@ -59,7 +59,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Secured]:
     folder = tmp_path_factory.mktemp("up")
     system = secured(folder)
     words = ["up", "--secure", system.folder, "--plain"]
-    with Program(words, folder, "up", forked=ZV):
+    with Program(words, folder, "up", forked=ZV, ZV_CAMERA_RATE="10"):
         guest = Link(system.connection("guest", timeout_s=START_S))
         wait_until(lambda: _answers(guest.session), START_S)
         guest.close()

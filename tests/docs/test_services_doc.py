@@ -68,7 +68,8 @@ def test_the_commands_run_as_written_one_after_the_other(folder: Path):
     endpoint = free_endpoint()
     variables = {"ZV_CONNECT": endpoint}
     up = [*launched.split()[1:-1], folder / "launch.toml", "--listen", endpoint, "--plain"]
-    with Program(up, folder, "up", forked=ZV), open_client(endpoint) as session:
+    slow = {"ZV_CAMERA_RATE": "10"}
+    with Program(up, folder, "up", forked=ZV, **slow), open_client(endpoint) as session:
         wait_for_nodes(session, "brightness_front", deadline_s=START_S)
         newest(session, "vision/front/brightness", START_S)
         for command in commands:

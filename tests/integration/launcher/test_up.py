@@ -30,7 +30,9 @@ NODES = {"router", "camera_front", "tracker_front", "edge_front", "viewer"}
 def some_of(folder: Path, *services: str) -> str:
     """Write a launch file of some services, where a test needs no more; return its path."""
     file = folder / "some.toml"
-    file.write_text("".join(f'[[node]]\nservice = "{service}"\n' for service in services))
+    slow = {"camera": "settings = { rate = 10 }\n"}
+    tables = (f'[[node]]\nservice = "{each}"\n{slow.get(each, "")}' for each in services)
+    file.write_text("".join(tables))
     return str(file)
 
 

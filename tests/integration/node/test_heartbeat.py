@@ -159,7 +159,7 @@ def test_the_router_beats(tmp_path, health):
 def one_camera(folder: Path) -> str:
     """Write a launch file; return its path."""
     file = folder / "up.toml"
-    file.write_text('[[node]]\nservice = "camera"\n')
+    file.write_text('[[node]]\nservice = "camera"\nsettings = { rate = 10 }\n')
     return str(file)
 
 

@@ -66,7 +66,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         for name in ("camera", "tracker", "edge"):
             words = [name, "--connect", system.endpoint]
             words += ["--credentials", system.file(f"{name}_front")]
-            words += [] if name == "camera" else ["--transport", "jpeg"]
+            words += ["--rate", "10"] if name == "camera" else ["--transport", "jpeg"]
             running.enter_context(Program(words, folder, name, forked=ZV))
         link = Link(system.connection("guest"))
         running.callback(link.close)

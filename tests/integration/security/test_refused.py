@@ -218,6 +218,7 @@ def watching(system: Secured) -> Iterator[Callable[[], set[str]]]:
 def service(system: Secured, name: str, folder: Path, **variables: str) -> Program:
     """Start a service of the camera ``front`` with its own credentials, quick to check them."""
     words = [name, "--credentials", system.file(f"{name}_front"), "--connect", system.endpoint]
+    words += ["--rate", "10"] if name == "camera" else []
     label = f"{name}{time.monotonic_ns()}"
     return Program(words, folder, label, forked=QUICK_ZV, **variables)
 
