@@ -8,35 +8,6 @@ from tests.support.routing import Router
 from tests.support.viewer.client import IMAGE, Viewer
 
 EDGES = "vision/front/edges/compressed"
-TRUTH = "vision/front/truth"
-
-
-async def test_a_page_gets_the_running_nodes_and_their_streams(viewer: Viewer, service):
-    service("camera", "--rate", 15)
-    service("edge")
-    async with viewer.page() as page:
-        assert (await page.text("hello"))["server"] == "viewer"
-        streams = {each["key"]: each for each in await page.streams(IMAGE, EDGES, TRUTH)}
-        assert (streams[IMAGE]["kind"], streams[IMAGE]["type"]) == ("picture", "image/jpeg")
-        assert (streams[TRUTH]["kind"], streams[TRUTH]["type"]) == (
-            "message",
-            "vision.Tracks.v1",
-        )
-        assert streams[EDGES]["node"] == "edge_front"
-        health = await page.text("health", node="camera_front")
-        assert health["at_ns"].isdecimal()
-        while not health["diagnostics"]["counters"]["captured"]:  # the first may be too early
-            health = await page.text("health", node="camera_front")
-    async with viewer.page() as page:  # a page that connects later receives everything at once
-        await page.text("streams")
-        parameters = await page.text("parameters", node="edge_front")
-        low = next(each for each in parameters["parameters"] if each["name"] == "low")
-        assert (low["minimum"], low["type"]) == (0, "float")
-        nodes = [text for text in page.texts if text["op"] == "nodes"][-1]["nodes"]
-        assert {"camera_front", "edge_front", "viewer"} <= {each["node"] for each in nodes}
-        own = next(each for each in nodes if each["node"] == "viewer")
-        assert own["service"] == "viewer"
-        assert own["alive"]
 
 
 async def test_a_page_hears_a_tick_also_while_there_is_no_router(viewer: Viewer, router: Router):

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from contextlib import suppress
 
 import aiohttp
-import msgpack
 import numpy as np
 import pytest
 
@@ -15,8 +13,6 @@ from tests.support.pictures.encoded import jpeg
 from tests.support.publishing import PlainCamera
 from tests.support.viewer.client import IMAGE, Page, Viewer
 from zv.viewer.websocket.commands import MAX_BYTES, MAX_RATE_HZ
-
-TRUTH = "vision/front/truth"
 
 
 async def test_what_makes_no_sense_is_said_and_the_rest_goes_on(viewer: Viewer, client):
@@ -77,27 +73,6 @@ async def test_a_page_may_say_much_at_once_and_often_that_it_shows_a_picture(
             await page.ask("shown", key=IMAGE)
         await page.ask("watch", key="**")
         assert "** is not watched" in (await page.text("error"))["text"]
-
-
-async def test_broken_pictures_of_a_made_up_run_do_not_silence_the_camera(viewer: Viewer, client):
-    camera = PlainCamera(client)
-    rogue = PlainCamera(client, epoch=time.time_ns() + 3600 * 10**9)
-    broken = camera_jpeg(camera)[:400]
-
-    def send_both() -> None:
-        rogue.put(broken, msgpack.packb(rogue.header(camera_jpeg(camera), seq=camera.seq)))
-        camera.send()
-
-    with camera.at(30, send_both):
-        async with viewer.page() as page:
-            await page.ask("watch", key=IMAGE)
-            for _ in range(20):
-                head, _ = await page.picture()
-                assert head["header"]["epoch"] == str(camera.epoch)
-
-
-def camera_jpeg(camera: PlainCamera) -> bytes:
-    return camera._pictures[0]
 
 
 async def test_a_page_that_reads_nothing_costs_the_others_nothing_and_is_left(
