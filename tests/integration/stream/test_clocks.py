@@ -70,18 +70,6 @@ def last(health: Listener) -> str:
     return str([message.body["message"] for message in health.messages[-3:]])
 
 
-def test_a_camera_more_than_a_day_ahead_is_refused_and_reported(client, quick_service):
-    quick_service("tracker")
-    wait_for_nodes(client, "tracker_front")
-    health = Listener(client, "@vision/diagnostics/tracker_front")
-    camera = PlainCamera(client)
-    with camera.at(RATE_HZ, lambda: camera.send(stamp_ns=time.time_ns() + 25 * 3600 * S)):
-        wait_until(lambda: health.messages and health.messages[-1].body["level"] == Level.STALE)
-    body = health.messages[-1].body
-    assert re.fullmatch(r"no frame on .* for \d+ s; dropping samples: bad_stamp", body["message"])
-    assert body["counters"]["dropped.bad_stamp"] > 0
-
-
 def test_the_page_quotes_the_reports():
     assert f"`{said_of(S)}`" in PAGE
     assert "(-1.0 s)" in PAGE

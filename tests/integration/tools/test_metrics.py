@@ -229,16 +229,6 @@ def test_what_is_no_health_is_counted_and_logged_once_and_nothing_else(system: S
     assert "Traceback" not in complaints
 
 
-def test_a_port_that_is_taken_is_2_and_one_line(system: System, tmp_path: Path):
-    listen = system.exporter.url.removeprefix("http://").removesuffix("/metrics")
-    arguments = ["metrics", "--listen", listen, "--connect", system.router.endpoint]
-    with Program(arguments, tmp_path, "second", forked=ZV) as second:
-        assert second.process.wait(START_S) == 2
-        assert second.output == ""
-        (line,) = second.complaints.splitlines()
-        assert line.startswith(f"zv: listen = {listen!r}: the port is in use")
-
-
 def test_it_serves_before_there_is_a_router_and_through_its_death(tmp_path: Path):
     router = Router(tmp_path)
     arguments = ["metrics", "--listen", "127.0.0.1:0", "--connect", router.endpoint]

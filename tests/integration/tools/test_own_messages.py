@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import threading
 import time
 from collections.abc import Iterator
@@ -146,14 +145,6 @@ def test_a_message_is_sent_with_the_type_of_its_key_and_checked(zv, client, node
 def test_a_key_of_which_no_node_knows_the_type_is_refused(zv, node):
     with pytest.raises(ConfigurationError, match="no running node says what it carries"):
         zv(pub("vision/front/unheard", {"share": 1}))
-
-
-def test_csv_has_a_column_for_a_field_that_is_not_in_the_first_message(zv, client, publishing):
-    lines = zv(EchoOptions(key=KEY, csv=True, count=1, header=False))
-    assert lines[0] == "key,received_ns,share,where,limits.low,limits.high"
-    assert re.fullmatch(rf"{KEY},\d+,0\.5,,,", lines[1])
-    (line,) = zv(EchoOptions(key=KEY, field=("share",), count=1))
-    assert line == "0.5"
 
 
 def test_a_schema_that_is_broken_is_one_clear_line(zv, endpoint, client, node, capsys):

@@ -240,11 +240,6 @@ def test_a_pattern_sets_each_node_that_matches_and_tells_of_those_that_refuse(sy
     system.put_back("tracker_front", closing=20)
 
 
-def test_a_pattern_lists_the_nodes_that_match(system):
-    rows = system.told("list", "track*").splitlines()[2:]
-    assert {row.split()[0] for row in rows} == {"tracker_front"}
-
-
 @pytest.mark.parametrize("words", [("list", "plain"), ("list", "pl*"), ("set", "pl*", "x=1")])
 def test_nodes_that_have_no_parameters_are_named_also_by_a_pattern(system, words: tuple[str, ...]):
     with system.client.liveliness().declare_token("@vision/node/plain"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import ExitStack
 
@@ -53,14 +52,6 @@ def test_top_once_shows_those_that_hurt_first(endpoint, hurting):
     assert "20.0" in nodes[1]  # percent lost
     assert "c_error: no source" in done.stdout
     assert "\x1b" not in done.stdout
-
-
-def test_top_as_json_is_an_object_for_each_node(endpoint, hurting):
-    done = zv(endpoint, "top", "--once", "--json", "--namespace", "hurts")
-    records = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [record["node"] for record in records] == ["c_error", "b_losing", "a_well"]
-    assert records[1]["lost"] == pytest.approx(0.2)
-    assert records[0]["level"] == "ERROR"
 
 
 def test_top_in_a_pipe_is_lines_until_ctrl_c(endpoint, hurting, tmp_path):

@@ -21,7 +21,6 @@ from tests.support.publishing import (
     JPEG,
     header,
     put_centroid,
-    put_picture,
 )
 from tests.support.waiting import wait_until
 from zenoh_vision import Connection
@@ -133,15 +132,6 @@ def test_echo_prints_several_fields(echoed, client):
     ]
 
 
-def test_nested_fields_are_columns_of_their_own_in_csv(echoed, client):
-    options = EchoOptions(key=KEY, count=2, field=("x", "header"), csv=True)
-    rows = list(csv.DictReader(io.StringIO("\n".join(echoed(options, centroids(client, 2))))))
-    assert [(row["x"], row["header.seq"], row["header.camera"]) for row in rows] == [
-        ("0", "0", "c"),
-        ("10", "1", "c"),
-    ]
-
-
 def test_a_message_without_a_field_is_skipped_and_counted(echoed, client, capsys):
     def send() -> None:
         for body in ({"other": 1}, {"x": 7}, {"other": 2}, {"x": 8}):
@@ -197,48 +187,6 @@ def test_on_a_key_that_nobody_publishes_it_says_how_the_wait_ends(endpoint, clie
     echo.run(options, Connection(endpoint, timeout_s=20), Answering())
     assert len(notes) == 1
     assert notes[0].endswith(" waiting for it (Ctrl-C ends it, --for 5s limits it)")
-
-
-def test_a_part_that_this_message_lacks_is_no_wrong_use(echoed, client, capsys):
-    def send() -> None:
-        centroids(client, 1)()
-        put_centroid(client, KEY, 1)
-
-    with pytest.raises(ExpectationNotMet, match="none of 2 messages was printed"):
-        echoed(EchoOptions(key=KEY, field=("box.4",), for_=1.0), send)
-    assert "skipped 2 messages without box.4" in capsys.readouterr().err
-
-
-def test_among_several_types_a_message_without_the_field_is_skipped(echoed, client):
-    def send() -> None:
-        put_picture(client, "vision/c/image/compressed", 1)
-        put_centroid(client, KEY, 2)
-
-    options = EchoOptions(key="vision/c/**", count=1, field=("x",))
-    assert echoed(options, send) == [f"{KEY} 20"]
-
-
-def test_echo_of_a_picture_is_its_header_format_and_size(echoed, client):
-    key = "vision/c/image/compressed"
-    lines = echoed(
-        EchoOptions(key=key, once=True, header=False), lambda: put_picture(client, key, 3)
-    )
-    assert lines[1:] == ["format: jpeg", "width: 64", "height: 48", "encoding: bgr8", "bytes: 1000"]
-
-
-def test_echo_of_a_bare_picture_reads_its_size_from_itself(echoed, client):
-    lines = echoed(
-        EchoOptions(key="a/b", once=True), lambda: client.put("a/b", STILL, encoding=JPEG)
-    )
-    assert lines[1:4] == ["format: jpeg", f"width: {WIDTH}", f"height: {HEIGHT}"]
-
-
-def test_nothing_that_comes_over_the_network_steers_the_terminal(echoed, client):
-    lines = echoed(
-        EchoOptions(key="a/b", once=True),
-        lambda: client.put("a/b", "\x1b[31mred\x07\u202e", encoding="text/plain"),
-    )
-    assert lines[1:] == ["text: \\x1b[31mred\\x07\\u202e"]
 
 
 def test_a_deleted_key_is_shown_as_such(echoed, client):
