@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tests.support.diagnosing import SMALL, WATCH_S, Diagnosis
-from tests.support.listening import ask, newest, open_client
-from tests.support.processes import Program
+from tests.support.diagnosing import WATCH_S, Diagnosis
+from tests.support.listening import newest, open_client
 from tests.support.publishing import PlainCamera
-from tests.support.waiting import wait_until
 
 
 def test_frames_that_a_real_tracker_drops_are_named_by_reason(shared, start):
@@ -101,30 +99,3 @@ def test_a_small_loss_that_lasts_is_found_by_the_totals_and_one_that_is_over_is_
     assert level == "WARN"
     assert text.startswith("edge_front loses 2.0 % of its frames as stale (4")
     assert "since its start" in text
-
-
-def test_a_real_node_slower_than_its_stream_is_found_with_the_parameter(shared, start, tmp_path):
-    start("camera", "--namespace", "slow", *SMALL, "--rate", 30)
-    script = ["-m", "tests.support.programs.slow_consumer", shared.endpoint, "slow"]
-    with Program(script, tmp_path, "slow"), open_client(shared.endpoint) as session:
-        report = wait_until(
-            lambda: (
-                (found := ask(session, "@slow/diagnostics/slow_front"))
-                and found[0].body["counters"].get("dropped.overwritten", 0) > 10
-            ),
-        )
-        assert report
-        seen = Diagnosis(shared.endpoint, "slow", for_s=2.2)
-    # On a busy machine the camera itself may be too slow as well.
-    ((level, text, remedy),) = (one for one in seen.of("speed") if "slow_front" in one[1])
-    assert level == "WARN"
-    assert text.startswith("slow_front uses ")
-    assert text.endswith(" Hz that arrive on slow/front/image/compressed")
-    used, came = (float(text.split()[at]) for at in (2, 4))
-    assert used < 12
-    assert came > used
-    asked_hz = float(remedy.rpartition("zv param set camera_front rate=")[2])
-    # What it uses, also where the camera is slower than configured and so less comes.
-    assert asked_hz == pytest.approx(used, rel=0.02)
-    said = [text for _, text, _ in seen.of("drops") if text.startswith("slow_front")]
-    assert not [text for text in said if "overwritten" in text]  # said once
