@@ -72,7 +72,8 @@ class Transformer:
             pixels: (height, width[, channels]) of the size of the calibration.
             calibration: Its ``p`` says which part the result shows, as ROS' image_proc does.
         """
-        if self._maps is None or self._maps[0] is not calibration:
+        # Compared by value: a calibration of another size is scaled for each frame.
+        if self._maps is None or self._maps[0] != calibration:
             self._maps = (calibration, *_maps(calibration))
         # Depths of both sides of an edge have no mean.
         how = cv2.INTER_NEAREST if pixels.dtype != np.uint8 else cv2.INTER_LINEAR

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
+from zv.relay import transform as transform_module
 from zv.relay.transform import RateLimit, Transform, Transformer, calibration_after
 
 SIZE = (320, 240)
@@ -60,6 +62,24 @@ def test_what_the_lens_bent_is_where_the_projection_says(model: DistortionModel)
     for place in wanted:
         assert centre(found, place) == pytest.approx(tuple(place), abs=0.5)
     assert np.abs(bent - wanted).max() > 5, "otherwise the test shows nothing"
+
+
+def test_equal_calibrations_share_their_maps(monkeypatch: pytest.MonkeyPatch):
+    made: list[Calibration] = []
+    original = transform_module._maps
+
+    def counted(known: Calibration) -> Any:
+        made.append(known)
+        return original(known)
+
+    monkeypatch.setattr(transform_module, "_maps", counted)
+    transformer = Transformer()
+    pixels = np.zeros((120, 160), np.uint8)
+    for _frame in range(3):
+        transformer.rectified(pixels, calibration("plumb_bob").scaled(160, 120))
+    assert len(made) == 1
+    transformer.rectified(pixels, calibration("equidistant").scaled(160, 120))
+    assert len(made) == 2
 
 
 @pytest.mark.parametrize("box", [None, (40, 30, 200, 160)])
