@@ -79,19 +79,6 @@ def test_the_page_of_one_stream_loses_the_token_too_and_its_picture_never_had_it
     assert "token" not in shown.text
 
 
-async def test_the_view_token_sets_nothing_and_the_answer_names_the_scope(guarded: Viewer):
-    async with guarded.page(params={"token": VIEW_TOKEN}) as page:
-        assert (await page.text("hello"))["scope"] == "view"
-        refused = await set_parameter(page, {"sigma": 3.25})
-        assert not refused["ok"]
-        assert "the scope control is missing" in refused["error"]
-        await page.ask("dump", id=2, node=NODE)
-        assert "sigma = 1.4" in (await page.text("reply", id=2))["toml"]
-    line = audit_lines(guarded, "not accepted: the scope control is missing")[0]
-    assert f"(view) set parameters of {NODE}" in line
-    assert "3.25" not in guarded.program.complaints
-
-
 async def test_a_session_of_the_token_sets_parameters_and_the_log_has_its_name_and_both_values(
     guarded: Viewer,
 ):

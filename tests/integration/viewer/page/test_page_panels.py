@@ -78,13 +78,13 @@ def test_the_log_keeps_the_last_1000_lines_whether_it_was_open_or_not(
 ) -> None:
     tab, server = opened
     tab.page.keyboard.press("l")
-    for number in range(LINES + 500):
+    for number in range(LINES + 100):
         at_ns = str(NOW_NS + number * 10**6)
         server.tell("log", at_ns=at_ns, level="INFO", node="", text=f"line {number}")
     texts = "[...document.querySelectorAll('#log-lines li')].map((one) => one.lastChild.data)"
-    last = f"line {LINES + 499}"
+    last = f"line {LINES + 99}"
     tab.wait(f"{texts}.at(-1) === '{last}'")
-    kept = [f"line {number}" for number in range(500, LINES + 500)]
+    kept = [f"line {number}" for number in range(100, LINES + 100)]
     assert tab.page.evaluate(texts) == kept
     from_end = "(({ scrollHeight: all, scrollTop: top, clientHeight: seen }) => all - top - seen)"
     assert tab.page.evaluate(f"{from_end}(document.querySelector('#log-lines'))") < 2

@@ -125,6 +125,15 @@ def test_every_file_is_served_with_its_type_its_tag_and_the_policy(port: int) ->
     assert "content-encoding" not in plain.headers
 
 
-def test_what_is_not_in_the_table_is_not_found(port: int) -> None:
+def test_what_is_not_in_the_table_is_not_found_and_every_answer_keeps_browsers_safe(port: int):
     for path in ABSENT:
         assert get(port, path).status == 404, path
+    for path in (*ABSENT, "/", "/snapshot", "/healthz", "/stream_viewer?topic=/front/image"):
+        headers = get(port, path).headers
+        policy = headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'; script-src 'self';")
+        assert "frame-ancestors 'none'" in policy
+        assert "unsafe" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+        assert "aiohttp" not in headers["server"]

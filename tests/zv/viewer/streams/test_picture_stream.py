@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -248,7 +249,7 @@ async def test_what_was_made_and_not_taken_is_dropped_when_its_form_is_wanted_no
     assert (counters["dropped.overwritten"], counters["pending"]) == (1, 1)
 
 
-async def test_a_stream_that_cannot_subscribe_is_not_watched_until_it_can(registry):
+async def test_a_stream_is_watched_and_silent_from_when_it_can_subscribe(registry):
     health, stream = registry.context.health, PictureStream(registry.context, KEY, print)
 
     def fail(_declare: object) -> None:
@@ -257,9 +258,13 @@ async def test_a_stream_that_cannot_subscribe_is_not_watched_until_it_can(regist
     with pytest.raises(zenoh.ZError):
         stream._subscribe(SimpleNamespace(declare=fail))  # type: ignore[arg-type]
     assert health.inputs == []
+    begun_ns = time.monotonic_ns()
     subscription = SimpleNamespace(undeclare=lambda: None)
     stream._subscribe(SimpleNamespace(declare=lambda _: subscription))  # type: ignore[arg-type]
-    assert [each.key for each in health.inputs] == [KEY]
+    (watched,) = health.inputs
+    (state,) = watched.states()
+    assert state.key == KEY
+    assert begun_ns <= state.since_ns <= time.monotonic_ns()
     stream.close()
     stream._unsubscribe()
     assert health.inputs == []
