@@ -121,9 +121,10 @@ class Buffer(Generic[T]):
                 self._closed or (self._bytes > QUEUE_BYTES and len(self._queues) > 1)
             ):
                 replaced.append(self.take(0))
+            dropped = self._dropped  # not that of a ``close`` which follows
         self._wakeup.set()
         for oldest in replaced:
-            self._dropped(oldest)
+            dropped(oldest)
 
     def take(self, timeout_s: float) -> T | None:
         """Remove and return an item of the key that has waited longest, a verified one first.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 
+from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.stream.buffer import MAX_KEYS, Buffer, latest, queue
 
 
@@ -170,6 +171,24 @@ def test_what_waits_when_a_buffer_is_closed_and_what_comes_later_is_passed_on_on
     assert (left, replaced) == (["a", "b", "c"], [])
     assert not buffer.filled
     assert buffer.take(0) is None
+
+
+def test_what_was_replaced_before_a_buffer_is_closed_is_not_passed_on_as_left():
+    replaced: list[int] = []
+    left: list[int] = []
+
+    class CloseOnSecond(Wakeup):
+        count = 0
+
+        def set(self) -> None:
+            self.count += 1
+            if self.count == 2:
+                buffer.close(left.append)
+
+    buffer = Buffer[int](latest, replaced.append, CloseOnSecond())
+    buffer.put(1)
+    buffer.put(2)
+    assert (replaced, left) == ([1], [2])
 
 
 def test_when_there_are_too_many_keys_a_frame_does_not_go_for_an_unverified_one_of_its_key():
