@@ -117,9 +117,14 @@ class Buffer(Generic[T]):
             items.append((size, item))
             self._bytes += size
             self.filled = True
-            while self.filled and (
-                self._closed or (self._bytes > QUEUE_BYTES and len(self._queues) > 1)
-            ):
+            while self._bytes > QUEUE_BYTES and len(self._queues) > 1:
+                # An unverified item first, as it may replace no other; then the oldest but this one.
+                found = next((each for each in self._queues if each[1]), None)
+                found = found or next(each for each in self._queues if each != queue_key)
+                ((oldest_size, oldest),) = self._queues.pop(found)
+                self._bytes -= oldest_size
+                replaced.append(oldest)
+            if self._closed:
                 replaced.append(self.take(0))
             dropped = self._dropped  # not that of a ``close`` which follows
         self._wakeup.set()

@@ -199,3 +199,18 @@ def test_when_there_are_too_many_keys_a_frame_does_not_go_for_an_unverified_one_
         buffer.put("another", f"key/{number}")
     buffer.put("current", "key/0")
     assert replaced == ["unverified"]
+
+
+def test_when_too_many_bytes_wait_unverified_items_go_first_and_the_newest_item_last():
+    replaced: list[str] = []
+    buffer = Buffer[str](latest, replaced.append)
+    buffer.put("unverified", "a", unverified=True, size=200 << 20)
+    buffer.put("a1", "a", size=100 << 20)
+    assert replaced == ["unverified"], "300 of 256 MiB"
+    buffer.put("b1", "b", size=100 << 20)
+    buffer.put("a2", "a", size=200 << 20)
+    assert replaced == ["unverified", "a1", "b1"], "200 + 100 of 256 MiB"
+    buffer.put("other", "b", unverified=True, size=100 << 20)
+    assert replaced == ["unverified", "a1", "b1", "other"], "of an epoch that may be false"
+    assert buffer.take(0) == "a2"
+    assert not buffer.filled
