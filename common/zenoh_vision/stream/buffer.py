@@ -118,7 +118,7 @@ class Buffer(Generic[T]):
             self._bytes += size
             self.filled = True
             while self._bytes > QUEUE_BYTES and len(self._queues) > 1:
-                # An unverified item first, as it may replace no other; then the oldest but this one.
+                # An unverified one first, as it may replace no other; then the oldest but this one.
                 found = next((each for each in self._queues if each[1]), None)
                 found = found or next(each for each in self._queues if each != queue_key)
                 ((oldest_size, oldest),) = self._queues.pop(found)
