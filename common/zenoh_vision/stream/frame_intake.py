@@ -257,7 +257,7 @@ def checked_header(
     if attachment is not None and len(attachment) > MAX_ATTACHMENT_BYTES:
         raise PayloadError("bad_header", f"an attachment of {len(attachment)} bytes")
     # First: what is no picture is named so, whatever its header.
-    size = None if form.needs_header else form.size(payload)
+    size = form.size(payload)
     encoding = form.pixel_encoding(payload) if attachment is None else ""
     header = gate.identify(attachment, size, sample.received_ns, sample.arrived_ns, encoding)
     width, height = header.width, header.height

@@ -9,7 +9,7 @@ from tests.support.headers import NOW_NS, header
 from tests.support.intakes import JPEG, KEY, PIXELS, RAW_KEY, Taker, sample, take
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.host.wakeup import Wakeup
-from zenoh_vision.image import codecs
+from zenoh_vision.image import codecs, forms
 from zenoh_vision.keys import JPEG as JPEG_ENCODING
 from zenoh_vision.keys import RAW_IMAGE
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
@@ -195,6 +195,23 @@ def test_a_deletion_is_a_sample_but_neither_a_frame_nor_a_message():
     assert taker.drops == ["empty"] * 4
     with pytest.raises(PayloadError, match="empty"):
         snapshot_of(deletion, RAW_IMAGE)
+
+
+def test_a_size_that_a_payload_states_is_checked_though_its_form_needs_a_header(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    class Stated(forms.PngForm):
+        name, encoding, needs_header = "stated", "application/x-stated", True
+
+    monkeypatch.setattr(forms, "FORMS", {JPEG_ENCODING: forms.JPEG_FORM})
+    forms.register(Stated())
+    taker = Taker()
+    intake = taker.frames(encoding=Stated.encoding)
+    png = codecs.encode_png(PIXELS)
+    intake.receive(sample(0, png, attachment=header(0, width=640, height=100).to_bytes()))
+    assert taker.drops == ["wrong_size"]
+    intake.receive(sample(0, png))
+    assert np.array_equal(take(intake).pixels, PIXELS)
 
 
 def test_inputs_that_share_a_condition_wake_one_consumer():
