@@ -56,9 +56,7 @@ class CalibrationSource:
         self._run: tuple[int, int] | None = None
         self._replied = threading.Event()
         node.link.declare(
-            lambda session: session.declare_subscriber(
-                self._key, direct(lambda sample: self._arrived.append(_Arrival(sample)))
-            )
+            lambda session: session.declare_subscriber(self._key, direct(self._receive))
         )
 
     def newest(self, header: Header) -> Calibration | None:
@@ -71,6 +69,18 @@ class CalibrationSource:
             self._replied.wait(REPLY_S)
             self._process_all()
         return self._calibration
+
+    def _receive(self, sample: zenoh.Sample) -> None:
+        """Keep a published calibration for the loop, which may wait for a frame for long."""
+        size = len(sample.payload)
+        if size > MAX_MESSAGE_BYTES:
+            self._drop(PayloadError("bad_calibration", f"{size} bytes"))
+        else:
+            self._arrived.append(_Arrival(sample))
+
+    def _drop(self, error: PayloadError) -> None:
+        self._node.counters.arrive()
+        self._node.drop(error)
 
     def _send_query(self) -> None:
         self._query += 1
@@ -97,8 +107,7 @@ class CalibrationSource:
             try:
                 calibration = self._read(arrival.sample)
             except PayloadError as error:
-                self._node.counters.arrive()
-                self._node.drop(error)
+                self._drop(error)
                 return
         if arrival.query == 0:
             self._calibration, self._is_answered = calibration, False

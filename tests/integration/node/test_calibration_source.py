@@ -18,6 +18,7 @@ from zenoh_vision import CameraInfo, Connection, Header, Node
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.plane import Plane
+from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 from zenoh_vision.node.calibration_source import REPLY_S, CalibrationSource
 from zenoh_vision.transport.query import Query, Replies, send
 
@@ -164,3 +165,12 @@ def test_an_invalid_calibration_is_dropped_and_counted_and_the_previous_one_stay
     assert where(source, header()) == (1, 0.5)
     counters = node.counters.snapshot()
     assert (counters["received"], counters["pending"]) == (1, 0)
+
+
+def test_a_calibration_that_is_too_large_is_dropped_before_it_waits_for_a_frame(
+    source: CalibrationSource, node: Node, client: zenoh.Session
+):
+    wait_for_subscriber(client, KEY)
+    client.put(KEY, bytes(MAX_MESSAGE_BYTES + 1))
+    wait_until(lambda: dropped(node, "bad_calibration") == 1)
+    assert source.newest(header()) is None
