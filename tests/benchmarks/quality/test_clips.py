@@ -12,6 +12,7 @@ from benchmarks.quality.data import data_folder
 from benchmarks.quality.tracker.ablation import AS_IT_IS, CONSTANTS, RULES, alternatives, chosen
 from benchmarks.quality.tracker.baselines import Sort
 from benchmarks.quality.tracker.clips import Clip, Plain, seen_otherwise
+from benchmarks.quality.tracker.degradation import degraded
 from benchmarks.quality.tracker.scoring import Score
 from benchmarks.quality.tracker.wire import Receiver
 from zenoh_vision.messages import Centroid, Header, Track, Tracks
@@ -51,6 +52,24 @@ def test_a_clip_seen_otherwise_has_the_truth_of_the_pictures_that_are_left():
     assert other.pictures[1, 0, -1, 0] == 30
     assert other.truth[35] == {7: (50.0, 5.0, 20.0, 30.0)}
     assert other.ignored == {0: {9: (72.0, 0.0, 8.0, 8.0)}}
+
+
+def test_a_degraded_clip_has_other_pictures_and_the_same_truth_where_they_show_it():
+    picture = np.random.default_rng(0).integers(60, 200, (40, 60, 3), np.uint8)
+    truth = {index: {7: (10.0, 20.0, 30.0, 40.0)} for index in range(5)}
+    clip = Clip("hall", np.stack([picture] * 5), (120, 80), 10.0, 1, truth, {})
+    found = dict(degraded(clip))
+    usual, smaller = found.pop("as it is"), found.pop("0.6 of the size")
+    assert len(found) == 5
+    assert np.array_equal(usual.pictures, clip.pictures)
+    for name, other in found.items():
+        assert other.pictures.shape == clip.pictures.shape, name
+        assert not np.array_equal(other.pictures, clip.pictures), name
+        assert (other.truth, other.size) == (clip.truth, clip.size), name
+    brighter, darker = found["brighter, gamma 0.6"], found["darker, gamma 1.6"]
+    assert darker.pictures.mean() < picture.mean() < brighter.pictures.mean()
+    assert (smaller.pictures.shape, smaller.size) == ((5, 24, 36, 3), (72, 48))
+    assert smaller.truth[3] == {7: (6.0, 12.0, 18.0, 24.0)}
 
 
 def test_a_plain_baseline_finds_what_moves():
