@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from zenoh_vision import Connection, Frame, Level, Node
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CalibrationFault
@@ -48,6 +50,12 @@ def run(settings: RelaySettings, connection: Connection) -> None:
                 node.health.log_drop(error)
             except ParameterRefused as refused:
                 node.report("region", Level.WARN, str(refused))
+
+
+@lru_cache(maxsize=1)
+def scaled(calibration: Calibration, width: int, height: int) -> Calibration:
+    """Return a calibration for frames of this size, computed once for all of them."""
+    return calibration.scaled(width, height)
 
 
 class Relay:
@@ -136,7 +144,7 @@ class Relay:
         """Return the calibration for frames of this size; None if there is none that fits."""
         known = self._calibrations.newest(header)
         try:
-            fitting = known and known.scaled(header.width, header.height)
+            fitting = known and scaled(known, header.width, header.height)
         except CalibrationFault as fault:
             self._node.report("calibration", Level.WARN, str(fault))
             return None

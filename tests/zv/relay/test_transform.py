@@ -17,6 +17,7 @@ from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.image import codecs
 from zenoh_vision.image.frame import Frame
 from zv.relay import transform as transform_module
+from zv.relay.service import scaled
 from zv.relay.transform import RateLimit, Transform, Transformer, calibration_after
 
 SIZE = (320, 240)
@@ -62,6 +63,13 @@ def test_what_the_lens_bent_is_where_the_projection_says(model: DistortionModel)
     for place in wanted:
         assert centre(found, place) == pytest.approx(tuple(place), abs=0.5)
     assert np.abs(bent - wanted).max() > 5, "otherwise the test shows nothing"
+
+
+def test_a_calibration_is_scaled_once_for_all_frames_of_a_size():
+    once = scaled(calibration("plumb_bob"), 160, 120)
+    assert scaled(calibration("plumb_bob"), 160, 120) is once
+    assert once == calibration("plumb_bob").scaled(160, 120)
+    assert scaled(calibration("plumb_bob"), 80, 60) == calibration("plumb_bob").scaled(80, 60)
 
 
 def test_equal_calibrations_share_their_maps(monkeypatch: pytest.MonkeyPatch):
