@@ -13,11 +13,16 @@ import pytest
 from tests.support.fork_server import ZV
 from tests.support.processes import Program
 from tests.support.recordings import frames, write
-from tests.support.viewer.browser import CAMERA, Tab, tab
+from tests.support.viewer.browser import CAMERA, Running, Tab, tab
+from tests.support.viewer.page_server import header, served_page, stream
 from tests.support.waiting import wait_until
 from zv.bag.record import Record
 
+SERVICES = ()
+"""A viewer alone: of it the page comes that is told what a player says."""
+
 FRAMES = frames(90)
+REPLAY = "vision/player/replay"
 
 
 def event_at(frame: Record) -> Record:
@@ -66,3 +71,17 @@ def test_a_recording_is_shown_with_its_events_and_controlled(page: Tab):
     page.page.click("#replay-play")
     wait_until(lambda: 1.2 < at_s(page) < 2.9, explain=lambda: page.text)
     assert not page.complaints
+
+
+def test_a_speed_that_a_player_was_given_by_another_is_offered_once(browser: Any, system: Running):
+    choices = "[...document.getElementById('replay-speed').options].map((one) => one.value)"
+    with served_page(browser, system.address, stream(REPLAY, "vision.Replay.v1")) as (page, server):
+        page.open()
+        server.wait_for(REPLAY)
+        for speed in (3, 1, 3, 0):
+            state = {"node": "player", "paused": True, "speed": speed, "loop": False, "step": 0}
+            place = {"length_s": 3.0, "position_s": 1.0, "file": "run.mcap", "marks": []}
+            server.tell("message", key=REPLAY, header=header(1, REPLAY), body=state | place)
+            page.wait(f"document.getElementById('replay-speed').value === '{speed}'")
+        usual = ["0.1", "0.25", "0.5", "1", "2", "4", "8"]
+        assert page.page.evaluate(choices) == [*usual, "3", "0"]

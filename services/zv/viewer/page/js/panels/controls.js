@@ -5,7 +5,7 @@
 // slider is not linear, so that the default is at 40 % of its length and small values can be chosen
 // precisely.
 
-import { element, option, setData, setText } from "../ui/elements.js";
+import { element, setData, setText } from "../ui/elements.js";
 
 export const STEPS = 1000;
 const DEFAULT_AT = 0.4;
@@ -123,7 +123,7 @@ export class Control {
 		if (choices) {
 			const listed = usual === null ? ["", ...choices] : choices;
 			return element("select", common,
-				...listed.map((choice) => option(choice, choice || "not set")));
+				...listed.map((choice) => new Option(choice || "not set", choice)));
 		}
 		if (this.parameter.flags?.includes("write_only")) {
 			return element("button", { ...common, type: "button", onchange: null,

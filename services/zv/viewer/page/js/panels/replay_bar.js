@@ -1,7 +1,7 @@
 // The bar of a recording that is played, shown while a player says where it is. Its controls change
 // parameters of the player.
 
-import { byId, element, listen, option, setText } from "../ui/elements.js";
+import { byId, element, listen, setOptions, setText } from "../ui/elements.js";
 
 const TYPE = "vision.Replay.v1";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
@@ -18,8 +18,8 @@ export class ReplayBar {
 		this.heldUntil = 0;
 		this.at = 0; // when the state was told
 		this.tiny = 0;
+		this.speeds = new Set(SPEEDS); // and others that it had
 		this.receive = ({ body }) => this.draw(body);
-		byId("replay-speed").append(...SPEEDS.map((speed) => option(speed, `${speed}×`)));
 		listen("replay-play", "click", () => this.set({ paused: !this.state.paused }));
 		listen("replay-step", "click", () => this.set({ paused: true, step: this.state.step + 1 }));
 		listen("replay-speed", "change", ({ target }) => this.set({ speed: Number(target.value) }));
@@ -74,9 +74,8 @@ export class ReplayBar {
 		setText(byId("replay-time"), `${seconds(Number(position.value))} / ${seconds(length)}`);
 		const choice = byId("replay-speed");
 		if (document.activeElement !== choice) {
-			if (!SPEEDS.includes(speed) && choice.value !== String(speed)) {
-				choice.append(option(speed, speed ? `${speed}×` : "fastest"));
-			}
+			this.speeds.add(speed);
+			setOptions(choice, [...this.speeds].map((one) => [one, one ? `${one}×` : "fastest"]));
 			choice.value = speed;
 		}
 		if (!before || before.marks.length !== marks.length || before.length_s !== length) {

@@ -105,16 +105,12 @@ export function checkboxView(label, isOn, choose) {
 	};
 }
 
-export function option(value, text) {
-	return element("option", { value }, text);
-}
-
 /** Offer [value, text] in a list, which keeps its choice; it is touched only if they differ. */
 export function setOptions(list, options) {
 	const made = JSON.stringify(options);
 	if (list.made === made) return;
 	const { value } = list;
 	list.made = made;
-	list.replaceChildren(...options.map(([each, text]) => option(each, text)));
+	list.replaceChildren(...options.map(([each, text]) => new Option(text, each)));
 	if (options.some(([each]) => String(each) === value)) list.value = value;
 }
