@@ -13,8 +13,8 @@ export class Adjust {
 	constructor(orientations, changed) {
 		this.orientations = orientations;
 		this.changed = changed;
-		this.key = null;
-		this.camera = null;
+		/** @type {any} */
+		this.stream = null; // that the menu is about
 		this.toned = null;
 		this.choices = new KeptChoices("tones");
 		setOptions(byId("colour-map"), MAP_NAMES.map((name) => [name, name]));
@@ -38,16 +38,15 @@ export class Adjust {
 	}
 
 	get orientation() {
-		return this.orientations.of(this.camera);
+		return this.orientations.of(this.stream.camera);
 	}
 
 	/** The menu is now about this stream. */
-	follow({ key, camera }) {
-		const isOther = key !== this.key;
+	follow(stream) {
+		const isOther = stream.key !== this.stream?.key;
 		if (isOther) this.toned = null;
-		this.key = key;
-		this.camera = camera;
-		const choice = this.of(key);
+		this.stream = stream;
+		const choice = this.of(stream.key);
 		byId("range").value = choice.range;
 		byId("colour-map").value = choice.map;
 		byId("range-limits").hidden = choice.range !== "fixed";
@@ -61,13 +60,13 @@ export class Adjust {
 
 	/** Turn or mirror the camera's pictures: `how` is a method of Orientation. */
 	turn(how) {
-		this.orientations.set(this.camera, this.orientation[how]());
+		this.orientations.set(this.stream.camera, this.orientation[how]());
 		this.changed();
 	}
 
 	/** Stretch the range automatically, or show it as sent again. */
 	toggleStretch() {
-		this.setRange(this.of(this.key).range === "sent" ? "auto" : "sent");
+		this.setRange(this.of(this.stream.key).range === "sent" ? "auto" : "sent");
 	}
 
 	/** Set the kind of range; a fixed one begins with what is shown. */
@@ -84,7 +83,8 @@ export class Adjust {
 	}
 
 	set(change) {
-		this.choices.set(this.key, { ...this.of(this.key), ...change });
+		const { key } = this.stream;
+		this.choices.set(key, { ...this.of(key), ...change });
 		this.changed();
 	}
 
@@ -111,8 +111,7 @@ export class Adjust {
 			const high = Math.sqrt(number) / top * height; // one peak must not hide all others
 			context.fillRect(bin * width / 256, height - high, width / 256, high);
 		});
-		const text = (value) => valueText(value, values.unit);
-		setText(byId("histogram-text"), `${text(histogram.low)} to ${text(histogram.high)}; shown from `
-			+ `${text(range.low)} to ${text(range.high)}`);
+		const span = ({ low, high }) => `${valueText(low, values.unit)} to ${valueText(high, values.unit)}`;
+		setText(byId("histogram-text"), `${span(histogram)}; shown from ${span(range)}`);
 	}
 }

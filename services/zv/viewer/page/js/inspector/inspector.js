@@ -152,7 +152,7 @@ export class Inspector {
 		if (!this.picture) return;
 		this.grid.paint(); // a new frame may not be painted yet
 		const [pane] = this.grid.panes;
-		saveDrawn(this.frame, this.lead, this.overlayOf(pane), pane.toned.image);
+		saveDrawn(this.frame, this.lead, this.overlayOf(pane), pane.toner.made.image);
 	}
 
 	/** Show the next stream of the wall's order (1), or the one before (-1). */
@@ -211,7 +211,7 @@ export class Inspector {
 	}
 
 	painted() {
-		if (this.grid.panes[0].item) this.adjust.draw(this.grid.panes[0].toned);
+		if (this.grid.panes[0].item) this.adjust.draw(this.grid.panes[0].toner.made);
 		for (const pane of this.grid.panes) setText(pane.apart, this.apartness(pane));
 		for (const frames of this.cameras.values()) {
 			const pane = this.grid.panes.find((one) => one.frames === frames);
@@ -265,8 +265,7 @@ export class Inspector {
 		setData(byId("large"), { live, paused });
 		setText(byId("large-state"), paused ? "paused" : live ? "live" : "not live");
 		byId("unknown").hidden = Boolean(lead);
-		const statistics = this.frames?.statistics ?? null;
-		writeFigures({ frame, picture, statistics, isAging: paused || live });
+		writeFigures({ frame, picture, statistics: this.frames?.statistics, isAging: paused || live });
 	}
 
 	/** Return why the stream of a pane is not live. */

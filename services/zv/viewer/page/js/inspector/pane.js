@@ -2,7 +2,7 @@
 // pointer on it.
 
 import { topicName } from "../model/streams.js";
-import { element, setData, setText } from "../ui/elements.js";
+import { element, resize, setData, setText } from "../ui/elements.js";
 import { drawOverlay } from "../video/overlay.js";
 import { gradientOf, valuesOf, valueText } from "../video/tone.js";
 import { release } from "../video/watches.js";
@@ -20,7 +20,6 @@ export class Pane {
 		this.item = null;
 		this.pixel = ""; // the value under the pointer
 		this.toner = new Toner();
-		this.toned = null; // what the toner made of the item that is painted
 		this.probe = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
 		this.picture = element("canvas", { class: "picture", "data-key": stream.key,
 			"data-live": "false", role: "img", "aria-label": `${stream.camera} ${topicName(stream)}` });
@@ -32,11 +31,8 @@ export class Pane {
 		this.behind = element("span", { class: "pane-behind" });
 		this.apart = element("span", { class: "pane-apart",
 			title: "how much later than the first camera's frame it was captured" });
-		this.scaleLow = element("span");
-		this.scaleBar = element("i");
-		this.scaleHigh = element("span");
-		this.scale = element("p", { class: "pane-scale", hidden: true }, this.scaleLow, this.scaleBar,
-			this.scaleHigh);
+		this.scale = element("p", { class: "pane-scale", hidden: true }, element("span"), element("i"),
+			element("span"));
 		this.surface = element("div", { class: "pane-surface" }, this.picture, this.overlay,
 			element("p", { class: "pane-badge" }, element("i", { class: "lamp" }), this.badge),
 		this.scale, this.state);
@@ -58,8 +54,7 @@ export class Pane {
 	fitToSurface() {
 		const width = Math.max(1, Math.round(this.surface.clientWidth * devicePixelRatio));
 		const height = Math.max(1, Math.round(this.surface.clientHeight * devicePixelRatio));
-		if (this.picture.width === width && this.picture.height === height) return;
-		for (const canvas of [this.picture, this.overlay]) Object.assign(canvas, { width, height });
+		for (const canvas of [this.picture, this.overlay]) resize(canvas, { width, height });
 	}
 
 	/** Show this pane's picture of the frame; without one, keep the previous picture, with a mark. */
@@ -93,7 +88,6 @@ export class Pane {
 		};
 		const corner = view.toPane(this.size, { x: 0, y: 0 });
 		const toned = this.toner.toned(this.item, tone.choice, tone.isMeasured);
-		this.toned = toned;
 		picture.imageSmoothingEnabled = view.scale < PIXELS_FROM_SCALE;
 		picture.imageSmoothingQuality = "medium"; // otherwise lines of one pixel break into dashes
 		picture.setTransform(view.scale, 0, 0, view.scale, corner.x, corner.y);
@@ -127,8 +121,8 @@ export class Pane {
 		const isBehind = this.seq !== frame.seq;
 		setData(this.element, { step: !isBehind });
 		setText(this.behind, isBehind ? `frame ${this.seq}, not ${frame.seq}` : "");
-		const { epoch } = frame;
-		setData(this.picture, { epoch, seq: this.seq, overlay: isJoined ? "joined" : "without" });
+		setData(this.picture, { epoch: frame.epoch, seq: this.seq,
+			overlay: isJoined ? "joined" : "without" });
 		Object.assign(this.overlay, { drawn, view });
 	}
 
@@ -136,11 +130,12 @@ export class Pane {
 	writeScale({ isPlain, values, range }, map) {
 		this.scale.hidden = isPlain && !values.isDepth;
 		if (this.scale.hidden) return;
+		const [low, bar, high] = this.scale.children;
 		const gradient = gradientOf(values.isGrey ? map : "grey");
-		if (this.gradient !== gradient) this.scaleBar.style.background = gradient;
+		if (this.gradient !== gradient) bar.style.background = gradient;
 		this.gradient = gradient;
-		setText(this.scaleLow, valueText(range.low, values.unit));
-		setText(this.scaleHigh, valueText(range.high, values.unit));
+		setText(low, valueText(range.low, values.unit));
+		setText(high, valueText(range.high, values.unit));
 	}
 
 	valueAt({ x, y }, header) {
@@ -188,7 +183,7 @@ function listenToPointer(pane, grid) {
 	surface.addEventListener("pointermove", (event) => {
 		const at = pointOf(event);
 		grid.setPointer(pane, at);
-		if (event.pointerId === editing) grid.drag(pane, at);
+		if (event.pointerId === editing) grid.editor.drag(grid.pointAt(pane, at));
 		const before = down.get(event.pointerId);
 		if (!before) return;
 		down.set(event.pointerId, at);

@@ -100,9 +100,8 @@ export class PaneGrid {
 
 	/** Move the picture by device pixels; a whole frame stays where it is. */
 	pan(dx, dy) {
-		if (this.lead && this.mode !== "fit") {
-			this.setView("free", this.view.panned(this.sizeOf(this.lead), dx, dy));
-		}
+		if (!this.lead || this.mode === "fit") return;
+		this.setView("free", this.view.panned(this.sizeOf(this.lead), dx, dy));
 	}
 
 	/** Show the frames whole if the leading one was turned. */
@@ -225,10 +224,6 @@ export class PaneGrid {
 		if (!this.lead || !pane.frame || pane.stream.camera !== this.lead.stream.camera) return false;
 		const reach = REACH_PX * devicePixelRatio / this.viewOf(pane).scale;
 		return this.editor.press(this.pointAt(pane, at), reach);
-	}
-
-	drag(pane, at) {
-		this.editor.drag(this.pointAt(pane, at));
 	}
 
 	/** The point [x, y] of the frame at a point of a pane. */

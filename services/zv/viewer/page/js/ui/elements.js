@@ -44,6 +44,11 @@ export function byId(id) {
 	return document.getElementById(id);
 }
 
+/** Make a canvas this large, which also clears it, if it is not. */
+export function resize(canvas, { width, height }) {
+	if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+}
+
 /** Call a listener at each event of an element of the page. */
 export function listen(id, type, listener) {
 	byId(id).addEventListener(type, listener);

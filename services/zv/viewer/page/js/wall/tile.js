@@ -1,7 +1,7 @@
 // One stream on the wall: a small picture that shows whether the stream is live.
 
 import { StreamStatistics, streamName, topicName } from "../model/streams.js";
-import { element, setData, setText } from "../ui/elements.js";
+import { element, resize, setData, setText } from "../ui/elements.js";
 import { duration, shownRate } from "../ui/format.js";
 
 const WIDTHS = [160, 240, 320, 480, 640];
@@ -110,10 +110,7 @@ export class Tile {
 	paint(picture, bitmap) {
 		this.picture = picture;
 		const orientation = this.wall.orientations.of(this.stream.camera);
-		const { width, height } = orientation.size(bitmap);
-		if (this.canvas.width !== width || this.canvas.height !== height) {
-			Object.assign(this.canvas, { width, height });
-		}
+		resize(this.canvas, orientation.size(bitmap));
 		this.context.setTransform(...orientation.transform(bitmap));
 		this.context.drawImage(bitmap, 0, 0);
 		bitmap.close();
