@@ -24,24 +24,16 @@ export class System extends Events {
 		this.histories = new Map();
 		this.parameters = new Map(); // node -> (name -> parameter)
 		this.lines = [];
-		this.made = 0; // lines
 		this.routerConnected = null;
 		this.clockOffset = performance.timeOrigin;
 		connection.on("open", () => this.sendShown());
 		connection.on("hello", (hello) => this.onHello(hello));
 		connection.on("tick", ({ now_ns: now }) => this.setClock(milliseconds(now)));
-		connection.on("streams", ({ streams }) => {
-			this.streams = streams.map((stream) => ({ ...stream, since: milliseconds(stream.since_ns) }));
-			this.emit("streams");
-		});
-		connection.on("misnamed", ({ cameras }) => {
-			this.misnamed = cameras;
-			this.emit("streams");
-		});
-		connection.on("matches", ({ expressions }) => {
-			this.matches = new Map(Object.entries(expressions));
-			this.emit("matches");
-		});
+		connection.on("streams", ({ streams }) => this.change("streams", {
+			streams: streams.map((stream) => ({ ...stream, since: milliseconds(stream.since_ns) })) }));
+		connection.on("misnamed", ({ cameras }) => this.change("streams", { misnamed: cameras }));
+		connection.on("matches", ({ expressions }) =>
+			this.change("matches", { matches: new Map(Object.entries(expressions)) }));
 		connection.on("nodes", ({ nodes }) => this.onNodes(nodes));
 		connection.on("health", (report) => this.onHealth(report));
 		connection.on("parameters", ({ node, parameters }) => {
@@ -54,8 +46,14 @@ export class System extends Events {
 			this.emit("parameters");
 		});
 		connection.on("log", (line) => this.onLog(line));
-		connection.on("router", ({ connected }) => this.setRouter(connected));
-		connection.on("close", () => this.setRouter(null));
+		connection.on("router", ({ connected }) => this.change("router", { routerConnected: connected }));
+		connection.on("close", () => this.change("router", { routerConnected: null }));
+	}
+
+	/** Set some of its fields, and tell of it by this event. */
+	change(event, fields) {
+		Object.assign(this, fields);
+		this.emit(event);
 	}
 
 	/** Note which of "health", "parameters", "log" and "matches" a part of the page shows now. */
@@ -138,17 +136,11 @@ export class System extends Events {
 	}
 
 	onLog(fields) {
-		const line = { ...fields, key: this.made, at: milliseconds(fields.at_ns) };
+		const key = `${fields.at_ns} ${fields.text}`;
 		// When the panel is opened again, the server sends its last lines again.
-		if (this.lines.some(({ at_ns: at, text }) => at === line.at_ns && text === line.text)) return;
-		this.made += 1;
-		this.lines.push(line);
+		if (this.lines.some((line) => line.key === key)) return;
+		this.lines.push({ ...fields, key, at: milliseconds(fields.at_ns) });
 		if (this.lines.length > LINES_KEPT) this.lines.shift();
 		this.emit("log");
-	}
-
-	setRouter(connected) {
-		this.routerConnected = connected;
-		this.emit("router");
 	}
 }
