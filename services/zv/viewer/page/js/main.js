@@ -77,9 +77,8 @@ function change(part) {
 
 /** Set the size and quality of all streams, in the URL if it has one, else in the browser. */
 function setTransfer(choice) {
-	if (shared.transfer.fixed) {
-		visit(writeLayout({ ...layout, ...choice }), "replaceState");
-	} else {
+	if (shared.transfer.fixed) visit(writeLayout({ ...layout, ...choice }), "replaceState");
+	else {
 		shared.transfer.setCommon(choice);
 		show();
 	}
@@ -137,9 +136,8 @@ function unhide() {
 }
 
 for (const button of document.querySelectorAll("[data-act]")) {
-	const { act, by } = button.dataset;
-	const argument = by === undefined || Number.isNaN(Number(by)) ? by : Number(by);
-	button.addEventListener("click", () => inspector.commands[act](argument));
+	const { act, by } = button.dataset; // the argument, a number or a word
+	button.addEventListener("click", () => inspector.commands[act](Number(by) || by));
 }
 for (const link of document.querySelectorAll('a[href="#"]')) {
 	link.addEventListener("click", (event) => {

@@ -6,12 +6,9 @@ const GREY_OF_16_BITS = [16, 0, 0, 0, 0]; // bits, grey, and three methods of wh
 /** Return a PNG of the values in RGBA pixels: the high byte is red, the low byte is green. */
 export async function depthPng({ data, width, height }) {
 	const rows = new Uint8Array(height * (1 + 2 * width)); // each begins with its filter: 0, none
-	for (let row = 0; row < height; row += 1) {
-		for (let column = 0; column < width; column += 1) {
-			const from = 4 * (row * width + column);
-			const to = row * (1 + 2 * width) + 1 + 2 * column;
-			rows.set(data.subarray(from, from + 2), to);
-		}
+	for (let pixel = 0; pixel < width * height; pixel += 1) {
+		const row = Math.floor(pixel / width);
+		rows.set(data.subarray(4 * pixel, 4 * pixel + 2), 2 * pixel + row + 1);
 	}
 	const packed = new Blob([rows]).stream().pipeThrough(new CompressionStream("deflate"));
 	const bytes = new Uint8Array(await new Response(packed).arrayBuffer());

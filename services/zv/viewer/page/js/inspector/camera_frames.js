@@ -46,13 +46,9 @@ export class CameraFrames {
 		const isMore = keys.some((key) => !this.keys.includes(key));
 		this.stop();
 		this.followed = followed;
-		this.keys = keys;
-		this.messages = messages;
 		this.optionsOf = optionsOf;
-		this.shown = [];
-		this.lastFrameAt = null;
-		this.trails = new Trails();
-		this.statistics = new StreamStatistics();
+		Object.assign(this, { keys, messages, shown: [], lastFrameAt: null, trails: new Trails(),
+			statistics: new StreamStatistics() });
 		if (!this.playback.paused) this.start();
 		else if (isMore) this.next(); // one that has them all
 	}

@@ -45,9 +45,7 @@ export function writeLayout({ keys, only, columns, width, quality, panel, hide }
 }
 
 const READERS = {
-	only: (layout, text, refused) => {
-		layout.only = keysOf(text, "only", refused);
-	},
+	only: (layout, text, refused) => Object.assign(layout, { only: keysOf(text, "only", refused) }),
 	columns: number("columns", MOST_COLUMNS),
 	width: number("width", LARGEST_WIDTH),
 	quality: number("quality", 100),

@@ -26,21 +26,16 @@ function add(found, fields, names, options) {
 		const row = rowOf(value, [...names, name], options);
 		const at = found.rows.length;
 		const before = found.left;
-		push(found, row, options.most);
+		if (at < options.most) found.rows.push(row);
+		else found.left += 1;
 		const isInside = row.isOpen && add(found, value, row.names, options);
-		if (!options.search || isInside || matches(row, options.search)) {
-			isAny = true;
-		} else {
-			found.rows.length = Math.min(at, found.rows.length);
+		if (!options.search || isInside || matches(row, options.search)) isAny = true;
+		else {
+			found.rows.length = at;
 			found.left = before;
 		}
 	}
 	return isAny;
-}
-
-function push(found, row, most) {
-	if (found.rows.length < most) found.rows.push(row);
-	else found.left += 1;
 }
 
 function matches({ name, text, canOpen }, search) {
@@ -50,26 +45,21 @@ function matches({ name, text, canOpen }, search) {
 function rowOf(value, names, { toggled, search }) {
 	const key = names.join(SEPARATOR);
 	const canOpen = typeof value === "object" && value !== null;
+	const isList = Array.isArray(value);
 	const count = canOpen ? Object.keys(value).length : 0;
+	const items = `${count} ${count === 1 ? "item" : "items"}`;
 	const isOpenAtFirst = names.length === 1 && count <= OPEN_AT_FIRST;
 	return {
 		key, names, depth: names.length - 1, name: names.at(-1), canOpen,
 		isOpen: canOpen && (search !== "" || isOpenAtFirst !== toggled.has(key)),
-		...(canOpen ? { kind: Array.isArray(value) ? "list" : "map", text: sizeText(value, count) }
-			: leaf(value)),
+		...(!canOpen ? leaf(value)
+			: isList ? { kind: "list", text: `[${items}]` } : { kind: "map", text: `{${items}}` }),
 	};
-}
-
-function sizeText(value, count) {
-	const items = `${count} ${count === 1 ? "item" : "items"}`;
-	return Array.isArray(value) ? `[${items}]` : `{${items}}`;
 }
 
 /** A value that has no items: {kind, text}. */
 function leaf(value) {
-	if (typeof value === "number" || typeof value === "boolean") {
-		return { kind: "number", text: String(value) };
-	}
+	if (["number", "boolean"].includes(typeof value)) return { kind: "number", text: String(value) };
 	if (typeof value !== "string") return { kind: "none", text: String(value) };
 	// The server sends integers as text that JavaScript cannot represent, and all times.
 	if (/^-?\d{10,20}$/.test(value)) return { kind: "number", text: value };

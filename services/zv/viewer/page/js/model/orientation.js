@@ -61,9 +61,7 @@ export class Orientation {
 
 /** The orientation of each camera's pictures, kept in the browser. */
 export class Orientations {
-	constructor() {
-		this.texts = new KeptChoices("orientations");
-	}
+	texts = new KeptChoices("orientations");
 
 	of(camera) {
 		return Orientation.of(this.texts.get(camera) ?? "0");

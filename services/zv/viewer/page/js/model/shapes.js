@@ -43,21 +43,16 @@ export function distanceToEdge([x, y], [ax, ay], [bx, by]) {
  * `corner` is null for an edge. Null if there is neither. `shapes` has a list for each kind.
  */
 export function shapeAt(shapes, point, reach) {
-	/** @type {any} */
-	let best = null;
-	const offer = (away, found) => {
-		if (away <= reach && !(best && best.away <= away)) best = { away, found };
-	};
-	for (const isCorner of [true, false]) {
-		for (const kind of Object.keys(KINDS)) {
-			shapes[kind].forEach(({ world, points }, index) => points.forEach((at, corner) => {
-				if (world) return;
-				const next = points[(corner + 1) % points.length];
-				offer(isCorner ? distance(point, at) : distanceToEdge(point, at, next),
-					{ kind, index, corner: isCorner ? corner : null });
-			}));
-		}
-		if (best) break;
+	const corners = [];
+	const edges = [];
+	for (const kind of Object.keys(KINDS)) {
+		shapes[kind].forEach(({ world, points }, index) => (world ? [] : points).forEach((at, corner) => {
+			const next = points[(corner + 1) % points.length];
+			corners.push({ away: distance(point, at), found: { kind, index, corner } });
+			edges.push({ away: distanceToEdge(point, at, next), found: { kind, index, corner: null } });
+		}));
 	}
-	return best?.found ?? null;
+	const nearest = (places) => places.filter(({ away }) => away <= reach)
+		.sort((one, other) => one.away - other.away)[0]?.found;
+	return nearest(corners) ?? nearest(edges) ?? null;
 }

@@ -98,19 +98,12 @@ export class StreamStatistics {
 	}
 
 	/** Count one picture that arrived at `now`, ms; `skipped` others were not sent to this page. */
-	add(now, { skipped = 0, lost = 0, header }) {
-		if (header.epoch !== this.epoch) {
-			this.epoch = header.epoch;
-			this.samples = [];
-			this.intervals = [];
-		}
-		if (this.samples.length) {
-			this.intervals = [now - this.lastAt, ...this.intervals].slice(0, INTERVALS);
-		}
+	add(now, { skipped = 0, lost = 0, header: { epoch } }) {
+		if (epoch !== this.epoch) Object.assign(this, { epoch, samples: [], intervals: [] });
+		if (this.samples.length) this.intervals.unshift(now - this.lastAt);
+		this.intervals.splice(INTERVALS);
 		this.samples.push({ now, frames: 1 + skipped });
-		while (now - this.samples[0].now > WINDOW_MS && this.samples.length > 2) {
-			this.samples.shift();
-		}
+		while (now - this.samples[0].now > WINDOW_MS && this.samples.length > 2) this.samples.shift();
 		this.lost = lost;
 		this.skipped += skipped;
 		this.lastAt = now;

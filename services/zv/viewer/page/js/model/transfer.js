@@ -8,11 +8,10 @@ export const QUALITIES = [80, 60, 40, 20];
 const AS_SENT = { width: null, quality: null };
 
 export class Transfer {
-	constructor() {
-		this.page = valid(loadPreference("transfer", AS_SENT));
-		this.streams = new KeptChoices("transfers"); // of their own
-		this.fixed = null; // of the URL, for all streams
-	}
+	page = valid(loadPreference("transfer", AS_SENT));
+	streams = new KeptChoices("transfers"); // of their own
+	/** @type {any} */
+	fixed = null; // of the URL, for all streams
 
 	/** Use the size and quality of a layout instead, if it has any. */
 	fix({ width, quality }) {

@@ -56,12 +56,11 @@ export function listen(id, type, listener) {
 
 /** Return a function that calls `run` once, `ms` after the first of its own calls. */
 export function later(run, ms) {
-	let isDue = false;
+	let timer = null;
 	return () => {
-		if (isDue) return;
-		isDue = true;
-		setTimeout(() => {
-			isDue = false;
+		if (timer) return;
+		timer = setTimeout(() => {
+			timer = null;
 			run();
 		}, ms);
 	};
@@ -77,11 +76,8 @@ const VIEWS = new WeakMap(); // list -> its views by their keys
  */
 export function drawList(list, items, make, close = (_view) => {}) {
 	const before = VIEWS.get(list) ?? new Map();
-	const views = new Map();
-	for (const item of items) {
-		const key = item.key ?? item;
-		views.set(key, before.get(key) ?? make(item));
-	}
+	const keyOf = (item) => item.key ?? item;
+	const views = new Map(items.map((item) => [keyOf(item), before.get(keyOf(item)) ?? make(item)]));
 	VIEWS.set(list, views);
 	for (const [key, view] of before) {
 		if (views.has(key)) continue;
@@ -95,7 +91,7 @@ export function drawList(list, items, make, close = (_view) => {}) {
 		if (present !== shown) list.insertBefore(shown, present ?? null);
 	});
 	if (list.contains(active) && active !== document.activeElement) active.focus();
-	for (const item of items) views.get(item.key ?? item).update?.(item);
+	for (const item of items) views.get(keyOf(item)).update?.(item);
 	return views;
 }
 
@@ -104,9 +100,7 @@ export function checkboxView(label, isOn, choose) {
 	const box = element("input", { type: "checkbox", onchange: () => choose(box.checked) });
 	return {
 		element: element("label", {}, box, element("span", {}, label)),
-		update: (item) => {
-			box.checked = isOn(item);
-		},
+		update: (item) => Object.assign(box, { checked: isOn(item) }),
 	};
 }
 

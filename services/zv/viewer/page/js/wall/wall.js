@@ -132,15 +132,12 @@ export class Wall {
 		const { clientWidth: width, clientHeight: height } = this.list;
 		this.list.style.setProperty("--columns", this.columns);
 		setData(this.list, { arranged: this.columns !== null });
-		let size = SMALLEST_TILE;
-		for (let columns = 1; columns <= this.tiles.size; columns += 1) {
-			const each = Math.floor((width - 14 - 10 * columns) / columns);
-			const rows = Math.ceil(this.tiles.size / columns);
-			if (each > LARGEST_TILE || rows * (each * 0.75 + 40) + 14 > height) continue;
-			size = Math.max(each, size);
-			break;
-		}
-		this.list.style.setProperty("--tile", `${size}px`);
+		const count = this.tiles.size;
+		const sizes = Array.from({ length: count }, (_, index) => index + 1).map((columns) => ({
+			rows: Math.ceil(count / columns), each: Math.floor((width - 14 - 10 * columns) / columns) }));
+		const largest = sizes.find(({ rows, each }) => each <= LARGEST_TILE
+			&& rows * (each * 0.75 + 40) + 14 <= height);
+		this.list.style.setProperty("--tile", `${Math.max(SMALLEST_TILE, largest?.each ?? 0)}px`);
 	}
 
 	tick() {
