@@ -27,7 +27,7 @@ import { HealthPanel, logPanel } from "./panels/health.js";
 import { MessagePanel } from "./panels/message.js";
 import { ParametersPanel } from "./panels/parameters.js";
 import { PlotsPanel } from "./panels/plots.js";
-import { ReplayBar } from "./panels/replay_bar.js";
+import { showReplay } from "./panels/replay_bar.js";
 import { Connection } from "./transport/connection.js";
 import { byId, setData } from "./ui/elements.js";
 import { placeMenus } from "./ui/menus.js";
@@ -60,7 +60,7 @@ const panels = {
 	health: new HealthPanel(system),
 	log: logPanel(system),
 };
-new ReplayBar(system, watches, connection);
+showReplay(system, watches, connection);
 const dock = new Dock(panels, (kinds) => system.show(kinds));
 const refuse = showConnection(system, connection, watches);
 
