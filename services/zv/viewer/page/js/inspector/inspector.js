@@ -10,10 +10,9 @@ import { number } from "../ui/format.js";
 import { Adjust } from "./adjust.js";
 import { CameraFrames } from "./camera_frames.js";
 import { writeFigures } from "./figures.js";
-import { Menus } from "./menus.js";
+import { Menus, TransferMenu } from "./menus.js";
 import { PaneGrid } from "./pane_grid.js";
 import { ShapeEditor } from "./shape_editor.js";
-import { TransferMenu } from "./transfer_menu.js";
 
 const TICK_MS = 200;
 const ITS_MENUS = '.tools [popovertarget]:not([popovertarget="layout-menu"])';

@@ -1,11 +1,16 @@
-// The large view's two menus: the overlays on the picture, and the streams beside it.
+// The large view's menus: the overlays on the picture, the streams beside it, and the size and quality
+// in which the server sends a stream, with the stream's addresses for other pages and programs.
 
-import { overlayStreams, pictureStreams, streamName, topicName } from "../model/streams.js";
-import { byId, checkboxView, drawList, listen } from "../ui/elements.js";
+import { copies, copyText, pageFolder, streamAddress } from "../export/addresses.js";
+import { overlayStreams, pictureStreams, RAW, streamName, topicName } from "../model/streams.js";
+import { QUALITIES, WIDTHS } from "../model/transfer.js";
+import { byId, checkboxView, drawList, listen, setOptions } from "../ui/elements.js";
 import { KeptChoices, loadPreference, savePreference } from "../ui/preferences.js";
 
 const SWITCHES = ["trails", "shapes", "onlyComplete"];
+const PATHS = ["stream", "snapshot"];
 
+/** The two menus of what is drawn on the picture and shown beside it. */
 export class Menus {
 	/** `changed()` is called after each choice; `showBeside(keys)` with the streams to show. */
 	constructor(system, changed, showBeside) {
@@ -64,5 +69,68 @@ export class Menus {
 		const next = on ? [...this.keys, key] : this.keys.filter((other) => other !== key);
 		if (next.length) this.showBeside(next);
 		else this.changed();
+	}
+}
+
+/** The menu of the size and quality of a stream, and of its addresses. */
+export class TransferMenu {
+	/** `setCommon(choice)` sets that of all streams; `changed()` is called after other choices. */
+	constructor(transfer, setCommon, changed) {
+		this.transfer = transfer;
+		this.setCommon = setCommon;
+		this.changed = changed;
+		this.stream = null;
+		/** @type {[string, number[], (size: number) => string][]} */
+		const choices = [
+			["width", WIDTHS, (width) => `at most ${width} pixels wide`],
+			["quality", QUALITIES, (quality) => `JPEG ${quality}`],
+		];
+		for (const [name, numbers, words] of choices) {
+			setOptions(byId(`transfer-${name}`),
+				[["", "as sent"], ...numbers.map((number) => [number, words(number)])]);
+			listen(`transfer-${name}`, "change", () => this.choose());
+		}
+		listen("transfer-own", "change", ({ target }) => this.setOwn(target.checked ? this.chosen : null));
+		for (const path of PATHS) copies(byId(`copy-${path}`), byId(`address-${path}`));
+	}
+
+	get chosen() {
+		const of = (id) => Number(byId(id).value) || null;
+		return { width: of("transfer-width"), quality: of("transfer-quality") };
+	}
+
+	choose() {
+		if (byId("transfer-own").checked) this.setOwn(this.chosen);
+		else this.setCommon(this.chosen);
+	}
+
+	/** Set the choice for this stream; with null, it has that of all streams again. */
+	setOwn(choice) {
+		this.transfer.streams.set(this.stream.key, choice);
+		this.changed();
+	}
+
+	/** The menu is now about this stream, whose frames have this size, or null while unknown. */
+	follow(stream, frameSize) {
+		this.stream = stream;
+		const { width, quality } = this.transfer.of(stream.key);
+		byId("transfer-width").value = width ?? "";
+		byId("transfer-quality").value = quality ?? "";
+		byId("transfer-own").checked = this.transfer.hasOwn(stream.key);
+		byId("transfer-own").disabled = Boolean(this.transfer.fixed);
+		byId("transfer-button").setAttribute("aria-pressed", String(Boolean(width || quality)));
+		// In an address, a width also enlarges.
+		const isSmaller = width && !(frameSize && frameSize.width <= width);
+		const rendered = { quality, width: isSmaller ? width : null };
+		for (const path of PATHS) {
+			byId(`address-${path}`).value = streamAddress(pageFolder(), stream.key, rendered,
+				topicName(stream) === RAW, path);
+		}
+	}
+
+	/** Open the menu and copy the stream's address. */
+	copyAddress() {
+		if (!byId("transfer-menu").matches(":popover-open")) byId("transfer-button").click();
+		copyText(byId("copy-stream"), byId("address-stream"));
 	}
 }

@@ -4,9 +4,8 @@
 import { topicName } from "../model/streams.js";
 import { element, resize, setData, setText } from "../ui/elements.js";
 import { drawOverlay } from "../video/overlay.js";
-import { gradientOf, valuesOf, valueText } from "../video/tone.js";
+import { gradientOf, Toner, valuesOf, valueText } from "../video/tone.js";
 import { release } from "../video/watches.js";
-import { Toner } from "./toner.js";
 
 const PIXELS_FROM_SCALE = 2; // from here on, pixels are seen as squares
 const WHEEL_STEP = 0.0015;

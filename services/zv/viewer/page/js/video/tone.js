@@ -3,6 +3,8 @@
 // of a picture of 16 bits (depth), which the server sends with the high byte as red, the low byte as
 // green, and the grey of its own rendering as blue.
 
+import { resize } from "../ui/elements.js";
+
 const BINS = 256;
 const SAMPLES = 65_536; // of a picture, for its histogram
 const LOWEST_SHARE = 0.01;
@@ -73,16 +75,12 @@ export function automaticRange({ counts, low, high, total }) {
 function coloursOf(name) {
 	const stops = (MAPS[name] ?? MAPS.grey).map((text) =>
 		[1, 3, 5].map((at) => Number.parseInt(text.slice(at, at + 2), 16)));
-	const colours = new Uint8ClampedArray(3 * 256);
-	for (let index = 0; index < 256; index += 1) {
-		const place = index / 255 * (stops.length - 1);
+	return Uint8ClampedArray.from({ length: 3 * 256 }, (_, at) => {
+		const place = Math.floor(at / 3) / 255 * (stops.length - 1);
 		const before = Math.min(Math.floor(place), stops.length - 2);
-		for (const part of [0, 1, 2]) {
-			const [from, to] = [stops[before][part], stops[before + 1][part]];
-			colours[3 * index + part] = from + (to - from) * (place - before);
-		}
-	}
-	return colours;
+		const [from, to] = [stops[before][at % 3], stops[before + 1][at % 3]];
+		return from + (to - from) * (place - before);
+	});
 }
 
 /** The gradient of a map for a style. */
@@ -118,4 +116,49 @@ export function valueText(value, unit) {
 	if (Number.isNaN(value)) return "no reading";
 	if (unit !== "mm") return String(Math.round(value));
 	return value >= 1000 ? `${(value / 1000).toFixed(3)} m` : `${Math.round(value)} mm`;
+}
+
+/**
+ * Makes the image that a pane draws of a picture: the picture itself, or a copy whose values were
+ * stretched or coloured.
+ */
+export class Toner {
+	context = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+	item = null;
+	asked = "";
+	/** @type {any} */
+	made = null;
+
+	/**
+	 * Return {image, values, isPlain, range: {low, high}, histogram} of an item {picture, bitmap}, made
+	 * once for each item and choice; `histogram` is null unless it `isMeasured` or needed. `choice` is
+	 * {range, low, high, map}, where `range` is "sent", "auto" or "fixed".
+	 */
+	toned(item, choice, isMeasured) {
+		const asked = JSON.stringify([choice, isMeasured]);
+		if (item !== this.item || asked !== this.asked) this.made = this.make(item, choice, isMeasured);
+		this.item = item;
+		this.asked = asked;
+		return this.made;
+	}
+
+	make({ picture, bitmap }, { range, low, high, map }, isMeasured) {
+		const values = valuesOf(picture);
+		const isPlain = range === "sent" && !(values.isGrey && map !== "grey")
+			&& !(values.isDepth && values.isExact);
+		/** @type {any} */
+		const made = { image: bitmap, values, isPlain, range: values, histogram: null };
+		if (isPlain && !isMeasured) return made;
+		const { context } = this;
+		resize(context.canvas, bitmap);
+		context.drawImage(bitmap, 0, 0);
+		const pixels = context.getImageData(0, 0, bitmap.width, bitmap.height);
+		if (isMeasured || range === "auto") made.histogram = histogramOf(pixels.data, values);
+		if (range === "auto") made.range = automaticRange(made.histogram);
+		if (range === "fixed") made.range = { low, high };
+		if (isPlain) return made;
+		paintTone(pixels.data, values, { ...made.range, map });
+		context.putImageData(pixels, 0, 0);
+		return { ...made, image: context.canvas };
+	}
 }
