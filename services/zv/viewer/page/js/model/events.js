@@ -6,9 +6,12 @@ import { number } from "../ui/format.js";
 export const EVENT_TYPE = "vision.TrackEvent.v1";
 const LONGEST_TEXT = 60;
 
-/** The query of a request for events: `choice` has fields of the address, and times as Dates. */
+/**
+ * The query of a request for events: fields of the address, and times in any form that Date knows.
+ * @param {any} choice
+ */
 export function queryOf({ since, until, ...texts }) {
-	const nanoseconds = (time) => (time ? `${time.getTime()}000000` : "");
+	const nanoseconds = (time) => (time ? `${new Date(time).getTime()}000000` : "");
 	const given = { ...texts, since_ns: nanoseconds(since), until_ns: nanoseconds(until) };
 	return new URLSearchParams(Object.entries(given).filter(([, value]) => value)).toString();
 }

@@ -31,7 +31,7 @@ export class EventMarks {
 	/** Take those of before; where none are kept, the answer has none. */
 	async fetchKept(camera) {
 		const { clockOffset: offset, now } = this.system;
-		const query = queryOf({ camera, since: new Date(now - HISTORY_MS), until: new Date(now) });
+		const query = queryOf({ camera, since: now - HISTORY_MS, until: now });
 		const { events } = await askFor(`most=${MOST}&${query}`);
 		if (camera !== this.camera || !events) return; // another was chosen meanwhile
 		const kept = merged([], events).map((row) => ({ at: row.at - offset, words: wordsOf(row) }));

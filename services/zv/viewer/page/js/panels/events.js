@@ -14,7 +14,7 @@ const LIVE_KEPT = 500;
 const ROWS_KEPT = 1000;
 const PAGE = 100; // rows in an answer to a first question
 const LISTS = { camera: "all cameras", kind: "all events", zone: "all zones and lines" };
-const TIMES = ["since", "until"];
+const CHOICES = [...Object.keys(LISTS), "since", "until"];
 
 export class EventsPanel {
 	constructor(system, watches) {
@@ -30,10 +30,7 @@ export class EventsPanel {
 		this.receive = (message) => this.add(message);
 		this.list = new LineList("event-lines", () => this.rows,
 			(row) => "message" in row ? liveRow(row) : keptRow(row));
-		for (const [name, all] of Object.entries(LISTS)) setOptions(byId(`event-${name}`), [["", all]]);
-		for (const name of [...Object.keys(LISTS), ...TIMES]) {
-			listen(`event-${name}`, "change", () => this.restart());
-		}
+		listen("event-filters", "change", () => this.restart());
 		listen("event-older", "click", () => this.ask(true));
 		listen("event-dialog", "click", ({ target }) => target.id === "event-dialog" && target.close());
 		system.on("streams", () => this.draw());
@@ -42,10 +39,7 @@ export class EventsPanel {
 
 	/** The query for what is chosen. */
 	get query() {
-		const texts = Object.keys(LISTS).map((name) => [name, byId(`event-${name}`).value]);
-		const times = TIMES.map((name) => [name, byId(`event-${name}`).value])
-			.map(([name, value]) => [name, value && new Date(value)]);
-		return queryOf(Object.fromEntries([...texts, ...times]));
+		return queryOf(Object.fromEntries(CHOICES.map((name) => [name, byId(`event-${name}`).value])));
 	}
 
 	draw() {
