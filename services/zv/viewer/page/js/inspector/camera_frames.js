@@ -54,8 +54,7 @@ export class CameraFrames {
 	}
 
 	newJoiner(pictures, messages) {
-		const joiner = new FrameJoiner(pictures, messages, release, performance.now());
-		return Object.assign(joiner, { onlyComplete: this.onlyComplete });
+		return new FrameJoiner(pictures, messages, release, performance.now(), this.onlyComplete);
 	}
 
 	/** Watch the streams that are followed, unless they are watched already. */

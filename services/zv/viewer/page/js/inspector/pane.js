@@ -45,10 +45,6 @@ export class Pane {
 		return this.frames?.frame ?? null;
 	}
 
-	get size() {
-		return { width: this.picture.width, height: this.picture.height };
-	}
-
 	/** Make the canvases as large as the pane is. */
 	fitToSurface() {
 		const width = Math.max(1, Math.round(this.surface.clientWidth * devicePixelRatio));
@@ -71,7 +67,7 @@ export class Pane {
 	 * `pointer` is a point of the frame, or null; `tone` is {choice, isMeasured}, as Toner takes them.
 	 */
 	paint({ view, orientation, overlay, pointer, tone }) {
-		const { width, height } = this.size;
+		const { width, height } = this.picture;
 		const picture = this.picture.getContext("2d", { alpha: false });
 		const marks = this.overlay.getContext("2d");
 		picture.fillStyle = "#000";
@@ -82,10 +78,10 @@ export class Pane {
 		if (!this.item) return;
 		const { frame, frame: { header } } = this;
 		const toCanvas = (point) => {
-			const at = view.toPane(this.size, orientation.toTurned(header, point));
+			const at = view.toPane(this.picture, orientation.toTurned(header, point));
 			return { x: at.x / devicePixelRatio, y: at.y / devicePixelRatio };
 		};
-		const corner = view.toPane(this.size, { x: 0, y: 0 });
+		const corner = view.toPane(this.picture, { x: 0, y: 0 });
 		const toned = this.toner.toned(this.item, tone.choice, tone.isMeasured);
 		picture.imageSmoothingEnabled = view.scale < PIXELS_FROM_SCALE;
 		picture.imageSmoothingQuality = "medium"; // otherwise lines of one pixel break into dashes
@@ -130,9 +126,7 @@ export class Pane {
 		this.scale.hidden = isPlain && !values.isDepth;
 		if (this.scale.hidden) return;
 		const [low, bar, high] = this.scale.children;
-		const gradient = gradientOf(values.isGrey ? map : "grey");
-		if (this.gradient !== gradient) bar.style.background = gradient;
-		this.gradient = gradient;
+		bar.style.background = gradientOf(values.isGrey ? map : "grey");
 		setText(low, valueText(range.low, values.unit));
 		setText(high, valueText(range.high, values.unit));
 	}

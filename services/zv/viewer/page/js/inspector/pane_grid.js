@@ -28,17 +28,13 @@ export class View {
 
 	/** Where a point of the frame is in the pane, device pixels. */
 	toPane(pane, point) {
-		return {
-			x: (point.x - this.x) * this.scale + pane.width / 2,
-			y: (point.y - this.y) * this.scale + pane.height / 2,
-		};
+		return { x: (point.x - this.x) * this.scale + pane.width / 2,
+			y: (point.y - this.y) * this.scale + pane.height / 2 };
 	}
 
 	toFrame(pane, point) {
-		return {
-			x: (point.x - pane.width / 2) / this.scale + this.x,
-			y: (point.y - pane.height / 2) / this.scale + this.y,
-		};
+		return { x: (point.x - pane.width / 2) / this.scale + this.x,
+			y: (point.y - pane.height / 2) / this.scale + this.y };
 	}
 
 	/** The view zoomed by a factor; the point of the frame under `at` (of the pane) stays there. */
@@ -93,9 +89,9 @@ export class PaneGrid {
 	/** Zoom at a point of a pane, or at its middle. */
 	zoom(factor, at = null) {
 		if (!this.lead) return;
-		const { size } = this.lead;
-		const held = at ?? { x: size.width / 2, y: size.height / 2 };
-		this.setView("free", this.view.zoomed(this.sizeOf(this.lead), size, factor, held));
+		const { picture } = this.lead;
+		const held = at ?? { x: picture.width / 2, y: picture.height / 2 };
+		this.setView("free", this.view.zoomed(this.sizeOf(this.lead), picture, factor, held));
 	}
 
 	/** Move the picture by device pixels; a whole frame stays where it is. */
@@ -149,10 +145,10 @@ export class PaneGrid {
 	/** The view of a pane; that of a frame of another size shows the same share of it. */
 	viewOf(pane) {
 		const own = this.sizeOf(pane);
-		if (this.mode === "fit" || !this.lead) return View.fit(own, pane.size);
+		if (this.mode === "fit" || !this.lead) return View.fit(own, pane.picture);
 		const lead = this.sizeOf(this.lead);
 		const by = this.mode === "actual" ? 1
-			: View.fit(own, pane.size).scale / View.fit(lead, pane.size).scale;
+			: View.fit(own, pane.picture).scale / View.fit(lead, pane.picture).scale;
 		const { scale, x, y } = this.view;
 		return new View(scale * by, x * own.width / lead.width, y * own.height / lead.height);
 	}
@@ -183,7 +179,7 @@ export class PaneGrid {
 		if (!shown.length) return;
 		const { width, height } = this.sizeOf(shown[0]);
 		if (this.shape !== `${width}x${height}`) this.resized();
-		if (this.lead && this.mode === "fit") this.view = View.fit({ width, height }, this.lead.size);
+		if (this.lead && this.mode === "fit") this.view = View.fit({ width, height }, this.lead.picture);
 		const { pointer, view: { scale } } = this;
 		for (const pane of shown) {
 			const { camera } = pane.stream;
@@ -228,7 +224,7 @@ export class PaneGrid {
 
 	/** The point [x, y] of the frame at a point of a pane. */
 	pointAt(pane, at) {
-		const turned = this.viewOf(pane).toFrame(pane.size, at);
+		const turned = this.viewOf(pane).toFrame(pane.picture, at);
 		const { x, y } = this.orientationOf(pane.stream.camera).toFrame(pane.frame.header, turned);
 		return [x, y];
 	}

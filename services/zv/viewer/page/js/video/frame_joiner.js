@@ -23,8 +23,8 @@ export class FrameJoiner {
 	 * The first of `pictures` leads; the others and `messages` are its parts. `discard(item)` is called
 	 * for each item that will never be released.
 	 */
-	constructor(pictures, messages, discard, now) {
-		this.onlyComplete = false;
+	constructor(pictures, messages, discard, now, onlyComplete = false) {
+		this.onlyComplete = onlyComplete;
 		this.discard = discard;
 		this.frames = new Map(); // id -> {id, epoch, seq, header, items, at}, `at` with its picture
 		this.lead = pictures[0] ?? null;

@@ -13,6 +13,7 @@ export class Tile {
 		this.key = stream.key;
 		this.stream = stream;
 		this.wall = wall;
+		this.isInView = false;
 		this.stop = null; // ends the watch
 		/** @type {any} */
 		this.options = null; // of the watch
@@ -37,7 +38,6 @@ export class Tile {
 
 	close() {
 		this.wall.observer.unobserve(this.element);
-		this.wall.inView.delete(this.key);
 		this.show(false);
 	}
 

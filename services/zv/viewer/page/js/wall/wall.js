@@ -28,7 +28,6 @@ export class Wall {
 		this.chosen = []; // keys; none for all streams
 		this.columns = null; // tiles in a row; null for as wide as possible
 		this.tiles = new Map(); // key -> Tile
-		this.inView = new Set(); // keys
 		this.list = byId("tiles");
 		this.hidden = new Set(loadPreference("hiddenTopics", [RAW, ...STAGES]));
 		this.observer = new IntersectionObserver((entries) => this.intersected(entries),
@@ -45,7 +44,7 @@ export class Wall {
 		this.chosen = only;
 		this.columns = columns;
 		this.draw();
-		for (const key of this.inView) this.tiles.get(key)?.show(visible);
+		for (const tile of this.tiles.values()) tile.show(visible && tile.isInView);
 	}
 
 	/** Whether the user hides a topic's streams; raw ones only beside their compressed version. */
@@ -95,15 +94,15 @@ export class Wall {
 		for (const { target, isIntersecting } of entries) {
 			const tile = this.tiles.get(target.dataset.key);
 			if (!tile) continue;
-			if (isIntersecting) this.inView.add(tile.key);
-			else this.inView.delete(tile.key);
+			tile.isInView = isIntersecting;
 			tile.show(isIntersecting && this.open);
 		}
 	}
 
 	/** Minimum time between two pictures of a tile, ms: longer with more visible tiles. */
 	pace() {
-		const each = PICTURES_PER_SECOND / Math.max(1, this.inView.size);
+		const inView = [...this.tiles.values()].filter((tile) => tile.isInView).length;
+		const each = PICTURES_PER_SECOND / Math.max(1, inView);
 		return 1000 / Math.min(FASTEST_HZ * 1.5, Math.max(SLOWEST_HZ, each));
 	}
 
