@@ -37,15 +37,14 @@ function numberOf(value, name) {
 }
 
 /** Collect the numbers of fields; the items of a list have the name of their list. */
-function collect(found, prefix, fields, depth, listName = null) {
+function collect(found, prefix, fields, depth, listName = "") {
 	if (depth > DEEPEST || typeof fields !== "object" || fields === null) return;
-	const entries = Array.isArray(fields)
-		? fields.slice(0, MOST_ITEMS).map((value, index) => [index, value]) : Object.entries(fields);
+	const entries = Object.entries(Array.isArray(fields) ? fields.slice(0, MOST_ITEMS) : fields);
 	for (const [name, value] of entries) {
 		if (found.size >= MOST_FIELDS) return;
-		const own = listName ?? name;
+		const own = listName || name;
 		const number = numberOf(value, own);
 		if (number !== null) found.set(prefix + name, number);
-		else collect(found, `${prefix}${name}.`, value, depth + 1, Array.isArray(value) ? own : null);
+		else collect(found, `${prefix}${name}.`, value, depth + 1, Array.isArray(value) ? own : "");
 	}
 }

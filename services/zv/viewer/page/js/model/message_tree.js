@@ -12,6 +12,7 @@ const SEPARATOR = "\u0000"; // between the names in the key of a row
  */
 export function rowsOf(fields, { toggled, query = "", most }) {
 	const search = query.trim().toLowerCase();
+	/** @type {any} */
 	const found = { rows: [], left: 0, visited: 0 };
 	add(found, fields, [], { toggled, search, most });
 	return { rows: found.rows, left: found.left, isCut: found.visited >= MOST_VISITED };

@@ -42,10 +42,8 @@ export function positionOf(parameter, value) {
 /** A control's text as a value of the parameter's type; null for empty text, if that is allowed. */
 export function parse(parameter, text) {
 	if (text === "" && parameter.default === null) return null;
-	if (parameter.type === "int" || parameter.type === "float") {
-		return text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text);
-	}
-	return text;
+	const isNumber = ["int", "float"].includes(parameter.type) && text.trim() !== "";
+	return isNumber && !Number.isNaN(Number(text)) ? Number(text) : text;
 }
 
 /** Why a parameter cannot be set now, by its flags; empty if it can. */
@@ -89,7 +87,7 @@ export class Control {
 			this.condition,
 			element("p", { class: "description", id: `${id}-words` }, description),
 			this.error);
-		this.draw();
+		this.settle({ ok: true });
 	}
 
 	/** Show the parameter's value again, after a typed text was discarded. */
@@ -103,7 +101,13 @@ export class Control {
 	settle(reply) {
 		showRefusal(this.error, reply);
 		this.field.setAttribute("aria-invalid", String(!reply.ok));
-		this.draw();
+		const { value, default: usual } = this.parameter;
+		this.show(value);
+		const words = locked(this.parameter);
+		for (const input of [this.field, this.slider]) if (input) input.disabled = words !== "";
+		this.element.title = this.tooltip();
+		this.reset.disabled = value === usual || words !== "";
+		setData(this.element, { locked: words, changed: value !== usual, value });
 	}
 
 	/**
@@ -176,17 +180,6 @@ export class Control {
 		}
 		this.busy = false;
 		this.settle(reply);
-	}
-
-	draw() {
-		const { value, default: usual } = this.parameter;
-		this.show(value);
-		const words = locked(this.parameter);
-		for (const input of [this.field, this.slider]) if (input) input.disabled = words !== "";
-		this.element.title = this.tooltip();
-		setData(this.element, { locked: words });
-		this.reset.disabled = value === usual || words !== "";
-		setData(this.element, { changed: value !== usual, value });
 	}
 
 	tooltip() {

@@ -110,18 +110,14 @@ function nodeBox({ node, alive, y, height }, x) {
  */
 export function layOut(nodes, matches = new Map()) {
 	const keysOf = (expression) => matches.get(expression) ?? [expression];
-	const heard = new Map(); // key or expression -> names of the nodes that subscribe to it
-	for (const { node, subscribes } of nodes) {
-		for (const key of new Set([...subscribes, ...subscribes.flatMap(keysOf)])) {
-			if (!heard.has(key)) heard.set(key, []);
-			heard.get(key).push(node);
-		}
-	}
+	const listeners = nodes.map(({ node, subscribes }) =>
+		({ node, heard: new Set([...subscribes, ...subscribes.flatMap(keysOf)]) }));
 	const rows = [];
 	const senders = [];
 	let y = 0;
 	const add = (key, sender) => {
-		rows.push({ key, y, sender, receivers: heard.get(key) ?? [] });
+		const receivers = listeners.filter(({ heard }) => heard.has(key)).map(({ node }) => node);
+		rows.push({ key, y, sender, receivers });
 		y += ROW;
 	};
 	for (const { node, alive, publishes } of nodes.filter((one) => one.publishes.length)) {

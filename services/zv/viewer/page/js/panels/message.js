@@ -11,8 +11,6 @@ const ROWS = 300;
 const INDENT_PX = 14;
 const SCHEMA = /^[A-Za-z0-9_.-]{1,100}$/;
 const MOST_SCHEMAS = 50;
-/** @type {any} */
-const NOTHING = { rows: [], left: 0, isCut: false };
 
 export class MessagePanel {
 	/** `current()` returns the camera in the large view; `plot(topic, name)` plots a number. */
@@ -35,9 +33,7 @@ export class MessagePanel {
 		listen("message-search", "input", () => this.drawRows());
 		listen("message-hold", "click", () => this.hold(!this.isHeld));
 		listen("message-copy", "click", () => this.copy());
-		listen("message-json", "blur", ({ target }) => {
-			target.hidden = true;
-		});
+		listen("message-json", "blur", ({ target }) => target.hidden = true);
 		listen("message-more", "click", () => {
 			this.most += ROWS;
 			this.drawRows();
@@ -83,9 +79,9 @@ export class MessagePanel {
 		this.draw();
 	}
 
-	/** The fields as they were sent, the header first. */
+	/** The fields as they were sent, the header first; none without a message. */
 	get fields() {
-		const { header, body } = this.message;
+		const { header, body = {} } = this.message ?? {};
 		return header ? { header, ...body } : body;
 	}
 
@@ -93,9 +89,8 @@ export class MessagePanel {
 		if (!this.visible) return;
 		const { message } = this;
 		const query = byId("message-search").value;
-		const { rows, left, isCut } = message
-			? rowsOf(this.fields, { toggled: this.toggled, query, most: this.most })
-			: NOTHING;
+		const { toggled, most } = this;
+		const { rows, left, isCut } = rowsOf(this.fields, { toggled, query, most });
 		const schema = message?.type ? this.schemaOf(message.type) : null;
 		const described = rows.map((row) => ({ ...row, about: schema ? describe(schema, row.names) : "" }));
 		drawList(byId("message-rows"), described, (row) => this.makeRow(row));
@@ -136,10 +131,8 @@ export class MessagePanel {
 				setText(value, `${row.canOpen ? sign : ""}${row.text}`);
 				value.dataset.kind = row.kind;
 				value.disabled = !row.canOpen && row.kind !== "number";
-				if (row.canOpen) value.setAttribute("aria-expanded", String(row.isOpen));
-				else value.removeAttribute("aria-expanded");
-				value.setAttribute("aria-label", `${row.name}: ${row.text}`
-					+ `${row.kind === "number" ? ", plot it" : ""}`);
+				value.ariaExpanded = row.canOpen ? row.isOpen : null;
+				value.ariaLabel = `${row.name}: ${row.text}${row.kind === "number" ? ", plot it" : ""}`;
 				setText(about, row.about);
 			},
 		};
