@@ -1,7 +1,7 @@
 // Keyboard commands: one table for the keyboard and for the help.
 
 import { byId, element, listen } from "./ui/elements.js";
-import { loadPreference, savePreference, toggleTheme } from "./ui/preferences.js";
+import { loadPreference, savePreference } from "./ui/preferences.js";
 
 const PAN_PX = 60;
 const FAR_PX = 10; // of the frame, by which Shift moves a corner
@@ -11,7 +11,7 @@ const KEYS = { Space: [" "], "Shift S": ["S"], "← ↑ → ↓": Object.keys(AR
 // Each row: the key as shown in the help, its effect, the command, its argument.
 const TABLE = {
 	Everywhere: [
-		["?", "keyboard shortcuts", "help"],
+		["?", "keyboard shortcuts", "click", "help-button"],
 		["w", "all streams", "wall"],
 		["/", "filter the streams", "filter"],
 		["e", "parameters", "panel", "parameters"],
@@ -21,7 +21,7 @@ const TABLE = {
 		["v", "events", "panel", "events"],
 		["h", "health", "panel", "health"],
 		["l", "log", "panel", "log"],
-		["d", "dark or light", "theme"],
+		["d", "dark or light", "click", "theme"],
 		["Esc", "close the menu, the panel, the large view; show hidden parts"],
 	],
 	"On the wall": [
@@ -62,8 +62,7 @@ function run({ wall, inspector, dock, go }, command, argument, { key, shiftKey }
 		const isNudged = inspector.editor.nudge(by.map((share) => -share * (shiftKey ? FAR_PX : 1)));
 		if (!isNudged) inspector.grid.pan(...by.map((share) => share * PAN_PX));
 	} else if (command === "panel") dock.toggle(argument);
-	else if (command === "theme") toggleTheme();
-	else if (command === "help") byId("help").showModal();
+	else if (command === "click") byId(argument).click();
 	else if (command === "wall" || command === "filter") {
 		go([]);
 		if (command === "filter") byId("filter").focus();

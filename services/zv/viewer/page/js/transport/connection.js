@@ -12,9 +12,7 @@ const LENGTH_BYTES = 4;
 export class Events extends EventTarget {
 	/** Call a listener at each event of the given names, separated by spaces. */
 	on(names, listener) {
-		for (const name of names.split(" ")) {
-			this.addEventListener(name, ({ detail }) => listener(detail));
-		}
+		for (const name of names.split(" ")) this.addEventListener(name, ({ detail }) => listener(detail));
 	}
 
 	emit(name, detail) {
@@ -42,9 +40,7 @@ export class Connection extends Events {
 		this.nextId = 1;
 		this.on("reply", (reply) => this.resolve(reply));
 		setInterval(() => this.closeIfSilent(), 1000);
-		document.addEventListener("visibilitychange", () => {
-			if (!document.hidden && this.timer) this.open();
-		});
+		document.addEventListener("visibilitychange", () => !document.hidden && this.timer && this.open());
 		this.open();
 	}
 

@@ -45,7 +45,11 @@ export class KeptChoices {
 
 export function startTheme() {
 	matchMedia(PREFERS_LIGHT).addEventListener("change", applyTheme);
-	listen("theme", "click", toggleTheme);
+	listen("theme", "click", () => {
+		const { theme } = document.documentElement.dataset;
+		savePreference("theme", theme === "light" ? "dark" : "light");
+		applyTheme();
+	});
 	applyTheme();
 }
 
@@ -53,9 +57,4 @@ function applyTheme() {
 	const theme = loadPreference("theme", matchMedia(PREFERS_LIGHT).matches ? "light" : "dark");
 	document.documentElement.dataset.theme = theme;
 	setText(byId("theme"), theme === "light" ? "Dark" : "Light");
-}
-
-export function toggleTheme() {
-	savePreference("theme", document.documentElement.dataset.theme === "light" ? "dark" : "light");
-	applyTheme();
 }
