@@ -47,7 +47,7 @@ class MemoryOffer:
         self._camera = camera
         self._writer: FrameWriter | None = None
         self._declared: list[Declaration[Any]] = []
-        self._demand: Demand | None = None
+        self._demand = Demand()
         self._again_ns = 0
         self._closed = False
         self._lock = threading.Lock()  # ``close`` and ``write`` are called by different threads
@@ -67,7 +67,7 @@ class MemoryOffer:
                 return False
             if self._writer is None and self._is_due():
                 self._make()
-            if self._writer is None or self._demand is None:
+            if self._writer is None:
                 return False
             if not self._demand.exists:
                 if self.failure and self._is_due():
@@ -101,10 +101,11 @@ class MemoryOffer:
             self._fail(error)
             return
         self._again_ns = self._clock.monotonic_ns() + AGAIN_NS
-        publisher = self._link.declare(lambda session: session.declare_publisher(key))
+        publisher = self._link.declare(
+            lambda session: self._demand.of(session.declare_publisher(key))
+        )
         token = self._link.declare(lambda session: session.liveliness().declare_token(key))
         self._declared = [publisher, token]
-        self._demand = Demand(publisher, self._clock)
 
     def _fail(self, error: SharedMemoryError) -> None:
         words = f"no frames of {self._camera} through shared memory: {error}"
@@ -115,7 +116,6 @@ class MemoryOffer:
         self._withdraw()
 
     def _withdraw(self) -> None:
-        self._demand = None
         declared, self._declared = self._declared, []
         for each in declared:
             with suppress(zenoh.ZError):  # the session is being closed

@@ -468,7 +468,7 @@ class Node:
         return self._outputs.publish(topic, message, camera)
 
     def wanted(self, topic: Topic | str, camera: str | None = None) -> bool:
-        """Tell whether someone subscribes to a topic, as known for at most 0.1 s.
+        """Tell whether someone subscribes to a topic.
 
         Args:
             topic: One that the node publishes.

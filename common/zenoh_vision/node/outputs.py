@@ -151,7 +151,7 @@ class Outputs:
         """
         core, link, server = self._core, self._core.link, self._server
         assert server is not None
-        return StreamPublisher(link, topic, key, server.queue, core.health.log_drop, core.clock)
+        return StreamPublisher(link, topic, key, server.queue, core.health.log_drop)
 
     @property
     def shared_memory_failure(self) -> str:
@@ -175,7 +175,7 @@ class Outputs:
 
     def wanted(self, topic: Topic | str, camera: str | None) -> bool:
         """Tell whether someone subscribes to a topic; see ``Node.wanted``."""
-        return self._publisher(topic, self._core.camera(camera)).wanted
+        return self._publisher(topic, self._core.camera(camera)).demand.exists
 
     def header(self, frame: Frame, encoding: str | None = None) -> Header:
         """Return the header of a result: the frame's identity, this node's name and revision."""

@@ -5,19 +5,17 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
 import zenoh
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.host.clock import SYSTEM_CLOCK, Clock
 from zenoh_vision.keys import msgpack_of
 from zenoh_vision.message_codec import Message
 from zenoh_vision.messages import Stamped
 from zenoh_vision.topics import Topic
-from zenoh_vision.transport.link import Declaration, Link
+from zenoh_vision.transport.link import Link
 from zenoh_vision.transport.session import direct
 
 Outcome = Literal["sent", "unwanted", "withheld"]
@@ -80,34 +78,28 @@ FRAME_DELIVERY = (zenoh.CongestionControl.BLOCK_FIRST, zenoh.Priority.DATA)
 MESSAGE_DELIVERY = (zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HIGH)
 
 
-LOOK_NS = 100_000_000
-"""How often Zenoh is asked whether someone subscribes to a key."""
-
-
 class Demand:
-    """Whether someone subscribes to the key of a publisher.
+    """Whether someone subscribes to the key of a publisher, as Zenoh says when that changes.
 
-    Zenoh is asked again after ``LOOK_NS`` only, since a look at it takes longer than anything else
-    that is done for a frame that nobody wants.
+    Attributes:
+        exists: Whether someone does.
     """
 
-    def __init__(
-        self, publisher: Declaration[zenoh.Publisher], clock: Clock = SYSTEM_CLOCK
-    ) -> None:
-        self._clock = clock
-        self._publisher = publisher
-        self._exists = False
-        self._look_ns = 0
+    def __init__(self) -> None:
+        self.exists = False
+        self._publishers = 0
 
-    @property
-    def exists(self) -> bool:
-        """Whether someone subscribed, at the last look."""
-        now_ns = self._clock.monotonic_ns()
-        if now_ns >= self._look_ns:
-            self._look_ns = now_ns + LOOK_NS
-            with suppress(zenoh.ZError):  # the session is being replaced: as it was before
-                self._exists = bool(self._publisher.current.matching_status.matching)  # type: ignore[attr-defined]
-        return self._exists
+    def of(self, publisher: zenoh.Publisher) -> zenoh.Publisher:
+        """Follow a publisher, instead of that of a session which it replaces; return it."""
+        self._publishers += 1
+        number, self.exists = self._publishers, False
+
+        def note(status: zenoh.MatchingStatus) -> None:
+            if number == self._publishers:
+                self.exists = status.matching
+
+        publisher.declare_matching_listener(direct(note))
+        return publisher
 
 
 FrameId = tuple[int, int]
@@ -129,9 +121,9 @@ class StreamPublisher:
         queue_query: Called on Zenoh's thread with each query and the function that answers it;
             must return at once.
         report: Called with what is wrong with a payload that cannot be made for a query.
-        clock: Measures when to look again whether someone subscribes.
 
     Attributes:
+        demand: Whether someone subscribes to the key.
         limit: Called before each reply, on the thread of queries. A text that it returns is sent as
             an error instead.
     """
@@ -143,7 +135,6 @@ class StreamPublisher:
         key: str,
         queue_query: Callable[[zenoh.Query, Callable[[zenoh.Query], None]], None],
         report: Callable[[PayloadError], None] = lambda _: None,
-        clock: Clock = SYSTEM_CLOCK,
     ) -> None:
         self.topic = topic
         self.key = key
@@ -156,25 +147,22 @@ class StreamPublisher:
         self._kept: deque[LazyPayload] = deque(maxlen=topic.keeps)
         self._recent: deque[tuple[FrameId, LazyPayload, int]] = deque()
         self._recent_bytes = 0
+        self.demand = Demand()
         self._publisher = link.declare(
-            lambda session: session.declare_publisher(
-                key,
-                encoding=topic.encoding,
-                congestion_control=congestion_control,
-                priority=priority,
+            lambda session: self.demand.of(
+                session.declare_publisher(
+                    key,
+                    encoding=topic.encoding,
+                    congestion_control=congestion_control,
+                    priority=priority,
+                )
             )
         )
-        self._demand = Demand(self._publisher, clock)
         link.declare(
             lambda session: session.declare_queryable(
                 key, direct(lambda query: queue_query(query, self.answer)), complete=True
             )
         )
-
-    @property
-    def wanted(self) -> bool:
-        """Whether someone subscribes to the key."""
-        return self._demand.exists
 
     def offer(
         self,
@@ -195,14 +183,26 @@ class StreamPublisher:
         Returns:
             What became of it. A topic that is not lazy is always sent.
         """
-        if self.topic.lazy and not self._demand.exists:
-            self._keep(make, frame, held)
-            return "unwanted"
-        outgoing = (send or make)()
+        topic, outgoing = self.topic, None
+        if self.demand.exists or not topic.lazy:
+            outgoing = (send or make)()
+            if outgoing is None:
+                return "withheld"
+            make, held = lambda: outgoing, len(outgoing.payload)
+        if outgoing is None or outgoing.answers:
+            timestamp = self._link.session.new_timestamp() if topic.keeps > 1 else None
+            kept = LazyPayload(make, timestamp)
+            self._kept.append(kept)
+            if frame is not None and topic.recent:
+                recent = self._recent
+                recent.append((frame, kept, held))
+                self._recent_bytes += held
+                while len(recent) > 1 and (
+                    len(recent) > topic.recent or self._recent_bytes > RECENT_BYTES
+                ):
+                    self._recent_bytes -= recent.popleft()[2]
         if outgoing is None:
-            return "withheld"
-        if outgoing.answers:
-            self._keep(lambda: outgoing, frame, len(outgoing.payload))
+            return "unwanted"
         self._put(outgoing)
         return "sent"
 
@@ -235,20 +235,6 @@ class StreamPublisher:
                 attachment=sent.attachment,
                 timestamp=kept.timestamp,
             )
-
-    def _keep(self, make: Callable[[], Outgoing], frame: FrameId | None, held: int) -> None:
-        several = self.topic.keeps > 1
-        kept = LazyPayload(make, self._link.session.new_timestamp() if several else None)
-        self._kept.append(kept)
-        if frame is None or not self.topic.recent:
-            return
-        recent = self._recent
-        recent.append((frame, kept, held))
-        self._recent_bytes += held
-        while len(recent) > 1 and (
-            len(recent) > self.topic.recent or self._recent_bytes > RECENT_BYTES
-        ):
-            self._recent_bytes -= recent.popleft()[2]
 
     def _put(self, outgoing: Outgoing) -> None:
         publisher = self._publisher.current

@@ -19,7 +19,6 @@ from zenoh_vision import Centroid, Node, ParameterStore
 from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.image.picture import JpegPicture
 from zenoh_vision.testing import at
-from zenoh_vision.transport.publisher import LOOK_NS
 from zv.camera.service import publish_all, topics
 from zv.camera.settings import CameraSettings
 from zv.camera.sources.base import TimedPicture
@@ -53,7 +52,7 @@ class Leaving:
             self._leave()
             with self._session.declare_publisher("vision/front/image/compressed") as publisher:
                 wait_until(lambda: not publisher.matching_status.matching)  # type: ignore[attr-defined]
-            time.sleep(2 * LOOK_NS / 1e9)  # so long, the camera believes what it saw last
+            time.sleep(0.2)  # the router tells the camera at the same time
         self._next += 1
         return TimedPicture(JpegPicture(self.pictures[self._next - 1].payload))
 

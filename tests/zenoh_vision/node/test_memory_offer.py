@@ -41,8 +41,6 @@ class Memory:
             def close(self) -> None: ...
 
         class WhoAsks:
-            def __init__(self, *_arguments: object) -> None: ...
-
             @property
             def exists(self) -> bool:
                 return memory.asked

@@ -8,7 +8,6 @@ from typing import Any, cast
 import zenoh
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.host.clock import Clock
 from zenoh_vision.topics import Topic
 from zenoh_vision.transport.publisher import (
     RECENT_BYTES,
@@ -32,30 +31,36 @@ def test_a_sample_is_made_when_first_asked_for_and_only_once():
     assert made == [1]
 
 
-def test_zenoh_is_asked_ten_times_a_second_whether_someone_subscribes():
-    now_ns, asked = 5 * 10**9, 0
-    matching = False
+class Matched:
+    """What is declared with Zenoh, which says whether someone subscribes."""
 
-    class Asked:
-        @property
-        def matching_status(self) -> SimpleNamespace:
-            nonlocal asked
-            asked += 1
-            return SimpleNamespace(matching=matching)
+    def __init__(self, *, wanted: bool = False) -> None:
+        self.wanted = wanted
 
-    clock = SimpleNamespace(monotonic_ns=lambda: now_ns)
-    demand = Demand(cast("Any", SimpleNamespace(current=Asked())), cast("Clock", clock))
+    def declare_matching_listener(self, told: Any) -> None:
+        self._told = told.callback
+        if self.wanted:
+            self.tell(wanted=True)
+
+    def tell(self, *, wanted: bool) -> None:
+        self._told(SimpleNamespace(matching=wanted))
+
+
+def test_demand_is_what_zenoh_says_of_the_publisher_of_the_newest_session():
+    demand, former, present = Demand(), Matched(wanted=True), Matched()
     assert not demand.exists
-    matching = True
-    now_ns += 99_999_999
-    assert not demand.exists
-    now_ns += 1
+    demand.of(cast("Any", former))
     assert demand.exists
-    matching = False
-    assert demand.exists
-    now_ns += 100_000_000
+    demand.of(cast("Any", present))
     assert not demand.exists
-    assert asked == 3
+    former.tell(wanted=True)
+    assert not demand.exists
+    present.tell(wanted=True)
+    assert demand.exists
+    former.tell(wanted=False)
+    assert demand.exists
+    present.tell(wanted=False)
+    assert not demand.exists
 
 
 class Declared:
@@ -63,13 +68,21 @@ class Declared:
 
     def __init__(self, *, wanted: bool = True) -> None:
         self.put_payloads: list[bytes] = []
-        self.current = SimpleNamespace(
-            matching_status=SimpleNamespace(matching=wanted), put=self._put
+        self.wanted = wanted
+        self.session: Any = SimpleNamespace(
+            new_timestamp=lambda: None,
+            declare_publisher=self._publisher,
+            declare_queryable=lambda *_, **__: None,
         )
-        self.session = SimpleNamespace(new_timestamp=lambda: None)
 
-    def declare(self, _declare: Any) -> Any:
+    def declare(self, declare: Any) -> Any:
+        self.current = declare(self.session) or self.current
         return self
+
+    def _publisher(self, *_: object, **__: object) -> Any:
+        publisher: Any = Matched(wanted=self.wanted)
+        publisher.put = self._put
+        return publisher
 
     def _put(self, payload: bytes, **_options: object) -> None:
         self.put_payloads.append(payload)
@@ -166,9 +179,7 @@ def test_a_put_on_a_session_that_was_replaced_meanwhile_goes_to_the_new_one():
         link.current = good
         raise zenoh.ZError("the session is closed")
 
-    link.current = SimpleNamespace(
-        matching_status=good.matching_status, put=put_while_it_is_replaced
-    )
+    link.current = SimpleNamespace(put=put_while_it_is_replaced)
     assert publisher.offer(lambda: outgoing(b"x")) == "sent"
     assert link.put_payloads == [b"x"]
 

@@ -267,7 +267,7 @@ class Playing:
 
     def _wait_for_subscriber(self, stream: StreamPublisher) -> None:
         until_ns = SYSTEM_CLOCK.monotonic_ns() + round(MATCH_S * 1e9)
-        while not stream.wanted and not self._stopping():
+        while not stream.demand.exists and not self._stopping():
             if SYSTEM_CLOCK.monotonic_ns() > until_ns:
                 return  # it takes the frames by another key
             SYSTEM_CLOCK.sleep(0.02)
