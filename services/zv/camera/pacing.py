@@ -4,55 +4,38 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 from zenoh_vision.host.wakeup import Wakeup
 
 LONGEST_WAIT_S = 60.0
+SLACK_S = 0.1
+"""How late a picture may be without shifting those after it."""
+
 LONGEST_REST_S = 0.05
-"""Less than the slack of the ``Pacer``, since the next picture may be due soon after a pause."""
-
-
-class Pacer:
-    """Keeps a schedule that neither drifts nor catches up. It has no clock.
-
-    Each picture is due at a fixed time after the first, so a late picture does not delay the
-    next. A picture later than ``slack_s`` (the machine slept, decoding is too slow) shifts the
-    schedule instead, since the pictures of a burst would only overwrite one another.
-
-    Args:
-        slack_s: How late a picture may be without shifting the schedule.
-    """
-
-    def __init__(self, slack_s: float = 0.1) -> None:
-        self._slack_s = slack_s
-        self._base_s: float | None = None
-
-    def wait_s(self, due_s: float, now_s: float) -> float:
-        """Return how long to wait for a picture that is due ``due_s`` after the first one."""
-        if self._base_s is None:
-            self._base_s = now_s - due_s
-        late_s = now_s - (self._base_s + due_s)
-        if late_s > self._slack_s:
-            self._base_s += late_s
-        return max(0.0, -late_s)
+"""Less than ``SLACK_S``, since the next picture may be due soon after a pause."""
 
 
 class Schedule:
-    """Computes when each picture is due, at a rate that may change at any time. It has no clock."""
+    """Computes when each picture is due, at a rate that may change at any time. It has no clock.
+
+    Attributes:
+        rate_hz: Pictures per second, whatever the source's clock says; None to follow it.
+    """
 
     def __init__(self) -> None:
+        self.rate_hz: float | None = None
         self._count = 0
         self._rate_hz: float | None = None
         self._last = (0.0, 0.0)
         self._origin = (0, 0.0, 0.0)
 
-    def due_s(self, source_s: float, rate_hz: float | None) -> float:
+    def due_s(self, source_s: float) -> float:
         """Return when the next picture is due, seconds after the first; changes no count.
 
-        Args:
-            source_s: Time of the picture on the source's own clock.
-            rate_hz: Pictures per second, whatever the source's clock says; None to follow it.
+        ``source_s`` is the time of the picture on the source's own clock.
         """
+        rate_hz = self.rate_hz
         if rate_hz != self._rate_hz:
             self._rate_hz = rate_hz
             self._origin = (max(0, self._count - 1), *self._last)
@@ -70,9 +53,13 @@ class Schedule:
 class PictureTimer:
     """Waits on the reading thread until pictures are due; other threads can interrupt the wait.
 
+    Each picture is due at a fixed time after the first, so a late picture does not delay the next.
+    A picture later than ``SLACK_S`` (the machine slept, decoding is too slow) shifts those after it
+    instead, since the pictures of a burst would only overwrite one another.
+
     Args:
-        rate_hz: Returns the current rate to impose, pictures per second; None to follow the
-            source's own times.
+        rate_hz: Returns the rate to impose, pictures per second; None to follow the source's own
+            times. Called again after each change of the settings.
 
     Attributes:
         blocked_since_s: Start of the reader's current blocking call, monotonic; None outside of
@@ -83,12 +70,12 @@ class PictureTimer:
     def __init__(self, rate_hz: Callable[[], float | None]) -> None:
         self.blocked_since_s: float | None = None
         self._rate_hz = rate_hz
-        self._pacer = Pacer()
         self._schedule = Schedule()
+        self._first_s: float | None = None  # when the first picture was due
         self._due_s = 0.0
         self._rest_s = 0.0
         self._wake = Wakeup()
-        self._is_changed = False
+        self._is_changed = True
         self.stopped = False
 
     def settings_changed(self) -> None:
@@ -116,7 +103,7 @@ class PictureTimer:
             False if stopped meanwhile.
         """
         begun_s = time.monotonic()
-        running = self.wait_until(lambda: self._schedule.due_s(source_s, self._rate_hz()))
+        running = self.wait_until(partial(self._schedule.due_s, source_s))
         early_s = time.monotonic() - begun_s
         rest_s = min((self._rest_s + early_s) / 2, early_s)  # 0 if the picture is late
         self._rest_s = min(rest_s, LONGEST_REST_S)
@@ -138,14 +125,21 @@ class PictureTimer:
         Returns:
             False if stopped meanwhile.
         """
-        self._is_changed = True
+        is_known = False
         while not self.stopped:
             if self._is_changed:
-                self._is_changed = False
+                self._is_changed = is_known = False
+                self._schedule.rate_hz = self._rate_hz()
+            if not is_known:
                 if (due_s := due()) is None:
                     return True
-                self._due_s = due_s
-            wait_s = self._pacer.wait_s(self._due_s, time.monotonic())
+                self._due_s, is_known = due_s, True
+            now_s = time.monotonic()
+            if self._first_s is None:
+                self._first_s = now_s - self._due_s
+            wait_s = self._first_s + self._due_s - now_s
+            if wait_s < -SLACK_S:
+                self._first_s -= wait_s
             if wait_s <= 0:
                 return True
             was_blocked, self.blocked_since_s = self.blocked_since_s is not None, None
