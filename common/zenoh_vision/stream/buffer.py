@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -137,8 +138,10 @@ class Buffer(Generic[T]):
         Returns:
             The item; None after ``timeout_s`` without one, or if another thread took it.
         """
-        if timeout_s > 0:
-            self._wakeup.wait_for(self._queues.__len__, timeout_s)
+        if timeout_s > 0 and not self._queues:
+            until_s = time.monotonic() + timeout_s
+            while not self._queues and (left_s := until_s - time.monotonic()) > 0:
+                self._wakeup.wait(left_s)
         with self._lock:
             if not self._queues:
                 return None

@@ -142,7 +142,8 @@ class Capture:
         reader.start_reading()
         while not stopping():
             captured = self._buffer.take(POLL_S)
-            self._follow_settings(reader)
+            if (newest := self._parameters.newest.settings) is not reader.opened_with:
+                self._follow(newest, reader)
             if time.monotonic() - self._looked_s >= LOOK_S:
                 self._look(reader, remark)
             if captured is None:
@@ -229,9 +230,9 @@ class Capture:
         if self._reader is not None:
             self._reader.timer.settings_changed()
 
-    def _follow_settings(self, reader: SourceReader) -> None:
-        """Abandon a source that cannot follow the settings; it is reopened once it is closed."""
-        if self._closing is not reader and reader.needs_reopening:
+    def _follow(self, settings: CameraSettings, reader: SourceReader) -> None:
+        """Abandon a source that cannot follow settings; it is reopened once it is closed."""
+        if self._closing is not reader and reader.needs_reopening(settings):
             log.info("opening %s again for the new settings", self._shown)
             self._abandon(reader)
             self._closing = reader

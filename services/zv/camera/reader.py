@@ -61,6 +61,7 @@ class SourceReader:
         description: Description of the source; empty until it is open.
         live: Whether the source paces itself; False until it is open.
         captured: Number of captured frames.
+        opened_with: The settings with which it is opened.
         timer: Paces the reading; it is notified of changes of the parameters.
         lag: How far its pictures are behind their capture.
     """
@@ -83,7 +84,7 @@ class SourceReader:
         self.captured = 0
         self._open_source = open_source
         self._parameters = parameters
-        self._opened_with = parameters.newest.settings
+        self.opened_with = parameters.newest.settings
         self._read_with = parameters.newest
         self._kind = kind
         self._watched = source_policy.is_watched_for_repeats(kind)
@@ -106,14 +107,10 @@ class SourceReader:
         """Whether the thread has ended, and with it the source is closed."""
         return not self._thread.is_alive()
 
-    @property
-    def needs_reopening(self) -> bool:
-        """Whether the source must be opened again to follow the newest settings."""
-        newest = self._parameters.newest.settings
-        if newest is self._opened_with:
-            return False  # nearly always
+    def needs_reopening(self, newest: CameraSettings) -> bool:
+        """Tell whether the source must be opened again to follow other settings."""
         source_hz = None if self._source is None else self._source.rate_hz
-        return source_policy.needs_reopening(self._kind, self._opened_with, newest, source_hz)
+        return source_policy.needs_reopening(self._kind, self.opened_with, newest, source_hz)
 
     @property
     def still_s(self) -> float:
@@ -145,7 +142,7 @@ class SourceReader:
 
     def _open_and_read(self) -> None:
         try:
-            source = self._source = self._open_source(self._opened_with, self._current_settings)
+            source = self._source = self._open_source(self.opened_with, self._current_settings)
         except Exception as error:  # a driver may raise anything, and must not fail silently
             self._fail("failed", error)
             return
@@ -183,7 +180,7 @@ class SourceReader:
         Raises:
             ParameterRefused: It does not offer them.
         """
-        if self.state == "reading" and settings is not self._opened_with:
+        if self.state == "reading" and settings is not self.opened_with:
             source_policy.check_change(self._kind, self._source, settings)
 
     def _fail(self, state: State, error: Exception) -> None:
@@ -200,7 +197,7 @@ class SourceReader:
             raise SourceLost("abandoned")
         newest = self._parameters.newest
         if newest is not self._read_with and source_policy.same_source(
-            self._kind, self._opened_with, newest.settings
+            self._kind, self.opened_with, newest.settings
         ):
             self._read_with = newest
         return self._read_with.settings
@@ -263,15 +260,15 @@ class SourceReader:
         stamp_ns = read.stamp_ns or time.time_ns()
         if self.timer.stopped:
             return
-        newest, now_s = self._parameters.newest, time.monotonic()
+        newest, revision = self._parameters.newest, self._read_with
         # A picture that was read before a change, and would differ after it, keeps its revision.
-        unchanged = source_policy.same_picture(
-            self._kind, self._read_with.settings, newest.settings
-        )
-        revision = newest if unchanged else self._read_with
+        if newest is not revision and source_policy.same_picture(
+            self._kind, revision.settings, newest.settings
+        ):
+            revision = newest
         seq, self.captured = self.captured, self.captured + 1
         self._counters.arrive()
-        if self._watched and self._filter.is_repeat(read.picture, now_s):
+        if self._watched and self._filter.is_repeat(read.picture, time.monotonic()):
             if newest.settings.skip_repeats:
                 self._counters.drop("repeated")
                 return

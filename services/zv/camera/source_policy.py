@@ -172,8 +172,6 @@ def needs_reopening(
 
 def same_picture(kind: Kind, one: CameraSettings, other: CameraSettings) -> bool:
     """Tell whether a source reads the same picture with either settings."""
-    if one is other:
-        return True  # nearly always
     if not same_source(kind, one, other):
         return False
     return kind != "synthetic" or scene_conditions(one) == scene_conditions(other)
