@@ -5,7 +5,7 @@ from __future__ import annotations
 from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.picture import JpegPicture, Picture, PixelPicture, check_size
-from zv.camera.geometry import Geometry
+from zv.camera.geometry import WHOLE, Geometry
 
 
 def check_depth(delivered: str, wanted: str) -> None:
@@ -29,6 +29,8 @@ class Converter:
     """Makes the pictures of one camera's frames."""
 
     def __init__(self) -> None:
+        self._kind: tuple[object, ...] | None = None
+        self._stays = False  # whether nothing of such pictures changes
         self._valid_epoch: int | None = None
 
     def picture(self, picture: Picture, geometry: Geometry, encoding: str, epoch: int) -> Picture:
@@ -42,12 +44,15 @@ class Converter:
             PayloadError: ``corrupt``, ``too_large``, ``region_outside``, or
                 ``unsupported_encoding`` if depth is requested of a picture without depth.
         """
-        check_size(*picture.size)
-        try:
-            check_depth(picture.encoding, encoding)
-        except ParameterRefused as refused:  # a folder may mix pictures of both kinds
-            raise PayloadError("unsupported_encoding", refused.error) from None
-        shown = geometry.picture(picture, encoding)
+        kind = (picture.size, picture.encoding, geometry, encoding)
+        if kind != self._kind:
+            check_size(*picture.size)
+            try:
+                check_depth(picture.encoding, encoding)
+            except ParameterRefused as refused:  # a folder may mix pictures of both kinds
+                raise PayloadError("unsupported_encoding", refused.error) from None
+            self._kind, self._stays = kind, geometry == WHOLE and picture.encoding == encoding
+        shown = picture if self._stays else geometry.picture(picture, encoding)
         if isinstance(shown, JpegPicture) and not self._is_valid(shown.data, epoch):
             return PixelPicture(shown.pixels, encoding)
         return shown

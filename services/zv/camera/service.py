@@ -25,7 +25,6 @@ from zenoh_vision.errors import ExpectationNotMet
 from zenoh_vision.host.lifeline import is_supervised
 from zenoh_vision.image.turn import Size, Turn
 from zenoh_vision.node.lockstep import Lockstep
-from zenoh_vision.node.outputs import Published
 from zenoh_vision.topics import COMPRESSED, Topic, topic_named
 from zv.camera import lossless
 from zv.camera.audience import wait_for_subscribers
@@ -83,14 +82,6 @@ def run(
     )
     log = logging.getLogger(node.name)
 
-    def report(failure: str) -> None:
-        log.log(logging.WARNING if failure else logging.INFO, "%s", failure or "pictures are back")
-        node.report("source", Level.ERROR if failure else Level.OK, failure)
-
-    def remark(condition: str, words: str) -> None:
-        log.log(logging.WARNING if words else logging.INFO, "%s", words or OVER[condition])
-        node.report(condition, Level.WARN if words else Level.OK, words)
-
     def stopping() -> bool:
         node.health.loop_alive()
         return node.stopping
@@ -111,22 +102,45 @@ def run(
         if not waits_for_source(settings):
             capture.open()
         with node:
-            converter = Converter()
+            maker = FrameMaker(node, settings.geometry, calibration)
             limit = stream_limit(node, lambda: parameters.newest.settings.max_kbps)
-            latch = (
-                None if calibration is None else CalibrationLatch(calibration, settings.geometry)
-            )
-            at_start = settings.geometry.turn
             if settings.wait_for:
                 wait_for_subscribers(node, settings.wait_for, stopping)
-            for captured in capture.frames(stopping, report, remark):
-                if delivery.note(captured):
-                    level = Level.WARN if delivery.moved else Level.OK
-                    node.report("region", level, delivery.moved)
-                publish(node, converter, captured, limit, latch, at_start)
-            if capture.ended:
-                log.info("%s; --loop plays it again and again", capture.ended)
-                node.report("source", Level.OK, capture.ended)  # in the last report
+            publish_newest(node, capture, delivery, maker, limit, stopping)
+
+
+def publish_newest(
+    node: Node,
+    capture: Capture,
+    delivery: Delivery,
+    maker: FrameMaker,
+    limit: StreamLimit,
+    stopping: Callable[[], bool],
+) -> None:
+    """Publish the newest frame of a source each time, until it ends.
+
+    Raises:
+        SourceError: As for ``Capture.frames``.
+        ParameterRefused: The first picture does not fit the settings of the start.
+    """
+    log = logging.getLogger(node.name)
+
+    def report(failure: str) -> None:
+        log.log(logging.WARNING if failure else logging.INFO, "%s", failure or "pictures are back")
+        node.report("source", Level.ERROR if failure else Level.OK, failure)
+
+    def remark(condition: str, words: str) -> None:
+        log.log(logging.WARNING if words else logging.INFO, "%s", words or OVER[condition])
+        node.report(condition, Level.WARN if words else Level.OK, words)
+
+    for captured in capture.frames(stopping, report, remark):
+        if delivery.note(captured):
+            node.report("region", Level.WARN if delivery.moved else Level.OK, delivery.moved)
+        if (frame := maker.frame(captured)) is not None:
+            node.publish_picture(COMPRESSED, frame, compress=limit.compress)
+    if capture.ended:
+        log.info("%s; --loop plays it again and again", capture.ended)
+        node.report("source", Level.OK, capture.ended)  # in the last report
 
 
 def publish_all(
@@ -145,8 +159,7 @@ def publish_all(
         ExpectationNotMet: A node has ended, or does not answer.
     """
     log = logging.getLogger(node.name)
-    converter = Converter()
-    latch = None if calibration is None else CalibrationLatch(calibration, settings.geometry)
+    maker = FrameMaker(node, settings.geometry, calibration)
     lockstep = Lockstep(
         node.link, node.connection.namespace, (settings.lockstep or "").split(","), stopping
     )
@@ -155,7 +168,7 @@ def publish_all(
         for captured in lossless.frames(parameters, node.counters, open_source, stopping):
             if not count:
                 lockstep.find({node.camera}, None)
-            frame = framed(node, converter, captured, latch, settings.geometry.turn)
+            frame = maker.frame(captured)
             if frame is not None and send(node, lockstep, frame):
                 lockstep.wait(frame.header)
                 count += 1
@@ -204,80 +217,60 @@ def stream_limit(node: Node, max_kbps: Callable[[], int | None]) -> StreamLimit:
     return limit
 
 
-def publish(
-    node: Node,
-    converter: Converter,
-    captured: CapturedFrame,
-    limit: StreamLimit,
-    latch: CalibrationLatch | None = None,
-    at_start: Turn = Turn(),  # noqa: B008 - a frozen value
-) -> Published | None:
-    """Publish one captured frame, its calibration and ground truth; count the outcome.
-
-    Returns:
-        What became of it; None if it is no picture that can be published.
-    """
-    frame = framed(node, converter, captured, latch, at_start)
-    if frame is None:
-        return None
-    return node.publish_picture(COMPRESSED, frame, compress=limit.compress)
-
-
-def framed(
-    node: Node,
-    converter: Converter,
-    captured: CapturedFrame,
-    latch: CalibrationLatch | None,
-    at_start: Turn,
-) -> Frame | None:
-    """Return the frame of what was captured; publish its calibration and ground truth.
+class FrameMaker:
+    """Makes the frames of what a camera captured; publishes their calibration and ground truth.
 
     Args:
         node: Publishes them.
-        converter: Makes the picture of the frame.
-        captured: What was captured.
-        latch: Makes the calibration; None without one.
-        at_start: How the picture was turned at the start of the camera.
-
-    Returns:
-        None if it is no picture that can be published, which is counted.
+        at_start: How the picture is turned and cut out at the start of the camera.
+        calibration: Of these frames, without a region; None without one.
     """
-    settings, source = captured.revision.settings, captured.picture
-    geometry = settings.geometry
-    try:
-        picture = converter.picture(source, geometry, settings.encoding, captured.epoch)
-    except PayloadError as error:
-        node.drop(error)
-        return None
-    turn = geometry.turn.since(at_start)
-    header = Header(
-        camera=settings.camera,
-        epoch=captured.epoch,
-        seq=captured.seq,
-        stamp_ns=captured.stamp_ns,
-        width=picture.width,
-        height=picture.height,
-        encoding=picture.encoding,
-        node=node.name,
-        revision=captured.revision.number,
-        replay=captured.replay,
-        replayed_ns=None if captured.replay is None else time.time_ns(),
-        lockstep=None if captured.replay is None else True,
-        rotated=turn.degrees or None,
-        mirrored=turn.mirrored or None,
-    )
-    if latch is not None:
-        send_calibration(node, latch, header, geometry, source.size)
-    if captured.truth is not None:
-        tracks = geometry.tracks(captured.truth, source.size)
-        node.publish("truth", Tracks(header=without_encoding(header), tracks=tracks))
-    return Frame(
-        header,
-        picture,
-        quality=settings.quality,
-        revision=captured.revision,
-        captured=True,
-    )
+
+    def __init__(self, node: Node, at_start: Geometry, calibration: Calibration | None) -> None:
+        self._node = node
+        self._at_start = at_start.turn
+        self._latch = None if calibration is None else CalibrationLatch(calibration, at_start)
+        self._converter = Converter()
+        self._settings: CameraSettings | None = None
+        self._geometry = at_start
+        self._turn = Turn()  # since the start
+
+    def frame(self, captured: CapturedFrame) -> Frame | None:
+        """Return the frame; None if it is no picture that can be published, which is counted."""
+        node, source = self._node, captured.picture
+        settings = captured.revision.settings
+        if settings is not self._settings:
+            self._settings, self._geometry = settings, settings.geometry
+            self._turn = self._geometry.turn.since(self._at_start)
+        geometry, turn = self._geometry, self._turn
+        try:
+            picture = self._converter.picture(source, geometry, settings.encoding, captured.epoch)
+        except PayloadError as error:
+            node.drop(error)
+            return None
+        header = Header(
+            camera=settings.camera,
+            epoch=captured.epoch,
+            seq=captured.seq,
+            stamp_ns=captured.stamp_ns,
+            width=picture.width,
+            height=picture.height,
+            encoding=picture.encoding,
+            node=node.name,
+            revision=captured.revision.number,
+            replay=captured.replay,
+            replayed_ns=None if captured.replay is None else time.time_ns(),
+            lockstep=None if captured.replay is None else True,
+            rotated=turn.degrees or None,
+            mirrored=turn.mirrored or None,
+        )
+        if self._latch is not None:
+            send_calibration(node, self._latch, header, geometry, source.size)
+        if captured.truth is not None:
+            tracks = geometry.tracks(captured.truth, source.size)
+            node.publish("truth", Tracks(header=without_encoding(header), tracks=tracks))
+        revision = captured.revision
+        return Frame(header, picture, quality=settings.quality, revision=revision, captured=True)
 
 
 def send_calibration(

@@ -158,6 +158,23 @@ def test_grey_levels_and_colours_are_never_published_as_depth(picture: Picture):
         converted(picture, "16UC1")
 
 
+def test_pictures_of_several_kinds_are_checked_and_converted_each_in_its_way():
+    converter = Converter()
+    grey, deep, huge = (
+        PixelPicture(np.broadcast_to(dtype(7), shape))
+        for dtype, shape in ((np.uint8, (4, 6)), (np.uint16, (4, 6)), (np.uint16, (4320, 7681)))
+    )
+    for _ in range(2):
+        found = converter.picture(deep, Geometry(), "16UC1", 1)
+        assert (found.encoding, found.size) == ("16UC1", (6, 4))
+        for refused in (grey, huge):
+            with pytest.raises(PayloadError):
+                converter.picture(refused, Geometry(), "16UC1", 1)
+        assert converter.picture(grey, Geometry(), "mono8", 1) is grey
+        assert converter.picture(grey, Geometry(rotate=90), "mono8", 1).size == (4, 6)
+        assert converter.picture(grey, Geometry(), "bgr8", 1).encoding == "bgr8"
+
+
 @pytest.mark.parametrize("flip", ["none", "both"])
 def test_planes_are_encoded_as_they_are_unless_they_must_change(flip: str):
     grey = (np.full((48, 64), 100, np.uint8), *(np.full((24, 32), 128, np.uint8),) * 2)

@@ -21,8 +21,6 @@ from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.publisher import ReplyLimit
 from zv.camera import service
-from zv.camera.calibration_latch import CalibrationLatch
-from zv.camera.convert import Converter
 from zv.camera.reader import CapturedFrame
 from zv.camera.settings import CameraSettings
 
@@ -67,8 +65,7 @@ class Camera:
         self.settings = CameraSettings(**settings)
         self.node = Publishing()
         lens = CameraModel(640, 480, (500.0, 0, 300, 0, 480, 250, 0, 0, 1), "plumb_bob", (0.0,) * 5)
-        self._latch = CalibrationLatch(Calibration(lens), self.settings.geometry)
-        self._converter = Converter()
+        self._maker = service.FrameMaker(self.node, self.settings.geometry, Calibration(lens))
         self._limit = service.stream_limit(self.node, lambda: self.settings.max_kbps)
         self._seq = 0
 
@@ -76,7 +73,8 @@ class Camera:
         revision = Revision(7, self.settings)
         captured = CapturedFrame(PixelPicture(pixels), (TRACK,), 3, self._seq, 5, revision)
         self._seq += 1
-        service.publish(self.node, self._converter, captured, self._limit, self._latch)
+        if (frame := self._maker.frame(captured)) is not None:
+            self.node.publish_picture("image/compressed", frame, compress=self._limit.compress)
 
 
 def test_frame_truth_and_calibration_have_one_header_and_one_geometry():
