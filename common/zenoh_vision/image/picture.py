@@ -271,11 +271,14 @@ class PixelPicture(Picture):
     def __init__(
         self, pixels: Pixels, encoding: str | None = None, *, bilevel: bool = False
     ) -> None:
-        named = pixel_formats.checked_encoding(pixels, encoding)
+        named = pixel_formats.encoding_of(pixels, encoding)
         super().__init__(named, pixels.shape[1], pixels.shape[0])
         if bilevel:
             self.bilevel, self.mime = True, PNG
-        self._pixels = read_only(pixels) if pixels.flags.writeable else pixels
+        if pixels.flags.writeable:
+            pixels = pixels.view()
+            pixels.flags.writeable = False
+        self._pixels = pixels
 
     def png(self) -> bytes:
         """Return the picture as a PNG."""

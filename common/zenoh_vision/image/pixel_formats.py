@@ -64,24 +64,8 @@ DISTANCES: Final = frozenset({"16UC1", "32FC1"})
 """Encodings of depth: their values are distances, which grey levels are not."""
 
 
-def encoding_of(pixels: NDArray[Any]) -> str:
-    """Return the encoding of decoded pixels by their channels and dtype; colour is B, G, R, A.
-
-    Raises:
-        PayloadError: ``unsupported_encoding``.
-    """
-    channels = 1 if pixels.ndim == 2 else pixels.shape[2]
-    encoding = _BY_PIXEL.get((channels, pixels.dtype))
-    if encoding is None:
-        raise PayloadError(
-            "unsupported_encoding",
-            f"{channels} channels of {pixels.dtype}; allowed are 1, 3 or 4 of uint8, 1 of uint16",
-        )
-    return encoding
-
-
-def checked_encoding(pixels: NDArray[Any], encoding: str | None = None) -> str:
-    """Return the encoding of pixels: the one of this name, or that of their channels and dtype.
+def encoding_of(pixels: NDArray[Any], named: str | None = None) -> str:
+    """Return the encoding of pixels: that of a name, or by channels and dtype, colour as B, G, R.
 
     Raises:
         PayloadError: ``unsupported_encoding``: there is no such encoding, or the array has another
@@ -92,16 +76,21 @@ def checked_encoding(pixels: NDArray[Any], encoding: str | None = None) -> str:
         raise PayloadError(
             "unsupported_encoding", f"{found} instead of an array (height, width[, channels])"
         )
-    named = encoding or encoding_of(pixels)
-    known = ENCODINGS[named]
     channels = 1 if pixels.ndim == 2 else pixels.shape[2]
+    encoding = named or _BY_PIXEL.get((channels, pixels.dtype))
+    if encoding is None:
+        raise PayloadError(
+            "unsupported_encoding",
+            f"{channels} channels of {pixels.dtype}; allowed are 1, 3 or 4 of uint8, 1 of uint16",
+        )
+    known = ENCODINGS[encoding]
     if (channels, pixels.dtype) != (known.channels, known.dtype):
         raise PayloadError(
             "unsupported_encoding",
-            f"{channels} channels of {pixels.dtype} are not {named}, which has {known.channels} "
-            f"of {known.dtype}",
+            f"{channels} channels of {pixels.dtype} are not {encoding}, which has "
+            f"{known.channels} of {known.dtype}",
         )
-    return named
+    return encoding
 
 
 def convert(pixels: Pixels, source: str, target: str) -> Pixels:

@@ -551,31 +551,40 @@ class Node:
             "compress": compress,
         }
         if isinstance(picture, Frame):
-            _refuse(given, "a frame that has its identity", "compress")
+            what, allowed = "a frame that has its identity", ["compress"]
+        elif frame is not None:
+            what = "a result"
+            allowed = ["frame", "encoding", "quality", "form", "bilevel"]
+        elif topic_named(topic).name in (COMPRESSED.name, RAW.name) and not callable(picture):
+            what = "the next frame of a camera"
+            allowed = ["camera", "encoding", "quality", "stamp_ns", "new_epoch", "compress"]
+        else:
+            raise ValueError(
+                f"{topic}: frame=None is for the next frame of a camera, which is a picture on "
+                f"{COMPRESSED.name}; a result names the frame from which it was made"
+            )
+        for name, value in given.items():
+            if value is not None and name not in allowed:  # it would have no effect
+                raise ValueError(f"{name}= is not for {what}; allowed: {', '.join(allowed)}")
+        if isinstance(picture, Frame):
             return self._outputs.publish_frame(topic, picture, compress)
+        quality = QUALITY if quality is None else quality
         if frame is not None:
-            _refuse(given, "a result", "frame", "encoding", "quality", "form", "bilevel")
             return self._outputs.publish_result(
                 topic,
                 frame,
                 picture,
                 encoding=encoding,
-                quality=QUALITY if quality is None else quality,
+                quality=quality,
                 form=form,
                 bilevel=bilevel,
             )
-        if topic_named(topic).name not in (COMPRESSED.name, RAW.name) or callable(picture):
-            raise ValueError(
-                f"{topic}: frame=None is for the next frame of a camera, which is a picture on "
-                f"{COMPRESSED.name}; a result names the frame from which it was made"
-            )
-        allowed = ("camera", "encoding", "quality", "stamp_ns", "new_epoch", "compress")
-        _refuse(given, "the next frame of a camera", *allowed)
+        assert not callable(picture)
         return self._outputs.publish_own(
             picture,
             camera=camera,
             encoding=encoding,
-            quality=QUALITY if quality is None else quality,
+            quality=quality,
             stamp_ns=stamp_ns,
             new_epoch=new_epoch,
             compress=compress,
@@ -656,14 +665,3 @@ class Node:
             ValueError: The table has no topic of this name, or it is published.
         """
         self._queries.answer(topic, reply_to, camera=camera)
-
-
-def _refuse(given: Mapping[str, object], what: str, *allowed: str) -> None:
-    """Refuse arguments that would have no effect.
-
-    Raises:
-        ValueError: Others are given than those that are allowed.
-    """
-    for name, value in given.items():
-        if value is not None and name not in allowed:
-            raise ValueError(f"{name}= is not for {what}; allowed: {', '.join(allowed)}")

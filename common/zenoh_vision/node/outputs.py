@@ -256,7 +256,8 @@ class Outputs:
         """Publish a picture as the next frame of a camera; see ``Node.publish_picture``."""
         core = self._core
         camera = core.camera(camera)
-        self._frame_outputs(camera)
+        if camera not in self._frames:
+            raise self._not_published(COMPRESSED.name, camera)
         core.health.loop_alive()
         core.counters.arrive()
         revision = core.revision
@@ -298,7 +299,9 @@ class Outputs:
             publisher = self._publisher(topic, frame.header.camera)
             form = forms.FORMS[publisher.topic.encoding]
             return Published(publisher.offer(lambda: _of_frame(frame, form)), frame)
-        outputs = self._frame_outputs(frame.header.camera)
+        outputs = self._frames.get(frame.header.camera)
+        if outputs is None:
+            raise self._not_published(COMPRESSED.name, frame.header.camera)
         try:
             outcome = self._publish_all_ways(outputs, frame, compress)
         except PayloadError as error:
@@ -371,12 +374,6 @@ class Outputs:
             seq += 1
         self._last[camera] = (epoch, seq)
         return epoch, seq
-
-    def _frame_outputs(self, camera: str) -> FrameOutputs:
-        found = self._frames.get(camera)
-        if found is None:
-            raise self._not_published(COMPRESSED.name, camera)
-        return found
 
     def _offers(self) -> list[MemoryOffer]:
         return [each.memory for each in self._frames.values() if each.memory is not None]
