@@ -40,7 +40,7 @@ class FrameWriter:
         self._publisher: Any = None
         self._room = 0
         self._readers = 0  # that got the last frame
-        self._pieces: dict[int, NDArray[np.uint8]] = {}  # those that are used in turn, by address
+        self._pieces: dict[int, NDArray[np.uint8]] = {}  # ten or so, used in turn, by address
         self._madvise = ctypes.CDLL(None, use_errno=True).madvise
 
     def write(self, frame: Frame) -> bool:
@@ -63,13 +63,16 @@ class FrameWriter:
         if len(form.encoding) > MAX_ENCODING:
             raise SharedMemoryError(f"a Zenoh encoding of over {MAX_ENCODING} characters")
         with iceoryx_errors():
-            self._make_room(whole if file is None else 2 * whole, whole)
+            if self._publisher is None or whole > self._room:
+                self._make_room(whole if file is None else 2 * whole)
             # Asked only if the last frame had no reader, since it takes as long as the sending.
             if not self._readers and not self._service.dynamic_config.number_of_subscribers:
                 return False
             loan = self._publisher.loan_slice_uninit(whole)
             try:
-                memory = self._piece_at(loan.payload_ptr)
+                address = loan.payload_ptr
+                if (memory := self._pieces.get(address)) is None:
+                    memory = self._pieces[address] = self._piece_at(address)
                 if file is None:
                     frame.write(memory[:size])
                 else:
@@ -91,10 +94,8 @@ class FrameWriter:
         self._publisher = self._service = self._node = None
         self._bell.close()
 
-    def _make_room(self, size: int, least: int) -> None:
-        """Have memory for pieces of a size, if it is not at least ``least`` already."""
-        if self._publisher is not None and least <= self._room:
-            return
+    def _make_room(self, size: int) -> None:
+        """Have memory for pieces of a size."""
         if free_bytes() < size + LEAST_FREE:
             raise SharedMemoryError(FULL)
         if self._service is None:
@@ -106,18 +107,7 @@ class FrameWriter:
         self._publisher = builder.max_loaned_samples(1).create()
 
     def _piece_at(self, address: int) -> NDArray[np.uint8]:
-        """Return the piece of memory at an address, which can be written to.
-
-        Each is reserved and made an array only once, since ten or so pieces are used in turn.
-        """
-        piece = self._pieces.get(address)
-        if piece is None:
-            self._reserve(address)
-            piece = self._pieces[address] = _array(address, self._room)
-        return piece
-
-    def _reserve(self, address: int) -> None:
-        """Make sure that a piece of memory can be written to."""
+        """Reserve the piece of memory at an address, so that it can be written to; return it."""
         start = address - address % mmap.PAGESIZE
         length = ctypes.c_size_t(address + self._room - start)
         if self._madvise(ctypes.c_void_p(start), length, MADV_POPULATE_WRITE):
@@ -129,7 +119,4 @@ class FrameWriter:
         failed = self._madvise(after, ctypes.c_size_t(mmap.PAGESIZE), MADV_POPULATE_WRITE)
         if failed and ctypes.get_errno() not in (errno.EINVAL, errno.ENOMEM):  # the last piece
             raise SharedMemoryError(FULL)
-
-
-def _array(address: int, size: int) -> NDArray[np.uint8]:
-    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(address))
+        return np.ctypeslib.as_array((ctypes.c_uint8 * self._room).from_address(address))
