@@ -47,7 +47,11 @@ class Workers:
     @property
     def threads(self) -> int:
         """How many threads work on one call of ``run``, the caller included."""
-        return self._wanted or min(MAX_BY_DEFAULT, _processors())
+        if self._wanted:
+            return self._wanted
+        has_affinity = hasattr(os, "sched_getaffinity")
+        own = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
+        return min(MAX_BY_DEFAULT, own)
 
     def run(self, functions: Sequence[Callable[[], T]]) -> list[T]:
         """Return the results of functions, in their order; when it returns, none is running.
@@ -58,7 +62,7 @@ class Workers:
         # A queue may hold a part for longer than what its function refers to should last.
         parts = [[function] for function in functions]
         futures: list[Future[T] | None] = [None] * len(parts)
-        if len(parts) > 1 and self.threads > 1:
+        if len(parts) > 1:
             begun = self._submit(parts[1:])
             futures[1 : len(begun) + 1] = begun
         found: list[T | None] = [None] * len(parts)
@@ -80,12 +84,13 @@ class Workers:
     def _submit(self, parts: Sequence[list[Callable[[], T]]]) -> list[Future[T]]:
         """Hand parts to the threads, and return those that could be."""
         with self._lock:
-            if self._pool is None:
-                ids = self._native_ids
-                self._pool = ThreadPoolExecutor(
-                    self.threads - 1, "part", lambda: ids.append(threading.get_native_id())
+            pool, ids = self._pool, self._native_ids
+            if pool is None:
+                if (others := self.threads - 1) < 1:
+                    return []
+                self._pool = pool = ThreadPoolExecutor(
+                    others, "part", lambda: ids.append(threading.get_native_id())
                 )
-            pool = self._pool
         allowed = self._keep_off()
         found: list[Future[T]] = []
         with suppress(RuntimeError):  # too many threads, or the interpreter or the pool is ending
@@ -114,13 +119,6 @@ def _run(part: list[Callable[[], T]], allowed: set[int]) -> T:
     if allowed:
         _bind(0, allowed)  # from here on it may go to any processor that is idle
     return part.pop()()
-
-
-def _processors() -> int:
-    """Return how many processors the calling thread may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _bind(thread: int, processors: set[int]) -> None:

@@ -35,7 +35,7 @@ MAX_HEAD_BYTES: Final = 1 << 16
 
 _HUFFMAN_TABLES, _START_OF_SCAN, _RESTART_INTERVAL = 0xC4, 0xDA, 0xDD
 _BASELINE: Final = (0xC0, 0xC1)
-_FIRST_RESTART = 0xD0
+_RESTARTS: Final = tuple(bytes((0xFF, 0xD0 + number)) for number in range(8))
 _END_OF_IMAGE: Final = b"\xff\xd9"
 
 
@@ -102,7 +102,7 @@ def encode(width: int, height: int, encode_rows: Callable[[slice], bytes], mcu: 
     ]
     for number, jpeg in enumerate(jpegs):
         pieces.append(memoryview(jpeg)[head.end : -len(_END_OF_IMAGE)])
-        pieces.append(_restart(number) if number + 1 < len(jpegs) else _END_OF_IMAGE)
+        pieces.append(_RESTARTS[number] if number + 1 < len(jpegs) else _END_OF_IMAGE)
     return b"".join(pieces)
 
 
@@ -139,7 +139,7 @@ def decode(jpeg: bytes, found: Layout, decode_rows: Callable[[bytes, slice], obj
     tops = range(0, found.height, found.rows)
     starts = [head.end]
     for number in range(len(tops) - 1):
-        at = jpeg.find(_restart(number), starts[-1])
+        at = jpeg.find(_RESTARTS[number], starts[-1])
         if at < 0:
             return False
         starts.append(at + 2)
@@ -171,10 +171,6 @@ def _band_rows(width: int, height: int, mcu: int) -> int:
     return lines * mcu if -(-height // (lines * mcu)) <= MAX_BANDS else height
 
 
-def _restart(number: int) -> bytes:
-    return bytes((0xFF, _FIRST_RESTART + number % 8))
-
-
 def _head(jpeg: bytes) -> Head | None:
     """Return the segments of a baseline JPEG with one scan up to that; None if it is another."""
     at, size, interval, mcu = 2, 0, 0, (8, 8)
@@ -195,7 +191,8 @@ def _head(jpeg: bytes) -> Head | None:
             if components not in (1, 3) or end != body + 6 + 3 * components:
                 return None
             if components == 3:  # else an MCU is one block, whatever the factors are
-                mcu = 8 * (max(factors) >> 4), 8 * max([each & 15 for each in factors])
+                one, two, three = factors
+                mcu = 8 * (max(factors) >> 4), 8 * max(one & 15, two & 15, three & 15)
         elif not (marker == _HUFFMAN_TABLES or 0xDB <= marker <= 0xFE):
             return None
         at = end
