@@ -32,9 +32,7 @@ export async function saveDrawn(frame, { key }, overlay, image) {
 	context.drawImage(image, 0, 0, canvas.width, canvas.height);
 	drawOverlay(context, frame, overlay, (point) => point);
 	const blob = await canvas.convertToBlob({ type: "image/png" });
-	const messages = Object.fromEntries(
-		overlay.keys.filter((one) => frame.items.has(one)).map((one) => [one, frame.items.get(one)]),
-	);
+	const messages = Object.fromEntries([...frame.items].filter(([one]) => overlay.keys.includes(one)));
 	const bytes = new Uint8Array(await blob.arrayBuffer());
 	offer(withHeader(bytes, "image/png", { key, ...header, messages }), "image/png",
 		fileName(key, header, "drawn.png"));
@@ -54,10 +52,7 @@ function fileName(key, header, ending) {
 /** Offer the parts of a file as a download. */
 export function offer(parts, type, name) {
 	const address = URL.createObjectURL(new Blob(parts, { type }));
-	const link = element("a", { href: address, download: name, hidden: true });
-	document.body.append(link);
-	link.click();
-	link.remove();
+	element("a", { href: address, download: name }).click();
 	setTimeout(() => URL.revokeObjectURL(address), REVOKE_MS);
 }
 

@@ -48,9 +48,7 @@ export class Chart {
 		if (look !== this.look) {
 			this.plot?.destroy();
 			this.plot = new uPlot({ ...size, ...this.options(colour) }, null, this.place);
-			const canvas = this.plot.root.querySelector("canvas");
-			canvas.setAttribute("role", "img");
-			canvas.setAttribute("aria-label", `${this.title} over time`);
+			Object.assign(this.plot.ctx.canvas, { role: "img", ariaLabel: `${this.title} over time` });
 		}
 		this.look = look;
 		if (this.plot.width !== size.width) this.plot.setSize(size);

@@ -16,9 +16,7 @@ function fill(made, attributes, children) {
 	for (const [name, value] of Object.entries(attributes)) {
 		if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
 		else if (value === true) made.setAttribute(name, "");
-		else if (value !== false && value !== null && value !== undefined) {
-			made.setAttribute(name, value);
-		}
+		else if ((value ?? false) !== false) made.setAttribute(name, value);
 	}
 	made.append(...children.flat().filter((child) => child ?? false));
 	return made;

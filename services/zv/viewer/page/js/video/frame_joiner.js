@@ -27,7 +27,6 @@ export class FrameJoiner {
 		this.onlyComplete = onlyComplete;
 		this.discard = discard;
 		this.frames = new Map(); // id -> {id, epoch, seq, header, items, at}, `at` with its picture
-		this.lead = pictures[0] ?? null;
 		this.pictures = pictures;
 		this.togetherAt = now; // when a frame with all pictures was last taken
 		this.parts = new Map([...pictures.slice(1), ...messages].map((key) =>
@@ -53,7 +52,7 @@ export class FrameJoiner {
 	offer(key, header, item, now) {
 		const { epoch, seq } = header;
 		const id = `${epoch}:${seq}`;
-		const isLead = key === this.lead;
+		const isLead = key === this.pictures[0];
 		const part = this.parts.get(key);
 		// The server sends the pictures of a stream in order, so a lower number is a valid restart.
 		if (isLead && (epoch !== this.epoch || seq < this.taken)) {

@@ -14,9 +14,7 @@ const DASHES = new Map([["lost", [4, 4]], ["tentative", [2, 3]]]);
 
 /** The positions of objects in the last seconds, by stream and id. */
 export class Trails {
-	constructor() {
-		this.streams = new Map();
-	}
+	streams = new Map();
 
 	/** Keep the positions of one message: a centroid or tracks. */
 	add(key, header, body) {
