@@ -14,58 +14,28 @@ const COLUMNS = Array.from({ length: MOST_COLUMNS }, (_, index) => index + 1);
 const LISTS = [["columns", "as fits", COLUMNS], ["width", "as sent", WIDTHS],
 	["quality", "as sent", QUALITIES], ["panel", "as it is", ["none", ...PANELS]]];
 
-export class LayoutMenu {
-	/** `change(part)` changes some fields of the layout and shows it. */
-	constructor(system, transfer, change) {
-		this.system = system;
-		this.transfer = transfer;
-		this.change = change;
-		this.layout = null;
-		this.hides = [...byId("layout-hide").querySelectorAll("input")];
-		for (const [name, none, choices] of LISTS) {
-			setOptions(byId(`layout-${name}`), [["", none], ...choices.map((choice) => [choice, choice])]);
-			listen(`layout-${name}`, "change", ({ target: { value } }) =>
-				change({ [name]: value === "" ? null : name === "panel" ? value : Number(value) }));
-		}
-		copies(byId("layout-copy"), byId("layout-address"));
-		listen("layout-hide", "change", () =>
-			change({ hide: this.hides.filter((box) => box.checked).map((box) => box.value) }));
-		listen("layout-menu", "toggle", () => this.draw());
-		system.on("streams", () => this.draw());
+/**
+ * Fill the menu. `change(part)` changes some fields of the layout and shows it. Returns a function
+ * that makes the menu about a layout.
+ */
+export function layoutMenu(system, transfer, change) {
+	/** @type {any} */
+	let layout = null;
+	const hides = [...byId("layout-hide").querySelectorAll("input")];
+
+	/** Show a stream at this place of those that are chosen, or no longer. */
+	function place(key, at) {
+		const rest = layout.only.filter((other) => other !== key);
+		change({ only: at === null ? rest : rest.toSpliced(at, 0, key) });
 	}
 
-	/** The menu is now about this layout. */
-	follow(layout) {
-		this.layout = layout;
-		this.draw();
-	}
-
-	draw() {
-		if (!byId("layout-menu").matches(":popover-open")) return;
-		const layout = { ...this.layout, ...this.transfer.common };
-		for (const [name] of LISTS) byId(`layout-${name}`).value = layout[name] ?? "";
-		for (const box of this.hides) box.checked = layout.hide.includes(box.value);
-		this.drawStreams();
-		const fragment = writeLayout(layout);
-		byId("layout-address").value = `${pageFolder()}/${fragment ? "#" : ""}${fragment}`;
-	}
-
-	/** One row for each stream: those that are chosen first, in their order. */
-	drawStreams() {
-		const { only } = this.layout;
-		const all = pictureStreams(this.system.streams).map(({ key }) => key);
-		drawList(byId("layout-streams"), [...new Set([...only, ...all])].map((key) =>
-			({ key, at: only.indexOf(key), isLast: key === only.at(-1) })), ({ key }) => this.makeRow(key));
-		setText(byId("layout-count"), only.length ? `${only.length} of them, in this order` : "all");
-	}
-
-	makeRow(key) {
-		const stream = this.system.stream(key);
+	function makeRow(key) {
+		const stream = system.stream(key);
 		const box = checkboxView(stream ? streamName(stream) : key, ({ at }) => at >= 0,
-			(on) => this.place(key, on ? this.layout.only.length : null));
+			(on) => place(key, on ? layout.only.length : null));
 		const [earlier, later] = [[-1, "earlier", "▴"], [1, "later", "▾"]].map(([by, word, sign]) =>
 			element("button", { type: "button", "aria-label": `${key} ${word}`,
-				onclick: () => this.place(key, this.layout.only.indexOf(key) + Number(by)) }, sign));
+				onclick: () => place(key, layout.only.indexOf(key) + Number(by)) }, sign));
 		return {
 			element: element("li", { "data-key": key }, box.element, earlier, later),
 			update: (item) => {
@@ -76,9 +46,36 @@ export class LayoutMenu {
 		};
 	}
 
-	/** Show a stream at this place of those that are chosen, or no longer. */
-	place(key, at) {
-		const rest = this.layout.only.filter((other) => other !== key);
-		this.change({ only: at === null ? rest : rest.toSpliced(at, 0, key) });
+	/** One row for each stream: those that are chosen first, in their order. */
+	function drawStreams({ only }) {
+		const all = pictureStreams(system.streams).map(({ key }) => key);
+		drawList(byId("layout-streams"), [...new Set([...only, ...all])].map((key) =>
+			({ key, at: only.indexOf(key), isLast: key === only.at(-1) })), ({ key }) => makeRow(key));
+		setText(byId("layout-count"), only.length ? `${only.length} of them, in this order` : "all");
 	}
+
+	function draw() {
+		if (!byId("layout-menu").matches(":popover-open")) return;
+		const shown = { ...layout, ...transfer.common };
+		for (const [name] of LISTS) byId(`layout-${name}`).value = shown[name] ?? "";
+		for (const box of hides) box.checked = shown.hide.includes(box.value);
+		drawStreams(shown);
+		const fragment = writeLayout(shown);
+		byId("layout-address").value = `${pageFolder()}/${fragment ? "#" : ""}${fragment}`;
+	}
+
+	for (const [name, none, choices] of LISTS) {
+		setOptions(byId(`layout-${name}`), [["", none], ...choices.map((choice) => [choice, choice])]);
+		listen(`layout-${name}`, "change", ({ target: { value } }) =>
+			change({ [name]: value === "" ? null : name === "panel" ? value : Number(value) }));
+	}
+	copies(byId("layout-copy"), byId("layout-address"));
+	listen("layout-hide", "change", () =>
+		change({ hide: hides.filter((box) => box.checked).map((box) => box.value) }));
+	listen("layout-menu", "toggle", draw);
+	system.on("streams", draw);
+	return (shown) => {
+		layout = shown;
+		draw();
+	};
 }

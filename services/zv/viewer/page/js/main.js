@@ -15,18 +15,18 @@
 import { showConnection } from "./connection_status.js";
 import { Inspector } from "./inspector/inspector.js";
 import { listenToKeyboard } from "./keyboard.js";
-import { LayoutMenu } from "./layout_menu.js";
+import { layoutMenu } from "./layout_menu.js";
 import { PLAIN, readLayout, writeLayout } from "./model/layout.js";
 import { Orientations } from "./model/orientation.js";
 import { System } from "./model/system.js";
 import { Transfer } from "./model/transfer.js";
 import { Dock } from "./panels/dock.js";
-import { EventsPanel } from "./panels/events.js";
-import { GraphPanel } from "./panels/graph.js";
-import { HealthPanel, logPanel } from "./panels/health.js";
-import { MessagePanel } from "./panels/message.js";
-import { ParametersPanel } from "./panels/parameters.js";
-import { PlotsPanel } from "./panels/plots.js";
+import { eventsPanel } from "./panels/events.js";
+import { graphPanel } from "./panels/graph.js";
+import { healthPanel, logPanel } from "./panels/health.js";
+import { messagePanel } from "./panels/message.js";
+import { parametersPanel } from "./panels/parameters.js";
+import { plotsPanel } from "./panels/plots.js";
 import { showReplay } from "./panels/replay_bar.js";
 import { Connection } from "./transport/connection.js";
 import { byId, setData } from "./ui/elements.js";
@@ -46,18 +46,18 @@ let layout = PLAIN;
 const shared = { orientations: new Orientations(), transfer: new Transfer(), setTransfer };
 const wall = new Wall(system, watches, shared, (key) => writeLayout({ ...layout, keys: [key] }));
 const inspector = new Inspector(system, watches, connection, go, shared);
-const menu = new LayoutMenu(system, shared.transfer, change);
+const showInMenu = layoutMenu(system, shared.transfer, change);
 const camera = () => inspector.camera;
 const panels = {
-	parameters: new ParametersPanel(system, connection, camera),
-	plots: new PlotsPanel(system, watches, camera),
-	graph: new GraphPanel(system, camera),
-	message: new MessagePanel(system, connection, watches, camera, (key, name) => {
+	parameters: parametersPanel(system, connection, camera),
+	plots: plotsPanel(system, watches, camera),
+	graph: graphPanel(system, camera),
+	message: messagePanel(system, connection, watches, camera, (key, name) => {
 		dock.show("plots");
 		panels.plots.plot(key, name);
 	}),
-	events: new EventsPanel(system, watches),
-	health: new HealthPanel(system),
+	events: eventsPanel(system, watches),
+	health: healthPanel(system),
 	log: logPanel(system),
 };
 showReplay(system, watches, connection);
@@ -116,7 +116,7 @@ function show() {
 	const before = inspector.keys[0];
 	const hadFocus = byId("wall").contains(document.activeElement);
 	setData(document.body, { view: isLarge ? "large" : "wall", hide: layout.hide.join(" ") });
-	menu.follow(layout);
+	showInMenu(layout);
 	byId("wall").hidden = isLarge;
 	byId("large").hidden = !isLarge;
 	wall.show(!isLarge, layout);

@@ -10,7 +10,7 @@ import { number } from "../ui/format.js";
 import { Adjust } from "./adjust.js";
 import { CameraFrames } from "./camera_frames.js";
 import { writeFigures } from "./figures.js";
-import { Menus, TransferMenu } from "./menus.js";
+import { Menus, transferMenu } from "./menus.js";
 import { PaneGrid } from "./pane_grid.js";
 import { ShapeEditor } from "./shape_editor.js";
 
@@ -38,7 +38,7 @@ export class Inspector {
 		const follow = () => this.follow();
 		this.menus = new Menus(system, follow, go);
 		this.adjust = new Adjust(orientations, follow);
-		this.transferMenu = new TransferMenu(transfer, setTransfer, follow);
+		this.transferMenu = transferMenu(transfer, setTransfer, follow);
 		this.editor = new ShapeEditor(system, connection, () => this.grid?.requestPaint());
 		this.grid = new PaneGrid({
 			orientationOf: (camera) => orientations.of(camera),

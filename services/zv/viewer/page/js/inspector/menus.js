@@ -72,56 +72,36 @@ export class Menus {
 	}
 }
 
-/** The menu of the size and quality of a stream, and of its addresses. */
-export class TransferMenu {
-	/** `setCommon(choice)` sets that of all streams; `changed()` is called after other choices. */
-	constructor(transfer, setCommon, changed) {
-		this.transfer = transfer;
-		this.setCommon = setCommon;
-		this.changed = changed;
-		this.stream = null;
-		/** @type {[string, number[], (size: number) => string][]} */
-		const choices = [
-			["width", WIDTHS, (width) => `at most ${width} pixels wide`],
-			["quality", QUALITIES, (quality) => `JPEG ${quality}`],
-		];
-		for (const [name, numbers, words] of choices) {
-			setOptions(byId(`transfer-${name}`),
-				[["", "as sent"], ...numbers.map((number) => [number, words(number)])]);
-			listen(`transfer-${name}`, "change", () => this.choose());
-		}
-		listen("transfer-own", "change", ({ target }) => this.setOwn(target.checked ? this.chosen : null));
-		for (const path of PATHS) copies(byId(`copy-${path}`), byId(`address-${path}`));
-	}
+/**
+ * Fill the menu of the size and quality of a stream, and of its addresses. `setCommon(choice)` sets
+ * those of all streams; `changed()` is called after other choices. Returns {follow, copyAddress}.
+ */
+export function transferMenu(transfer, setCommon, changed) {
+	/** @type {any} */
+	let stream = null;
+	const [width, quality, own] = ["width", "quality", "own"].map((name) => byId(`transfer-${name}`));
 
-	get chosen() {
-		const of = (id) => Number(byId(id).value) || null;
-		return { width: of("transfer-width"), quality: of("transfer-quality") };
-	}
-
-	choose() {
-		if (byId("transfer-own").checked) this.setOwn(this.chosen);
-		else this.setCommon(this.chosen);
-	}
+	const chosen = () => ({ width: Number(width.value) || null, quality: Number(quality.value) || null });
 
 	/** Set the choice for this stream; with null, it has that of all streams again. */
-	setOwn(choice) {
-		this.transfer.streams.set(this.stream.key, choice);
-		this.changed();
+	function setOwn(choice) {
+		transfer.streams.set(stream.key, choice);
+		changed();
 	}
 
 	/** The menu is now about this stream, whose frames have this size, or null while unknown. */
-	follow(stream, frameSize) {
-		this.stream = stream;
-		const { width, quality } = this.transfer.of(stream.key);
-		byId("transfer-width").value = width ?? "";
-		byId("transfer-quality").value = quality ?? "";
-		byId("transfer-own").checked = this.transfer.hasOwn(stream.key);
-		byId("transfer-own").disabled = Boolean(this.transfer.fixed);
-		byId("transfer-button").setAttribute("aria-pressed", String(Boolean(width || quality)));
+	function follow(wanted, frameSize) {
+		stream = wanted;
+		const choice = transfer.of(stream.key);
+		width.value = choice.width ?? "";
+		quality.value = choice.quality ?? "";
+		own.checked = transfer.hasOwn(stream.key);
+		own.disabled = Boolean(transfer.fixed);
+		byId("transfer-button").setAttribute("aria-pressed",
+			String(Boolean(choice.width || choice.quality)));
 		// In an address, a width also enlarges.
-		const isSmaller = width && !(frameSize && frameSize.width <= width);
-		const rendered = { quality, width: isSmaller ? width : null };
+		const isSmaller = choice.width && !(frameSize && frameSize.width <= choice.width);
+		const rendered = { ...choice, width: isSmaller ? choice.width : null };
 		for (const path of PATHS) {
 			byId(`address-${path}`).value = streamAddress(pageFolder(), stream.key, rendered,
 				topicName(stream) === RAW, path);
@@ -129,8 +109,18 @@ export class TransferMenu {
 	}
 
 	/** Open the menu and copy the stream's address. */
-	copyAddress() {
+	function copyAddress() {
 		if (!byId("transfer-menu").matches(":popover-open")) byId("transfer-button").click();
 		copyText(byId("copy-stream"), byId("address-stream"));
 	}
+
+	const widths = WIDTHS.map((each) => [each, `at most ${each} pixels wide`]);
+	setOptions(width, [["", "as sent"], ...widths]);
+	setOptions(quality, [["", "as sent"], ...QUALITIES.map((each) => [each, `JPEG ${each}`])]);
+	for (const list of [width, quality]) {
+		list.addEventListener("change", () => own.checked ? setOwn(chosen()) : setCommon(chosen()));
+	}
+	own.addEventListener("change", () => setOwn(own.checked ? chosen() : null));
+	for (const path of PATHS) copies(byId(`copy-${path}`), byId(`address-${path}`));
+	return { follow, copyAddress };
 }

@@ -1,10 +1,14 @@
-// The dock beside the main view: which panel is open. Also the list of cameras that panels share.
+// The dock beside the main view: which panel is open. Also the lists that panels share, of cameras and
+// of lines.
 
-import { byId, listen, setData, setOptions, setText } from "../ui/elements.js";
+import { byId, drawList, later, listen, setData, setOptions, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 
 // Kinds of text that each panel needs besides the lists. The count of health is always visible.
 const NEEDS = { parameters: ["parameters"], graph: ["matches"], log: ["log"] };
+
+const AT_END_PX = 24;
+const DRAW_MS = 200; // one drawing for the lines of a busy system
 
 export class Dock {
 	/**
@@ -63,31 +67,42 @@ export class Dock {
 	}
 }
 
-/** A list of the present cameras, which follows the one that the large view shows. */
-export class CameraList {
-	/** `current()` returns the camera in the large view, or null; `changed()` is called on choice. */
-	constructor(list, system, current, changed, { withAll = false } = {}) {
-		this.list = list;
-		this.system = system;
-		this.current = current;
-		this.withAll = withAll;
-		this.before = null;
-		list.addEventListener("change", changed);
-	}
-
-	/** The chosen camera; empty for all. */
-	get camera() {
-		return this.list.value;
-	}
-
-	/** Offer the present cameras; choose the one in the large view if that changed. */
-	update() {
-		const cameras = [...this.system.cameras, ...(this.withAll ? [""] : [])];
-		const current = this.current();
-		const wanted = current && current !== this.before ? current : this.list.value;
-		setOptions(this.list, cameras.map((camera) => [camera, camera || "all cameras"]));
-		this.before = current;
+/**
+ * Let a list offer the present cameras. `current()` returns the camera in the large view, or null;
+ * `changed()` is called on choice. Returns a function that updates the list and returns the chosen
+ * camera, empty for all: the one in the large view if that changed.
+ */
+export function cameraList(list, system, current, changed, { withAll = false } = {}) {
+	let before = null;
+	list.addEventListener("change", changed);
+	return () => {
+		const cameras = [...system.cameras, ...(withAll ? [""] : [])];
+		const large = current();
+		const wanted = large && large !== before ? large : list.value;
+		setOptions(list, cameras.map((camera) => [camera, camera || "all cameras"]));
+		before = large;
 		const value = cameras.includes(wanted) ? wanted : cameras[0];
-		if (this.list.value !== value) this.list.value = value;
+		if (list.value !== value) list.value = value;
+		return list.value;
+	};
+}
+
+/**
+ * Draw lines, newest last, in a list that scrolls along only while its end is visible. `lines()`
+ * returns them, each with a `key`; `make(line)` makes the element of one.
+ */
+export function lineList(id, lines, make) {
+	const list = byId(id);
+	let isClosed = true; // with its panel
+
+	function draw() {
+		const wasClosed = isClosed;
+		isClosed = !list.clientHeight;
+		if (isClosed) return;
+		const atEnd = wasClosed || list.scrollHeight - list.scrollTop - list.clientHeight < AT_END_PX;
+		drawList(list, lines(), (line) => ({ element: make(line) }));
+		if (atEnd) list.scrollTop = list.scrollHeight;
 	}
+
+	return { draw, drawSoon: later(draw, DRAW_MS) };
 }

@@ -6,7 +6,7 @@ import { copies } from "../export/addresses.js";
 import { askFor, EVENT_TYPE, merged, momentOf, queryOf, wordsOf } from "../model/events.js";
 import { byId, element, listen, setOptions, setText, svg } from "../ui/elements.js";
 import { clock, dayAndClock, number } from "../ui/format.js";
-import { LineList } from "./line_list.js";
+import { lineList } from "./dock.js";
 
 const MOST_CAMERAS = 8;
 const POLL_MS = 2000;
@@ -16,94 +16,91 @@ const PAGE = 100; // rows in an answer to a first question
 const LISTS = { camera: "all cameras", kind: "all events", zone: "all zones and lines" };
 const CHOICES = [...Object.keys(LISTS), "since", "until"];
 
-export class EventsPanel {
-	constructor(system, watches) {
-		this.visible = false; // set by the dock
-		this.wasVisible = false;
-		this.system = system;
-		this.watches = watches;
-		this.isKept = null; // whether the viewer keeps events; null until it has said so
-		this.rows = []; // those that it keeps, else those that arrived
-		this.fault = "";
-		this.hasEarlier = false;
-		this.asking = {}; // of the question whose answer is awaited
-		this.receive = (message) => this.add(message);
-		this.list = new LineList("event-lines", () => this.rows,
-			(row) => "message" in row ? liveRow(row) : keptRow(row));
-		listen("event-filters", "change", () => this.restart());
-		listen("event-older", "click", () => this.ask(true));
-		listen("event-dialog", "click", ({ target }) => target.id === "event-dialog" && target.close());
-		system.on("streams", () => this.draw());
-		system.on("hello", () => this.restart()); // of a viewer that may keep others
-	}
+export function eventsPanel(system, watches) {
+	const panel = { visible: false, draw }; // set by the dock
+	let wasVisible = false;
+	/** @type {boolean | null} */
+	let isKept = null; // whether the viewer keeps events; null until it has said so
+	/** @type {any[]} */
+	let rows = []; // those that it keeps, else those that arrived
+	let fault = "";
+	let hasEarlier = false;
+	let asking = {}; // of the question whose answer is awaited
+	let timer;
+	const list = lineList("event-lines", () => rows,
+		(row) => "message" in row ? liveRow(row) : keptRow(row));
+	const valueOf = (name) => byId(`event-${name}`).value;
+	const query = () => queryOf(Object.fromEntries(CHOICES.map((name) => [name, valueOf(name)])));
 
-	/** The query for what is chosen. */
-	get query() {
-		return queryOf(Object.fromEntries(CHOICES.map((name) => [name, byId(`event-${name}`).value])));
-	}
-
-	draw() {
-		const { visible, isKept } = this;
-		if (visible !== this.wasVisible) {
-			this.wasVisible = visible;
-			clearTimeout(this.timer);
-			if (visible) this.ask();
+	function draw() {
+		const { visible } = panel;
+		if (visible !== wasVisible) {
+			wasVisible = visible;
+			clearTimeout(timer);
+			if (visible) ask();
 		}
-		const streams = this.system.streams.filter(({ type }) => type === EVENT_TYPE);
+		const streams = system.streams.filter(({ type }) => type === EVENT_TYPE);
 		const live = visible && isKept === false ? streams.slice(0, MOST_CAMERAS) : [];
-		this.watches.watchMessages(live.map(({ key }) => key), this.receive);
+		watches.watchMessages(live.map(({ key }) => key), add);
 		byId("event-lines").dataset.empty = isKept || live.length ? "No event yet."
 			: "No node publishes events.";
 		byId("event-filters").hidden = !isKept;
-		byId("event-older").hidden = !isKept || !this.hasEarlier;
-		byId("event-table").href = `events.csv?${this.query}`;
-		setText(byId("event-words"), this.fault || (isKept === false
+		byId("event-older").hidden = !isKept || !hasEarlier;
+		byId("event-table").href = `events.csv?${query()}`;
+		setText(byId("event-words"), fault || (isKept === false
 			? "While this is open: the viewer keeps none, --events-dir makes it." : ""));
-		this.list.draw();
+		list.draw();
 	}
 
 	/** Add a row of one that arrived. */
-	add(message) {
-		const key = (this.rows.at(-1)?.key ?? 0) + 1;
-		this.rows.push({ key, message, at: this.system.now });
-		if (this.rows.length > LIVE_KEPT) this.rows.shift();
-		this.list.drawSoon();
+	function add(message) {
+		const key = (rows.at(-1)?.key ?? 0) + 1;
+		rows.push({ key, message, at: system.now });
+		if (rows.length > LIVE_KEPT) rows.shift();
+		list.drawSoon();
 	}
 
 	/** Ask for what is chosen now. */
-	restart() {
-		clearTimeout(this.timer);
-		this.asking = {};
-		if (this.isKept) this.rows = [];
-		if (this.visible) this.ask();
+	function restart() {
+		clearTimeout(timer);
+		asking = {};
+		if (isKept) rows = [];
+		if (panel.visible) ask();
 	}
 
 	/** Ask for older events, or for newer ones, again and again. */
-	async ask(isForOlder = false) {
-		const asking = this.asking = {};
-		const [first] = this.isKept ? this.rows : [];
+	async function ask(isForOlder = false) {
+		const own = asking = {};
+		const [first] = isKept ? rows : [];
 		const place = !first ? "" : isForOlder ? `before=${first.number}`
-			: `most=${ROWS_KEPT}&after=${this.rows.at(-1).number}`;
-		const answer = await askFor([this.query, place].filter(Boolean).join("&"));
-		if (this.asking !== asking) return; // something else was chosen meanwhile
-		this.take(answer, !first || isForOlder);
-		clearTimeout(this.timer);
-		if (this.visible && this.isKept !== false) this.timer = setTimeout(() => this.ask(), POLL_MS);
+			: `most=${ROWS_KEPT}&after=${rows.at(-1).number}`;
+		const answer = await askFor([query(), place].filter(Boolean).join("&"));
+		if (asking !== own) return; // something else was chosen meanwhile
+		take(answer, !first || isForOlder);
+		clearTimeout(timer);
+		if (panel.visible && isKept !== false) timer = setTimeout(() => ask(), POLL_MS);
 	}
 
-	take({ kept = this.isKept, fault = "", events = [], choices }, isPage) {
-		if (kept !== this.isKept) this.rows = [];
-		this.isKept = kept;
-		this.fault = fault.trim();
-		if (isPage && !fault) this.hasEarlier = events.length >= PAGE;
-		if (kept) this.rows = merged(this.rows, events);
+	function take({ kept = isKept, fault: newFault = "", events = [], choices }, isPage) {
+		if (kept !== isKept) rows = [];
+		isKept = kept;
+		fault = newFault.trim();
+		if (isPage && !newFault) hasEarlier = events.length >= PAGE;
+		if (kept) rows = merged(rows, events);
 		for (const [name, all] of choices ? Object.entries(LISTS) : []) {
-			const list = byId(`event-${name}`);
-			const found = new Set([...choices[name], list.value].filter(Boolean));
-			setOptions(list, [["", all], ...[...found].map((each) => [each, each.replaceAll("_", " ")])]);
+			const found = new Set([...choices[name], valueOf(name)].filter(Boolean));
+			setOptions(byId(`event-${name}`),
+				[["", all], ...[...found].map((each) => [each, each.replaceAll("_", " ")])]);
 		}
-		this.draw();
+		draw();
 	}
+
+	listen("event-filters", "change", restart);
+	listen("event-older", "click", () => ask(true));
+	listen("event-dialog", "click", ({ target }) => target.id === "event-dialog" && target.close());
+	system.on("streams", draw);
+	system.on("hello", restart); // of a viewer that may keep others
+	return panel;
 }
 
 function liveRow({ message: { key, header, body }, at }) {

@@ -2,7 +2,7 @@
 
 import { topicName } from "../model/streams.js";
 import { byId, svg } from "../ui/elements.js";
-import { CameraList } from "./dock.js";
+import { cameraList } from "./dock.js";
 
 const ROW = 22;
 const GAP = 12;
@@ -15,66 +15,62 @@ const WIDEST = 600;
 const LONGEST_NAME = 15;
 const LETTER_WIDTH = 6.7;
 
-export class GraphPanel {
-	/** `current()` returns the camera in the large view, or null. */
-	constructor(system, current) {
-		this.visible = false; // set by the dock
-		this.system = system;
-		this.cameras = new CameraList(byId("graph-camera"), system, current, () => this.draw(),
-			{ withAll: true });
-		system.on("nodes streams matches", () => this.draw());
-		new ResizeObserver(() => this.draw()).observe(byId("graph"));
-	}
+/** The panel; `current()` returns the camera in the large view, or null. */
+export function graphPanel(system, current) {
+	const panel = { visible: false, draw }; // set by the dock
+	const list = byId("graph-camera");
+	const updateCameras = cameraList(list, system, current, draw, { withAll: true });
+	let drawn = ""; // of which state the graph is
 
-	draw() {
-		if (!this.visible) return;
-		this.cameras.update();
-		const { camera } = this.cameras;
+	function draw() {
+		if (!panel.visible) return;
+		const camera = updateCameras();
 		const ofCamera = (keys) => (keys ?? []).filter((key) => !camera
 			|| key.split("/")[1] === camera || key.includes("*"));
-		const nodes = this.system.nodes
+		const nodes = system.nodes
 			.filter((node) => !camera || !node.cameras?.length || node.cameras.includes(camera))
 			.map((node) => ({ node: node.node, alive: node.alive,
 				publishes: ofCamera(node.publishes), subscribes: ofCamera(node.subscribes) }));
 		const width = Math.min(WIDEST, Math.max(NARROWEST, byId("graph").clientWidth - 28));
 		const keys = nodes.flatMap((node) => [...node.publishes, ...node.subscribes]);
-		const kinds = keys.map((key) => this.system.stream(key)?.kind);
-		const state = JSON.stringify([camera, width, nodes, kinds, ...this.system.matches]);
-		if (state === this.state) return;
-		this.state = state;
-		const layout = layOut(nodes, this.system.matches);
-		byId("graph").replaceChildren(
-			...layout.rows.length ? [this.drawing(layout, width)] : []);
+		const kinds = keys.map((key) => system.stream(key)?.kind);
+		const state = JSON.stringify([camera, width, nodes, kinds, ...system.matches]);
+		if (state === drawn) return;
+		drawn = state;
+		const layout = layOut(nodes, system.matches);
+		byId("graph").replaceChildren(...layout.rows.length ? [drawing(layout, width)] : []);
 	}
 
-	drawing({ rows, senders, receivers, height }, width) {
+	function drawing({ rows, senders, receivers, height }, width) {
 		const right = width - NODE_WIDTH - 1;
 		const middles = new Map(receivers.map((one) => [one.node, one.y + ROW / 2]));
 		return svg("svg", { viewBox: `0 -2 ${width} ${height + 4}`, width, height: height + 4,
 			role: "group", "aria-label": "Graph of nodes and keys", class: "graph-drawing" },
-		rows.flatMap((row) => wires(row, middles, this.nameOf(row.key), right)),
-		rows.map((row) => this.keyText(row)),
-		senders.map((one) => nodeBox(one, 1)),
-		receivers.map((one) => nodeBox(one, right)));
+		rows.flatMap((row) => wires(row, middles, nameOf(row.key), right)), rows.map(keyText),
+		senders.map((one) => nodeBox(one, 1)), receivers.map((one) => nodeBox(one, right)));
 	}
 
 	/** A short name for a key: its topic, with the camera if there are several. */
-	nameOf(key) {
-		const stream = this.system.stream(key);
+	function nameOf(key) {
+		const stream = system.stream(key);
 		if (!stream) return key;
-		return this.cameras.camera ? topicName(stream) : `${stream.camera}/${topicName(stream)}`;
+		return list.value ? topicName(stream) : `${stream.camera}/${topicName(stream)}`;
 	}
 
-	keyText({ key, y, receivers, sender }) {
+	function keyText({ key, y, receivers, sender }) {
 		const kind = `key ${receivers.length ? "" : "unheard"} ${sender ? "" : "unsent"}`;
 		const parts = [
 			svg("title", {}, `${key}${receivers.length ? "" : " – nobody subscribes"}`),
-			svg("text", { x: KEY_LEFT + 5, y: y + ROW / 2 + 4 }, this.nameOf(key)),
+			svg("text", { x: KEY_LEFT + 5, y: y + ROW / 2 + 4 }, nameOf(key)),
 		];
-		return this.system.stream(key)?.kind === "picture"
+		return system.stream(key)?.kind === "picture"
 			? svg("a", { class: `${kind} picture`, href: `#${key}` }, parts)
 			: svg("g", { class: kind }, parts);
 	}
+
+	system.on("nodes streams matches", draw);
+	new ResizeObserver(draw).observe(byId("graph"));
+	return panel;
 }
 
 /** The lines of a key: from its sender, and to all its receivers. */

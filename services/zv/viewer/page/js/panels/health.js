@@ -2,34 +2,30 @@
 
 import { byId, drawList, element, later, setData, setText } from "../ui/elements.js";
 import { clock, count, duration, number, rate } from "../ui/format.js";
-import { LineList } from "./line_list.js";
+import { lineList } from "./dock.js";
 
 const LEVELS = ["OK", "WARN", "ERROR", "STALE"];
 const STALE_MS = 3500;
 const CELLS = ["level", "rate", "p50", "p99", "lost"];
 const SETTLE_MS = 100; // one drawing for the reports of many nodes
 
-export class HealthPanel {
-	constructor(system) {
-		this.visible = false; // set by the dock
-		this.system = system;
-		system.on("nodes health", later(() => this.draw(), SETTLE_MS));
-		setInterval(() => this.draw(), 1000);
-	}
+/** The panel of health; what draws it also counts the nodes that are not well. */
+export function healthPanel(system) {
+	const panel = { visible: false, draw }; // set by the dock
 
-	draw() {
+	function draw() {
 		if (document.hidden) return;
-		const { nodes } = this.system;
-		const bad = nodes.filter((node) => !["OK", "–"].includes(this.stateOf(node).level)).length;
+		const { nodes } = system;
+		const bad = nodes.filter((node) => !["OK", "–"].includes(stateOf(node).level)).length;
 		setText(byId("health-count"), bad ? String(bad) : ""); // also visible with the panel closed
-		if (!this.visible) return;
+		if (!panel.visible) return;
 		const rows = drawList(byId("health"), nodes.map((node) => node.node), makeHealthRow);
-		for (const node of nodes) this.fill(rows.get(node.node), node);
+		for (const node of nodes) fill(rows.get(node.node), node);
 	}
 
 	/** A node's level as a word, and its status text. */
-	stateOf(node) {
-		const report = this.system.report(node.node);
+	function stateOf(node) {
+		const report = system.report(node.node);
 		if (node.alive === false) return { level: "GONE", message: "its liveliness token is gone" };
 		if (!report) return { level: "–", message: "no report yet" };
 		const silence = performance.now() - report.at;
@@ -38,9 +34,9 @@ export class HealthPanel {
 		return { level: LEVELS[level] ?? String(level), message };
 	}
 
-	fill(row, node) {
-		const { level, message } = this.stateOf(node);
-		const { diagnostics, rate: hz, p50, p99, lost } = this.system.report(node.node) ?? {};
+	function fill(row, node) {
+		const { level, message } = stateOf(node);
+		const { diagnostics, rate: hz, p50, p99, lost } = system.report(node.node) ?? {};
 		const taken = Object.entries(diagnostics?.routes ?? {}).map(([key, way]) => `${key} by ${way}`);
 		const way = taken.length ? `, takes ${taken.join(", ")}` : "";
 		const lag = diagnostics?.source_lag_ms;
@@ -61,6 +57,10 @@ export class HealthPanel {
 		row.counters.replaceChildren(...Object.entries(diagnostics?.counters ?? {}).flatMap(
 			([name, value]) => [element("dt", {}, name), element("dd", {}, count(value))]));
 	}
+
+	system.on("nodes health", later(draw, SETTLE_MS));
+	setInterval(draw, 1000);
+	return panel;
 }
 
 /** A node's row: {element, message, about, counters, and the cells}. */
@@ -78,7 +78,7 @@ function makeHealthRow(node) {
 
 /** The panel of the log of changes of the system, newest last. */
 export function logPanel(system) {
-	const list = new LineList("log-lines", () => system.lines, makeLogRow);
+	const list = lineList("log-lines", () => system.lines, makeLogRow);
 	system.on("log", list.drawSoon);
 	return list;
 }

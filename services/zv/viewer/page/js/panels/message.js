@@ -12,96 +12,64 @@ const INDENT_PX = 14;
 const SCHEMA = /^[A-Za-z0-9_.-]{1,100}$/;
 const MOST_SCHEMAS = 50;
 
-export class MessagePanel {
-	/** `current()` returns the camera in the large view; `plot(topic, name)` plots a number. */
-	constructor(system, connection, watches, current, plot) {
-		this.visible = false; // set by the dock
-		this.system = system;
-		this.watches = watches;
-		this.current = current;
-		this.plot = plot;
-		/** @type {any} */
-		this.message = null;
-		this.isHeld = false;
-		this.toggled = new Set();
-		this.most = ROWS;
-		this.receive = (message) => this.take(message);
-		this.drawSoon = later(() => this.drawRows(), DRAW_MS);
-		this.schemas = new Map();
-		this.list = byId("message-stream");
-		listen("message-stream", "change", () => this.draw());
-		listen("message-search", "input", () => this.drawRows());
-		listen("message-hold", "click", () => this.hold(!this.isHeld));
-		listen("message-copy", "click", () => this.copy());
-		listen("message-json", "blur", ({ target }) => target.hidden = true);
-		listen("message-more", "click", () => {
-			this.most += ROWS;
-			this.drawRows();
-		});
-		system.on("streams", () => this.draw());
-		connection.on("large", ({ key, bytes, header }) => {
-			if (key === this.key) this.take({ key, header, body: {}, bytes });
-		});
-	}
-
-	get key() {
-		return this.list.value;
-	}
+/**
+ * The panel; `current()` returns the camera in the large view, `plot(topic, name)` plots a number.
+ */
+export function messagePanel(system, connection, watches, current, plot) {
+	const panel = { visible: false, draw }; // set by the dock
+	const list = byId("message-stream");
+	const drawSoon = later(drawRows, DRAW_MS);
+	const toggled = new Set(); // keys of rows
+	const schemas = new Map();
+	/** @type {any} */
+	let message = null;
+	let isHeld = false;
+	let most = ROWS;
 
 	/** Follow the chosen stream while the panel is open. */
-	draw() {
-		const streams = this.system.streams.filter(({ kind }) => kind === "message");
-		if (this.visible) {
-			const camera = this.current();
+	function draw() {
+		const { visible } = panel;
+		if (visible) {
+			const camera = current();
 			const rank = (stream) => (stream.camera === camera ? 0 : 1);
-			const order = [...streams].sort((a, b) => rank(a) - rank(b));
-			setOptions(this.list, order.map(({ key, camera: of, topic }) => [key, `${of} / ${topic}`]));
+			const order = system.streams.filter(({ kind }) => kind === "message")
+				.sort((a, b) => rank(a) - rank(b));
+			setOptions(list, order.map(({ key, camera: of, topic }) => [key, `${of} / ${topic}`]));
 		}
-		if (this.message && this.message.key !== this.key) {
-			this.message = null;
-			this.most = ROWS;
-			this.toggled.clear();
+		if (message && message.key !== list.value) {
+			message = null;
+			most = ROWS;
+			toggled.clear();
 		}
-		const isFollowed = this.visible && this.key && !this.isHeld;
-		this.watches.watchMessages(isFollowed ? [this.key] : [], this.receive);
-		if (this.visible) this.drawRows();
+		watches.watchMessages(visible && list.value && !isHeld ? [list.value] : [], take);
+		drawRows();
 	}
 
-	take(message) {
-		this.message = message;
-		this.drawSoon();
-	}
-
-	/** Hold the message that is shown, and let the server send no more; or go on. */
-	hold(isHeld) {
-		this.isHeld = isHeld;
-		byId("message-hold").setAttribute("aria-pressed", String(isHeld));
-		this.draw();
+	function take(newest) {
+		message = newest;
+		drawSoon();
 	}
 
 	/** The fields as they were sent, the header first; none without a message. */
-	get fields() {
-		const { header, body = {} } = this.message ?? {};
+	function fieldsOf() {
+		const { header, body = {} } = message ?? {};
 		return header ? { header, ...body } : body;
 	}
 
-	drawRows() {
-		if (!this.visible) return;
-		const { message } = this;
+	function drawRows() {
+		if (!panel.visible) return;
 		const query = byId("message-search").value;
-		const { toggled, most } = this;
-		const { rows, left, isCut } = rowsOf(this.fields, { toggled, query, most });
-		const schema = message?.type ? this.schemaOf(message.type) : null;
-		const described = rows.map((row) => ({ ...row, about: schema ? describe(schema, row.names) : "" }));
-		drawList(byId("message-rows"), described, (row) => this.makeRow(row));
-		setText(byId("message-words"), this.words(rows.length, query));
+		const { rows, left, isCut } = rowsOf(fieldsOf(), { toggled, query, most });
+		const schema = message?.type ? schemaOf(message.type) : null;
+		const described = rows.map((row) => ({ ...row, about: describe(schema, row.names) }));
+		drawList(byId("message-rows"), described, makeRow);
+		setText(byId("message-words"), wordsFor(rows.length, query));
 		byId("message-more").hidden = !left;
 		setText(byId("message-more"), `Show more of ${left}${isCut ? " or more" : ""} other fields`);
 		byId("message-copy").disabled = !message;
 	}
 
-	words(shown, query) {
-		const { message, system } = this;
+	function wordsFor(shown, query) {
 		if (!system.streams.some(({ kind }) => kind === "message")) return "No stream of messages is here.";
 		if (!message) return "No message yet.";
 		if (message.bytes) {
@@ -111,13 +79,13 @@ export class MessagePanel {
 		return shown || !query ? "" : "No field matches the search.";
 	}
 
-	makeRow({ names, key }) {
+	function makeRow({ names, key }) {
 		let shown;
 		const name = element("span", { class: "field-name" });
 		const value = element("button", { type: "button", class: "quiet field-value", onclick: () => {
-			if (shown.canOpen && !this.toggled.delete(key)) this.toggled.add(key);
-			if (shown.canOpen) this.drawRows();
-			else if (shown.kind === "number") this.plot(this.message.key, names.join("."));
+			if (shown.canOpen && !toggled.delete(key)) toggled.add(key);
+			if (shown.canOpen) drawRows();
+			else if (shown.kind === "number") plot(message.key, names.join("."));
 		} });
 		const about = element("small", { class: "dim" });
 		const line = element("li", {}, name, value, about);
@@ -139,24 +107,43 @@ export class MessagePanel {
 	}
 
 	/** The schema of a type of message; null until the server has answered, or if there is none. */
-	schemaOf(type) {
-		if (!this.schemas.has(type) && SCHEMA.test(type) && this.schemas.size < MOST_SCHEMAS) {
-			this.schemas.set(type, null);
+	function schemaOf(type) {
+		if (!schemas.has(type) && SCHEMA.test(type) && schemas.size < MOST_SCHEMAS) {
+			schemas.set(type, null);
 			fetch(`schema?name=${encodeURIComponent(type)}`)
 				.then((answer) => (answer.ok ? answer.json() : null))
 				.then((schema) => {
-					this.schemas.set(type, schema);
-					this.drawRows(); // the message may have been drawn without it
+					schemas.set(type, schema);
+					drawRows(); // the message may have been drawn without it
 				}, () => null);
 		}
-		return this.schemas.get(type) ?? null;
+		return schemas.get(type) ?? null;
 	}
 
 	/** Copy the message; where the browser forbids it, its field stays, selected, until it is left. */
-	async copy() {
+	async function copy() {
 		const field = byId("message-json");
 		field.hidden = false;
-		field.value = JSON.stringify(this.fields, null, 2);
+		field.value = JSON.stringify(fieldsOf(), null, 2);
 		field.hidden = await copyText(byId("message-copy"), field, "Copy as JSON");
 	}
+
+	listen("message-stream", "change", draw);
+	listen("message-search", "input", drawRows);
+	listen("message-hold", "click", ({ target }) => {
+		isHeld = !isHeld; // the message that is shown, and the server sends no more
+		target.ariaPressed = isHeld;
+		draw();
+	});
+	listen("message-copy", "click", copy);
+	listen("message-json", "blur", ({ target }) => target.hidden = true);
+	listen("message-more", "click", () => {
+		most += ROWS;
+		drawRows();
+	});
+	system.on("streams", draw);
+	connection.on("large", ({ key, bytes, header }) => {
+		if (key === list.value) take({ key, header, body: {}, bytes });
+	});
+	return panel;
 }

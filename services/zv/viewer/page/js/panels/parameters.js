@@ -21,93 +21,81 @@ export function condition({ description }, parameters) {
 	return `only with ${other.name} = ${values.join(" or ")}`;
 }
 
-export class ParametersPanel {
-	/** `current()` returns the camera in the large view, or null. */
-	constructor(system, connection, current) {
-		this.visible = false; // set by the dock
-		this.system = system;
-		this.connection = connection;
-		this.current = current;
-		system.on("parameters nodes streams hello", () => this.draw());
-	}
-
-	/** Whether this page may not change parameters. */
-	get isViewOnly() {
-		return this.system.hello?.scope === "view";
-	}
+/** The panel; `current()` returns the camera in the large view, or null. */
+export function parametersPanel(system, connection, current) {
+	const panel = { visible: false, draw }; // set by the dock
+	const isViewOnly = () => system.hello?.scope === "view";
+	const set = (node, values) => connection.request({ op: "set", node, values });
 
 	/** Show a section for each node, those of the camera in the large view first. */
-	draw() {
-		if (!this.visible) return;
-		byId("view-only").hidden = !this.isViewOnly;
-		const camera = this.current();
-		const rank = (node) => (this.system.node(node)?.cameras?.includes(camera) ? 0 : 1);
-		const known = [...this.system.parameters.keys()].filter((node) => this.of(node).length)
+	function draw() {
+		if (!panel.visible) return;
+		byId("view-only").hidden = !isViewOnly();
+		const camera = current();
+		const rank = (node) => (system.node(node)?.cameras?.includes(camera) ? 0 : 1);
+		const known = [...system.parameters.keys()].filter((node) => parametersOf(node).length)
 			.sort((a, b) => rank(a) - rank(b) || a.localeCompare(b))
-			.map((node) => ({ node, key: [node, ...this.of(node).map(({ name }) => name)].join() }));
-		drawList(byId("parameters"), known, ({ node }) => this.makeSection(node));
+			.map((node) => ({ node, key: [node, ...parametersOf(node).map(({ name }) => name)].join() }));
+		drawList(byId("parameters"), known, ({ node }) => makeSection(node));
 	}
 
-	/** All parameters of a node. */
-	of(node) {
-		return [...this.system.parameters.get(node)?.values() ?? []];
+	function parametersOf(node) {
+		return [...system.parameters.get(node)?.values() ?? []];
 	}
 
 	/** The parameters that do not have their default values, and can be set. */
-	changed(node) {
-		return this.of(node).filter((parameter) =>
+	function changedOf(node) {
+		return parametersOf(node).filter((parameter) =>
 			parameter.value !== parameter.default && parameter.default !== undefined
 				&& !locked(parameter) && !isKeptElsewhere(parameter));
 	}
 
 	/** Make a node's section: its element, and `update()`, which shows new values. */
-	makeSection(node) {
-		const controls = this.of(node).map((parameter) =>
-			new Control(parameter, (value) => this.set(node, { [parameter.name]: value })));
+	function makeSection(node) {
+		const controls = parametersOf(node).map((parameter) =>
+			new Control(parameter, (value) => set(node, { [parameter.name]: value })));
 		const state = element("span", { class: "node-state" });
 		const refusal = element("p", { class: "refusal", role: "alert" });
 		const fields = element("fieldset", {}, ...controls.map((control) => control.element));
 		const reset = element("button", { type: "button",
-			onclick: () => this.setDefaults(node, refusal) }, "Reset to defaults");
-		const service = this.system.node(node)?.service ?? node;
+			onclick: () => setDefaults(node, refusal) }, "Reset to defaults");
+		const service = system.node(node)?.service ?? node;
 		const details = element("details", { class: "node-parameters", "data-node": node,
-			open: loadPreference(`open.${service}`, this.isOpenAtFirst(node)),
+			open: loadPreference(`open.${service}`, isOpenAtFirst(node)),
 			ontoggle: () => savePreference(`open.${service}`, details.open) },
 		element("summary", {}, element("b", {}, node), state),
 		element("div", { class: "row" }, reset,
-			element("button", { type: "button", onclick: () => this.save(node, refusal) },
-				"Save as TOML")),
+			element("button", { type: "button", onclick: () => save(node, refusal) }, "Save as TOML")),
 		refusal, fields);
 		return { element: details, update: () => {
-			const isAlive = this.system.node(node)?.alive ?? true;
-			const changed = this.changed(node).length;
+			const isAlive = system.node(node)?.alive ?? true;
+			const changed = changedOf(node).length;
 			setData(details, { alive: isAlive });
-			fields.disabled = reset.disabled = this.isViewOnly;
+			fields.disabled = reset.disabled = isViewOnly();
 			setText(state, !isAlive ? "gone" : changed ? `${changed} changed` : "");
-			const all = this.of(node);
+			const all = parametersOf(node);
 			controls.forEach((control, index) => control.update(all[index], condition(all[index], all)));
 		} };
 	}
 
 	/** Few nodes: all but cameras are open. Many: only those of the camera in the large view. */
-	isOpenAtFirst(node) {
-		const { service, cameras } = this.system.node(node) ?? {};
-		const isNear = this.system.nodes.length <= 5 || cameras?.includes(this.current());
+	function isOpenAtFirst(node) {
+		const { service, cameras } = system.node(node) ?? {};
+		const isNear = system.nodes.length <= 5 || cameras?.includes(current());
 		return service !== "camera" && isNear;
 	}
 
-	set(node, values) {
-		return this.connection.request({ op: "set", node, values });
+	async function setDefaults(node, refusal) {
+		const values = changedOf(node).map((parameter) => [parameter.name, parameter.default]);
+		if (values.length) showRefusal(refusal, await set(node, Object.fromEntries(values)));
 	}
 
-	async setDefaults(node, refusal) {
-		const values = this.changed(node).map((parameter) => [parameter.name, parameter.default]);
-		if (values.length) showRefusal(refusal, await this.set(node, Object.fromEntries(values)));
-	}
-
-	async save(node, refusal) {
-		const reply = await this.connection.request({ op: "dump", node });
+	async function save(node, refusal) {
+		const reply = await connection.request({ op: "dump", node });
 		showRefusal(refusal, reply);
 		if (reply.ok) offer([reply.toml], "text/plain", `${node}.toml`);
 	}
+
+	system.on("parameters nodes streams hello", draw);
+	return panel;
 }

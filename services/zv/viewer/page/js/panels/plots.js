@@ -5,8 +5,8 @@
 import { byId, drawList, listen, setOptions } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
 import { Chart } from "./chart.js";
-import { CameraList } from "./dock.js";
-import { EventMarks } from "./event_marks.js";
+import { cameraList } from "./dock.js";
+import { eventMarks } from "./event_marks.js";
 import { FieldRecorder } from "./field_recorder.js";
 
 const DRAW_MS = 500;
@@ -23,96 +23,95 @@ const CHARTS = [
 	{ title: "Lost frames", unit: "per second", fields: ["drops"] },
 ];
 
-export class PlotsPanel {
-	/** `current()` returns the camera in the large view, or null. */
-	constructor(system, watches, current) {
-		this.visible = false; // set by the dock
-		this.system = system;
-		this.cameras = new CameraList(byId("plots-camera"), system, current, () => this.draw());
-		this.recorder = new FieldRecorder(system, watches);
-		this.events = new EventMarks(system, watches);
-		this.fields = loadFields();
-		this.part = null; // [from, to] of a zoom, by the page's own clock
-		this.zoom = (part) => {
-			this.part = part;
-			this.draw();
-		};
-		this.charts = CHARTS.map((chart) => {
-			const view = new Chart(chart.title, chart.unit, this.zoom);
-			byId("plots").append(view.element);
-			return { ...chart, view };
-		});
-		listen("plot-topic", "change", () => this.draw());
-		listen("plot-span", "change", () => this.zoom(null));
-		listen("plot-newest", "click", () => this.zoom(null));
-		listen("plot-add", "click", () =>
-			this.setFields([...this.fields, [byId("plot-topic").value, byId("plot-field").value]]));
-		system.on("streams", () => this.draw());
-		setInterval(() => this.draw(), DRAW_MS);
+const keyOf = (field) => field.join(" ");
+
+/** The panel; `current()` returns the camera in the large view, or null. */
+export function plotsPanel(system, watches, current) {
+	const panel = { visible: false, draw, plot }; // set by the dock
+	const list = byId("plots-camera");
+	const updateCameras = cameraList(list, system, current, draw);
+	const recorder = new FieldRecorder(system, watches);
+	const events = eventMarks(system, watches);
+	let fields = loadFields();
+	/** @type {number[] | null} */
+	let part = null; // [from, to] of a zoom, by the page's own clock
+	const charts = CHARTS.map((chart) => {
+		const view = new Chart(chart.title, chart.unit, zoom);
+		byId("plots").append(view.element);
+		return { ...chart, view };
+	});
+
+	function zoom(wanted) {
+		part = wanted;
+		draw();
 	}
 
-	draw() {
-		if (this.visible) this.cameras.update();
-		const { camera } = this.cameras;
-		const topics = this.visible
-			? [byId("plot-topic").value, ...this.fields.map(([topic]) => topic)].filter(Boolean) : [];
-		this.recorder.follow(camera, topics, this.fields);
-		this.events.follow(this.visible ? camera : null);
-		if (!this.visible) return;
-		this.drawMenu(camera);
-		byId("plot-newest").disabled = !this.part;
+	function draw() {
+		const camera = panel.visible ? updateCameras() : list.value;
+		const topics = panel.visible
+			? [byId("plot-topic").value, ...fields.map(([topic]) => topic)].filter(Boolean) : [];
+		recorder.follow(camera, topics, fields);
+		events.follow(panel.visible ? camera : null);
+		if (!panel.visible) return;
+		drawMenu(camera);
+		byId("plot-newest").disabled = !part;
 		const style = getComputedStyle(document.documentElement);
 		const colour = (name) => style.getPropertyValue(`--${name}`);
 		const now = performance.now();
-		const [from, to] = this.part ?? [now - byId("plot-span").value * MINUTE_MS, now];
-		const span = { from, to, offset: this.system.clockOffset };
-		const draw = (view, lines) => view.draw(lines, this.events.marks, span, colour);
-		for (const { fields, view } of this.charts) {
-			draw(view, linesOf(this.system, camera, fields, colour));
-		}
-		const views = drawList(byId("field-plots"), this.fields.map((field) => field.join(" ")),
-			(key) => this.makeChart(this.fields.find((field) => field.join(" ") === key)));
-		for (const [topic, name] of this.fields) {
-			const points = this.recorder.points(topic, name, from);
+		const [from, to] = part ?? [now - byId("plot-span").value * MINUTE_MS, now];
+		const span = { from, to, offset: system.clockOffset };
+		const drawLines = (view, lines) => view.draw(lines, events.marks(), span, colour);
+		for (const chart of charts) drawLines(chart.view, linesOf(system, camera, chart.fields, colour));
+		const views = drawList(byId("field-plots"), fields.map(keyOf), makeChart);
+		for (const [topic, name] of fields) {
+			const points = recorder.points(topic, name, from);
 			const line = { name, colour: colour("series-1"), dash: [], points };
-			draw(views.get(`${topic} ${name}`), [line]);
+			drawLines(views.get(keyOf([topic, name])), [line]);
 		}
 	}
 
-	makeChart(field) {
-		const [topic, name] = field;
-		const title = `${topic[0].toUpperCase()}${topic.slice(1)} ${name}`;
-		return new Chart(title, "", this.zoom, () => this.setFields(this.fields.filter((one) => one !== field)));
+	function makeChart(key) {
+		const title = `${key[0].toUpperCase()}${key.slice(1)}`;
+		return new Chart(title, "", zoom, () => setFields(fields.filter((field) => keyOf(field) !== key)));
 	}
 
 	/** Offer the message streams of the camera, and the numbers in the newest of the chosen one. */
-	drawMenu(camera) {
-		const topics = this.system.streams.filter((one) => one.camera === camera
+	function drawMenu(camera) {
+		const topics = system.streams.filter((one) => one.camera === camera
 			&& one.kind === "message").map((one) => one.topic);
 		const offer = (list, names, title) =>
 			setOptions(list, [["", title], ...names.map((name) => [name, name])]);
 		offer(byId("plot-topic"), topics, "stream …");
 		const topic = byId("plot-topic").value;
-		const names = (this.recorder.known.get(topic) ?? []).filter((name) =>
-			!this.fields.some((field) => field.join(" ") === `${topic} ${name}`));
+		const names = (recorder.known.get(topic) ?? []).filter((name) =>
+			!fields.some((field) => keyOf(field) === keyOf([topic, name])));
 		offer(byId("plot-field"), names, !topic ? "number …" : names.length ? "number …" : "none yet");
-		byId("plot-add").disabled = !byId("plot-field").value || this.fields.length >= MOST_FIELDS;
+		byId("plot-add").disabled = !byId("plot-field").value || fields.length >= MOST_FIELDS;
 	}
 
 	/** Plot a number of a stream of messages; of more plots than there may be, the oldest goes. */
-	plot(key, name) {
-		const stream = this.system.stream(key);
+	function plot(key, name) {
+		const stream = system.stream(key);
 		if (!stream) return;
-		this.cameras.list.value = stream.camera;
-		const others = this.fields.filter((field) => field.join(" ") !== `${stream.topic} ${name}`);
-		this.setFields([...others.slice(1 - MOST_FIELDS), [stream.topic, name]]);
+		list.value = stream.camera;
+		const others = fields.filter((field) => keyOf(field) !== keyOf([stream.topic, name]));
+		setFields([...others.slice(1 - MOST_FIELDS), [stream.topic, name]]);
 	}
 
-	setFields(fields) {
-		this.fields = fields;
+	function setFields(wanted) {
+		fields = wanted;
 		savePreference("plots", fields);
-		this.draw();
+		draw();
 	}
+
+	listen("plot-topic", "change", draw);
+	listen("plot-span", "change", () => zoom(null));
+	listen("plot-newest", "click", () => zoom(null));
+	listen("plot-add", "click", () =>
+		setFields([...fields, [byId("plot-topic").value, byId("plot-field").value]]));
+	system.on("streams", draw);
+	setInterval(draw, DRAW_MS);
+	return panel;
 }
 
 /**
