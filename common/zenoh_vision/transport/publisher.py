@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,36 +41,32 @@ class Outgoing:
 
 
 class LazyPayload:
-    """A payload that is made on first use, and only once; safe between threads.
+    """A payload that was made, or is made when a query asks for it; used by one thread.
 
-    ``timestamp`` is that of its reply to a query, if several payloads are kept.
+    Attributes:
+        made: The payload, or why it cannot be made; None before.
+        make: Makes it; None once it was called.
+        timestamp: That of the reply to a query, if several payloads are kept.
     """
 
-    __slots__ = ("_failure", "_lock", "_made", "_make", "timestamp")
+    __slots__ = ("made", "make", "timestamp")
 
-    def __init__(
-        self, make: Callable[[], Outgoing], timestamp: zenoh.Timestamp | None = None
-    ) -> None:
-        self.timestamp = timestamp
-        self._make: Callable[[], Outgoing] | None = make
-        self._made: Outgoing | None = None
-        self._failure: Exception | None = None
-        self._lock = threading.Lock()
+    made: Outgoing | Exception | None
+    make: Callable[[], Outgoing] | None
+    timestamp: zenoh.Timestamp | None
 
     def __call__(self) -> Outgoing:
         """Return the payload; make it first if needed. One that cannot be made is tried once."""
-        with self._lock:
-            if self._make is not None:
-                try:
-                    self._made = self._make()
-                except Exception as error:
-                    self._failure = error
-                finally:
-                    self._make = None  # releases what it was made from
-            if self._failure is not None:
-                raise self._failure.with_traceback(None)
-            assert self._made is not None
-            return self._made
+        if self.make is not None:
+            try:
+                self.made = self.make()
+            except Exception as error:
+                self.made = error
+            self.make = None  # releases what it was made from
+        if isinstance(self.made, Exception):
+            raise self.made.with_traceback(None)
+        assert self.made is not None
+        return self.made
 
 
 FRAME_DELIVERY = (zenoh.CongestionControl.BLOCK_FIRST, zenoh.Priority.DATA)
@@ -188,10 +183,11 @@ class StreamPublisher:
             outgoing = (send or make)()
             if outgoing is None:
                 return "withheld"
-            make, held = lambda: outgoing, len(outgoing.payload)
+            held = len(outgoing.payload)
         if outgoing is None or outgoing.answers:
-            timestamp = self._link.session.new_timestamp() if topic.keeps > 1 else None
-            kept = LazyPayload(make, timestamp)
+            kept = LazyPayload()
+            kept.made, kept.make = outgoing, make if outgoing is None else None
+            kept.timestamp = self._link.session.new_timestamp() if topic.keeps > 1 else None
             self._kept.append(kept)
             if frame is not None and topic.recent:
                 recent = self._recent

@@ -12,23 +12,9 @@ from zenoh_vision.topics import Topic
 from zenoh_vision.transport.publisher import (
     RECENT_BYTES,
     Demand,
-    LazyPayload,
     Outgoing,
     StreamPublisher,
 )
-
-
-def test_a_sample_is_made_when_first_asked_for_and_only_once():
-    made: list[int] = []
-
-    def make() -> Outgoing:
-        made.append(1)
-        return Outgoing(b"x", "text/plain", None)
-
-    once = LazyPayload(make)
-    assert not made
-    assert once() is once()
-    assert made == [1]
 
 
 class Matched:
