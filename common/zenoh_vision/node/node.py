@@ -479,6 +479,19 @@ class Node:
         """
         return self._outputs.wanted(topic, camera)
 
+    def publish_if_wanted(self, frame: Frame, publish: Callable[[], object]) -> None:
+        """Publish the results of a frame by a function, if someone subscribes to any of them.
+
+        If nobody does, the function of the newest frame of each camera is kept until a query asks.
+        So a frame whose results nobody wants costs one question instead of one for each topic.
+
+        Args:
+            frame: From which the results are made.
+            publish: Publishes them. It is called at most once, perhaps later and on another thread;
+                at once if a topic of the node is not lazy, or keeps more than its newest payload.
+        """
+        self._outputs.publish_if_wanted(frame, publish)
+
     def publish_picture(
         self,
         topic: Topic | str,

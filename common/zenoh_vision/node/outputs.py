@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Literal
+
+import zenoh
 
 from zenoh_vision.config.roles import value_of
 from zenoh_vision.errors import PayloadError
@@ -18,7 +22,7 @@ from zenoh_vision.messages import Header, Stamped
 from zenoh_vision.node.core import Core
 from zenoh_vision.node.frame_input import transport_from_environment
 from zenoh_vision.node.memory_offer import MemoryOffer
-from zenoh_vision.node.query_server import QueryServer
+from zenoh_vision.node.query_server import Answer, QueryServer
 from zenoh_vision.shm.machine import why_impossible
 from zenoh_vision.topics import COMPRESSED, RAW, Topic, topic_named
 from zenoh_vision.transport.publisher import Outcome, Outgoing, ReplyLimit, StreamPublisher
@@ -87,6 +91,9 @@ class Outputs:
         self._frames: dict[str, FrameOutputs] = {}
         self._last: dict[str, tuple[int, int]] = {}  # epoch and seq of each camera's own frames
         self._server: QueryServer | None = None
+        self._may_put_off = True  # as only the newest payloads count, and only for queries
+        self._put_off: dict[str, Callable[[], object]] = {}  # by camera
+        self._lock = threading.Lock()  # of what was put off
         told = transport_from_environment()
         self._may_offer = told in (None, "auto", "shm") and not why_impossible()
 
@@ -151,7 +158,16 @@ class Outputs:
         """
         core, link, server = self._core, self._core.link, self._server
         assert server is not None
-        return StreamPublisher(link, topic, key, server.queue, core.health.log_drop)
+
+        def queue(query: zenoh.Query, answer: Answer) -> None:
+            def answer_newest(query: zenoh.Query) -> None:
+                self._publish_put_off()
+                answer(query)
+
+            server.queue(query, answer_newest)
+
+        self._may_put_off &= topic.lazy and topic.keeps == 1 and not topic.recent
+        return StreamPublisher(link, topic, key, queue, core.health.log_drop)
 
     @property
     def shared_memory_failure(self) -> str:
@@ -176,6 +192,22 @@ class Outputs:
     def wanted(self, topic: Topic | str, camera: str | None) -> bool:
         """Tell whether someone subscribes to a topic; see ``Node.wanted``."""
         return self._publisher(topic, self._core.camera(camera)).demand.exists
+
+    def publish_if_wanted(self, frame: Frame, publish: Callable[[], object]) -> None:
+        """Call a function that publishes, or put it off; see ``Node.publish_if_wanted``."""
+        may_wait = self._may_put_off and not any(map(_is_wanted, self._publishers.values()))
+        with self._lock:
+            if may_wait:
+                self._put_off[frame.header.camera] = publish
+                return
+            self._put_off.pop(frame.header.camera, None)
+        publish()
+
+    def _publish_put_off(self) -> None:
+        """Publish the results that a query may ask for, on the thread of queries."""
+        with self._lock:  # until they are published, so that no newer ones are before
+            while self._put_off:
+                self._put_off.popitem()[1]()
 
     def header(self, frame: Frame, encoding: str | None = None) -> Header:
         """Return the header of a result: the frame's identity, this node's name and revision."""
@@ -394,6 +426,10 @@ class Outputs:
         return ValueError(
             f"{self._core.name} does not publish {topic} of {camera}; it publishes {published}"
         )
+
+
+_is_wanted = attrgetter("demand.exists")
+"""Tells whether someone subscribes to the key of a publisher."""
 
 
 def _picture(

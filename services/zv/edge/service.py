@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ def run(settings: EdgeSettings, connection: Connection) -> None:
                 node.counters.note(error.reason)
                 node.health.log_drop(error)
                 continue
-            publish(node, frame, found, active)
+            node.publish_if_wanted(frame, partial(publish, node, frame, found, active))
 
 
 def publish(node: Node, frame: Frame, found: EdgesOfFrame, settings: EdgeSettings) -> None:

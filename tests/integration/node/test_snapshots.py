@@ -250,3 +250,47 @@ def test_a_key_that_has_nothing_yet_answers_nothing_at_once(client, camera):
     started_s = time.monotonic()
     assert ask(client, "vision/front/image/compressed", timeout_s=5) == []
     assert time.monotonic() - started_s < 1
+
+
+def test_results_that_nobody_wants_are_put_off_until_a_query_asks_for_the_newest(client, router):
+    published: list[tuple[str, int]] = []
+    topics = ["mask/compressed", "edges/compressed"]
+    cameras = ("left", "right")
+    connection = Connection(router.endpoint, timeout_s=20)
+    with Node("edge", camera=cameras, connection=connection, publishes=topics) as node:
+
+        def offer(seq: int) -> None:
+            for camera in cameras:
+                gray = np.full((48, 64), seq, np.uint8)
+                head = Header(camera=camera, epoch=1, seq=seq, stamp_ns=1, width=64, height=48)
+                node.publish_if_wanted(Frame(head, gray), partial(publish, Frame(head, gray)))
+
+        def publish(frame: Frame) -> None:
+            published.append((frame.header.camera, frame.header.seq))
+            for topic in topics:
+                node.publish_picture(topic, frame.gray, frame=frame)
+
+        offer(1)
+        offer(2)
+        assert not published
+        for topic in topics:
+            for camera in cameras:
+                assert newest(client, f"vision/{camera}/{topic}").header["seq"] == 2
+        assert sorted(published) == [("left", 2), ("right", 2)]
+        listener = Listener(client, "vision/left/mask/compressed")
+        wait_until(lambda: node.wanted("mask/compressed", "left"))
+        offer(3)
+        assert published[2:] == [("left", 3), ("right", 3)]
+        assert [each.header["seq"] for each in listener.wait_for(1)] == [3]
+        assert newest(client, "vision/right/edges/compressed").header["seq"] == 3
+        assert len(published) == 4
+
+
+def test_results_are_not_put_off_where_one_is_always_sent(client, router):
+    topics = ["centroid", "mask/compressed"]
+    published: list[int] = []
+    with Node("tracker", connection=Connection(router.endpoint), publishes=topics) as node:
+        head = Header(camera="front", epoch=1, seq=7, stamp_ns=1, width=64, height=48)
+        frame = Frame(head, np.zeros((48, 64), np.uint8))
+        node.publish_if_wanted(frame, lambda: published.append(frame.header.seq))
+    assert published == [7]
