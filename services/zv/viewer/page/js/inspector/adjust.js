@@ -2,7 +2,7 @@
 // with the histogram of the leading stream. It does not change what is sent or saved as received.
 
 import { byId, listen, setOptions, setText } from "../ui/elements.js";
-import { KeptChoices } from "../ui/preferences.js";
+import { KeptChoices, themeColour } from "../ui/preferences.js";
 import { MAP_NAMES, valueText } from "../video/tone.js";
 
 const RANGES = ["sent", "auto", "fixed"];
@@ -97,21 +97,20 @@ export class Adjust {
 		const canvas = byId("histogram");
 		const { width, height } = canvas;
 		const context = canvas.getContext("2d");
-		const colour = (name) =>
-			getComputedStyle(document.documentElement).getPropertyValue(`--${name}`);
 		const top = Math.sqrt(histogram.counts.reduce((most, number) => Math.max(most, number), 1));
 		context.clearRect(0, 0, width, height);
-		context.fillStyle = colour("accent");
+		context.fillStyle = themeColour("accent");
 		for (const limit of [range.low, range.high]) {
 			const share = (limit - histogram.low) / Math.max(1, histogram.high - histogram.low);
 			context.fillRect(Math.min(width - 2, Math.max(0, share * width - 1)), 0, 2, height);
 		}
-		context.fillStyle = colour("dim");
+		context.fillStyle = themeColour("dim");
 		histogram.counts.forEach((number, bin) => {
 			const high = Math.sqrt(number) / top * height; // one peak must not hide all others
 			context.fillRect(bin * width / 256, height - high, width / 256, high);
 		});
-		const span = ({ low, high }) => `${valueText(low, values.unit)} to ${valueText(high, values.unit)}`;
+		const { unit } = values;
+		const span = ({ low, high }) => `${valueText(low, unit)} to ${valueText(high, unit)}`;
 		setText(byId("histogram-text"), `${span(histogram)}; shown from ${span(range)}`);
 	}
 }

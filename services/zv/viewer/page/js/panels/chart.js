@@ -4,6 +4,7 @@
 import { median } from "../model/streams.js";
 import { element, setText } from "../ui/elements.js";
 import { clock, duration, number } from "../ui/format.js";
+import { themeColour } from "../ui/preferences.js";
 
 const FONT = '11px ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace';
 const HEIGHT = 116;
@@ -37,17 +38,17 @@ export class Chart {
 
 	/**
 	 * Draw lines [{name, colour, dash, points: [{at, value}]}] and marks [{at, words}] between
-	 * `from` and `to`; `offset` makes their times milliseconds since 1970, `colour(name)` is the theme's.
+	 * `from` and `to`; `offset` makes their times milliseconds since 1970.
 	 */
-	draw(lines, marks, { from, to, offset }, colour) {
+	draw(lines, marks, { from, to, offset }) {
 		this.lines = lines;
 		this.marks = marks;
 		this.offset = offset;
 		const size = { width: this.place.clientWidth, height: HEIGHT };
-		const look = JSON.stringify([colour("dim"), lines.map(({ colour: own, dash }) => [own, dash])]);
+		const look = JSON.stringify([themeColour("dim"), lines.map(({ colour, dash }) => [colour, dash])]);
 		if (look !== this.look) {
 			this.plot?.destroy();
-			this.plot = new uPlot({ ...size, ...this.options(colour) }, null, this.place);
+			this.plot = new uPlot({ ...size, ...this.options() }, null, this.place);
 			Object.assign(this.plot.ctx.canvas, { role: "img", ariaLabel: `${this.title} over time` });
 		}
 		this.look = look;
@@ -60,8 +61,8 @@ export class Chart {
 		this.drawLegend();
 	}
 
-	options(colour) {
-		const axis = { font: FONT, stroke: colour("dim"), ticks: { show: false } };
+	options() {
+		const axis = { font: FONT, stroke: themeColour("dim"), ticks: { show: false } };
 		const times = (_plot, ticks, _axis, _space, step) =>
 			ticks.map((at) => clock(1000 * Math.round(at / 1000)).slice(0, step < MINUTE_MS ? 8 : 5));
 		return {
@@ -71,7 +72,7 @@ export class Chart {
 			axes: [
 				{ ...axis, size: 20, gap: 3, space: 60, values: times, grid: { show: false } },
 				{ ...axis, size: 46, gap: 4, space: 20, values: (_plot, ticks) => ticks.map(tickText),
-					grid: { stroke: colour("line"), width: 1 } },
+					grid: { stroke: themeColour("line"), width: 1 } },
 			],
 			series: [{}, ...this.lines.map(({ colour: stroke, dash }) => ({ stroke, dash, width: 1.5,
 				points: { show: true, size: 4, fill: stroke, filter: (plot, at) => lonely(plot.data[at]) } }))],
@@ -86,7 +87,7 @@ export class Chart {
 			hooks: {
 				setCursor: [() => this.drawLegend()],
 				setSelect: [(plot) => this.select(plot)],
-				draw: [(plot) => this.drawMarks(plot, colour("accent"))],
+				draw: [(plot) => this.drawMarks(plot)],
 			},
 		};
 	}
@@ -100,9 +101,9 @@ export class Chart {
 		this.zoom([from, to]);
 	}
 
-	drawMarks({ ctx: context, bbox, valToPos }, colour) {
+	drawMarks({ ctx: context, bbox, valToPos }) {
 		context.save(); // the library remembers what it has set
-		context.fillStyle = colour;
+		context.fillStyle = themeColour("accent");
 		for (const { at } of this.marks) {
 			const x = valToPos(at + this.offset, "x", true);
 			if (x < bbox.left || x > bbox.left + bbox.width) continue;

@@ -3,7 +3,7 @@
 // does not know; the camera's events are marked.
 
 import { byId, drawList, listen, setOptions } from "../ui/elements.js";
-import { loadPreference, savePreference } from "../ui/preferences.js";
+import { loadPreference, savePreference, themeColour } from "../ui/preferences.js";
 import { Chart } from "./chart.js";
 import { cameraList } from "./dock.js";
 import { eventMarks } from "./event_marks.js";
@@ -55,24 +55,25 @@ export function plotsPanel(system, watches, current) {
 		if (!panel.visible) return;
 		drawMenu(camera);
 		byId("plot-newest").disabled = !part;
-		const style = getComputedStyle(document.documentElement);
-		const colour = (name) => style.getPropertyValue(`--${name}`);
 		const now = performance.now();
 		const [from, to] = part ?? [now - byId("plot-span").value * MINUTE_MS, now];
 		const span = { from, to, offset: system.clockOffset };
-		const drawLines = (view, lines) => view.draw(lines, events.marks(), span, colour);
-		for (const chart of charts) drawLines(chart.view, linesOf(system, camera, chart.fields, colour));
+		const drawLines = (view, lines) => view.draw(lines, events.marks(), span);
+		for (const chart of charts) {
+			drawLines(chart.view, linesOf(system, camera, chart.fields, themeColour));
+		}
 		const views = drawList(byId("field-plots"), fields.map(keyOf), makeChart);
 		for (const [topic, name] of fields) {
 			const points = recorder.points(topic, name, from);
-			const line = { name, colour: colour("series-1"), dash: [], points };
+			const line = { name, colour: themeColour("series-1"), dash: [], points };
 			drawLines(views.get(keyOf([topic, name])), [line]);
 		}
 	}
 
 	function makeChart(key) {
 		const title = `${key[0].toUpperCase()}${key.slice(1)}`;
-		return new Chart(title, "", zoom, () => setFields(fields.filter((field) => keyOf(field) !== key)));
+		const remove = () => setFields(fields.filter((field) => keyOf(field) !== key));
+		return new Chart(title, "", zoom, remove);
 	}
 
 	/** Offer the message streams of the camera, and the numbers in the newest of the chosen one. */

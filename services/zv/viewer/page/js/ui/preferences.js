@@ -53,6 +53,11 @@ export function startTheme() {
 	applyTheme();
 }
 
+/** A colour of the theme, by its name in the styles. */
+export function themeColour(name) {
+	return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`);
+}
+
 function applyTheme() {
 	const theme = loadPreference("theme", matchMedia(PREFERS_LIGHT).matches ? "light" : "dark");
 	document.documentElement.dataset.theme = theme;
