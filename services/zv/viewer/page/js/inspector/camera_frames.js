@@ -12,7 +12,7 @@ const WINDOW_MS = 1000;
 
 export class CameraFrames {
 	/** `changed(this)` is called when there is another frame. */
-	constructor(watches, changed) {
+	constructor(watches, paused, changed) {
 		this.watches = watches;
 		this.frame = null;
 		this.keys = [];
@@ -33,6 +33,7 @@ export class CameraFrames {
 			if (isNew) this.count();
 			changed(this);
 		});
+		this.playback.setPaused(paused);
 	}
 
 	/**

@@ -4,12 +4,11 @@
 import { saveDrawn, saveOriginal } from "../export/saving.js";
 import { pictureStreams, staysBare, stepKeys, topicName } from "../model/streams.js";
 import { watchOptions } from "../model/transfer.js";
-import { between } from "../transport/connection.js";
+import { between, milliseconds } from "../transport/connection.js";
 import { byId, setData, setText } from "../ui/elements.js";
-import { number } from "../ui/format.js";
+import { clock, count, duration, number, pictureSize, shownRate, size } from "../ui/format.js";
 import { Adjust } from "./adjust.js";
 import { CameraFrames } from "./camera_frames.js";
-import { writeFigures } from "./figures.js";
 import { Menus, transferMenu } from "./menus.js";
 import { PaneGrid } from "./pane_grid.js";
 import { ShapeEditor } from "./shape_editor.js";
@@ -137,12 +136,11 @@ export class Inspector {
 	/** Pause, and show the frame before (-1) or after (1); of other cameras, the nearest to it. */
 	step(by) {
 		if (!this.paused) this.setPaused(true);
-		const { frames } = this;
-		if (!frames) return;
-		const isNext = by > 0 && frames.playback.isAtEnd;
-		if (isNext) for (const one of this.cameras.values()) one.next();
+		const playback = this.frames?.playback;
+		if (!playback) return;
+		if (by > 0 && playback.isAtEnd) for (const one of this.cameras.values()) one.next();
 		else {
-			frames.playback.step(by);
+			playback.step(by);
 			this.align();
 		}
 	}
@@ -192,14 +190,11 @@ export class Inspector {
 		}
 		const optionsOf = (key) => ({ ...watchOptions(this.transfer.of(key)), values: true });
 		for (const [name, own] of groups) {
-			if (!this.cameras.has(name)) {
-				const made = new CameraFrames(this.watches, (one) => this.display(one));
-				made.playback.setPaused(this.paused);
-				this.cameras.set(name, made);
-			}
+			const frames = this.cameras.get(name)
+				?? new CameraFrames(this.watches, this.paused, (one) => this.display(one));
+			this.cameras.set(name, frames);
 			const messages = this.apart.has(name) ? [] : this.menus.overlayKeys(own[0].camera);
-			this.cameras.get(name).follow(own.map(({ key }) => key), messages, optionsOf,
-				this.menus.onlyComplete);
+			frames.follow(own.map(({ key }) => key), messages, optionsOf, this.menus.onlyComplete);
 		}
 		this.grid.setPanes(streams, (stream) => this.cameras.get(nameOf(stream)));
 	}
@@ -258,7 +253,8 @@ export class Inspector {
 			&& frames.isLive(now);
 		for (const pane of this.grid.panes) {
 			const live = isLive(pane);
-			pane.showState(live, live || paused ? "" : this.reason(pane, now));
+			for (const one of [pane.element, pane.picture]) setData(one, { live });
+			setText(pane.state, live || paused ? "" : this.reason(pane, now));
 		}
 		const live = Boolean(lead) && isLive(this.grid.panes[0]);
 		setData(byId("large"), { live, paused });
@@ -273,4 +269,21 @@ export class Inspector {
 		if (statistics.isLive(now) && stream.live) return "waiting for a frame with its overlay";
 		return statistics.explainSilence(stream, now, this.system.now);
 	}
+}
+
+/** Write figures of a frame and its picture, both perhaps absent; the age grows if `isAging`. */
+function writeFigures({ frame, picture, statistics, isAging }) {
+	const now = performance.now();
+	const stamp = frame && milliseconds(frame.header.stamp_ns); // by the camera's clock
+	const texts = {
+		age: duration(picture && isAging ? picture.ageMs + now - picture.at : null),
+		rate: shownRate(statistics?.arrivalRate(now) ?? null, statistics?.rate(now) ?? null),
+		lost: picture ? count(statistics.lost) : "–",
+		skipped: picture ? count(statistics.skipped) : "–",
+		size: picture ? `${pictureSize(picture)} · ${size(picture.data.byteLength)}` : "–",
+		frame: frame ? String(frame.seq) : "–",
+		time: frame ? `${clock(stamp)}.${String(Math.floor(stamp % 1000)).padStart(3, "0")}` : "–",
+	};
+	for (const [name, text] of Object.entries(texts)) setText(byId(`figure-${name}`), text);
+	byId("figure-frame").title = frame ? `epoch ${frame.epoch}` : "";
 }

@@ -1,5 +1,5 @@
-// The large view's menus: the overlays on the picture, the streams beside it, and the size and quality
-// in which the server sends a stream, with the stream's addresses for other pages and programs.
+// The large view's menus: the overlays on the picture, the streams beside it, and the size and
+// quality in which the server sends a stream, with its addresses for other pages and programs.
 
 import { copies, copyText, pageFolder, streamAddress } from "../export/addresses.js";
 import { overlayStreams, pictureStreams, RAW, streamName, topicName } from "../model/streams.js";
@@ -80,8 +80,8 @@ export function transferMenu(transfer, setCommon, changed) {
 	/** @type {any} */
 	let stream = null;
 	const [width, quality, own] = ["width", "quality", "own"].map((name) => byId(`transfer-${name}`));
-
-	const chosen = () => ({ width: Number(width.value) || null, quality: Number(quality.value) || null });
+	const numberOf = (list) => Number(list.value) || null;
+	const chosen = () => ({ width: numberOf(width), quality: numberOf(quality) });
 
 	/** Set the choice for this stream; with null, it has that of all streams again. */
 	function setOwn(choice) {
@@ -97,8 +97,7 @@ export function transferMenu(transfer, setCommon, changed) {
 		quality.value = choice.quality ?? "";
 		own.checked = transfer.hasOwn(stream.key);
 		own.disabled = Boolean(transfer.fixed);
-		byId("transfer-button").setAttribute("aria-pressed",
-			String(Boolean(choice.width || choice.quality)));
+		byId("transfer-button").ariaPressed = Boolean(choice.width || choice.quality);
 		// In an address, a width also enlarges.
 		const isSmaller = choice.width && !(frameSize && frameSize.width <= choice.width);
 		const rendered = { ...choice, width: isSmaller ? choice.width : null };

@@ -103,12 +103,6 @@ export class Pane {
 		this.item = null;
 	}
 
-	showState(live, text) {
-		setData(this.picture, { live });
-		setData(this.element, { live });
-		setText(this.state, text);
-	}
-
 	/** Describe what is drawn: in data attributes for styles, and as properties of the canvas. */
 	describe(view, overlay, drawn) {
 		const { frame } = this;

@@ -10,7 +10,6 @@ const QUALITY = 70;
 export class Tile {
 	/** `wall` has what all tiles share. */
 	constructor(stream, wall) {
-		this.key = stream.key;
 		this.stream = stream;
 		this.wall = wall;
 		this.isInView = false;
@@ -21,7 +20,7 @@ export class Tile {
 		this.picture = null; // the one that is painted
 		this.nextAt = 0;
 		this.canvas = element("canvas", { width: 320, height: 240, "data-live": "false",
-			"data-key": this.key });
+			"data-key": stream.key });
 		this.context = this.canvas.getContext("2d", { alpha: false });
 		this.state = element("span", { class: "tile-state" });
 		this.rate = element("span", { class: "tile-rate" });
@@ -32,7 +31,7 @@ export class Tile {
 				element("i", { class: "lamp", "aria-hidden": "true" }),
 				element("b", {}, stream.camera), element("span", { class: "topic" }, topicName(stream)),
 				this.rate, this.age));
-		this.element = element("li", { class: "tile", "data-key": this.key }, this.link);
+		this.element = element("li", { class: "tile", "data-key": stream.key }, this.link);
 		wall.observer.observe(this.element);
 	}
 
@@ -43,7 +42,7 @@ export class Tile {
 
 	update(stream) {
 		this.stream = stream;
-		this.link.href = `#${this.wall.linkTo(this.key)}`;
+		this.link.href = `#${this.wall.linkTo(this.stream.key)}`;
 		this.tick(performance.now());
 	}
 
@@ -52,7 +51,7 @@ export class Tile {
 		if (visible === Boolean(this.stop)) return;
 		if (visible) {
 			this.options = this.wantedOptions();
-			this.stop = this.wall.watches.watchPictures(this.key, this.options, this.statistics,
+			this.stop = this.wall.watches.watchPictures(this.stream.key, this.options, this.statistics,
 				(picture, bitmap) => this.paint(picture, bitmap), (taken) => this.delay(taken));
 		} else {
 			this.stop();
@@ -80,7 +79,7 @@ export class Tile {
 		setData(this.element, { state: live ? "live" : isWaiting ? "waiting" : "stopped" });
 		const { system, watches } = this.wall;
 		const silence = live ? "" : system.isLinkLost ? "link lost"
-			: watches.isLeftOut(this.key) ? "too many are in view at once"
+			: watches.isLeftOut(this.stream.key) ? "too many are in view at once"
 				: statistics.explainSilence(stream, now, system.now);
 		setText(this.state, silence);
 		// Names the link for those who cannot see the picture.
@@ -94,7 +93,7 @@ export class Tile {
 	wantedOptions() {
 		const pixels = (this.element.clientWidth || 320) * Math.min(devicePixelRatio || 1, 2);
 		const displayed = WIDTHS.find((width) => width >= pixels * 0.9) ?? Math.max(...WIDTHS);
-		const { width, quality } = this.wall.transfer.of(this.key);
+		const { width, quality } = this.wall.transfer.of(this.stream.key);
 		return { width: Math.min(displayed, width ?? displayed), quality: quality ?? QUALITY };
 	}
 
