@@ -32,10 +32,10 @@ export async function saveDrawn(frame, { key }, overlay, image) {
 	context.drawImage(image, 0, 0, canvas.width, canvas.height);
 	drawOverlay(context, frame, overlay, (point) => point);
 	const blob = await canvas.convertToBlob({ type: "image/png" });
-	const messages = Object.fromEntries([...frame.items].filter(([one]) => overlay.keys.includes(one)));
+	const drawn = [...frame.items].filter(([one]) => overlay.keys.includes(one));
 	const bytes = new Uint8Array(await blob.arrayBuffer());
-	offer(withHeader(bytes, "image/png", { key, ...header, messages }), "image/png",
-		fileName(key, header, "drawn.png"));
+	const fields = { key, ...header, messages: Object.fromEntries(drawn) };
+	offer(withHeader(bytes, "image/png", fields), "image/png", fileName(key, header, "drawn.png"));
 }
 
 function pixelsOf(bitmap) {
@@ -62,8 +62,7 @@ export function withHeader(bytes, mime, fields) {
 		`\\u${letter.charCodeAt(0).toString(16).padStart(4, "0")}`);
 	if (mime === "image/png") {
 		const text = chunk("tEXt", new TextEncoder().encode(`${KEYWORD}\0${json}`));
-		return [bytes.subarray(0, PNG_SIGNATURE_AND_IHDR), text,
-			bytes.subarray(PNG_SIGNATURE_AND_IHDR)];
+		return [bytes.subarray(0, PNG_SIGNATURE_AND_IHDR), text, bytes.subarray(PNG_SIGNATURE_AND_IHDR)];
 	}
 	const comment = new TextEncoder().encode(`${KEYWORD} ${json}`).subarray(0, JPEG_LONGEST);
 	// Before the first segment other than APPn: some readers require those first.

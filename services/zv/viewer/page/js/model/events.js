@@ -25,10 +25,7 @@ export async function askFor(query) {
 
 /** Merge events, newest first, into rows, oldest first, without those that are there already. */
 export function merged(rows, events) {
-	const found = new Map(rows.map((row) => [row.number, row]));
-	for (const event of events) {
-		if (!found.has(event.number)) found.set(event.number, rowOf(event));
-	}
+	const found = new Map([...events.map(rowOf), ...rows].map((row) => [row.number, row]));
 	return [...found.values()].sort((one, other) => one.number - other.number);
 }
 

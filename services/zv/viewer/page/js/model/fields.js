@@ -1,5 +1,7 @@
 // The numbers in a message, also in one of a schema that this page does not know.
 
+import { own } from "./message_tree.js";
+
 const MOST_FIELDS = 64;
 const MOST_ITEMS = 16;
 const DEEPEST = 4;
@@ -19,12 +21,7 @@ export function numericFields({ header, body }) {
 /** A number of a message by its name, also one beyond those limits; null if it is none. */
 export function numberAt({ header, body }, name) {
 	const names = name.split(".");
-	let value = { ...body, header };
-	for (const one of names) {
-		if (typeof value !== "object" || value === null || !Object.hasOwn(value, one)) return null;
-		value = value[one];
-	}
-	return numberOf(value, names.at(-1));
+	return numberOf(names.reduce((value, one) => own(value, one), { ...body, header }), names.at(-1));
 }
 
 /** A value as a number, also an integer that the server sends as text for its size or its name. */

@@ -78,9 +78,7 @@ function keysOf(text, name, refused) {
 		refused.push(`${name} = ${cut(wrong)} is not a key; allowed: such as `
 			+ "vision/front/image/compressed");
 	}
-	if (valid.length > MOST_KEYS) {
-		refused.push(`${name} has ${valid.length} keys; allowed: ${MOST_KEYS}`);
-	}
+	if (valid.length > MOST_KEYS) refused.push(`${name} has ${valid.length} keys; allowed: ${MOST_KEYS}`);
 	return valid.slice(0, MOST_KEYS);
 }
 

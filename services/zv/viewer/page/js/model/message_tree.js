@@ -85,7 +85,7 @@ export function describe(schema, names) {
 }
 
 /** A property of its own, not one that every object has, such as "constructor". */
-function own(value, name) {
+export function own(value, name) {
 	return typeof value === "object" && value !== null && Object.hasOwn(value, name)
 		? value[name] : undefined;
 }

@@ -35,10 +35,7 @@ export function streamOf(key) {
 
 /** Picture streams in the wall's order: live ones first, the cameras' own before derived ones. */
 export function pictureStreams(streams) {
-	const place = (stream) => {
-		const at = ORDER.indexOf(topicName(stream));
-		return at < 0 ? ORDER.length : at;
-	};
+	const place = (stream) => [...ORDER, topicName(stream)].indexOf(topicName(stream)); // others last
 	return streams
 		.filter((stream) => stream.kind === "picture")
 		.sort((a, b) => b.live - a.live || place(a) - place(b)

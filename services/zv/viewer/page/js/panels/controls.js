@@ -71,8 +71,7 @@ export class Control {
 			onblur: () => this.endEdit(),
 			onchange: ({ target }) => {
 				this.edited = false;
-				this.send(
-					target.type === "checkbox" ? target.checked : parse(this.parameter, target.value));
+				this.send(target.type === "checkbox" ? target.checked : parse(this.parameter, target.value));
 			} });
 		this.slider = this.makeSlider();
 		this.condition = element("p", { class: "condition" });

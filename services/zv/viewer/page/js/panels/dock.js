@@ -1,5 +1,5 @@
-// The dock beside the main view: which panel is open. Also the lists that panels share, of cameras and
-// of lines.
+// The dock beside the main view: which panel is open. Also the lists that panels share: of cameras
+// and of lines.
 
 import { byId, drawList, later, listen, setData, setOptions, setText } from "../ui/elements.js";
 import { loadPreference, savePreference } from "../ui/preferences.js";
@@ -42,18 +42,12 @@ export class Dock {
 		const hadFocus = byId("dock").contains(document.activeElement);
 		byId("dock").hidden = !this.open;
 		setData(document.body, { panel: this.open });
-		for (const other of Object.keys(this.panels)) {
-			const section = byId(`panel-${other}`);
-			section.hidden = other !== this.open;
-			if (other === this.open) setText(byId("dock-title"), section.dataset.title);
-		}
+		for (const each of Object.keys(this.panels)) byId(`panel-${each}`).hidden = each !== this.open;
+		if (this.open) setText(byId("dock-title"), byId(`panel-${this.open}`).dataset.title);
 		this.draw();
-		for (const button of this.buttons) {
-			button.setAttribute("aria-expanded", String(button.dataset.panel === this.open));
-		}
-		if (!this.open && hadFocus) {
-			this.buttons.find((button) => button.dataset.panel === closed)?.focus();
-		}
+		const buttonOf = (panel) => this.buttons.find(({ dataset }) => dataset.panel === panel);
+		for (const button of this.buttons) button.ariaExpanded = String(button === buttonOf(this.open));
+		if (!this.open && hadFocus) buttonOf(closed)?.focus();
 		if (isKept) savePreference("panel", this.open);
 	}
 

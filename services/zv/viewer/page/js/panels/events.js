@@ -126,15 +126,14 @@ function pictureOf({ picture, at }) {
 /** Show the picture of an event with the box of its track, and where it happened. */
 function open(row) {
 	const { width, height, box, x, y } = row;
-	const shapes = [];
-	if (row.picture !== null) shapes.push(svg("image", { href: pictureOf(row), width, height }));
-	if (box) shapes.push(svg("rect", { x: box[0], y: box[1], width: box[2], height: box[3] }));
-	if (Number.isFinite(x) && Number.isFinite(y)) {
-		shapes.push(svg("circle", { cx: x, cy: y, r: Math.max(width, height) / 120 }));
-	}
+	const hasPlace = Number.isFinite(x) && Number.isFinite(y);
 	const view = byId("event-view");
 	view.setAttribute("viewBox", `0 0 ${width} ${height}`);
-	view.replaceChildren(...shapes);
+	view.replaceChildren(...[
+		row.picture !== null && svg("image", { href: pictureOf(row), width, height }),
+		box && svg("rect", { x: box[0], y: box[1], width: box[2], height: box[3] }),
+		hasPlace && svg("circle", { cx: x, cy: y, r: Math.max(width, height) / 120 }),
+	].filter(Boolean));
 	setText(byId("event-title"), `${row.camera}: ${wordsOf(row)}`);
 	setText(byId("event-about"), `${new Date(row.at).toLocaleString()}, ${momentOf(row)}`
 		+ `${box ? "" : ", no box"}, frame ${row.seq}, epoch ${row.epoch}`);

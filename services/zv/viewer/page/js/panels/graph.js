@@ -58,14 +58,12 @@ export function graphPanel(system, current) {
 	}
 
 	function keyText({ key, y, receivers, sender }) {
-		const kind = `key ${receivers.length ? "" : "unheard"} ${sender ? "" : "unsent"}`;
-		const parts = [
-			svg("title", {}, `${key}${receivers.length ? "" : " – nobody subscribes"}`),
-			svg("text", { x: KEY_LEFT + 5, y: y + ROW / 2 + 4 }, nameOf(key)),
-		];
-		return system.stream(key)?.kind === "picture"
-			? svg("a", { class: `${kind} picture`, href: `#${key}` }, parts)
-			: svg("g", { class: kind }, parts);
+		const isPicture = system.stream(key)?.kind === "picture";
+		const kinds = [!receivers.length && "unheard", !sender && "unsent", isPicture && "picture"];
+		return svg(isPicture ? "a" : "g", { class: ["key", ...kinds].filter(Boolean).join(" "),
+			href: isPicture && `#${key}` },
+		svg("title", {}, `${key}${receivers.length ? "" : " – nobody subscribes"}`),
+		svg("text", { x: KEY_LEFT + 5, y: y + ROW / 2 + 4 }, nameOf(key)));
 	}
 
 	system.on("nodes streams matches", draw);

@@ -54,8 +54,7 @@ function labelOf(track) {
 
 /** The objects of a message: [{id, label, x, y, box, state}]; id "" is a centroid. */
 export function marksOf({ tracks, x, y, box }) {
-	const marks = Array.isArray(tracks) ? tracks.map((track) => ({ ...track,
-		label: labelOf(track) }))
+	const marks = Array.isArray(tracks) ? tracks.map((track) => ({ ...track, label: labelOf(track) }))
 		: [{ id: "", label: `${x}, ${y}`, x, y, box, state: "confirmed" }];
 	// Fields unknown to the server are passed on unchanged, and may have any value.
 	return marks.filter((mark) => Array.isArray(mark.box) && mark.box.length === 4
