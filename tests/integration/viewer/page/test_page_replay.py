@@ -14,7 +14,7 @@ from tests.support.fork_server import ZV
 from tests.support.processes import Program
 from tests.support.recordings import frames, write
 from tests.support.viewer.browser import CAMERA, Running, Tab, tab
-from tests.support.viewer.page_server import header, served_page, stream
+from tests.support.viewer.page_server import PageServer, header, served_page, stream
 from tests.support.waiting import wait_until
 from zv.bag.record import Record
 
@@ -73,15 +73,36 @@ def test_a_recording_is_shown_with_its_events_and_controlled(page: Tab):
     assert not page.complaints
 
 
-def test_a_speed_that_a_player_was_given_by_another_is_offered_once(browser: Any, system: Running):
-    choices = "[...document.getElementById('replay-speed').options].map((one) => one.value)"
+@pytest.fixture
+def told(browser: Any, system: Running) -> Iterator[tuple[Tab, PageServer]]:
+    """The wall, as a page that a test tells what a player says."""
     with served_page(browser, system.address, stream(REPLAY, "vision.Replay.v1")) as (page, server):
         page.open()
         server.wait_for(REPLAY)
-        for speed in (3, 1, 3, 0):
-            state = {"node": "player", "paused": True, "speed": speed, "loop": False, "step": 0}
-            place = {"length_s": 3.0, "position_s": 1.0, "file": "run.mcap", "marks": []}
-            server.tell("message", key=REPLAY, header=header(1, REPLAY), body=state | place)
-            page.wait(f"document.getElementById('replay-speed').value === '{speed}'")
-        usual = ["0.1", "0.25", "0.5", "1", "2", "4", "8"]
-        assert page.page.evaluate(choices) == [*usual, "3", "0"]
+        yield page, server
+
+
+def tell(server: PageServer, **state: object) -> None:
+    """Say where a player is."""
+    usual = {"node": "player", "paused": True, "speed": 1, "loop": False, "step": 0, "marks": []}
+    place = {"length_s": 4.0, "position_s": 1.0, "file": "run.mcap"}
+    server.tell("message", key=REPLAY, header=header(1, REPLAY), body=usual | place | state)
+
+
+def test_a_speed_that_a_player_was_given_by_another_is_offered_once(told: Any):
+    page, server = told
+    choices = "[...document.getElementById('replay-speed').options].map((one) => one.value)"
+    for speed in (3, 1, 3, 0):
+        tell(server, speed=speed)
+        page.wait(f"document.getElementById('replay-speed').value === '{speed}'")
+    usual = ["0.1", "0.25", "0.5", "1", "2", "4", "8"]
+    assert page.page.evaluate(choices) == [*usual, "3", "0"]
+
+
+def test_events_of_another_recording_as_long_as_the_one_before_are_shown(told: Any):
+    page, server = told
+    places = "[...document.querySelectorAll('#replay-marks i')].map((one) => one.style.left).join()"
+    for file, moments, shown in (("a", (1, 2), "25%,50%"), ("b", (0, 3), "0%,75%")):
+        tell(server, file=file, marks=[{"at_s": at, "event": "entered"} for at in moments])
+        page.wait(f"document.getElementById('replay-file').textContent === '{file}'")
+        assert page.page.evaluate(places) == shown

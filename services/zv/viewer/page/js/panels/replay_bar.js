@@ -1,7 +1,7 @@
 // The bar of a recording that is played, shown while a player says where it is. Its controls change
 // parameters of the player.
 
-import { byId, element, listen, setOptions, setText } from "../ui/elements.js";
+import { byId, drawList, element, listen, setOptions, setText } from "../ui/elements.js";
 
 const TYPE = "vision.Replay.v1";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
@@ -34,7 +34,6 @@ export function showReplay(system, watches, connection) {
 	}
 
 	function draw(told) {
-		const before = state;
 		state = told && { ...told };
 		toldAt = performance.now();
 		byId("replay").hidden = !told;
@@ -55,16 +54,15 @@ export function showReplay(system, watches, connection) {
 			setOptions(choice, [...speeds].map((one) => [one, one ? `${one}×` : "fastest"]));
 			choice.value = speed;
 		}
-		if (!before || before.marks.length !== marks.length || before.length_s !== length) {
-			byId("replay-marks").replaceChildren(...marks.map((mark) => markOf(mark, length)));
-		}
+		const keyed = marks.map((mark) => ({ ...mark, length, key: JSON.stringify([mark, length]) }));
+		drawList(byId("replay-marks"), keyed, makeMark);
 	}
 
-	function markOf({ at_s: at, event, zone }, length) {
+	function makeMark({ at_s: at, event, zone, length }) {
 		const title = `${seconds(at)} ${String(event).replaceAll("_", " ")} ${zone ?? ""}`;
-		const made = element("i", { title, onclick: () => jump(Math.max(0, at - 1)) });
-		made.style.left = `${length ? 100 * at / length : 0}%`;
-		return made;
+		const mark = element("i", { title, onclick: () => jump(Math.max(0, at - 1)) });
+		mark.style.left = `${length ? 100 * at / length : 0}%`;
+		return { element: mark };
 	}
 
 	const receive = ({ body }) => draw(body);
