@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 from zenoh_vision.config.constraints import Form
@@ -13,6 +14,7 @@ REGION_FORM: Final = Form(
 )
 
 
+@lru_cache(maxsize=8)  # services ask for each frame
 def box_of(region: str) -> Box | None:
     """Return the rectangle of a text of this form; None for the whole frame, an empty text."""
     if not region:

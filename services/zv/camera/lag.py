@@ -33,9 +33,8 @@ class RecentCount:
 
     def add(self, now_s: float, count: int) -> None:
         """Record that it happened so often, at a monotonic time."""
-        if count:
-            self._counts.append((now_s, count))
-        while self._counts and self._counts[0][0] < now_s - COUNTED_S:
+        self._counts.append((now_s, count))
+        while self._counts[0][0] < now_s - COUNTED_S:
             self._counts.popleft()
 
     def total(self, now_s: float) -> int:
@@ -57,8 +56,10 @@ class LagMonitor:
     def note(self, now_s: float, age_s: float, skipped: int, packets_lost: int = 0) -> None:
         """Record a picture that came at a monotonic time."""
         self._ages.append((now_s, age_s))
-        self._skipped.add(now_s, skipped)
-        self._packets_lost.add(now_s, packets_lost)
+        if skipped:
+            self._skipped.add(now_s, skipped)
+        if packets_lost:
+            self._packets_lost.add(now_s, packets_lost)
         while self._ages[0][0] < now_s - WINDOW_S:
             self._ages.popleft()
 

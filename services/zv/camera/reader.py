@@ -238,11 +238,12 @@ class SourceReader:
             self.lag.note(now_s, age_s, read.skipped, read.packets_lost)
         if read.packets_lost:
             self._counters.note("packets_lost", read.packets_lost)
-        self._count_missing(read.skipped, "lagging")
+        if read.skipped:
+            self._count_missing(read.skipped, "lagging")
         rate_hz = self._parameters.newest.settings.rate
         if not self._filter.allow(rate_hz, now_s):
             return False
-        if rate_hz is None or rate_hz >= (source.rate_hz or 0.0):
+        if read.lost and (rate_hz is None or rate_hz >= (source.rate_hz or 0.0)):
             self._count_missing(read.lost, "at_source")
         return True
 
@@ -251,10 +252,9 @@ class SourceReader:
 
     def _count_missing(self, amount: int, reason: str) -> None:
         """Count pictures that the source took and did not deliver; they have numbers too."""
-        if amount:
-            self.captured += amount
-            self._counters.arrive(amount)
-            self._counters.drop(reason, amount)
+        self.captured += amount
+        self._counters.arrive(amount)
+        self._counters.drop(reason, amount)
 
     def _hand_over(self, read: TimedPicture) -> None:
         stamp_ns = read.stamp_ns or time.time_ns()
