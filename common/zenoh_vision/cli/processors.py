@@ -19,7 +19,11 @@ def _checked(text: str) -> str:
 
 Threads = Annotated[
     int,
-    Field(ge=0, le=256, description="threads that an OpenCV call may use; 0: one per processor"),
+    Field(
+        ge=0,
+        le=256,
+        description="threads that an OpenCV or NumPy call may use; 0: one per processor",
+    ),
 ]
 JpegThreads = Annotated[
     int,
@@ -45,9 +49,9 @@ Affinity = Annotated[
 class ProcessorSettings(Settings):
     """How much CPU a service may use.
 
-    One OpenCV thread by default: its threads busy-wait for each other, so a call on two threads
-    takes more CPU time than on one, and several services share a machine. The threads for JPEGs
-    do not, and make large pictures faster.
+    One thread of OpenCV and NumPy by default: theirs busy-wait for each other, so a call on two
+    threads takes more CPU time than on one, and several services share a machine. The threads for
+    JPEGs do not, and make large pictures faster.
     """
 
     env_prefix: ClassVar[str] = "ZV_"

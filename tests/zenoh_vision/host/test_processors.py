@@ -60,6 +60,22 @@ def test_by_default_an_opencv_call_has_one_thread_and_nothing_else_is_limited(tm
     assert run(tmp_path, imported=imported).stdout == f"1 {min(4, len(ALL))} {NICENESS} {ALL}\n"
 
 
+def test_by_default_numpy_starts_no_threads_that_wait_in_a_busy_loop(tmp_path):
+    threads = 'len(os.listdir("/proc/self/task"))'
+    program = tmp_path / "program.py"
+    program.write_text(f"""
+import os
+from zenoh_vision.host.processors import use_processors
+use_processors(threads=1, nice=0, affinity=())
+before = {threads}
+import numpy
+print({threads} - before, os.environ["OPENBLAS_NUM_THREADS"])
+""")
+    assert run_program([sys.executable, program]).stdout == "0 1\n"
+    chosen = run_program([sys.executable, program], OPENBLAS_NUM_THREADS="2")
+    assert chosen.stdout.endswith(" 2\n"), chosen.stderr
+
+
 @HIGHEST
 def test_threads_niceness_and_affinity_are_what_was_given(tmp_path):
     begun = "import threading; threading.Thread(target=threading.Event().wait, daemon=True).start()"
