@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.errors import ParameterRefused, PayloadError
-from zenoh_vision.image.picture import Picture
 from zenoh_vision.image.turn import Size, Turn
 from zenoh_vision.messages import Box, Track
+
+if TYPE_CHECKING:  # load OpenCV, which `zv up` need not have to check a region
+    from zenoh_vision.calibration.calibration import Calibration
+    from zenoh_vision.image.picture import Picture
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -16,10 +16,8 @@ from zenoh_vision.config.region import REGION_FORM, REGION_PATTERN, box_of
 from zenoh_vision.config.settings import FromText, LocalPath, Secret, ServiceSettings, Text
 from zenoh_vision.error_text import without_password
 from zenoh_vision.errors import ParameterRefused
+from zv.camera.geometry import Geometry
 from zv.camera.synthetic.faults import parse_faults
-
-if TYPE_CHECKING:
-    from zv.camera.geometry import Geometry
 
 REOPENS = Live("pixels", effect="a change opens a device or the synthetic scene again")
 
@@ -406,6 +404,4 @@ class CameraSettings(ServiceSettings):
 
 @lru_cache(maxsize=4)
 def _geometry(flip: str, region: str, rotate: int) -> Geometry:
-    from zv.camera.geometry import Geometry  # loads OpenCV, which `zv camera --help` need not
-
     return Geometry(flip, box_of(region), rotate)

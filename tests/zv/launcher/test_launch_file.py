@@ -1,10 +1,12 @@
 """The launch file: what it may say, and what is said of a wrong one."""
 
 import socket
+import sys
 from pathlib import Path
 
 import pytest
 
+from tests.support.processes import run_program
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.transport.connection import Connection
 from zv.cli.loading import load
@@ -43,6 +45,20 @@ def test_the_default_file_names_a_camera_a_tracker_and_an_edge_detector():
 
 
 NODES = ("camera", "tracker", "edge")
+
+
+def test_a_system_is_checked_and_supervised_without_opencv():
+    # Of the process that stays beside the nodes, it would be half of the start, and 30 MB.
+    program = f"""
+import sys
+from pathlib import Path
+import zv.launcher.starting
+from zv.launcher.launch_file import read_launch_file
+read_launch_file(Path({str(ROOT / "configs" / "up.toml")!r}))
+print({{"av", "cv2", "numpy", "simplejpeg"}} & set(sys.modules))
+"""
+    done = run_program([sys.executable, "-c", program])
+    assert (done.stdout, done.stderr) == ("set()\n", "")
 
 
 def test_a_node_is_given_what_it_may_take_of_the_processors(tmp_path: Path):
