@@ -29,6 +29,9 @@ class AssociationLimits:
     # After being seen alone, whole, away from the border for this long, a track is an object of
     # its own, not a part of another.
     proven_s: float = 0.4
+    # Sharing a region for a second takes so many seconds of that away again: what was seen alone
+    # for a moment and never again was a part.
+    doubt: float = 0.2
     # A track that is not confirmed yet is a part of another one if its area is smaller than this
     # share of the other's.
     part: float = 0.3

@@ -134,8 +134,10 @@ class Tracker(TrackerBase[TrackState]):
 
     def _share(self, tracks: Sequence[TrackState], regions: Sequence[Region], scene: Scene) -> None:
         moment = self._moment
+        doubt_s = self.parameters.association.doubt * moment.dt_s
         for track, portion in zip(tracks, divide(tracks, regions, scene), strict=True):
             track.grouped = True
+            track.alone_s = max(0.0, track.alone_s - doubt_s)
             measure_portion(track, portion, moment, self.parameters.min_area)
 
     def _near_another(self, track: TrackState) -> bool:

@@ -143,6 +143,32 @@ def test_a_head_briefly_separate_from_its_body_does_not_become_a_track(rate: int
         assert sum(track.state == "confirmed" for track in tracks) <= 1
 
 
+@pytest.mark.parametrize("rate", [30, 10, 5])
+def test_a_head_apart_from_its_body_at_first_is_a_part_when_they_stay_together(rate: int):
+    frames: list[Painted] = []
+    for k in range(7 * rate):
+        left = 10 + 30 * k / rate
+        apart = 4 if k < rate else 0
+        head, body = (left + 5, 16, 10, 24 - apart), (left, 40 + apart, 20, 50)
+        frames.append([(part, RED) for part in (head, body)])
+    found = tracked(frames, rate)
+    assert [track.state for track in found[-1]] == ["confirmed"]
+    assert found[-1][0].box[1] == pytest.approx(16, abs=2)
+    assert found[-1][0].box[3] == pytest.approx(74, abs=4)
+
+
+@pytest.mark.parametrize("rate", [30, 10, 5])
+def test_two_who_were_seen_apart_stay_two_while_they_walk_side_by_side(rate: int):
+    frames: list[Painted] = []
+    for k in range(7 * rate):
+        time_s = k / rate
+        apart = max(0, 30 - 15 * time_s)  # they touch after 2 s
+        frames.append(
+            [((60 + 20 * time_s - apart, 20, 24, 80), RED), ((84 + 20 * time_s, 20, 24, 80), BLUE)]
+        )
+    assert [track.state for track in tracked(frames, rate)[-1]] == ["confirmed"] * 2
+
+
 def behind_a_sign(rate: int) -> list[Painted]:
     """Return 4 s of a walking person behind a sign.
 
