@@ -17,6 +17,9 @@ Floats = NDArray[np.float32]
 
 WINDOW = np.ones((3, 3), np.uint8)
 
+DARK_STEP = 8
+"""What is darkest is measured at one of so many pixels along both axes."""
+
 
 @dataclass(frozen=True, slots=True)
 class BackgroundLimits:
@@ -27,6 +30,12 @@ class BackgroundLimits:
     share: float = 0.06  # plus this share of the brightness: noise and compression grow with it,
     noise: float = 3.0  # plus this many mean deviations that were measured at this pixel
     most_noise: float = 20.0  # largest mean deviation of a pixel, grey levels
+    # Brightness counts from what is darkest, since haze and stray light in the lens lighten
+    # everything:
+    dark_percent: float = 1.0  # from this percentile of the values,
+    # at most this share of the range without as many of the darkest and of the brightest, since
+    # nothing may be dark in a plain scene.
+    dark_share: float = 0.5
     strong: float = 2.0  # a pixel is strong at this multiple of the distance
     every_s: float = 0.25  # interval of learning, seconds
     noise_s: float = 10.0  # time constant of the noise, seconds
@@ -130,7 +139,7 @@ class Background:
         Source: T. Horprasert et al., "A statistical approach for real-time robust background
         subtraction and shadow detection", 1999.
         """
-        one, other = shown.astype(np.float32), expected.astype(np.float32)
+        one, other = (np.maximum(each - self._dark, 0.0) for each in (shown, expected))
         ones = np.ones(3, np.float32)
         square = np.maximum((other * other) @ ones, 1.0)
         ratio = ((one * other) @ ones) / square
@@ -179,6 +188,10 @@ class Background:
 
     def _refresh(self) -> None:
         self.unlit = np.asarray(cv2.convertScaleAbs(self._values), np.uint8)
+        some = self.unlit[::DARK_STEP, ::DARK_STEP].reshape(-1, 3)
+        percent = self._limits.dark_percent
+        dark, bright = np.percentile(some, (percent, 100.0 - percent), axis=0)
+        self._darkest = np.minimum(dark, self._limits.dark_share * (bright - dark))
         self._least, self._most = cv2.erode(self.unlit, WINDOW), cv2.dilate(self.unlit, WINDOW)
         self._illuminate()
 
@@ -186,7 +199,10 @@ class Background:
         """Compute the values that agree with the background in the present light."""
         curve, limits = self.light.curve, self._limits
         shown = np.rint(curve).astype(np.uint8)[None]
-        reach = (limits.base + limits.share * curve) * self._scale
+        dark = [np.interp(self._darkest[each], LEVELS, curve[:, each]) for each in range(3)]
+        self._dark = np.array(dark, np.float32)
+        bright = np.maximum(curve - self._dark, 0.0)
+        reach = (limits.base + limits.share * bright) * self._scale
         self.shown = np.asarray(cv2.LUT(self.unlit, shown), np.uint8)
         noise = cv2.convertScaleAbs(self._noise, alpha=limits.noise * self._scale)
         table = np.rint(np.clip(reach, 1, 255)).astype(np.uint8)[None]
