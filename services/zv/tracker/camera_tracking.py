@@ -175,7 +175,7 @@ class CameraTracking:
         )
         if not pipeline.has_background:
             return
-        mask = partial(enlarged, pipeline.mask, size)
+        mask = partial(enlarged, pipeline.mask, size, pipeline.moved)
         node.publish_picture("mask/compressed", mask, frame=frame, bilevel=True)
         node.publish_picture(
             "background/compressed", pipeline.background, frame=frame, quality=settings.quality

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.background import Background, BackgroundLimits
 from zv.tracker.foreground.light import LightLimits
+from zv.tracker.foreground.steadying import Steadier, SteadyLimits, clear_unseen, moved_back
 from zv.tracker.foreground.view import Shown, View, ViewLimits
 from zv.tracker.tracking.region import Region
 
@@ -50,6 +51,7 @@ class ForegroundParameters:
     light: LightLimits = field(default_factory=LightLimits)
     scene: SceneLimits = field(default_factory=SceneLimits)
     view: ViewLimits = field(default_factory=ViewLimits)
+    steady: SteadyLimits = field(default_factory=SteadyLimits)
 
 
 class ForegroundDetector:
@@ -58,6 +60,9 @@ class ForegroundDetector:
     Args:
         parameters: Those of the background, and where to detect; an attribute, which may be set.
         scale: Full-resolution pixels per pixel of the pictures, for the polygons.
+
+    Attributes:
+        moved: By how many pixels, x and y, the newest picture was moved from the background.
     """
 
     def __init__(self, parameters: ForegroundParameters, scale: float = 1.0) -> None:
@@ -66,6 +71,8 @@ class ForegroundDetector:
         self._searched_of: tuple[object, ...] = ()
         self.parameters = parameters
         self._view = View(parameters.view)
+        self._steadier = Steadier(parameters.steady)
+        self.moved = 0, 0
         self._shown: Shown = "scene"
         self._started_s = self._passed_s = self._looked_s = self._other_s = 0.0
         self.reset()
@@ -73,6 +80,14 @@ class ForegroundDetector:
     def reset(self) -> None:
         """Learn the background anew from the next picture on."""
         self.background: Background | None = None
+
+    def steadied(self, picture: Image) -> Image:
+        """Return a picture moved back to where the background is, if the camera shakes."""
+        if self.background is None:
+            self.moved = 0, 0
+        else:
+            self.moved = self._steadier.moved(self.background.shown, picture)
+        return moved_back(picture, self.moved)
 
     def update(
         self, picture: Image, now_s: float, known: Sequence[Region]
@@ -121,6 +136,8 @@ class ForegroundDetector:
         if silent:
             mask = np.zeros_like(mask)
             return mask, mask, shown
+        for each in (mask, strong):
+            clear_unseen(each, self.moved)
         if self._searched is not None:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
             strong = np.asarray(cv2.bitwise_and(strong, self._searched), np.uint8)

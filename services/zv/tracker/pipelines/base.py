@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.steadying import moved_back
 from zv.tracker.foreground.view import Shown
 from zv.tracker.tracking.base import TrackerBase
 from zv.tracker.tracking.region import Region
@@ -41,7 +42,9 @@ class PipelineWithIds:
     Attributes:
         tracks: The tracks of the last frame, oldest first, in pixels of the frame.
         mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the reduced
-            size; ``enlarged`` scales it to the size of the frame.
+            size, where the background is; ``enlarged`` makes it that of the frame.
+        moved: By how many pixels of the mask, x and y, the last frame was moved from the
+            background: the camera shakes.
         shown: What the last frame shows: ``nothing`` while the lens is covered; ``other`` once,
             when the camera has moved and the background is learned anew.
     """
@@ -49,6 +52,7 @@ class PipelineWithIds:
     def __init__(self, first_id: int) -> None:
         self.tracks: list[Track] = []
         self.mask: Image = np.zeros((1, 1), np.uint8)
+        self.moved = 0, 0
         self.shown: Shown = "scene"
         self._size: tuple[int, int] | None = None
         self._scale = 1
@@ -120,7 +124,8 @@ class PipelineWithIds:
         """Find the foreground of a frame, and learn from it.
 
         Returns:
-            The picture at the reduced size, and the strong pixels of its foreground.
+            The picture at the reduced size, where the background is, and the strong pixels of its
+            foreground.
         """
         if picture.shape[1::-1] != self._small_size():
             small = cv2.resize(picture, self._small_size(), interpolation=cv2.INTER_AREA)
@@ -129,6 +134,8 @@ class PipelineWithIds:
             if self._foreground is None:
                 self._foreground = ForegroundDetector(parameters, self._scale)
             self._foreground.parameters = parameters
+            picture = self._foreground.steadied(picture)
+            self.moved = self._foreground.moved
             self.mask, strong, self.shown = self._foreground.update(picture, now_s, known)
         return picture, strong
 
@@ -157,6 +164,13 @@ class PipelineWithIds:
             self._main = largest
 
 
-def enlarged(mask: Image, size: tuple[int, int]) -> Image:
-    """Return a mask scaled to another size, width and height; its values stay 0 and 255."""
+def enlarged(mask: Image, size: tuple[int, int], moved: tuple[int, int] = (0, 0)) -> Image:
+    """Return a mask moved to where its frame shows it, and scaled to the size of the frame.
+
+    Args:
+        mask: (height, width) uint8 of 0 and 255; so is what is returned.
+        size: Width and height of the frame.
+        moved: By how many pixels of the mask, x and y, the frame was moved from the background.
+    """
+    mask = moved_back(mask, (-moved[0], -moved[1]))
     return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)

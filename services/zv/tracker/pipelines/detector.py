@@ -139,7 +139,7 @@ class DetectorTracker(PipelineWithIds):
         _, strong = self._subtract(picture, now_s, self._known(), wanted.foreground)
         least = self._least_area(wanted.min_area)
         found = regions_of(self.mask, strong, least, np.inf, RegionLimits())
-        self._regions = [each.scaled(self._scale) for each in found]
+        self._regions = [each.moved(*self.moved).scaled(self._scale) for each in found]
         if self._regions or unknown or self.shown == "other":
             self._moved_s = now_s
         return self._moved_s is not None and now_s - self._moved_s <= WATCHED_S

@@ -79,6 +79,7 @@ class RobustTracker(PipelineWithIds):
         tracker.parameters = self._tracking()
         tracker.predict(now_s)
         picture, strong = self._subtract(picture, now_s, tracker.protected(), wanted.foreground)
+        tracker.moved = self.moved
         least = self._least_area(wanted.min_area, wanted.least_share)
         if wanted.convex:
             self.mask = cut_at_concavities(self.mask, least)

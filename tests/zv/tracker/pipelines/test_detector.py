@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -101,6 +102,25 @@ def test_between_runs_an_object_is_followed_by_its_motion():
             [track] = [each for each in tracks if each.state == "confirmed"]
             errors.append(abs(track.box[0] - left))
     assert max(errors) <= 6  # of 10 pixels a frame; a box of the last run would be 40 behind
+
+
+def test_between_runs_an_object_is_followed_where_a_camera_that_shakes_shows_it():
+    rng = np.random.default_rng(3)
+    coarse = rng.uniform(60, 220, (24, 32, 3)).astype(np.float32)
+    room = cv2.resize(coarse, (SIZE[0] // SCALE, SIZE[1] // SCALE)).astype(np.uint8)
+    film, errors = Film(replace(PARAMETERS, every=5)), []
+    for step in range(60):
+        right = int(rng.integers(-6, 7)) if step > 10 else 0  # pixels of the reduced size
+        left = 60 + 8 * (step - 10)
+        shown = room.copy()
+        if step > 10:
+            shown[100 // SCALE : 220 // SCALE, left // SCALE : (left + 80) // SCALE] = (10, 20, 30)
+        found = [thing(left + SCALE * right)] if step > 10 else []
+        tracks = film.show(*found, shown=np.roll(shown, right, axis=1))
+        if step > 26:
+            [track] = [each for each in tracks if each.state == "confirmed"]
+            errors.append(abs(track.box[0] - left - SCALE * right))
+    assert max(errors) <= 6
 
 
 def test_boxes_of_other_classes_regions_and_scores_are_left_out():
