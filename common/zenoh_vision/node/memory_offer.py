@@ -102,7 +102,8 @@ class MemoryOffer:
             return
         self._again_ns = self._clock.monotonic_ns() + AGAIN_NS
         publisher = self._link.declare(
-            lambda session: self._demand.of(session.declare_publisher(key))
+            lambda session: self._demand.of(session.declare_publisher(key)),
+            self._demand.follow_newest,
         )
         token = self._link.declare(lambda session: session.liveliness().declare_token(key))
         self._declared = [publisher, token]

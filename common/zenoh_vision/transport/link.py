@@ -74,10 +74,18 @@ class Declaration(Generic[T]):
         current: The object declared on the current session. Do not keep a reference to it.
     """
 
-    def __init__(self, link: Link, declare: Callable[[zenoh.Session], T]) -> None:
+    def __init__(
+        self, link: Link, declare: Callable[[zenoh.Session], T], used: Callable[[], None]
+    ) -> None:
         self._link = link
+        self._used = used
         self.declare = declare
-        self.current = declare(link.session)
+        self.use(declare(link.session))
+
+    def use(self, declared: T) -> None:
+        """Use what was declared last, on the session that is the current one from now on."""
+        self.current = declared
+        self._used()
 
     def undeclare(self) -> None:
         """Undeclare it, on this session and on those that replace it."""
@@ -144,14 +152,18 @@ class Link:
         except zenoh.ZError:
             return frozenset()  # the session is being closed
 
-    def declare(self, declare: Callable[[zenoh.Session], T]) -> Declaration[T]:
+    def declare(
+        self, declare: Callable[[zenoh.Session], T], used: Callable[[], None] = lambda: None
+    ) -> Declaration[T]:
         """Declare something on this session, and on each that replaces it.
 
         Args:
             declare: Called once for every session, on any thread.
+            used: Called when what was declared last is used: not if its session turns out to be of
+                no use. Must not fail.
         """
         with self._lock:
-            declaration = Declaration(self, declare)
+            declaration = Declaration(self, declare, used)
             self._declared.append(declaration)
         return declaration
 
@@ -330,7 +342,7 @@ class Link:
                 return False
             former = [each.current for each in self._declared]
             for declaration, current in zip(self._declared, declared, strict=True):
-                declaration.current = current
+                declaration.use(current)
             former_session, self._session = self._session, session
         log.warning("%s: another session was opened to it", why)
         for each in former:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -82,19 +83,27 @@ class Demand:
 
     def __init__(self) -> None:
         self.exists = False
-        self._publishers = 0
+        self._newest = self._followed = [False]  # what was said of the publishers
+        self._lock = threading.Lock()
 
     def of(self, publisher: zenoh.Publisher) -> zenoh.Publisher:
-        """Follow a publisher, instead of that of a session which it replaces; return it."""
-        self._publishers += 1
-        number, self.exists = self._publishers, False
+        """Have Zenoh tell of a publisher, which counts from ``follow_newest`` on; return it."""
+        self._newest = told = [False]
 
         def note(status: zenoh.MatchingStatus) -> None:
-            if number == self._publishers:
-                self.exists = status.matching
+            with self._lock:
+                told[0] = status.matching
+                if told is self._followed:
+                    self.exists = status.matching
 
         publisher.declare_matching_listener(direct(note))
         return publisher
+
+    def follow_newest(self) -> None:
+        """Follow the publisher of a session that is used now, not that of the one before."""
+        with self._lock:
+            self._followed = self._newest
+            self.exists = self._followed[0]
 
 
 FrameId = tuple[int, int]
@@ -151,7 +160,8 @@ class StreamPublisher:
                     congestion_control=congestion_control,
                     priority=priority,
                 )
-            )
+            ),
+            self.demand.follow_newest,
         )
         link.declare(
             lambda session: session.declare_queryable(

@@ -22,9 +22,11 @@ from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.host import abandoned_threads
 from zenoh_vision.messages import Centroid
 from zenoh_vision.node.node import Node
+from zenoh_vision.topics import topic_named
 from zenoh_vision.transport import link, query
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.publisher import StreamPublisher
 from zenoh_vision.transport.session import direct
 from zv.edge.settings import EdgeSettings
 
@@ -151,6 +153,41 @@ def test_a_session_that_the_router_does_not_answer_is_replaced(
     assert first.is_closed()
     assert "the router does not answer: another session was opened" in caplog.text
     wait_until(lambda: "@vision/node/silent" in living_nodes(client))
+    between.close()
+
+
+def test_after_a_session_that_cannot_be_used_the_former_one_says_who_subscribes(
+    router: Router,
+    client: zenoh.Session,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def answer_after_that(_: zenoh.Session, __: query.Query, done: Callable[[Any], None]) -> None:
+        replies = query.Replies()
+        replies.timed_out = "cannot be used" not in caplog.text
+        done(replies)
+
+    monkeypatch.setattr(link, "ASK_INTERVAL_S", 0.1)
+    monkeypatch.setattr(link, "send", answer_after_that)
+    between = Link(Connection(connect=router.endpoint, timeout_s=20))
+    first = between.session
+
+    def declare_on_the_first(session: zenoh.Session) -> zenoh.LivelinessToken:
+        if session is not first:
+            raise zenoh.ZError("closed")
+        return session.liveliness().declare_token("@vision/node/silent")
+
+    topic = topic_named("mask/compressed")
+    stream = StreamPublisher(between, topic, "vision/front/mask/compressed", lambda *_: None)
+    between.declare(declare_on_the_first)
+    with client.declare_subscriber(stream.key, direct(lambda _: None)):
+        wait_until(lambda: stream.demand.exists)
+        wait_until(lambda: "cannot be used" in caplog.text, 20)
+        assert stream.demand.exists
+    wait_until(lambda: not stream.demand.exists)
+    with client.declare_subscriber(stream.key, direct(lambda _: None)):
+        wait_until(lambda: stream.demand.exists)
+    assert between.session is first
     between.close()
 
 

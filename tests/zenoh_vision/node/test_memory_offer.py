@@ -45,13 +45,15 @@ class Memory:
             def exists(self) -> bool:
                 return memory.asked
 
+            def follow_newest(self) -> None: ...
+
         monkeypatch.setattr(memory_offer, "FrameWriter", Writer)
         monkeypatch.setattr(memory_offer, "Demand", WhoAsks)
         monkeypatch.setattr(memory_offer, "machine_identity", lambda: "machine")
         link: Any = SimpleNamespace(declare=self._declare)
         self.offer = MemoryOffer(link, "vision", "front", self.clock)
 
-    def _declare(self, _make: object) -> Any:
+    def _declare(self, *_make: object) -> Any:
         self.tokens += 1
         return SimpleNamespace(undeclare=self._undeclare)
 

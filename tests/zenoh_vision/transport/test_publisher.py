@@ -32,12 +32,18 @@ class Matched:
         self._told(SimpleNamespace(matching=wanted))
 
 
-def test_demand_is_what_zenoh_says_of_the_publisher_of_the_newest_session():
+def test_demand_is_what_zenoh_says_of_the_publisher_of_the_session_in_use():
     demand, former, present = Demand(), Matched(wanted=True), Matched()
-    assert not demand.exists
     demand.of(cast("Any", former))
+    assert not demand.exists
+    demand.follow_newest()
     assert demand.exists
     demand.of(cast("Any", present))
+    former.tell(wanted=False)
+    assert not demand.exists
+    former.tell(wanted=True)
+    assert demand.exists
+    demand.follow_newest()
     assert not demand.exists
     former.tell(wanted=True)
     assert not demand.exists
@@ -61,8 +67,9 @@ class Declared:
             declare_queryable=lambda *_, **__: None,
         )
 
-    def declare(self, declare: Any) -> Any:
+    def declare(self, declare: Any, used: Any = lambda: None) -> Any:
         self.current = declare(self.session) or self.current
+        used()
         return self
 
     def _publisher(self, *_: object, **__: object) -> Any:
