@@ -1,7 +1,7 @@
-"""The clips as other cameras would have recorded them: tone, noise, compression, shake, size.
+"""The clips as other cameras would have recorded them: tone, haze, noise, compression, shake, size.
 
-No rule and no constant was chosen by these, so they say more of footage that nobody has tuned on
-than the clips themselves. Each clip is seen at 10 Hz.
+No constant was fitted to these, so they say more of footage that nobody has tuned on than the clips
+themselves. Each clip is seen at 10 Hz.
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ JPEG_QUALITY = 30
 NOISE = 6.0
 """Standard deviation of the noise that is added to each value, grey levels."""
 
+VEIL = 50
+"""Grey levels that are added where the contrast is halved."""
+
 SHAKE = 0.7
 """Standard deviation of a step of the camera, pixels; what is left of earlier ones is 0.7."""
 
@@ -36,6 +39,10 @@ def degraded(clip: Clip) -> Iterator[tuple[str, Clip]]:
 def _tone(gamma: float) -> Callable[[Pixels], Pixels]:
     table = np.rint(255 * (np.arange(256) / 255) ** gamma).astype(np.uint8)
     return lambda pictures: table[pictures]
+
+
+def _hazy(pictures: Pixels) -> Pixels:
+    return pictures // np.uint8(2) + np.uint8(VEIL)
 
 
 def _noisy(pictures: Pixels) -> Pixels:
@@ -93,6 +100,7 @@ def _smaller(clip: Clip) -> Clip:
 CHANGES: dict[str, Callable[[Pixels], Pixels]] = {
     "brighter, gamma 0.6": _tone(0.6),
     "darker, gamma 1.6": _tone(1.6),
+    "half of the contrast, as in haze": _hazy,
     f"noise of {NOISE:g} levels": _noisy,
     f"JPEG of quality {JPEG_QUALITY}": _compressed,
     "a camera that shakes by a pixel": _shaken,

@@ -60,7 +60,7 @@ def test_a_degraded_clip_has_other_pictures_and_the_same_truth_where_they_show_i
     clip = Clip("hall", np.stack([picture] * 5), (120, 80), 10.0, 1, truth, {})
     found = dict(degraded(clip))
     usual, smaller = found.pop("as it is"), found.pop("0.6 of the size")
-    assert len(found) == 5
+    assert len(found) == 6
     assert np.array_equal(usual.pictures, clip.pictures)
     for name, other in found.items():
         assert other.pictures.shape == clip.pictures.shape, name

@@ -33,8 +33,9 @@ class BackgroundLimits:
     # Brightness counts from what is darkest, since haze and stray light in the lens lighten
     # everything:
     dark_percent: float = 1.0  # from this percentile of the values,
-    # at most this share of the range without as many of the darkest and of the brightest, since
-    # nothing may be dark in a plain scene.
+    usual_dark: float = 24.0  # less what is dark enough without haze, grey levels;
+    # from at most this share of the range without as many of the darkest and of the brightest,
+    # since nothing may be dark in a plain scene.
     dark_share: float = 0.5
     strong: float = 2.0  # a pixel is strong at this multiple of the distance
     every_s: float = 0.25  # interval of learning, seconds
@@ -189,9 +190,11 @@ class Background:
     def _refresh(self) -> None:
         self.unlit = np.asarray(cv2.convertScaleAbs(self._values), np.uint8)
         some = self.unlit[::DARK_STEP, ::DARK_STEP].reshape(-1, 3)
-        percent = self._limits.dark_percent
-        dark, bright = np.percentile(some, (percent, 100.0 - percent), axis=0)
-        self._darkest = np.minimum(dark, self._limits.dark_share * (bright - dark))
+        limits = self._limits
+        percents = limits.dark_percent, 100.0 - limits.dark_percent
+        dark, bright = np.percentile(some, percents, axis=0)
+        most = limits.dark_share * (bright - dark)
+        self._darkest = np.clip(dark - limits.usual_dark, 0.0, most)
         self._least, self._most = cv2.erode(self.unlit, WINDOW), cv2.dilate(self.unlit, WINDOW)
         self._illuminate()
 
