@@ -113,7 +113,7 @@ class ForegroundDetector:
             self._start(picture, now_s)
         assert self.background is not None
         background = self.background
-        hidden = self._boxes_mask(known, (height, width))
+        hidden = self._hidden(known, (height, width))
         age_s = now_s - self._started_s
         self._look(picture, hidden, age_s)
         if not wanted.frozen and self._shown == "scene":
@@ -179,8 +179,9 @@ class ForegroundDetector:
         self._started_s = now_s
         self._passed_s = self._looked_s = self._other_s = 0.0
 
-    def _boxes_mask(self, boxes: Sequence[Region], size: tuple[int, int]) -> Image | None:
-        if not boxes:
+    def _hidden(self, boxes: Sequence[Region], size: tuple[int, int]) -> Image | None:
+        """Return what of the background is not in the picture, not 0; None if all of it is."""
+        if not (boxes or any(self.moved)):
             return None
         limits = self.parameters.scene
         mask = np.zeros(size, np.uint8)
@@ -188,4 +189,8 @@ class ForegroundDetector:
             margin = max(limits.least_margin, limits.margin * max(box.width, box.height))
             rows = slice(max(0, round(box.top - margin)), max(0, round(box.bottom + margin)))
             mask[rows, max(0, round(box.left - margin)) : max(0, round(box.right + margin))] = 255
+        if any(self.moved):
+            seen = np.full(size, 255, np.uint8)
+            clear_unseen(seen, self.moved)
+            mask = np.asarray(cv2.bitwise_or(mask, cv2.bitwise_not(seen)), np.uint8)
         return mask

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.foreground.steadying import Steadier, SteadyLimits, clear_unseen, moved_back
 from zv.tracker.pipelines.base import enlarged
 from zv.tracker.pipelines.robust import RobustTracker
@@ -88,6 +89,16 @@ def test_only_what_was_not_in_the_picture_is_cleared(by: tuple[int, int]):
     clear_unseen(mask, by)
     assert (moved_back(picture, by)[mask > 0] == still[mask > 0]).all()
     assert np.count_nonzero(mask) == (SIZE[0] - abs(by[0])) * (SIZE[1] - abs(by[1]))
+
+
+def test_the_strip_that_a_moved_camera_does_not_show_is_not_learned():
+    scene, found = wide_scene(), ForegroundDetector(ForegroundParameters())
+    for k in range(300):
+        picture = seen(scene) if k < 60 else seen(scene, 10, -10)
+        found.update(found.steadied(picture), k / 10, [])
+    assert found.moved == pytest.approx((10, -10), abs=1)
+    mask, _, shown = found.update(found.steadied(seen(scene)), 30.0, [])
+    assert (shown, np.count_nonzero(mask)) == ("scene", 0)
 
 
 def test_a_mask_is_shown_where_its_frame_shows_it():
