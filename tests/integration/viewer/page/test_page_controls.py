@@ -163,9 +163,9 @@ def test_a_picture_is_saved_as_sent_and_with_its_overlay_though_the_page_paints_
     for seq in (7, 8):
         sent = jpeg(np.full((48, 64, 3), 10 * seq, np.uint8))
         about = header(seq, CAMERA, encoding="bgr8")
-        server.show(CAMERA, sent, about, mime="image/jpeg")
         box = {"id": 1, "state": "confirmed", "x": 20, "y": 20, "box": [10, 10, 20, 20], "area": 9}
         server.tell("message", key=TRUTH, header=about, body={"tracks": [box]})
+        server.show(CAMERA, sent, about, mime="image/jpeg")
         tab.wait(f"document.querySelector('#figure-frame').textContent === '{seq}'")
         found = {}
         for key, file in (("s", "frame.jpg"), ("Shift+S", "drawn.png")):

@@ -110,9 +110,9 @@ def test_the_lines_on_the_canvas_are_within_3_pixels_of_the_truth_however_it_is_
     boxes = [[20, 30, 60, 40], [150, 20, 41, 77], [200, 130, 100, 90]]
     tracks = [track(number, box) for number, box in enumerate(boxes, 1)]
     about = header(1, CAMERA, **FRAME)
-    server.show_grey(CAMERA, 1, 0, **FRAME)
     server.tell("message", key=TRUTH, header=about, body={"tracks": tracks})
     server.tell("message", key=CENTROID, header=about, body=PLACE)
+    server.show_grey(CAMERA, 1, 0, **FRAME)  # it would not wait long for its messages
     tab.wait(f"{SHOWN}?.seq === 1")
     scale = "document.querySelector('canvas.overlay').view.scale"
     before = None
@@ -133,10 +133,11 @@ def test_without_its_messages_a_picture_is_shown_at_once_and_says_so(
     tab, server = opened
     for seq in range(4):
         about = header(seq, CAMERA, **FRAME)
-        server.show_grey(CAMERA, seq, 50, **FRAME)
         server.tell("message", key=TRUTH, header=about, body={"tracks": []})
         if seq == 0:
             server.tell("message", key=CENTROID, header=about, body=PLACE)
+        server.show_grey(CAMERA, seq, 50, **FRAME)
+        if seq == 0:
             tab.wait(f"{STATE} === 'joined'")
         tab.wait(f"document.querySelector('canvas.picture').dataset.seq === '{seq}'")
     assert tab.page.evaluate(STATE) == "without"
@@ -156,12 +157,12 @@ def test_invalid_messages_are_not_drawn_and_cause_no_error(opened: tuple[Tab, Pa
         for key in (TRUTH, CENTROID):
             server.tell("message", key=key, header=about, body=body)
     last = len(STRANGE)
-    server.show_grey(CAMERA, last, 50, **FRAME)
     about = header(last, CAMERA, **FRAME)
     wrong = [None, 5, {}, {"box": None}, right | {"box": {"length": 4}}, right | {"box": [3, 4]}]
     tracks = [*wrong, right | {"y": None}, right]
     server.tell("message", key=TRUTH, header=about, body={"tracks": tracks})
     server.tell("message", key=CENTROID, header=about, body={"x": "1", **right, "box": None})
+    server.show_grey(CAMERA, last, 50, **FRAME)
     shown = tab.wait(f"(() => {{ const one = {SHOWN}; return one?.seq === {last} && one; }})()")
     assert [(mark["id"], mark["box"]) for mark in shown["boxes"]] == [(1, right["box"])]
 
