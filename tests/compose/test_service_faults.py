@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 import urllib.error
 import urllib.request
+from contextlib import suppress
 
 import pytest
 
@@ -187,7 +190,8 @@ def test_a_process_that_is_frozen_makes_its_container_unhealthy_and_no_other(new
     # SIGSTOP to the process alone: init runs, so Docker's check does too.
     stack = new_stack()
     stack.wait_until_healthy()
-    run("kill", "-STOP", stack.worker(service))
+    frozen = stack.worker(service)
+    os.kill(frozen, signal.SIGSTOP)
     try:
         frozen_s = time.monotonic()
         wait_until(lambda: stack.health(service) == "unhealthy", 40)
@@ -197,7 +201,8 @@ def test_a_process_that_is_frozen_makes_its_container_unhealthy_and_no_other(new
             shown = stack.inspect(service)["State"]["Health"]["Log"][-1]["Output"]
             assert "has not been written for 5 s" in shown
     finally:
-        run("kill", "-CONT", stack.worker(service))
+        with suppress(ProcessLookupError):  # the router that does not answer is killed and replaced
+            os.kill(frozen, signal.SIGCONT)
     stack.wait_until_healthy()
 
 
