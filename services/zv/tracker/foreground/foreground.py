@@ -73,6 +73,7 @@ class ForegroundDetector:
         self._view = View(parameters.view)
         self._steadier = Steadier(parameters.steady)
         self.moved = 0, 0
+        self._seen: Image | None = None  # the newest picture, before it was moved back
         self._shown: Shown = "scene"
         self._started_s = self._passed_s = self._looked_s = self._other_s = 0.0
         self.reset()
@@ -83,6 +84,7 @@ class ForegroundDetector:
 
     def steadied(self, picture: Image) -> Image:
         """Return a picture moved back to where the background is, if the camera shakes."""
+        self._seen = picture
         if self.background is None:
             self.moved = 0, 0
         else:
@@ -127,7 +129,7 @@ class ForegroundDetector:
             shown, silent = "scene", True
             self._other_s += min(elapsed_s, limits.changed_s / 2)  # not by one picture alone
             if self._other_s >= limits.changed_s and not wanted.frozen:
-                self._start(picture, now_s)
+                self._start(picture if self._seen is None else self._seen, now_s)
                 shown = "other"
         else:
             self._other_s = max(0.0, self._other_s - elapsed_s)
@@ -175,7 +177,7 @@ class ForegroundDetector:
     def _start(self, picture: Image, now_s: float) -> None:
         self.background = Background(picture, self.parameters.background, self.parameters.light)
         self._view = View(self.parameters.view)
-        self._shown = "scene"
+        self._shown, self.moved = "scene", (0, 0)
         self._started_s = now_s
         self._passed_s = self._looked_s = self._other_s = 0.0
 

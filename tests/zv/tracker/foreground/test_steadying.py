@@ -101,6 +101,17 @@ def test_the_strip_that_a_moved_camera_does_not_show_is_not_learned():
     assert (shown, np.count_nonzero(mask)) == ("scene", 0)
 
 
+def test_another_view_is_learned_as_the_camera_shows_it():
+    scene, found = wide_scene(), ForegroundDetector(ForegroundParameters())
+    other = scene.copy()
+    other[:, 130:] = wide_scene(9)[:, 130:]
+    for k in range(120):
+        picture = seen(scene) if k < 50 else seen(scene if k < 80 else other, 5, 0)
+        _, _, shown = found.update(found.steadied(picture), k / 10, [])
+        assert found.moved == ((0, 0) if k < 50 or k >= 84 else (5, 0)), k
+        assert (shown == "other") == (k == 84)
+
+
 def test_a_mask_is_shown_where_its_frame_shows_it():
     mask = np.zeros((20, 30), np.uint8)
     mask[5:10, 6:12] = 255
