@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import cv2
@@ -43,8 +43,6 @@ class PipelineWithIds:
         tracks: The tracks of the last frame, oldest first, in pixels of the frame.
         mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the reduced
             size, where the background is; ``enlarged`` makes it that of the frame.
-        moved: By how many pixels of the mask, x and y, the last frame was moved from the
-            background: the camera shakes.
         shown: What the last frame shows: ``nothing`` while the lens is covered; ``other`` once,
             when the camera has moved and the background is learned anew.
     """
@@ -52,7 +50,6 @@ class PipelineWithIds:
     def __init__(self, first_id: int) -> None:
         self.tracks: list[Track] = []
         self.mask: Image = np.zeros((1, 1), np.uint8)
-        self.moved = 0, 0
         self.shown: Shown = "scene"
         self._size: tuple[int, int] | None = None
         self._scale = 1
@@ -73,6 +70,11 @@ class PipelineWithIds:
     def has_background(self) -> bool:
         """Whether a background is learned."""
         return self._foreground is not None
+
+    @property
+    def moved(self) -> tuple[int, int]:
+        """By how many pixels of the mask, x and y, the last frame was moved from the background."""
+        return (0, 0) if self._foreground is None else self._foreground.moved
 
     @property
     def centroid(self) -> Track | None:
@@ -118,10 +120,16 @@ class PipelineWithIds:
         self,
         picture: Image,
         now_s: float,
-        known: Sequence[Region],
+        known: Callable[[], Sequence[Region]],
         parameters: ForegroundParameters,
     ) -> tuple[Image, Image]:
         """Find the foreground of a frame, and learn from it.
+
+        Args:
+            picture: The frame, at any size.
+            now_s: Its time.
+            known: Returns the boxes of known objects, where the background is; ``moved`` is known.
+            parameters: Those of the foreground.
 
         Returns:
             The picture at the reduced size, where the background is, and the strong pixels of its
@@ -135,8 +143,7 @@ class PipelineWithIds:
                 self._foreground = ForegroundDetector(parameters, self._scale)
             self._foreground.parameters = parameters
             picture = self._foreground.steadied(picture)
-            self.moved = self._foreground.moved
-            self.mask, strong, self.shown = self._foreground.update(picture, now_s, known)
+            self.mask, strong, self.shown = self._foreground.update(picture, now_s, known())
         return picture, strong
 
     def _least_area(self, min_area: float, share: float = LEAST_SHARE) -> float:

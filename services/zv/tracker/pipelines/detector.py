@@ -136,7 +136,7 @@ class DetectorTracker(PipelineWithIds):
         """Return whether anything moves, has moved a moment ago, or cannot be judged yet."""
         wanted = self.parameters
         unknown = self._foreground is None or self._foreground.background is None
-        _, strong = self._subtract(picture, now_s, self._known(), wanted.foreground)
+        _, strong = self._subtract(picture, now_s, self._known, wanted.foreground)
         least = self._least_area(wanted.min_area)
         found = regions_of(self.mask, strong, least, np.inf, RegionLimits())
         self._regions = [each.moved(*self.moved).scaled(self._scale) for each in found]
@@ -145,10 +145,11 @@ class DetectorTracker(PipelineWithIds):
         return self._moved_s is not None and now_s - self._moved_s <= WATCHED_S
 
     def _known(self) -> list[Region]:
-        """Return the boxes of the tracks, at the reduced size: they are not learned."""
+        """Return the boxes of the tracks, where the background is: they are not learned."""
         assert self._tracker is not None
+        right, down = self.moved
         return [
-            each.box.scaled(1 / self._scale)
+            each.box.scaled(1 / self._scale).moved(-right, -down)
             for each in self._tracker.states
             if each.confirmed and each.speed > PROTECTED_SPEED
         ]

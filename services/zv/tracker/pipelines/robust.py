@@ -78,7 +78,7 @@ class RobustTracker(PipelineWithIds):
         now_s, tracker, wanted = self._pass_time(stamp_ns), self._tracker, self.parameters
         tracker.parameters = self._tracking()
         tracker.predict(now_s)
-        picture, strong = self._subtract(picture, now_s, tracker.protected(), wanted.foreground)
+        picture, strong = self._subtract(picture, now_s, tracker.protected, wanted.foreground)
         tracker.moved = self.moved
         least = self._least_area(wanted.min_area, wanted.least_share)
         if wanted.convex:

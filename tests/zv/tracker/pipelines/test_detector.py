@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zv.tracker.detector.class_names import Wanted
 from zv.tracker.detector.model import Detection
-from zv.tracker.foreground.foreground import ForegroundParameters
+from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
 from zv.tracker.pipelines.base import working_scale
 from zv.tracker.pipelines.detector import DetectorParameters, DetectorTracker
 
@@ -121,6 +121,30 @@ def test_between_runs_an_object_is_followed_where_a_camera_that_shakes_shows_it(
             [track] = [each for each in tracks if each.state == "confirmed"]
             errors.append(abs(track.box[0] - left - SCALE * right))
     assert max(errors) <= 6
+
+
+def test_what_a_moved_camera_shows_is_not_learned_where_the_background_is(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    subtracted, update = [], ForegroundDetector.update
+
+    def note(self, shown, now_s, known):
+        subtracted.append((self.moved, [box.left for box in known]))
+        return update(self, shown, now_s, known)
+
+    monkeypatch.setattr(ForegroundDetector, "update", note)
+    rng = np.random.default_rng(3)
+    coarse = rng.uniform(60, 220, (24, 32, 3)).astype(np.float32)
+    room = cv2.resize(coarse, (SIZE[0] // SCALE, SIZE[1] // SCALE)).astype(np.uint8)
+    film = Film(replace(PARAMETERS, every=2))
+    for step in range(40):
+        right = 8 if step > 10 else 0  # pixels of the reduced size
+        left = 60 + 10 * step  # in the scene
+        film.show(thing(left + SCALE * right), shown=np.roll(room, right, axis=1))
+        if step > 20:
+            moved, known = subtracted[-1]
+            assert moved == pytest.approx((right, 0), abs=1)
+            assert known == pytest.approx([left / SCALE], abs=4)
 
 
 def test_boxes_of_other_classes_regions_and_scores_are_left_out():
