@@ -61,7 +61,8 @@ class DetectorTracker(PipelineWithIds):
         self._tracker: BoxTracker | None = None
         self._regions: list[Region] = []
         self._times: dict[int, int] = {}  # the tracker's time by the stamp of recent frames
-        self._ran_seq: int | None = None
+        self._ran_seq: int | None = None  # of the last finished frame that the model should see
+        self._next_ran_seq: int | None = None  # the same, once the frame that was begun is finished
         self._moved_s: float | None = None
 
     def end_tracks(self) -> None:
@@ -93,13 +94,13 @@ class DetectorTracker(PipelineWithIds):
         self._tracker.predict(now_s)
         self.shown = "scene"
         quiet = picture is not None and not self._find_motion(picture, now_s)
-        wanted = self.parameters
+        wanted, self._next_ran_seq = self.parameters, self._ran_seq
         if wanted.on_motion and quiet:
             return False
         step = wanted.every if self._ran_seq is None or seq < self._ran_seq else seq - self._ran_seq
         if step < wanted.every:
             return False
-        self._ran_seq = seq
+        self._next_ran_seq = seq
         return True
 
     def late(self, found: Sequence[Detection], stamp_ns: int) -> bool:
@@ -119,6 +120,7 @@ class DetectorTracker(PipelineWithIds):
             The tracks, oldest first, in pixels of the frame.
         """
         assert self._tracker is not None
+        self._ran_seq = self._next_ran_seq
         if found is not None:
             self._tracker.see(kept_boxes(found, self.parameters))
         if self._foreground is not None:

@@ -147,6 +147,18 @@ def test_what_a_moved_camera_shows_is_not_learned_where_the_background_is(
             assert known == pytest.approx([left / SCALE], abs=4)
 
 
+def test_the_run_for_a_frame_that_was_given_up_is_that_of_the_next_one():
+    tracker = DetectorTracker(replace(PARAMETERS, every=3))
+    for seq in (0, 1, 2):
+        assert tracker.begin(seq * 10**8, seq, SIZE, picture())  # 0 and 1 are never finished
+    tracker.finish([thing(100)])
+    seen = []
+    for seq in range(3, 7):
+        seen += [seq] * tracker.begin(seq * 10**8, seq, SIZE, picture())
+        tracker.finish(None)
+    assert seen == [5]
+
+
 def test_boxes_of_other_classes_regions_and_scores_are_left_out():
     square = ((0, 0), (320, 0), (320, 480), (0, 480))
     film = Film(
