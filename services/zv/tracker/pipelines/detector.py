@@ -93,6 +93,9 @@ class DetectorTracker(PipelineWithIds):
             del self._times[next(iter(self._times))]
         self._tracker.predict(now_s)
         self.shown = "scene"
+        if picture is None:
+            with self._lock:
+                self._foreground, self._regions = None, []
         quiet = picture is not None and not self._find_motion(picture, now_s)
         wanted, self._next_ran_seq = self.parameters, self._ran_seq
         if wanted.on_motion and quiet:

@@ -147,6 +147,20 @@ def test_what_a_moved_camera_shows_is_not_learned_where_the_background_is(
             assert known == pytest.approx([left / SCALE], abs=4)
 
 
+def test_without_background_subtraction_nothing_is_followed_by_its_former_motion():
+    film = Film(replace(PARAMETERS, every=2))
+    for step in range(20):
+        film.show(thing(100 + 10 * step), shown=picture(100 + 10 * step))
+    tracker = film.tracker
+    assert tracker.has_background
+    tracker.parameters = replace(PARAMETERS, every=1)
+    for seq in range(20, 24):
+        tracker.begin(seq * 10**9 // RATE_HZ, seq, SIZE, None)
+        [track] = tracker.finish(None)  # the model took too long
+    assert not tracker.has_background
+    assert track.missing_s >= 0.3
+
+
 def test_the_run_for_a_frame_that_was_given_up_is_that_of_the_next_one():
     tracker = DetectorTracker(replace(PARAMETERS, every=3))
     for seq in (0, 1, 2):
