@@ -6,6 +6,7 @@ import csv
 import logging
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -177,7 +178,7 @@ class Arrivals:
 
     def __init__(self, session: zenoh.Session, camera: str) -> None:
         self.answered: tuple[int, int] | None = None
-        self._waiting: list[bytes] = []
+        self._waiting: deque[bytes] = deque()  # filled by Zenoh's thread
         self._declared = [
             session.declare_subscriber(TRACKS.key(NAMESPACE, camera), direct(self._note)),
             session.declare_subscriber(CENTROID.key(NAMESPACE, camera), direct(self._answer)),
@@ -190,10 +191,9 @@ class Arrivals:
 
     def pass_on(self, table: Table) -> None:
         """Add what has arrived since the last call to a table."""
-        waiting, self._waiting = self._waiting, []
-        for payload in waiting:
+        while self._waiting:
             try:
-                table.add(Tracks.from_bytes(payload))
+                table.add(Tracks.from_bytes(self._waiting.popleft()))
             except PayloadError as error:
                 log.warning("%s", error)
 
