@@ -26,8 +26,7 @@ class AssociationLimits:
     # uncertainty of its place.
     gate_sides: float = 0.7
     log_area: float = 1.2  # largest ratio of their areas, as a natural logarithm
-    # After being seen alone, whole, away from the border for this long, a track is an object of
-    # its own, not a part of another.
+    # After being seen alone for this long, a track is an object of its own, not a part of another.
     proven_s: float = 0.4
     # Sharing a region for a second takes so many seconds of that away again: what was seen alone
     # for a moment and never again was a part.

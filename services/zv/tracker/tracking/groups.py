@@ -26,9 +26,9 @@ THIN = 0.1
 
 
 def divide(
-    targets: Sequence[TrackState], region: Sequence[Region], scene: Scene
+    targets: Sequence[TrackState], regions: Sequence[Region], scene: Scene
 ) -> list[Region | None]:
-    """Divide a shared region among objects, pixel by pixel.
+    """Divide regions that objects share among them, pixel by pixel.
 
     Each pixel is assigned to the object with the largest product of two probabilities: that the
     object is at this place, predicted by its motion, and that it has this colour at this height.
@@ -37,9 +37,9 @@ def divide(
     Returns:
         The portion of each object, in the order of ``targets``; None for one without pixels.
     """
-    rows, columns = scene.cut(union(region))
+    rows, columns = scene.cut(union(regions))
     mask = np.zeros((rows.stop - rows.start, columns.stop - columns.start), bool)
-    for part in region:
+    for part in regions:
         y, x = scene.cut(part)
         window = (
             slice(y.start - rows.start, y.stop - rows.start),

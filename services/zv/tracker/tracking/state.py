@@ -61,9 +61,7 @@ class TrackState:
     grouped: bool = False
     tested_s: float = 0.0  # when it was last tested for being a ghost
     learned_s: float = 0.0  # when its colours were last learned
-    # For how long it was seen alone, complete, away from the border of the picture; less what was
-    # taken away while it shared a region.
-    alone_s: float = 0.0
+    alone_s: float = 0.0  # for how long it was seen alone, less what sharing a region took away
     was_inside: bool = False  # whether it was ever seen away from the border of the picture
     shown: Region | None = None  # its own foreground in this frame, if that seems to be all of it
     # A point of the object as measured in this frame; None if it was not measured. It moves with
