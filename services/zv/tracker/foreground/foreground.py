@@ -31,6 +31,10 @@ class SceneLimits:
     changed: float = 0.5
     changed_s: float = 0.5  # after this time, which fades as it grew, the other view is learned
     every_s: float = 0.1  # interval in which edges are compared, seconds
+    # A camera that was pushed by more pixels than this is steadied no more, but its view learned
+    # anew while it shows no object,
+    pushed: int = 2
+    stays_s: float = 10.0  # when it has stayed at its new place for this long, seconds
     # Margin around the box of an object that is not learned, for arms and feet: a share of its
     # longer side.
     margin: float = 0.1
@@ -67,13 +71,14 @@ class ForegroundDetector:
 
     def __init__(self, parameters: ForegroundParameters, scale: float = 1.0) -> None:
         self._scale = scale
-        self._searched: Image | None = None
+        self._searched: Image | None = None  # where objects are detected; None: everywhere
         self._searched_of: tuple[object, ...] = ()
         self.parameters = parameters
         self._view = View(parameters.view)
         self._steadier = Steadier(parameters.steady)
         self.moved = 0, 0
         self._seen: Image | None = None  # the newest picture, before it was moved back
+        self._place, self._place_s = (0, 0), 0.0  # ``moved`` of the camera's place, and since when
         self._shown: Shown = "scene"
         self._started_s = self._passed_s = self._looked_s = self._other_s = 0.0
         self.reset()
@@ -107,14 +112,13 @@ class ForegroundDetector:
         """
         wanted, limits = self.parameters, self.parameters.scene
         height, width = picture.shape[:2]
-        searched_of = (height, width, wanted.regions, wanted.ignored)
-        if searched_of != self._searched_of:
-            self._searched_of = searched_of
-            self._searched = self._area(height, width)
+        self._follow_area(height, width)
         if self.background is None:
             self._start(picture, now_s)
         assert self.background is not None
         background = self.background
+        is_pushed = self._is_pushed(now_s)
+        seen = picture if self._seen is None else self._seen
         hidden = self._hidden(known, (height, width))
         age_s = now_s - self._started_s
         self._look(picture, hidden, age_s)
@@ -129,7 +133,7 @@ class ForegroundDetector:
             shown, silent = "scene", True
             self._other_s += min(elapsed_s, limits.changed_s / 2)  # not by one picture alone
             if self._other_s >= limits.changed_s and not wanted.frozen:
-                self._start(picture if self._seen is None else self._seen, now_s)
+                self._start(seen, now_s)
                 shown = "other"
         else:
             self._other_s = max(0.0, self._other_s - elapsed_s)
@@ -143,20 +147,34 @@ class ForegroundDetector:
         if self._searched is not None:
             mask = np.asarray(cv2.bitwise_and(mask, self._searched), np.uint8)
             strong = np.asarray(cv2.bitwise_and(strong, self._searched), np.uint8)
+        if is_pushed and not (wanted.frozen or known or strong.any()):
+            self._start(seen, now_s)
+            shown = "other"
         return mask, strong, shown
 
-    def _area(self, height: int, width: int) -> Image | None:
-        """Return where objects are detected, 255, and ignored, 0; None if they are everywhere."""
+    def _is_pushed(self, now_s: float) -> bool:
+        """Return whether the camera has been at another place than the background's for long."""
+        limits = self.parameters.scene
+        if max(abs(now - then) for now, then in zip(self.moved, self._place, strict=True)) > 1:
+            self._place, self._place_s = self.moved, now_s
+        return max(map(abs, self._place)) > limits.pushed and now_s - self._place_s > limits.stays_s
+
+    def _follow_area(self, height: int, width: int) -> None:
+        """Find where objects are detected, 255, and ignored, 0, if that is not known already."""
         regions, ignored = self.parameters.regions, self.parameters.ignored
+        searched_of = (height, width, regions, ignored)
+        if searched_of == self._searched_of:
+            return
+        self._searched_of, self._searched = searched_of, None
         if not (regions or ignored):
-            return None
+            return
         mask = np.full((height, width), 0 if regions else 255, np.uint8)
         # OpenCV also fills the pixels on the outline. Corners are given in 1/16 pixels (shift=4).
         for polygons, value in ((regions, 255), (ignored, 0)):
             for polygon in polygons:
                 corners = np.round((np.asarray(polygon, float) / self._scale - 0.5) * 16)
                 cv2.fillPoly(mask, [corners.astype(np.int32)], (value,), shift=4)
-        return mask
+        self._searched = mask
 
     def _look(self, picture: Image, hidden: Image | None, age_s: float) -> None:
         """Compare the view with the background, when that is due."""

@@ -8,10 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from zv.tracker.foreground.foreground import ForegroundDetector, ForegroundParameters
+from zv.tracker.foreground.foreground import (
+    ForegroundDetector,
+    ForegroundParameters,
+    SceneLimits,
+)
 from zv.tracker.foreground.steadying import Steadier, SteadyLimits, clear_unseen, moved_back
 from zv.tracker.pipelines.base import enlarged
 from zv.tracker.pipelines.robust import RobustTracker
+from zv.tracker.tracking.region import Region
 
 SIZE = 360, 240  # width, height
 MARGIN = 20
@@ -92,7 +97,8 @@ def test_only_what_was_not_in_the_picture_is_cleared(by: tuple[int, int]):
 
 
 def test_the_strip_that_a_moved_camera_does_not_show_is_not_learned():
-    scene, found = wide_scene(), ForegroundDetector(ForegroundParameters())
+    stays_moved = ForegroundParameters(scene=SceneLimits(stays_s=np.inf))
+    scene, found = wide_scene(), ForegroundDetector(stays_moved)
     for k in range(300):
         picture = seen(scene) if k < 60 else seen(scene, 10, -10)
         found.update(found.steadied(picture), k / 10, [])
@@ -110,6 +116,34 @@ def test_another_view_is_learned_as_the_camera_shows_it():
         _, _, shown = found.update(found.steadied(picture), k / 10, [])
         assert found.moved == ((0, 0) if k < 50 or k >= 84 else (5, 0)), k
         assert (shown == "other") == (k == 84)
+
+
+def test_a_camera_that_was_pushed_for_good_sees_all_of_its_picture_again():
+    scene, found = wide_scene(), ForegroundDetector(ForegroundParameters())
+    others = []
+    for k in range(220):
+        picture = seen(scene) if k < 50 else seen(scene, 8, -7)
+        _, _, shown = found.update(found.steadied(picture), k / 10, [])
+        others += [k] * (shown == "other")
+    assert others == [151]  # more than 10 s after it was pushed
+    assert found.moved == (0, 0)
+    picture[100:140, :12] = (20, 20, 230)  # at the left border, which was not in the old view
+    mask, _, _ = found.update(found.steadied(picture), 22.0, [])
+    x, y, width, height = cv2.boundingRect(mask)
+    assert (x, y, width, height) == pytest.approx((0, 100, 12, 40), abs=1)
+
+
+@pytest.mark.parametrize(("by", "known"), [((8, -7), True), ((2, 1), False), (None, False)])
+def test_its_view_is_not_learned_with_objects_a_smaller_push_or_while_it_shakes(
+    by: tuple[int, int] | None, known: bool
+):
+    rng = np.random.default_rng(3)
+    scene, found = wide_scene(), ForegroundDetector(ForegroundParameters())
+    box = Region(150, 100, 170, 140, 800)
+    for k in range(300):
+        x, y = (0, 0) if k < 50 else by or rng.integers(-8, 9, 2).tolist()
+        shown = found.update(found.steadied(seen(scene, x, y)), k / 10, [box] if known else [])[2]
+        assert shown == "scene", k
 
 
 def test_a_mask_is_shown_where_its_frame_shows_it():
