@@ -174,7 +174,7 @@ def arrivals(
     buffers = [each.intake.buffer for each in inputs]
 
     def has_work() -> object:
-        return is_due() or any(buffer.filled for buffer in buffers)
+        return core.stopping or is_due() or any(buffer.filled for buffer in buffers)
 
     try:
         while not core.stopping and not core.inputs.isdisjoint(inputs):  # one is open
@@ -202,7 +202,7 @@ def ticks(core: Core, rate_hz: float) -> Iterator[int]:
     for number in itertools.count():
         while not core.stopping and (wait_ns := due_ns - clock.monotonic_ns()) > 0:
             core.health.loop_alive()
-            clock.sleep(min(wait_ns / 1e9, POLL_S))  # the handlers of signals only set ``stopping``
+            clock.sleep(min(wait_ns / 1e9, POLL_S))  # a stop does not end it
         if core.stopping:
             return
         core.health.loop_alive()

@@ -189,8 +189,9 @@ class Node:
         return self._core.inputs
 
     def stop(self) -> None:
-        """End the iterations; safe in a signal handler and from any thread."""
+        """End the iterations at once; safe in a signal handler and from any thread."""
         self._core.stopping = True
+        self.wake()
 
     def _give_up_waiting(self) -> bool:
         self._announcement.beat()

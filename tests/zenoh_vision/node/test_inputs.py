@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import threading
 import time
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar
@@ -16,12 +17,13 @@ from tests.support.clocks import SteppedClock
 from tests.support.headers import header
 from tests.support.intakes import sample
 from tests.support.library import LampSettings
+from tests.support.waiting import wait_until
 from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
 from zenoh_vision.errors import ParameterRefused
 from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.keys import Transport
 from zenoh_vision.messages import Centroid
-from zenoh_vision.node import frame_input
+from zenoh_vision.node import frame_input, inputs
 from zenoh_vision.node.node import Node
 from zenoh_vision.stream.buffer import queue
 from zenoh_vision.stream.sample import Sample
@@ -277,6 +279,26 @@ def test_a_closed_input_follows_nothing_more(transport: Transport):
     node.parameters.change({"transport": "raw" if transport == "jpeg" else "jpeg"})
     assert frames.take(0.0) is None
     assert node.link.subscriptions == 0  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "loop",
+    [
+        lambda node, samples: samples,
+        lambda node, samples: node.arrivals(samples, is_due=lambda: False),
+    ],
+    ids=["items", "arrivals"],
+)
+def test_a_loop_that_waits_ends_at_once_when_the_node_is_told_to_stop(
+    node: Node, monkeypatch, loop
+):
+    monkeypatch.setattr(inputs, "POLL_S", 60.0)
+    waiting = threading.Thread(target=lambda: list(loop(node, node.samples(KEY))), daemon=True)
+    waiting.start()
+    wait_until(lambda: waiting.ident in node._core.consumer.filled._asleep)
+    node.stop()
+    waiting.join(20)
+    assert not waiting.is_alive()
 
 
 def test_an_input_that_is_closed_in_its_own_loop_ends_it(node: Node):
