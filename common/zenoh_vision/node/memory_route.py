@@ -27,7 +27,7 @@ AGAIN_S = 10.0
 """An offer that could not be taken is tried again after this time."""
 
 WAIT_S = 0.1
-"""How long a wait for a frame may delay the end of the route."""
+"""How long a wait for a frame may delay the change to a newer offer."""
 
 
 class MemoryRoute(Route):
@@ -60,6 +60,7 @@ class MemoryRoute(Route):
         self._pattern = keys.shared_memory_key(namespace, camera, machine_identity(), "*")
         self._offers: set[str] = set()
         self._current: str | None = None  # the newest of them, from which frames are received
+        self._reader: FrameReader | None = None  # of that
         self._failed_ns: dict[str, int] = {}
         self._changed = threading.Condition()
         self._running = False
@@ -102,6 +103,8 @@ class MemoryRoute(Route):
                 self._offers.clear()
                 self._failed_ns.clear()
                 self._changed.notify()
+                if self._reader is not None:
+                    self._reader.wake()
             following, self._following = self._following, None
             if following is not None:
                 following.undeclare()
@@ -155,6 +158,7 @@ class MemoryRoute(Route):
             self._failed_ns.pop(offer, None)
             self._fault = ""
             self._set_receiving(True)
+            self._reader = reader
             try:
                 while self._running and self._current == offer:
                     sample = reader.receive(WAIT_S)
@@ -162,6 +166,8 @@ class MemoryRoute(Route):
                         self._noticed(sample)
                     del sample  # or its memory would be kept until the next
             finally:
+                with self._changed:
+                    self._reader = None
                 self._set_receiving(False)
                 with suppress(zenoh.ZError):  # the session is being closed
                     request.undeclare()

@@ -100,10 +100,17 @@ class Doorbell:
     def ring(self) -> None:
         """Increment the number and wake all who wait."""
         self._number.value += 1
+        self.wake()
+
+    def wake(self) -> None:
+        """End all waits for it, although the number is the same."""
         self._futex(self._call, ctypes.byref(self._number), FUTEX_WAKE, ALL, None, None, 0)
 
     def wait(self, seen: int, timeout_s: float) -> int:
-        """Wait until the number is another one than was seen, or for the time-out; return it."""
+        """Wait until the number is another one than was seen, or for the time-out; return it.
+
+        It may end sooner, by ``wake``.
+        """
         seconds = int(timeout_s)
         limit = _TimeSpec(seconds, int((timeout_s - seconds) * 1e9))
         number, value = ctypes.byref(self._number), ctypes.c_uint32(seen)

@@ -50,6 +50,10 @@ class FrameReader:
         self._subscriber = self._service = self._node = None
         self._bell.close()
 
+    def wake(self) -> None:
+        """End a wait for a frame, from another thread."""
+        self._bell.wake()
+
     def receive(self, timeout_s: float) -> Sample | None:
         """Return the next frame; None after the time-out. Called inside of ``iceoryx_errors``.
 
