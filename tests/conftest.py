@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import gzip
 import os
 import shutil
@@ -26,6 +27,11 @@ def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("markexpr") in ("quiet", "alone", "devices"):
         CAMERA_SIZE.clear()
+
+
+def pytest_collection_finish() -> None:
+    """Keep garbage collections away from the modules and 8,000 tests, which stay to the end."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
