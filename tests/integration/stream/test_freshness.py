@@ -190,7 +190,7 @@ def test_a_node_that_is_frozen_holds_up_nobody_else(router, client, tmp_path):
     assert sent > 0.65 * 20 * FROZEN_S
 
 
-@pytest.mark.alone
+@pytest.mark.quiet
 def test_readers_of_raw_frames_that_freeze_one_after_the_other_hold_up_nobody(
     router, client, tmp_path
 ):
