@@ -30,6 +30,9 @@ class MotionLimits:
     size_s: float = 0.7  # time constant with which the size follows a change, seconds
     # An object stands while its centre stays within this distance, smaller sides.
     still: float = 0.2
+    # What comes nearer grows, so that its edges move by different amounts: its centre has moved at
+    # most this many times as far as the slower edge.
+    slower: float = 3.0
 
 
 MOTION = MotionLimits()
@@ -179,8 +182,8 @@ class TrackState:
     def _distance(self) -> float:
         """Return the distance from its origin.
 
-        Growing or shrinking is not a motion, so along an axis both edges must have moved in the
-        same direction. Where one was at the border of the picture it must have come in, by the
+        Growing or shrinking alone is not a motion, so along an axis both edges must have moved in
+        the same direction. Where one was at the border of the picture it must have come in, by the
         edge inside.
         """
         box, origin = self.box, self.origin
@@ -238,4 +241,6 @@ def _way(low: float, high: float, cut_low: bool, cut_high: bool) -> float:
         return 0.0
     if cut_low or cut_high:
         return max(0.0, high if cut_low else -low)
-    return min(abs(low), abs(high)) if low * high > 0 else 0.0
+    if low * high <= 0:
+        return 0.0
+    return min(abs(low + high) / 2, MOTION.slower * min(abs(low), abs(high)))

@@ -81,6 +81,15 @@ def test_an_object_that_does_not_move_or_only_grows_is_never_confirmed():
         assert (still.state, grown.state) == ("tentative", "tentative")
 
 
+def test_an_object_that_comes_nearer_is_confirmed():
+    """Its feet move four times as far as its head, since it grows."""
+    found = tracker()
+    for k in range(40):
+        head, feet, half = 50 + 0.5 * k, 90 + 2 * k, 10 + 0.3 * k
+        (track,) = step(found, [Region(200 - half, head, 200 + half, feet, 500)], k / 10)
+    assert track.state == "confirmed"
+
+
 def test_a_strip_along_the_border_that_shrinks_and_breaks_is_never_confirmed():
     """Where light has changed along a border, the last of it is small, and at any place of it."""
     found = tracker()
