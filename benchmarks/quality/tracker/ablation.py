@@ -36,6 +36,7 @@ RULES: dict[str, dict[str, Any]] = {
     "filled boxes": {"tracking.association.pieces.fill": 0.0},
     "ghosts": {"least_evidence": 0.0},
     "protection": {"tracking.life.protect_s": 0.0},
+    "learning what stands unchanged": {"tracking.life.unchanged_s": 1e9},
     "proof before sharing": {"tracking.association.proven_s": 0.0},
     "confirmation within one motion": {"tracking.life.rest_s": 1e9},
     "seen for most of its age": {"tracking.life.seen_share": 0.0},

@@ -149,6 +149,20 @@ class Background:
         least, most = self._limits.shadow
         return np.asarray((ratio > least) & (ratio < most) & (tint < allowed * allowed), np.bool_)
 
+    def change(self, picture: Image, before: Image, window: tuple[slice, slice]) -> float:
+        """Return the share of the pixels of a window that differ by more than noise.
+
+        Args:
+            picture: (height, width, 3) uint8 BGR.
+            before: The window of an earlier picture.
+            window: Its rows and columns.
+        """
+        if not before.size:
+            return 0.0
+        off = cv2.absdiff(picture[window], before) > self._reach[window]
+        differs = np.asarray(off.any(axis=2), np.uint8)
+        return float(cv2.medianBlur(differs, 3).mean())
+
     def learn(self, picture: Image, age_s: float, kept: Image | None, time_s: float) -> None:
         """Learn from a picture if an update is due.
 

@@ -34,6 +34,7 @@ class RobustParameters:
     min_area: float = 0.0  # foreground of an object, square full-resolution pixels; 0: automatic
     least_share: float = LEAST_SHARE  # automatic: this share of the picture
     least_evidence: float = LEAST_EVIDENCE  # what stands and has less is a ghost
+    least_change: float = 0.01  # share of a box: who stands there changes more within a second
     region: RegionLimits = field(default_factory=RegionLimits)
     max_area: float = math.inf  # regions above it are ignored, square full-resolution pixels
     convex: bool = False  # every object is convex: another region is several that touch
@@ -87,19 +88,23 @@ class RobustTracker(PipelineWithIds):
         self.regions = regions_of(self.mask, strong, LEAST_PART * least, most, wanted.region)
         self.tracks = tracker.update(self.regions, Scene(picture, self.mask))
         if not wanted.foreground.frozen:
-            self._absorb(picture, tracker)
+            self._absorb(picture, now_s, tracker)
         self._choose_main()
         return self.tracks
 
-    def _absorb(self, picture: Image, tracker: Tracker) -> None:
-        """Make ghosts part of the background."""
+    def _absorb(self, picture: Image, now_s: float, tracker: Tracker) -> None:
+        """Make ghosts, and what stands unchanged for long, part of the background."""
         assert self._foreground is not None
         background, mask = self._foreground.background, self.mask
         assert background is not None
-        where = np.zeros_like(mask)
+        where, least = np.zeros_like(mask), self.parameters.least_change
         for state in tracker.suspects():
             box = state.shown or state.box
             left, top, right, bottom = (max(0, round(edge)) for edge in box[:4])
+            if state.tested is not None and background.change(picture, *state.tested[::-1]) > least:
+                state.changed_s = now_s
+            inside = slice(top, bottom), slice(left, right)
+            state.tested = inside, picture[inside].copy()
             region = np.zeros_like(mask)
             region[top:bottom, left:right] = mask[top:bottom, left:right]
             window = (
@@ -112,7 +117,7 @@ class RobustTracker(PipelineWithIds):
                 region[window],
                 mask[window],
             )
-            if found < self.parameters.least_evidence:
+            if found < self.parameters.least_evidence or tracker.is_unchanged(state):
                 tracker.drop(state)
                 where[window] |= np.asarray(cv2.dilate(region[window], BAND), np.uint8)
         if where.any():

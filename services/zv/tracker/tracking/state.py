@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from zv.tracker.tracking.appearance import Floats
+from zv.tracker.tracking.appearance import Floats, Image
 from zv.tracker.tracking.boxes import IMPOSSIBLE
 from zv.tracker.tracking.kalman import AxisFilter
 from zv.tracker.tracking.region import Region
@@ -63,9 +63,13 @@ class TrackState:
     # Whether it shares a region with others, or did so and another is still near.
     grouped: bool = False
     tested_s: float = 0.0  # when it was last tested for being a ghost
+    # What of the picture was in its box then, and where that is: rows and columns.
+    tested: tuple[tuple[slice, slice], Image] | None = None
+    changed_s: float = 0.0  # when it was last tested and what is in its box had changed
     learned_s: float = 0.0  # when its colours were last learned
     alone_s: float = 0.0  # for how long it was seen alone, less what sharing a region took away
     was_inside: bool = False  # whether it was ever seen away from the border of the picture
+    came_in: bool = False  # whether it was first seen at the border
     shown: Region | None = None  # its own foreground in this frame, if that seems to be all of it
     # A point of the object as measured in this frame; None if it was not measured. It moves with
     # the object even while the object enters the picture, when the centre of the part in view is
@@ -99,6 +103,7 @@ class TrackState:
             origin=found,
             cut=cut,
             was_inside=not any(cut),
+            came_in=any(cut),
             stands_at=(x, y),
             stands_s=now_s,
         )

@@ -38,7 +38,10 @@ class LifeLimits:
     gone_s: float = 0.3
     # An object that has travelled farther is not learned while it stands,
     protected_sides: float = 1.0
-    protect_s: float = 120.0  # for this long
+    protect_s: float = 120.0  # for this long;
+    # if it did not come in over the border of the picture, for this long for each side that it has
+    # travelled after the last change in its box: a door and a balloon move, and stand without one.
+    unchanged_s: float = 2.0
     # What has stood for this long may be a ghost, and is tested in this interval.
     still_s: float = 1.0
 
@@ -93,8 +96,20 @@ class Tracker(TrackerBase[TrackState]):
         return [
             state.box
             for state in self.states
-            if state.travelled > life.protected_sides and now_s - state.stands_s < life.protect_s
+            if state.confirmed
+            and state.travelled > life.protected_sides
+            and now_s - state.stands_s < life.protect_s
         ]
+
+    def is_unchanged(self, state: TrackState) -> bool:
+        """Return whether an object that was protected stands for long without any change."""
+        life = self.parameters.life
+        unchanged_s = self._moment.now_s - max(state.stands_s, state.changed_s)
+        return (
+            not state.came_in
+            and state.travelled > life.protected_sides
+            and unchanged_s > life.unchanged_s * state.travelled
+        )
 
     def suspects(self) -> list[TrackState]:
         """Return the tracks that may be ghosts, since they stand; each is due once in a while."""

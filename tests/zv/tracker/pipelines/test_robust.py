@@ -48,7 +48,7 @@ def test_a_plain_object_that_stops_before_a_rough_background_stays_for_as_long_a
     rough = np.kron(rng.integers(60, 200, (20, 27)), np.ones((12, 12)))[:, :320].astype(np.int16)
     robust = RobustTracker()
     seen = []
-    for k in range(110):  # enters at 4 s, and stands from 6.8 s on
+    for k in range(250):  # enters at 4 s, and stands from 6.8 s on
         picture = np.repeat(rough[..., np.newaxis], 3, 2)
         right = min(8 * (k - 40), 220)
         picture[80:180, max(0, right - 40) : max(0, right)] = (60, 80, 150)
@@ -56,6 +56,25 @@ def test_a_plain_object_that_stops_before_a_rough_background_stays_for_as_long_a
         tracks = robust.update(noisy, k * TENTH)
         seen.append(any(each.state == "confirmed" for each in tracks))
     assert all(seen[68:])
+
+
+@pytest.mark.parametrize("waves", [True, False])
+def test_what_comes_from_within_the_picture_stays_only_if_something_changes_in_it(waves: bool):
+    rng = np.random.default_rng(0)
+    robust = RobustTracker()
+    for k in range(200):  # there from 4 s on, moves by 2.4 of its sides, stands from 5.5 s on
+        picture = backdrop().astype(np.int16)
+        if k >= 40:
+            left = 100 + 4 * min(k - 40, 15)
+            picture[80:150, left : left + 25] = (20, 20, 200)
+            if waves and k % 14 < 7:
+                picture[90:100, left + 5 : left + 15] = (200, 200, 20)
+        noisy = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+        tracks = robust.update(noisy, k * TENTH)
+        if k == 60:
+            assert [each.state for each in tracks] == ["confirmed"]
+    assert [each.state for each in tracks] == ["confirmed"] * waves
+    assert np.any(robust.mask) == waves
 
 
 def test_a_reduced_picture_gives_coordinates_of_the_full_one():
