@@ -30,10 +30,10 @@ class BackgroundLimits:
     share: float = 0.06  # plus this share of the brightness: noise and compression grow with it,
     noise: float = 3.0  # plus this many mean deviations that were measured at this pixel
     most_noise: float = 20.0  # largest mean deviation of a pixel, grey levels
-    # Brightness counts from what is darkest, since haze and stray light in the lens lighten
-    # everything:
-    dark_percent: float = 1.0  # from this percentile of the values,
-    usual_dark: float = 24.0  # less what is dark enough without haze, grey levels;
+    # Brightness counts from what is darkest, in the background and in the objects that were seen,
+    # since haze and stray light in the lens lighten everything:
+    dark_percent: float = 0.2  # from this percentile of the values,
+    usual_dark: float = 44.0  # less what is dark enough without haze, grey levels;
     # from at most this share of the range without as many of the darkest and of the brightest,
     # since nothing may be dark in a plain scene.
     dark_share: float = 0.5
@@ -66,6 +66,7 @@ class Background:
         self._scale = 1.0
         self._values: Floats = picture.astype(np.float32)
         self._noise: Floats = np.full_like(self._values, 1.0)
+        self._darkest_seen = np.full(3, 255.0)
         self._kept = [picture.copy()]
         self._kept_s = self._learned_s = 0.0  # since the first picture
         self._starts = list(limits.starts_s)
@@ -184,7 +185,9 @@ class Background:
             off, self._noise, 1 - math.exp(-elapsed_s / self._limits.noise_s), free
         )
         rate = 1 - math.exp(-elapsed_s / time_s)
-        cv2.accumulateWeighted(self._unlit(picture), self._values, rate, free)
+        unlit = self._unlit(picture)
+        self._darkest_seen = np.minimum(self._darkest_seen, self._percentiles(unlit)[0])
+        cv2.accumulateWeighted(unlit, self._values, rate, free)
         self._refresh()
 
     def absorb(self, picture: Image, where: Image) -> None:
@@ -203,14 +206,19 @@ class Background:
 
     def _refresh(self) -> None:
         self.unlit = np.asarray(cv2.convertScaleAbs(self._values), np.uint8)
-        some = self.unlit[::DARK_STEP, ::DARK_STEP].reshape(-1, 3)
+        dark, bright = self._percentiles(self.unlit)
+        dark = np.minimum(dark, self._darkest_seen)
         limits = self._limits
-        percents = limits.dark_percent, 100.0 - limits.dark_percent
-        dark, bright = np.percentile(some, percents, axis=0)
         most = limits.dark_share * (bright - dark)
         self._darkest = np.clip(dark - limits.usual_dark, 0.0, most)
         self._least, self._most = cv2.erode(self.unlit, WINDOW), cv2.dilate(self.unlit, WINDOW)
         self._illuminate()
+
+    def _percentiles(self, picture: Image) -> NDArray[np.float64]:
+        """Return what is darkest and brightest in a picture, (2, 3)."""
+        some = picture[::DARK_STEP, ::DARK_STEP].reshape(-1, 3)
+        percents = self._limits.dark_percent, 100.0 - self._limits.dark_percent
+        return np.asarray(np.percentile(some, percents, axis=0))
 
     def _illuminate(self) -> None:
         """Compute the values that agree with the background in the present light."""

@@ -160,15 +160,25 @@ def test_a_shadow_on_a_scene_where_nothing_is_dark_is_left_out(contrast: int):
     assert not after_6_s_of(white).update(shadow, 6.0, [])[0].any()
 
 
-@pytest.mark.parametrize("brightness", [5, 70, 190])
-def test_haze_hides_neither_an_object_nor_makes_it_a_shadow(brightness: int):
+def test_once_something_dark_was_seen_a_shadow_is_not_taken_for_an_object_in_haze():
+    road = np.random.default_rng(6).integers(85, 151, (120, 160, 1)).repeat(3, 2).astype(np.uint8)
+    found = after_6_s_of(road)
+    car, shadow = road.copy(), road.copy()
+    car[40:80, 60:80] = 10
+    found.update(car, 6.0, [Region(60, 40, 80, 80, 800)])
+    shadow[40:80, 60:80] = 0.65 * road[40:80, 60:80]
+    assert not found.update(shadow, 6.3, [])[0].any()
+
+
+@pytest.mark.parametrize(("light", "brightness"), [(1.0, 5), (0.5, 70), (0.5, 190)])
+def test_haze_hides_neither_an_object_nor_makes_it_a_shadow(light: float, brightness: int):
     def hazy(picture: np.ndarray) -> np.ndarray:
         return (picture // 2 + 60).astype(np.uint8)
 
-    scene = (backdrop() / 2).astype(np.uint8)
+    scene = (backdrop() * light).astype(np.uint8)
     scene[:30], scene[90:] = 5, 240
     picture = scene.copy()
-    picture[40:80, 60:80] = brightness  # 30 to 75 around it
+    picture[40:80, 60:80] = brightness  # 60 to 150 around it, or half of that
     mask, _, _ = after_6_s_of(hazy(scene)).update(hazy(picture), 6.0, [])
     assert np.count_nonzero(mask != expected()) <= 80
 
