@@ -108,7 +108,8 @@ class ForegroundDetector:
 
         Returns:
             The mask, (height, width) uint8 of 0 and 255; its strong pixels; and what the picture
-            shows: ``other`` once, when another view begins to be learned.
+            shows: ``other`` once, when another view begins to be learned, or if nothing is to be
+            learned, for as long as that is shown.
         """
         wanted, limits = self.parameters, self.parameters.scene
         height, width = picture.shape[:2]
@@ -130,11 +131,12 @@ class ForegroundDetector:
         shown, silent = self._shown, age_s < limits.silent_s or self._shown == "nothing"
         elapsed_s, self._passed_s = age_s - self._passed_s, age_s
         if not silent and (shown == "other" or self._is_hidden(mask, hidden)):
-            shown, silent = "scene", True
-            self._other_s += min(elapsed_s, limits.changed_s / 2)  # not by one picture alone
-            if self._other_s >= limits.changed_s and not wanted.frozen:
+            silent = True
+            more_s = min(elapsed_s, limits.changed_s / 2)  # not by one picture alone
+            self._other_s = min(limits.changed_s, self._other_s + more_s)
+            shown = "other" if self._other_s >= limits.changed_s else "scene"
+            if shown == "other" and not wanted.frozen:
                 self._start(seen, now_s)
-                shown = "other"
         else:
             self._other_s = max(0.0, self._other_s - elapsed_s)
             if shown == "scene" and not wanted.frozen:

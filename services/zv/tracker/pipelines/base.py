@@ -43,8 +43,8 @@ class PipelineWithIds:
         tracks: The tracks of the last frame, oldest first, in pixels of the frame.
         mask: The foreground of the last frame, (height, width) uint8 of 0 and 255, at the reduced
             size, where the background is; ``enlarged`` makes it that of the frame.
-        shown: What the last frame shows: ``nothing`` while the lens is covered; ``other`` once,
-            when the camera has moved and the background is learned anew.
+        shown: What the last frame shows: ``nothing`` while the lens is covered; ``other`` when
+            the camera has moved: once, or without learning for as long as that is so.
     """
 
     def __init__(self, first_id: int) -> None:

@@ -118,6 +118,16 @@ def test_another_view_is_learned_as_the_camera_shows_it():
         assert (shown == "other") == (k == 84)
 
 
+def test_another_view_is_said_for_as_long_as_nothing_may_be_learned_of_it():
+    found = ForegroundDetector(ForegroundParameters())
+    said = []
+    for k in range(120):
+        found.parameters = ForegroundParameters(frozen=k >= 50)
+        picture = seen(wide_scene(9 if 60 <= k < 90 else 5))
+        said.append(found.update(found.steadied(picture), k / 10, [])[2])
+    assert said == ["scene"] * 64 + ["other"] * 26 + ["scene"] * 30
+
+
 def test_a_camera_that_was_pushed_for_good_sees_all_of_its_picture_again():
     scene, found = wide_scene(), ForegroundDetector(ForegroundParameters())
     others = []
