@@ -154,6 +154,23 @@ class ForegroundDetector:
             shown = "other"
         return mask, strong, shown
 
+    def is_cut(self, box: Region, margin: float) -> bool:
+        """Return whether a box reaches, within a margin in pixels, where nothing is detected.
+
+        That is outside of the regions, or what the newest picture, moved back, does not show.
+        """
+        if self.background is None or (self._searched is None and not any(self.moved)):
+            return False
+        if self._searched is None:
+            detected = np.full(self.background.unlit.shape[:2], 255, np.uint8)
+        else:
+            detected = self._searched.copy()
+        clear_unseen(detected, self.moved)
+        left, top, right, bottom = box[:4]
+        rows = slice(max(0, round(top - margin)), max(0, round(bottom + margin)))
+        columns = slice(max(0, round(left - margin)), max(0, round(right + margin)))
+        return not detected[rows, columns].all()
+
     def _is_pushed(self, now_s: float) -> bool:
         """Return whether the camera has been at another place than the background's for long."""
         limits = self.parameters.scene

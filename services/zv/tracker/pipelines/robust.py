@@ -87,6 +87,10 @@ class RobustTracker(PipelineWithIds):
         most = wanted.max_area / (self._scale * self._scale)
         self.regions = regions_of(self.mask, strong, LEAST_PART * least, most, wanted.region)
         self.tracks = tracker.update(self.regions, Scene(picture, self.mask))
+        assert self._foreground is not None
+        for state in tracker.states:
+            if state.born_s == now_s:
+                state.came_in |= self._foreground.is_cut(state.origin, tracker.margin)
         if not wanted.foreground.frozen:
             self._absorb(picture, now_s, tracker)
         self._choose_main()

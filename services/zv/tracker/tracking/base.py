@@ -49,6 +49,11 @@ class TrackerBase(Generic[Kind]):
         self._scale = scale
         self._moment = Moment(0.0, 0.0, size)
 
+    @property
+    def margin(self) -> float:
+        """Width of the border of the picture, in pixels of the states."""
+        return self._moment.margin
+
     def predict(self, now_s: float) -> None:
         """Predict all tracks to the time of the next frame; it never goes back."""
         dt_s = max(0.0, now_s - self._moment.now_s)

@@ -69,7 +69,7 @@ class TrackState:
     learned_s: float = 0.0  # when its colours were last learned
     alone_s: float = 0.0  # for how long it was seen alone, less what sharing a region took away
     was_inside: bool = False  # whether it was ever seen away from the border of the picture
-    came_in: bool = False  # whether it was first seen at the border
+    came_in: bool = False  # whether it was first seen at the border of where objects are detected
     shown: Region | None = None  # its own foreground in this frame, if that seems to be all of it
     # A point of the object as measured in this frame; None if it was not measured. It moves with
     # the object even while the object enters the picture, when the centre of the part in view is

@@ -39,8 +39,9 @@ class LifeLimits:
     # An object that has travelled farther is not learned while it stands,
     protected_sides: float = 1.0
     protect_s: float = 120.0  # for this long;
-    # if it did not come in over the border of the picture, for this long for each side that it has
-    # travelled after the last change in its box: a door and a balloon move, and stand without one.
+    # if it did not come in over the border of where objects are detected, for this long for each
+    # side that it has travelled after the last change in its box: a door and a balloon move, and
+    # stand without one.
     unchanged_s: float = 2.0
     # What has stood for this long may be a ghost, and is tested in this interval.
     still_s: float = 1.0
@@ -102,7 +103,7 @@ class Tracker(TrackerBase[TrackState]):
         ]
 
     def is_unchanged(self, state: TrackState) -> bool:
-        """Return whether an object that was protected stands for long without any change."""
+        """Return whether what travelled within the picture stands for long without any change."""
         life = self.parameters.life
         unchanged_s = self._moment.now_s - max(state.stands_s, state.changed_s)
         return (

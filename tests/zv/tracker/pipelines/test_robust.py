@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from zv.tracker.foreground.foreground import ForegroundParameters
 from zv.tracker.pipelines.base import enlarged, working_scale
 from zv.tracker.pipelines.robust import RobustParameters, RobustTracker
 
@@ -56,6 +58,31 @@ def test_a_plain_object_that_stops_before_a_rough_background_stays_for_as_long_a
         tracks = robust.update(noisy, k * TENTH)
         seen.append(any(each.state == "confirmed" for each in tracks))
     assert all(seen[68:])
+
+
+@pytest.mark.parametrize(
+    ("limits", "moved"),
+    [
+        ({"regions": (((60, 0), (300, 0), (300, 240), (60, 240)),)}, 0),
+        ({"ignored": (((0, 0), (60, 0), (60, 240), (0, 240)),)}, 0),
+        ({}, 8),
+    ],
+)
+def test_a_part_that_stops_stays_wherever_the_border_is_over_which_it_came(
+    limits: dict[str, Any], moved: int
+):
+    """A camera that was pushed by some pixels shows less on one side, where parts come in."""
+    rng = np.random.default_rng(0)
+    robust = RobustTracker(RobustParameters(foreground=ForegroundParameters(**limits)))
+    for k in range(220):  # enters at 6 s, and stands from 8.8 s on
+        picture = backdrop().astype(np.int16)
+        right = min(8 * (k - 60), 220)
+        picture[80:150, max(0, right - 40) : max(0, right)] = (60, 80, 200)
+        if k >= 30:
+            picture[:, : 320 - moved] = picture[:, moved:].copy()
+        noisy = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+        tracks = robust.update(noisy, k * TENTH)
+    assert [(each.id, each.state) for each in tracks] == [(1, "confirmed")]
 
 
 @pytest.mark.parametrize("waves", [True, False])
