@@ -37,7 +37,7 @@ class SceneReport:
             self._changed_ns = stamp_ns
         since_ns = None if self._changed_ns is None else stamp_ns - self._changed_ns
         if since_ns is not None and 0 <= since_ns < CHANGED_S * 1e9:
-            return "the view has changed: nothing is found until its background is learned"
+            return "the view has changed: no motion is found until its background is learned"
         full = len(self._intervals_s) == INTERVALS
         if full and (interval_s := median(self._intervals_s)) > SLOW_S:
             return (

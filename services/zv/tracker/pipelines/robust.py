@@ -105,10 +105,10 @@ class RobustTracker(PipelineWithIds):
         for state in tracker.suspects():
             box = state.shown or state.box
             left, top, right, bottom = (max(0, round(edge)) for edge in box[:4])
-            if state.tested is not None and background.change(picture, *state.tested[::-1]) > least:
+            if state.tested is not None and background.change(picture, *state.tested) > least:
                 state.changed_s = now_s
             inside = slice(top, bottom), slice(left, right)
-            state.tested = inside, picture[inside].copy()
+            state.tested = picture[inside].copy(), inside
             region = np.zeros_like(mask)
             region[top:bottom, left:right] = mask[top:bottom, left:right]
             window = (

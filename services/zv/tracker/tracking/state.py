@@ -64,7 +64,7 @@ class TrackState:
     grouped: bool = False
     tested_s: float = 0.0  # when it was last tested for being a ghost
     # What of the picture was in its box then, and where that is: rows and columns.
-    tested: tuple[tuple[slice, slice], Image] | None = None
+    tested: tuple[Image, tuple[slice, slice]] | None = None
     changed_s: float = 0.0  # when it was last tested and what is in its box had changed
     learned_s: float = 0.0  # when its colours were last learned
     alone_s: float = 0.0  # for how long it was seen alone, less what sharing a region took away
