@@ -21,7 +21,6 @@ from zv.tracker.pipelines.robust import RobustParameters
 RULES: dict[str, dict[str, Any]] = {
     "the light": {"foreground.light.samples": 1, "foreground.light.better": 2.0},
     "steadying": {"foreground.steady.better": 0.0},
-    "brightness from the darkest": {"foreground.background.dark_share": 0.0},
     "doubt of what shares a region": {"tracking.association.doubt": 0.0},
     "shadows left out": {"foreground.detect_shadows": False},
     "brightness in the distance": {"foreground.background.share": 0.0},

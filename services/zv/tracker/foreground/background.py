@@ -17,9 +17,6 @@ Floats = NDArray[np.float32]
 
 WINDOW = np.ones((3, 3), np.uint8)
 
-DARK_STEP = 8
-"""What is darkest is measured at one of so many pixels along both axes."""
-
 
 @dataclass(frozen=True, slots=True)
 class BackgroundLimits:
@@ -30,13 +27,6 @@ class BackgroundLimits:
     share: float = 0.06  # plus this share of the brightness: noise and compression grow with it,
     noise: float = 3.0  # plus this many mean deviations that were measured at this pixel
     most_noise: float = 20.0  # largest mean deviation of a pixel, grey levels
-    # Brightness counts from what is darkest, in the background and in the objects that were seen,
-    # since haze and stray light in the lens lighten everything:
-    dark_percent: float = 0.2  # from this percentile of the values,
-    usual_dark: float = 44.0  # less what is dark enough without haze, grey levels;
-    # from at most this share of the range without as many of the darkest and of the brightest,
-    # since nothing may be dark in a plain scene.
-    dark_share: float = 0.5
     strong: float = 2.0  # a pixel is strong at this multiple of the distance
     every_s: float = 0.25  # interval of learning, seconds
     noise_s: float = 10.0  # time constant of the noise, seconds
@@ -66,7 +56,6 @@ class Background:
         self._scale = 1.0
         self._values: Floats = picture.astype(np.float32)
         self._noise: Floats = np.full_like(self._values, 1.0)
-        self._darkest_seen = np.full(3, 255.0)
         self._kept = [picture.copy()]
         self._kept_s = self._learned_s = 0.0  # since the first picture
         self._starts = list(limits.starts_s)
@@ -141,7 +130,7 @@ class Background:
         Source: T. Horprasert et al., "A statistical approach for real-time robust background
         subtraction and shadow detection", 1999.
         """
-        one, other = (np.maximum(each - self._dark, 0.0) for each in (shown, expected))
+        one, other = shown.astype(np.float32), expected.astype(np.float32)
         ones = np.ones(3, np.float32)
         square = np.maximum((other * other) @ ones, 1.0)
         ratio = ((one * other) @ ones) / square
@@ -185,9 +174,7 @@ class Background:
             off, self._noise, 1 - math.exp(-elapsed_s / self._limits.noise_s), free
         )
         rate = 1 - math.exp(-elapsed_s / time_s)
-        unlit = self._unlit(picture)
-        self._darkest_seen = np.minimum(self._darkest_seen, self._percentiles(unlit)[0])
-        cv2.accumulateWeighted(unlit, self._values, rate, free)
+        cv2.accumulateWeighted(self._unlit(picture), self._values, rate, free)
         self._refresh()
 
     def absorb(self, picture: Image, where: Image) -> None:
@@ -206,28 +193,14 @@ class Background:
 
     def _refresh(self) -> None:
         self.unlit = np.asarray(cv2.convertScaleAbs(self._values), np.uint8)
-        dark, bright = self._percentiles(self.unlit)
-        dark = np.minimum(dark, self._darkest_seen)
-        limits = self._limits
-        most = limits.dark_share * (bright - dark)
-        self._darkest = np.clip(dark - limits.usual_dark, 0.0, most)
         self._least, self._most = cv2.erode(self.unlit, WINDOW), cv2.dilate(self.unlit, WINDOW)
         self._illuminate()
-
-    def _percentiles(self, picture: Image) -> NDArray[np.float64]:
-        """Return what is darkest and brightest in a picture, (2, 3)."""
-        some = picture[::DARK_STEP, ::DARK_STEP].reshape(-1, 3)
-        percents = self._limits.dark_percent, 100.0 - self._limits.dark_percent
-        return np.asarray(np.percentile(some, percents, axis=0))
 
     def _illuminate(self) -> None:
         """Compute the values that agree with the background in the present light."""
         curve, limits = self.light.curve, self._limits
         shown = np.rint(curve).astype(np.uint8)[None]
-        dark = [np.interp(self._darkest[each], LEVELS, curve[:, each]) for each in range(3)]
-        self._dark = np.array(dark, np.float32)
-        bright = np.maximum(curve - self._dark, 0.0)
-        reach = (limits.base + limits.share * bright) * self._scale
+        reach = (limits.base + limits.share * curve) * self._scale
         self.shown = np.asarray(cv2.LUT(self.unlit, shown), np.uint8)
         noise = cv2.convertScaleAbs(self._noise, alpha=limits.noise * self._scale)
         table = np.rint(np.clip(reach, 1, 255)).astype(np.uint8)[None]
