@@ -49,16 +49,16 @@ marked = $(or $(ARGS),$$(grep -rl --include='test_*.py' 'mark\.$(1)\b' tests))
 define run_tests
 failed=0; selected=0; \
 	run() { $(BIN)/pytest "$$@"; case $$? in 0) selected=1 ;; 5) ;; *) failed=1 ;; esac; }; \
-	run -m "not compose and not devices and not quiet and not alone" -n 6 --dist loadfile $(DONE) $(1) $(ARGS); \
+	run -m "not compose and not devices and not quiet and not alone" -n 5 --dist loadfile $(DONE) $(1) $(ARGS); \
 	run -m quiet -n 4 --maxschedchunk 1 $(2) $(call marked,quiet); \
 	run -m alone $(3) $(call marked,alone); \
 	[ $$failed$$selected = 01 ]
 endef
 
-# Six workers and a thousand programs would compile all modules again where this is set.
+# Five workers and a thousand programs would compile all modules again where this is set.
 tests test-compose test-devices: export PYTHONDONTWRITEBYTECODE :=
 
-## tests: pytest, six at a time; then the `quiet` ones (ARGS=... to select)
+## tests: pytest, five at a time; then the `quiet` ones (ARGS=... to select)
 tests: $(VENV)/.dev
 	@$(call run_tests)
 
