@@ -32,6 +32,7 @@ from zv.router.watchdog import HUNG_S, LAST_ANSWER_S, Watchdog
 log = logging.getLogger("router")
 POLL_S = 0.1
 HUNG_STATUS = 1
+HUNG = f"Zenoh has locked up: no answer for {HUNG_S:g} s; ends, to be restarted"
 PORT_IN_USE = f"os error {errno.EADDRINUSE}"
 PORT_FREE_S = 3.0
 """How long a router with new rules waits for its port. Without, one that is in use for a moment
@@ -80,6 +81,9 @@ def run(
             again = True
             try:
                 _route(opened, health_file, rules, signals)
+                # Zenoh closes the connections that it knows: one that was accepted meanwhile would
+                # last, to a router without any others and with the former rules.
+                cut_connections()
             except zenoh.ZError as error:  # of the close, which took longer than Zenoh allows
                 said = zenoh_error_text(error)
                 log.error("Zenoh has locked up: %s; ends, to be restarted", said)
@@ -99,7 +103,7 @@ def _route(
         while not signals.stopping and not (rules is not None and rules.changed()):
             health_file.beat("" if rules is None else rules.fault)
             if watchdog.hangs():
-                log.error("Zenoh has locked up: no answer for %g s; ends, to be restarted", HUNG_S)
+                log.error(HUNG)
                 _exit_at_once(HUNG_STATUS)
             if time.monotonic() > look_s:
                 look_s = time.monotonic() + LOOK_S
@@ -107,6 +111,8 @@ def _route(
             time.sleep(POLL_S)
         # A machine that is busy is given more time, unless somebody waits for the end.
         if not watchdog.end(LAST_ANSWER_S if signals.stopping else HUNG_S):
+            if not signals.stopping:
+                log.error(HUNG)
             _exit_at_once(0 if signals.stopping else HUNG_STATUS)
         if not signals.stopping:
             cut_connections()

@@ -1,4 +1,4 @@
-"""What a client has not read does not hold up a router that closes."""
+"""What holds up no router that closes, and what it leaves behind when it takes new rules."""
 
 from __future__ import annotations
 
@@ -39,3 +39,39 @@ def test_every_connection_is_cut_and_the_listening_socket_is_left():
         "socket.create_connection(listening.getsockname(), timeout=5); print('listens')\n"
     )
     assert printed == "b'' b''\nlistens\n"
+
+
+CLOSES = """
+import contextlib, os, signal, socket
+from types import SimpleNamespace
+from zv.router import service
+from zv.router.settings import RouterSettings
+listening = socket.create_server(("127.0.0.1", 0))
+connections = []
+
+@contextlib.contextmanager
+def first(*_):
+    yield SimpleNamespace(zid=lambda: "ab", get=lambda *_, **__: [])
+    # Somebody connects while the router closes: Zenoh has accepted it, and knows nothing of it.
+    far = socket.create_connection(listening.getsockname(), timeout=5)
+    connections.extend((far, listening.accept()[0]))
+
+@contextlib.contextmanager
+def second(*_):
+    print(connections[0].recv(100))
+    os.kill(os.getpid(), signal.SIGTERM)
+    yield SimpleNamespace(zid=lambda: "cd", get=lambda *_, **__: [])
+
+opened = [first, second]
+service._opened = lambda *_: opened.pop(0)()
+service.RouterRules = lambda *_: SimpleNamespace(
+    config=None, fault="", path="router.json5", changed=lambda: len(opened) == 1
+)
+service.renewal_of = lambda path: None
+service.run(RouterSettings(), credentials="router")
+"""
+
+
+def test_who_connects_while_a_router_closes_to_take_new_rules_is_cut_too():
+    """He would stay connected to what is left of the former router, with the former rules."""
+    assert run_with_a_connection(CLOSES).strip() == "b''"
