@@ -91,6 +91,18 @@ def holder_key(name: str) -> str:
     return f"zenoh-vision/holder/{name}"
 
 
+def granted_key(name: str, session: str, kind: str, key: str) -> str:
+    """Return the key of the token that shows a holder that it may declare something.
+
+    Args:
+        name: The holder's.
+        session: Id of its session, or ``*``.
+        kind: ``subscriber`` or ``queryable``.
+        key: Key expression of what is declared; without ``@``.
+    """
+    return f"{holder_key(name)}/{session}/{kind}/{key}"
+
+
 def node_key(namespace: str, node: str) -> str:
     """Return the key of a node's liveliness token and description."""
     return f"@{namespace}/node/{node}"

@@ -1,18 +1,23 @@
 """Finds out what a router denies: Zenoh drops it silently, so that it looks as if nobody cared.
 
-A router lists what it has accepted of each session's declarations. What a node has declared and a
-router does not list was denied. Everybody with a certificate may read that list, and declare a
-queryable on a key of its own; if not even that is listed, the router knows no such holder. Keys
-with ``@`` are not in that list, so the node's token is judged by the rights in the holder's file.
+For each key that it declares, a node shows a liveliness token on a key of its own, and asks for its
+tokens. A router allows a holder the tokens of just those keys that it may declare. Its own session
+answers with each of them, and the router again with those that it took. If it did not even take
+that of the holder's own queryable, it knows no such holder. The declarations on keys with ``@`` are
+not shown, so the node's token is judged by the rights in the holder's file.
 
-The same queryable answers with what is denied. So others can find it out of a node that may say
-nothing else, and also what it subscribes to in vain, which no router lists.
+The router's lists of what was declared tell that too, but who asks for them while somebody declares
+something, as all do when a router is back, can lock it up (zenoh #2619).
+
+The holder's queryable answers with what is denied. So others can find it out of a node that may say
+nothing else.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import Final
@@ -23,20 +28,18 @@ from zenoh_vision import keys
 from zenoh_vision.error_text import joined
 from zenoh_vision.security.credentials import Credentials
 from zenoh_vision.security.rights import Action
-from zenoh_vision.transport.declarations import Kind, declared_key, sessions_in
-from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.declarations import Kind
+from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.query import Query, Replies, send
 from zenoh_vision.transport.session import direct
 
 CHECK_S: Final = 3.0
 SETTLED_S: Final = 60.0
-"""Until a router that denies nothing is asked again, unless something has changed: its answer may
-lock it up while somebody declares something (zenoh #2619)."""
+"""Until a router that denies nothing is asked again, unless something has changed."""
 
 CONFIRM_S: Final = 0.5
 ANSWER_S: Final = 1.0
 MOST_SHOWN: Final = 4
-LISTED_BYTES: Final = 1 << 20
 
 MEND: Final = "give --credentials of another name, or add to its rights with zv security add"
 
@@ -64,7 +67,7 @@ def declare_holder(
 
 
 class AccessCheck:
-    """Compares what a node declares with what its router lists.
+    """Compares what a node declares with what its router has accepted.
 
     Args:
         link: The node's.
@@ -81,9 +84,7 @@ class AccessCheck:
         self.credentials = credentials
         self._own = keys.holder_key(credentials.name)
         self._lock = threading.Lock()
-        self._missing: set[Declared] = set()
-        self._open = 0
-        self._unknown = False
+        self._shown: dict[Declared, Declaration[zenoh.LivelinessToken]] = {}
         self._due_s = time.monotonic()
         self._state: object = None
         self._round = 0
@@ -103,9 +104,10 @@ class AccessCheck:
         self._own_token = announces
         if not self._link.connected:
             return
+        wanted = self._declared()
+        self._show(wanted)
         session, now_s = self._link.session, time.monotonic()
         own, routers = str(session.zid()), self._link.routers()
-        wanted = tuple(sorted(self._declared()))
         state = (own, routers, wanted, self.credentials)
         with self._lock:
             if state != self._state:
@@ -114,30 +116,37 @@ class AccessCheck:
             if now_s < self._due_s:
                 return
             self._due_s = now_s + CHECK_S
-            self._round, self._missing, self._open = self._round + 1, set(), len(wanted)
-            self._unknown = False
-        for each in wanted:
-            query = Query(declared_key(*each), timeout_s=ANSWER_S, most_bytes=LISTED_BYTES)
-            send(session, query, partial(self._note, self._round, each, own))
+            self._round += 1
+        query = Query(keys.granted_key(self.credentials.name, own, "*", "**"), None, ANSWER_S, True)
+        send(session, query, partial(self._note, self._round, wanted, own))
 
     def _declared(self) -> set[Declared]:
         return {(kind, key) for kind, key in self._link.declared() if not key.startswith("@")}
 
-    def _note(self, number: int, asked: Declared, own: str, replies: Replies) -> None:
-        listed = sessions_in(replies, own="", among=[asked[1]]).get(asked[1], frozenset())
+    def _show(self, wanted: set[Declared]) -> None:
+        """Show a token for each of these, and no others."""
+        for gone in self._shown.keys() - wanted:
+            self._link.undeclare(self._shown.pop(gone))
+        for new in wanted - self._shown.keys():
+            self._shown[new] = self._link.declare(partial(self._token, new))
+
+    def _token(self, shown: Declared, session: zenoh.Session) -> zenoh.LivelinessToken:
+        key = keys.granted_key(self.credentials.name, str(session.zid()), *shown)
+        return session.liveliness().declare_token(key)
+
+    def _note(self, number: int, asked: set[Declared], own: str, replies: Replies) -> None:
+        name = self.credentials.name
+        seen = Counter(reply.key for reply in replies)
         with self._lock:
-            if number != self._round:
+            if number != self._round or replies.timed_out or replies.left_out:
                 return
-            self._unknown |= replies.timed_out
-            if own not in listed:
-                self._missing.add(asked)
-            self._open -= 1
-            complete = self._open == 0 and not self._unknown
-        if not complete or not self._link.connected:
+        if not self._link.connected:
             return
+        # The session itself answers once.
+        denied = {each for each in asked if seen[keys.granted_key(name, own, *each)] < 2}
         # What was undeclared meanwhile, as when another route takes over, is not denied; nor is
         # what is missing once only, as while the router starts again.
-        missing = self._missing & self._declared()
+        missing = denied & self._declared()
         self._suspected, confirmed = missing, missing & self._suspected
         is_sure = missing == confirmed
         if is_sure:

@@ -1,8 +1,7 @@
-"""How often a node asks its router what it has accepted, since each answer may lock it up."""
+"""How often a node asks its router what it has accepted, and what it says of what is missing."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,25 +13,18 @@ import pytest
 from zenoh_vision.security.credentials import Credentials
 from zenoh_vision.security.rights import Rights
 from zenoh_vision.transport import access
-from zenoh_vision.transport.declarations import declared_expression
 from zenoh_vision.transport.query import Query, Replies, Reply
 
 OWN, KEY, TOKEN = "ab", "vision/front/edges/contours", "@vision/node/edge_front"
+SHOWN = f"zenoh-vision/holder/edge_front/{OWN}"
 RIGHTS = Rights.of([("publish", (KEY,)), ("announce", (TOKEN,))])
 FILE = Path("security", "edge_front.json5")
 CREDENTIALS = Credentials(FILE, "edge_front", "vision", "edge", "", {}, RIGHTS, 0.0, 1e12)
 
 
-class Payload(bytes):
-    """Stands in for ``zenoh.ZBytes``."""
-
-    def to_bytes(self) -> bytes:
-        return bytes(self)
-
-
 @dataclass
 class Router:
-    """A router that lists what it accepted of one link, and counts how often it was asked.
+    """A router that repeats the tokens that it accepted of one link, and counts the questions.
 
     Also the node's link, and the clock: all that an access check sees.
     """
@@ -41,6 +33,7 @@ class Router:
     asked: int = 0
     denies: set[str] = field(default_factory=set)
     keys: set[str] = field(default_factory=lambda: {KEY})
+    tokens: set[str] = field(default_factory=set)
     ids: frozenset[str] = frozenset({"f0"})
     connected: bool = True
     session: Any = field(default_factory=lambda: SimpleNamespace(zid=lambda: OWN))
@@ -51,16 +44,27 @@ class Router:
     def declared(self) -> set[tuple[str, str]]:
         return {("queryable", key) for key in self.keys}
 
-    def declare(self, declare: Callable[[Any], Any]) -> None:
-        """Take the declaration of the holder, which is always accepted."""
+    def declare(self, declare: Callable[[Any], Any]) -> Any:
+        """Take a token, or the declaration of the holder."""
+        liveliness = SimpleNamespace(declare_token=lambda key: self.tokens.add(key) or key)
+        session = SimpleNamespace(
+            zid=lambda: OWN,
+            liveliness=lambda: liveliness,
+            declare_queryable=lambda key, handler: key,
+        )
+        return declare(session)
+
+    def undeclare(self, declared: Any) -> None:
+        self.tokens.remove(declared)
 
     def answer(self, session: object, query: Query, done: Callable[[Replies], None]) -> None:
+        """Reply as the session does for each token, and again for those that were accepted."""
         self.asked += 1
-        key = declared_expression(query.key)
-        listed = {"routers": [], "peers": [], "clients": [] if key in self.denies else [OWN]}
-        payload = Payload(json.dumps(listed).encode())
-        sample: Any = SimpleNamespace(key_expr=f"@/f0/router/queryable/{key}", payload=payload)
-        done(Replies([Reply(sample, None, "f0", 0, 0)]))
+        assert query.tokens
+        assert query.key == f"{SHOWN}/*/**"
+        accepted = {key for key in self.tokens if key.split("/", 5)[-1] not in self.denies}
+        samples: list[Any] = [SimpleNamespace(key_expr=key) for key in (*self.tokens, *accepted)]
+        done(Replies(Reply(sample, None, "f0", 0, 0) for sample in samples))
 
 
 @pytest.fixture
@@ -114,4 +118,31 @@ def test_a_denied_key_is_said_and_asked_for_until_it_is_allowed(router: Router):
     assert look_for(router, check, 12) == 4
     router.denies = set()
     look_for(router, check, 4)
+    assert check.denied == ""
+
+
+def test_there_is_one_token_for_each_key_that_is_declared(router: Router):
+    check = check_of(router)
+    look_for(router, check, 3)
+    assert router.tokens == {f"{SHOWN}/queryable/{KEY}"}
+    router.keys = {KEY + "/more", "@vision/param/edge_front"}
+    look_for(router, check, 3)
+    assert router.tokens == {f"{SHOWN}/queryable/{KEY}/more"}
+
+
+def test_what_was_not_answered_in_time_is_not_taken_for_denied(
+    router: Router, monkeypatch: pytest.MonkeyPatch
+):
+    check = check_of(router)
+    look_for(router, check, 10)
+
+    def late(session: object, query: Query, done: Callable[[Replies], None]) -> None:
+        router.asked += 1
+        replies = Replies()
+        replies.timed_out = True
+        done(replies)
+
+    router.ids = frozenset({"f1"})
+    monkeypatch.setattr(access, "send", late)
+    assert look_for(router, check, 10) >= 3
     assert check.denied == ""

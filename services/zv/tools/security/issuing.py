@@ -138,7 +138,7 @@ class Issuing:
     def _write_router(self, system: System, name: str, issued: Issued) -> None:
         holder = system.holders[name]
         holders = {
-            each.common_name(known): rights_of(known, each.role, system.namespace)
+            each.common_name(known): (known, rights_of(known, each.role, system.namespace))
             for known, each in system.valid().items()
             if each.role.kind != ROUTER
         }

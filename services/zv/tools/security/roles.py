@@ -57,7 +57,7 @@ def rights_of(name: str, role: Role, namespace: str) -> Rights:
 
 
 def _pairs(name: str, role: Role, namespace: str) -> Pairs:
-    yield from _every_holder(name, namespace)
+    yield from _every_holder(name)
     if role.kind in (OPERATOR, GUEST, LAUNCHER):
         yield from _observer(namespace)
         if role.kind == LAUNCHER:
@@ -108,12 +108,10 @@ def _keys(namespace: str, cameras: Iterable[str], suffixes: Iterable[str]) -> li
     return [topic.key(namespace, camera) for camera in cameras for topic in topics]
 
 
-def _every_holder(name: str, namespace: str) -> Pairs:
+def _every_holder(name: str) -> Pairs:
     """Yield what every holder needs to find out whether the router grants what it needs."""
     yield "answer", [keys.holder_key(name)]
-    yield "watch", [keys.LINK]
-    kinds: tuple[Kind, ...] = ("queryable", "subscriber")
-    yield "query", [_listed(kind, each) for kind in kinds for each in _listable(namespace)]
+    yield "watch", [keys.LINK, keys.granted_key(name, "*", "*", "**")]
 
 
 def _listable(namespace: str) -> tuple[str, ...]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
 from zenoh_vision import keys
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES as LARGEST_MESSAGE
-from zenoh_vision.security.rights import EVERYTHING, Rights, rule
+from zenoh_vision.security.rights import EVERYTHING, TO_ROUTER, Action, Rights, rule
 from zenoh_vision.topics import TOPICS
+from zenoh_vision.transport.declarations import Kind
 from zenoh_vision.transport.zenoh_config import (
     MAX_MESSAGE_BYTES,
     MESSAGE_BATCHES,
@@ -44,7 +45,7 @@ def router_file(
     *,
     listen: str,
     connect: tuple[str, ...],
-    holders: Mapping[str, Rights],
+    holders: Mapping[str, tuple[str, Rights]],
     routers: tuple[str, ...],
     nodes: Iterable[str],
 ) -> dict[str, Any]:
@@ -56,7 +57,7 @@ def router_file(
         authority: Whose certificates it accepts.
         listen: Endpoint.
         connect: Endpoints of other routers.
-        holders: The rights by the common name of a certificate.
+        holders: A holder's name and rights, by the common name of its certificate.
         routers: The common names of the system's routers.
         nodes: The names of its nodes.
     """
@@ -97,12 +98,14 @@ def router_file(
 
 
 def access_control(
-    namespace: str, holders: Mapping[str, Rights], routers: tuple[str, ...]
+    namespace: str, holders: Mapping[str, tuple[str, Rights]], routers: tuple[str, ...]
 ) -> dict[str, Any]:
     """Return Zenoh's table of access rules: a subject, its rules and a policy for each holder."""
     rules, subjects, policies = [], [], []
-    for name, rights in holders.items():
+    for name, (holder, rights) in holders.items():
         own = rights.rules(name, (*within(namespace), keys.holder_key("*")))
+        shown = [keys.granted_key(holder, "*", *each) for each in _declarable(rights)]
+        own.append(rule(f"{name}: granted", "ingress", TO_ROUTER["announce"], shown))
         rules += own
         subjects.append({"id": name, "cert_common_names": [name]})
         policies.append({"subjects": [name], "rules": [each["id"] for each in own]})
@@ -117,6 +120,15 @@ def access_control(
         "subjects": subjects,
         "policies": policies,
     }
+
+
+def _declarable(rights: Rights) -> Iterator[tuple[Kind, str]]:
+    """Yield the kinds and keys of what somebody may declare and is shown that it may."""
+    kinds: dict[Action, Kind] = {"answer": "queryable", "subscribe": "subscriber"}
+    for action, kind in kinds.items():
+        for key in rights.allowed.get(action, ()):
+            if not key.startswith("@"):
+                yield kind, key
 
 
 def _size_limits(namespace: str) -> list[dict[str, Any]]:
