@@ -15,6 +15,7 @@ nothing else.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import Counter
@@ -85,7 +86,7 @@ class AccessCheck:
         self._own = keys.holder_key(credentials.name)
         self._lock = threading.Lock()
         self._shown: dict[Declared, Declaration[zenoh.LivelinessToken]] = {}
-        self._due_s = time.monotonic()
+        self._due_s = math.inf
         self._state: object = None
         self._round = 0
         self._suspected: set[Declared] = set()
@@ -135,28 +136,31 @@ class AccessCheck:
         return session.liveliness().declare_token(key)
 
     def _note(self, number: int, asked: set[Declared], own: str, replies: Replies) -> None:
-        name = self.credentials.name
+        name, is_complete = self.credentials.name, not replies.timed_out and not replies.left_out
         seen = Counter(reply.key for reply in replies)
-        with self._lock:
-            if number != self._round or replies.timed_out or replies.left_out:
-                return
-        if not self._link.connected:
-            return
         # The session itself answers once.
         denied = {each for each in asked if seen[keys.granted_key(name, own, *each)] < 2}
+        with self._lock:
+            if number != self._round or not self._link.connected:
+                return
         # What was undeclared meanwhile, as when another route takes over, is not denied; nor is
-        # what is missing once only, as while the router starts again.
-        missing = denied & self._declared()
-        self._suspected, confirmed = missing, missing & self._suspected
-        is_sure = missing == confirmed
+        # what the file grants and is missing once only, as while the router starts again.
+        missing = denied & self._declared() if is_complete else self._suspected
+        confirmed = {each for each in missing if each in self._suspected or not self._grants(*each)}
+        self._suspected, is_sure = missing, is_complete and missing == confirmed
         if is_sure:
-            self.denied = self._words(confirmed)
+            self.denied = self._words(missing)
         now_s = time.monotonic()
         with self._lock:
             if not is_sure:
                 self._due_s = min(self._due_s, now_s + CONFIRM_S)
             elif not self.denied and number == self._round:
                 self._due_s = now_s + SETTLED_S
+
+    def _grants(self, kind: Kind, key: str) -> bool:
+        """Tell whether the file grants what somebody declares, whatever the router does."""
+        action: Action = "subscribe" if kind == "subscriber" else "answer"
+        return self.credentials.rights.granting(action, key) is not None
 
     def _words(self, missing: set[Declared]) -> str:
         rights = self.credentials.rights
