@@ -74,13 +74,11 @@ class ModelWorker:
         self._thread = threading.Thread(target=self._work, name="model", daemon=True)
         self._thread.start()
 
-    def submit(self, request: Request) -> Request | None:
-        """Have the model see a picture; return the one of the same camera that it replaces."""
+    def submit(self, request: Request) -> None:
+        """Have the model see a picture, in the place of one of the same camera that waits."""
         with self._changed:
-            before = self._waiting.get(request.camera)
-            self._waiting[request.camera] = request  # in the place of the one before
+            self._waiting[request.camera] = request
             self._changed.notify()
-        return before
 
     def close(self) -> None:
         """Stop after the run that is going on, which is not waited for: it may take long."""
