@@ -26,8 +26,9 @@ from zenoh_vision.errors import (
     SourceError,
 )
 from zenoh_vision.host.signals import StopSignals
-from zenoh_vision.messages import Header, Tracks
+from zenoh_vision.messages import Centroid, Tracks
 from zenoh_vision.topics import CENTROID, TRACKS
+from zenoh_vision.transport.query import Query, ask, messages_in
 from zenoh_vision.transport.router import private_router
 from zenoh_vision.transport.session import direct
 from zv.bag.private_system import Child, zv_command
@@ -40,7 +41,7 @@ MOT: Final = ".txt"
 NAMESPACE: Final = "track"
 POLL_S: Final = 0.05
 LATE_S: Final = 5.0
-"""How long the last results may take after the last frame was answered."""
+"""How long the last results may take after the camera has ended."""
 
 COLUMNS: Final = (
     *("frame", "time_s", "id", "state", "x", "y", "left", "top", "width", "height", "area"),
@@ -165,29 +166,30 @@ def _track(
         if stopping():
             return
         camera.check(expected=0)
+        # It ended when the tracker had begun to answer the last frame: with the centroid.
+        (replies,) = ask(session, [Query(CENTROID.key(NAMESPACE, name), timeout_s=LATE_S)])
+        last = next((each.header for _, each in messages_in(replies, Centroid)), None)
+        if last is None:
+            raise ExpectationNotMet(f"{file}: the tracker answered no frame")
         until_s = time.monotonic() + LATE_S
-        while table.newest != arrived.answered and time.monotonic() < until_s:
+        while table.newest != (last.epoch, last.seq):
+            if time.monotonic() > until_s:
+                raise ExpectationNotMet(f"{file}: the tracks of frame {last.seq} did not arrive")
             time.sleep(POLL_S)
             arrived.pass_on(table)
-        if not table.frames:
-            raise ExpectationNotMet(f"{file}: the tracker answered no frame")
 
 
 class Arrivals:
-    """The tracks that have arrived, in order, and the newest frame that was answered."""
+    """The tracks that have arrived, in order."""
 
     def __init__(self, session: zenoh.Session, camera: str) -> None:
-        self.answered: tuple[int, int] | None = None
         self._waiting: deque[bytes] = deque()  # filled by Zenoh's thread
-        self._declared = [
-            session.declare_subscriber(TRACKS.key(NAMESPACE, camera), direct(self._note)),
-            session.declare_subscriber(CENTROID.key(NAMESPACE, camera), direct(self._answer)),
-        ]
+        key = TRACKS.key(NAMESPACE, camera)
+        self._declared = session.declare_subscriber(key, direct(self._note))
 
     def close(self) -> None:
-        """End the subscriptions."""
-        for each in self._declared:
-            each.undeclare()  # type: ignore[no-untyped-call]
+        """End the subscription."""
+        self._declared.undeclare()  # type: ignore[no-untyped-call]
 
     def pass_on(self, table: Table) -> None:
         """Add what has arrived since the last call to a table."""
@@ -199,8 +201,3 @@ class Arrivals:
 
     def _note(self, sample: zenoh.Sample) -> None:
         self._waiting.append(sample.payload.to_bytes())
-
-    def _answer(self, sample: zenoh.Sample) -> None:
-        if sample.attachment is not None:
-            header = Header.from_bytes(sample.attachment.to_bytes())
-            self.answered = header.epoch, header.seq
