@@ -73,7 +73,6 @@ class CameraTracking:
         self._predictions = PredictionAnswers(node, camera)
         self._report = SceneReport()
         self._reported = ""
-        self._shown: Shown = "scene"
 
     def process(self, frame: Frame, picture: Pixels) -> None:
         """Track the objects in a frame and publish the results.
@@ -212,12 +211,11 @@ class CameraTracking:
 
     def _report_scene(self, header: Header, shown: Shown) -> None:
         """Report what the pictures make impossible in the node's health, when that changes."""
-        if shown != "scene" and shown != self._shown:
-            self._node.counters.note("scene_changes")
-        self._shown = shown
         found = self._report.update(header.stamp_ns, shown)
         if found != self._reported:
             self._reported = found
+            if shown != "scene":
+                self._node.counters.note("scene_changes")
             words = f"{header.camera}: {found}" if found else ""
             if found:
                 log.warning("%s", words)

@@ -256,3 +256,19 @@ def test_what_makes_tracking_impossible_is_said_in_the_health_and_taken_back(
     assert 20 <= reported.index(1) < 25
     assert 40 <= reported.index(2) < 45
     assert recorder.notes == ["scene_changes"] * black
+
+
+def test_a_view_that_comes_and_goes_while_nothing_is_learned_is_one_change(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr("zv.tracker.camera_tracking.CalibrationSource", Uncalibrated)
+    settings, recorder = TrackerSettings(), Recorder()
+    tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
+    rng = np.random.default_rng(5)
+    room, other = (np.kron(rng.integers(40, 200, (24, 32, 3)), np.ones((10, 10, 1))) for _ in "ab")
+    for seq in range(100):
+        frozen = settings.model_copy(update={"freeze": seq >= 20})
+        away = 20 <= seq < 60 and seq % 8 < 6
+        show(tracking, frozen, (other if away else room).astype(np.uint8), seq, seq / 10)
+    assert recorder.notes == ["scene_changes"]
+    assert [level for _, level, _ in recorder.reports] == [Level.WARN, Level.OK]
