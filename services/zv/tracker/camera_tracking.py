@@ -148,7 +148,7 @@ class CameraTracking:
         node = self._node
         found, mask = self._largest.update(bgr)
         node.publish("centroid", centroid_of(node, frame, found))
-        self._publish_tracks(frame, (), settings)
+        self._publish_tracks(frame, (), (), settings)
         drawn = partial(draw, bgr, found)
         node.publish_picture("tracked/compressed", drawn, frame=frame, quality=settings.quality)
         node.publish_picture("mask/compressed", mask, frame=frame, bilevel=True)
@@ -157,18 +157,18 @@ class CameraTracking:
         self, frame: Frame, pipeline: RobustTracker | DetectorTracker, settings: TrackerSettings
     ) -> None:
         """Publish what a pipeline with ids found in a frame."""
-        node, tracks = self._node, pipeline.tracks
+        node, tracks, shift = self._node, pipeline.tracks, pipeline.shift
         size = frame.header.width, frame.header.height
         self._next_id = pipeline.next_id
         self._report_scene(frame.header, pipeline.shown)
         main = pipeline.centroid
         found = None if main is None else MovingObject(main.box, main.area)
         node.publish("centroid", centroid_of(node, frame, found))
-        self._publish_tracks(frame, tracks, settings)
+        self._publish_tracks(frame, tracks, pipeline.still, settings)
         trails = self._predictions.trails()
         node.publish_picture(
             "tracked/compressed",
-            lambda: draw_tracks(frame.bgr, tracks, trails),
+            lambda: draw_tracks(frame.bgr, tracks, trails, shift),
             frame=frame,
             quality=settings.quality,
         )
@@ -223,17 +223,21 @@ class CameraTracking:
             self._node.report(condition, Level.WARN if found else Level.OK, words)
 
     def _publish_tracks(
-        self, frame: Frame, tracks: Sequence[Track], settings: TrackerSettings
+        self,
+        frame: Frame,
+        tracks: Sequence[Track],
+        still: Sequence[Track],
+        settings: TrackerSettings,
     ) -> None:
         header, calibration = self._node.header(frame), self._calibrations.newest(frame.header)
         plane = plane_view(calibration, header.width, header.height)
-        self._predictions.update(header, tracks, settings.anchor, plane)
-        zones, lines = self._events.update(frame, tracks, settings, plane)
+        self._predictions.update(header, still, settings.anchor, plane)
+        zones, lines = self._events.update(frame, still, settings, plane)
         self._node.publish(
             "tracks",
             Tracks(
                 header=header,
-                tracks=tuple(map(track_message, tracks, places(tracks, settings.anchor, plane))),
+                tracks=tuple(map(track_message, tracks, places(still, settings.anchor, plane))),
                 zones=zones,
                 lines=lines,
             ),

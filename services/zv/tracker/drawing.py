@@ -23,6 +23,7 @@ def draw_tracks(
     bgr: NDArray[np.uint8],
     tracks: Sequence[Track],
     trails: Mapping[int, Sequence[tuple[float, float]]],
+    shift: tuple[int, int] = (0, 0),
 ) -> NDArray[np.uint8]:
     """Return a copy of a frame with its confirmed and lost tracks drawn; the frame if it has none.
 
@@ -30,6 +31,7 @@ def draw_tracks(
         bgr: (height, width, 3) uint8; not modified.
         tracks: In full-resolution pixels; tentative ones are not drawn.
         trails: Earlier centres by id, oldest first.
+        shift: From where the trails are to where the frame shows them.
     """
     shown = [track for track in tracks if track.state != "tentative"]
     if not shown:
@@ -37,7 +39,7 @@ def draw_tracks(
     picture = bgr.copy()
     for track in shown:
         color = color_of(track.id) if track.state == "confirmed" else LOST_COLOR
-        trail = np.rint(np.reshape(trails.get(track.id, ()), (-1, 1, 2))).astype(np.int32)
+        trail = np.rint(np.reshape(trails.get(track.id, ()), (-1, 1, 2)) + shift).astype(np.int32)
         cv2.polylines(picture, [trail], False, color, 2, cv2.LINE_AA)
         x, y, width, height = track.box
         thickness = 2 if track.state == "confirmed" else 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+import pytest
 
 from tests.support.track_walks import track
 from zv.tracker.drawing import LOST_COLOR, color_of, draw_tracks
@@ -38,7 +39,11 @@ def test_without_tracks_to_draw_the_result_is_the_frame_itself():
     assert draw_tracks(FRAME, [track(130, 60, state="tentative")], {}) is FRAME
 
 
-def test_a_trail_is_drawn_through_earlier_centres():
-    drawn = draw_tracks(FRAME, [track(80, 100, id_=2)], {2: [(80.4, 20), (79.6, 60)]})
+@pytest.mark.parametrize(("trail_x", "shift"), [(80, (0, 0)), (74, (6, -5))])
+def test_a_trail_is_drawn_through_earlier_centres_where_the_frame_shows_them(
+    trail_x: int, shift: tuple[int, int]
+):
+    trail = [(trail_x + 0.4, 20), (trail_x - 0.4, 60)]
+    drawn = draw_tracks(FRAME, [track(80, 100, id_=2)], {2: trail}, shift)
     assert (drawn[25:55, 80] == color_of(2)).all()
     assert (drawn[:, 120:] == 50).all()

@@ -187,8 +187,16 @@ class Uncalibrated:
     def __init__(self, *_: object) -> None:
         pass
 
-    def newest(self, _: Header) -> None:
+    def newest(self, _: Header) -> Calibration | None:
         return None
+
+
+class Calibrated(Uncalibrated):
+    """A plane of 0.01 units a pixel."""
+
+    def newest(self, _: Header) -> Calibration | None:
+        lens = CameraModel(320, 240, (300.0, 0, 160, 0, 300, 120, 0, 0, 1))
+        return Calibration(lens, plane=Plane((0.01, 0, 0, 0, 0.01, 0, 0, 0, 1)))
 
 
 def test_a_plane_is_scaled_to_another_size_but_not_to_another_aspect_ratio():
@@ -272,3 +280,30 @@ def test_a_view_that_comes_and_goes_while_nothing_is_learned_is_one_change(
         show(tracking, frozen, (other if away else room).astype(np.uint8), seq, seq / 10)
     assert recorder.notes == ["scene_changes"]
     assert [level for _, level, _ in recorder.reports] == [Level.WARN, Level.OK]
+
+
+def test_a_camera_that_shakes_moves_nothing_over_lines_out_of_zones_or_in_the_world(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr("zv.tracker.camera_tracking.CalibrationSource", Calibrated)
+    settings = TrackerSettings(
+        regions="half 0,0 168,0 168,240 0,240",
+        zones="left 0,0 162,0 162,240 0,240",
+        lines="gate 162,0 162,240",
+    )
+    recorder, rng = Recorder(), np.random.default_rng(5)
+    tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
+    wide = np.kron(rng.integers(40, 200, (26, 34, 3)), np.ones((10, 10, 1))).astype(np.uint8)
+    for seq in range(120):  # it stands from 4.3 s on; the middle of what is in the region is at 159
+        there, right = wide.copy(), 10 + min(180, max(0, 8 * (seq - 20)))
+        there[90:150, max(10, right - 30) : right] = (20, 20, 230)
+        x, y = rng.integers(-8, 9, 2).tolist() if seq >= 60 else (0, 0)
+        show(tracking, settings, there[10 - y : 250 - y, 10 - x : 330 - x].copy(), seq, seq / 10)
+        if seq >= 60:
+            found = recorder.published[-1][1]
+            assert isinstance(found, Tracks)
+            (track,) = (each for each in found.tracks if each.state == "confirmed")
+            assert track.world == pytest.approx((1.59, 1.1), abs=0.03)
+            assert (track.x - x, track.y - y) == pytest.approx((159, 110), abs=3)
+    events = [each.event for _, each in recorder.published if isinstance(each, TrackEvent)]
+    assert events == ["started", "zone_entered", "confirmed"]

@@ -77,6 +77,20 @@ class PipelineWithIds:
         return (0, 0) if self._foreground is None else self._foreground.moved
 
     @property
+    def shift(self) -> tuple[int, int]:
+        """The same in pixels of the frame."""
+        return self.moved[0] * self._scale, self.moved[1] * self._scale
+
+    @property
+    def still(self) -> list[Track]:
+        """The tracks at their places in the background, where shapes and a calibration hold.
+
+        So nothing that stands crosses a line because the camera shakes.
+        """
+        right, down = self.shift
+        return [each.moved(-right, -down) for each in self.tracks]
+
+    @property
     def centroid(self) -> Track | None:
         """The main object of the last frame: the largest confirmed track, with hysteresis."""
         return next((each for each in self.tracks if each.id == self._main), None)

@@ -60,7 +60,8 @@ class DetectorTracker(PipelineWithIds):
         self.parameters = parameters
         self._tracker: BoxTracker | None = None
         self._regions: list[Region] = []
-        self._times: dict[int, int] = {}  # the tracker's time by the stamp of recent frames
+        # The tracker's time and the shift of recent frames by their stamp.
+        self._times: dict[int, tuple[int, tuple[int, int]]] = {}
         self._ran_seq: int | None = None  # of the last finished frame that the model should see
         self._next_ran_seq: int | None = None  # the same, once the frame that was begun is finished
         self._moved_s: float | None = None
@@ -88,15 +89,15 @@ class DetectorTracker(PipelineWithIds):
         assert self._tracker is not None
         self._tracker.keep_lost_s = self.parameters.keep_lost_s
         now_s = self._pass_time(stamp_ns)
-        self._times[stamp_ns] = self._now_ns
-        while len(self._times) > 500:
-            del self._times[next(iter(self._times))]
         self._tracker.predict(now_s)
         self.shown = "scene"
         if picture is None:
             with self._lock:
                 self._foreground, self._regions = None, []
         quiet = picture is not None and not self._find_motion(picture, now_s)
+        self._times[stamp_ns] = self._now_ns, self.shift
+        while len(self._times) > 500:
+            del self._times[next(iter(self._times))]
         wanted, self._next_ran_seq = self.parameters, self._ran_seq
         if wanted.on_motion and quiet:
             return False
@@ -108,10 +109,10 @@ class DetectorTracker(PipelineWithIds):
 
     def late(self, found: Sequence[Detection], stamp_ns: int) -> bool:
         """Process what the model found in an earlier frame; return whether that was of use."""
-        at_ns = self._times.get(stamp_ns)
-        if self._tracker is None or at_ns is None:
+        if self._tracker is None or stamp_ns not in self._times:
             return False
-        return self._tracker.see_late(kept_boxes(found, self.parameters), at_ns / 1e9)
+        at_ns, shift = self._times[stamp_ns]
+        return self._tracker.see_late(kept_boxes(found, self.parameters, shift), at_ns / 1e9)
 
     def finish(self, found: Sequence[Detection] | None) -> list[Track]:
         """Finish the frame that was begun.
@@ -125,7 +126,7 @@ class DetectorTracker(PipelineWithIds):
         assert self._tracker is not None
         self._ran_seq = self._next_ran_seq
         if found is not None:
-            self._tracker.see(kept_boxes(found, self.parameters))
+            self._tracker.see(kept_boxes(found, self.parameters, self.shift))
         if self._foreground is not None:
             self._tracker.move(self._regions, seen=found is None)
         self.tracks = self._tracker.finish()
@@ -160,12 +161,20 @@ class DetectorTracker(PipelineWithIds):
         ]
 
 
-def kept_boxes(found: Sequence[Detection], wanted: DetectorParameters) -> list[ScoredBox]:
-    """Return the boxes of the classes that are kept, where objects are detected."""
+def kept_boxes(
+    found: Sequence[Detection], wanted: DetectorParameters, shift: tuple[int, int] = (0, 0)
+) -> list[ScoredBox]:
+    """Return the boxes of the classes that are kept, where objects are detected.
+
+    Args:
+        found: In pixels of the frame.
+        wanted: The classes, and where to detect.
+        shift: By how many of these the frame was moved from the background.
+    """
     kept = []
     for each in found:
         least = wanted.wanted.score_of(each.name)
-        if least is None or each.score < min(least, UNSURE) or not _is_inside(each, wanted):
+        if least is None or each.score < min(least, UNSURE) or not _is_inside(each, wanted, shift):
             continue
         left, top, right, bottom = each.box
         region = Region(left, top, right, bottom, (right - left) * (bottom - top))
@@ -173,9 +182,10 @@ def kept_boxes(found: Sequence[Detection], wanted: DetectorParameters) -> list[S
     return kept
 
 
-def _is_inside(found: Detection, wanted: DetectorParameters) -> bool:
+def _is_inside(found: Detection, wanted: DetectorParameters, shift: tuple[int, int]) -> bool:
     regions, ignored = wanted.foreground.regions, wanted.foreground.ignored
     left, top, right, bottom = found.box
-    point = (left + right) / 2, bottom if wanted.at_foot else (top + bottom) / 2
+    x, y = (left + right) / 2, bottom if wanted.at_foot else (top + bottom) / 2
+    point = x - shift[0], y - shift[1]
     inside = not regions or any(contains(each, point) for each in regions)
     return inside and not any(contains(each, point) for each in ignored)

@@ -80,13 +80,13 @@ class RobustTracker(PipelineWithIds):
         tracker.parameters = self._tracking()
         tracker.predict(now_s)
         picture, strong = self._subtract(picture, now_s, tracker.protected, wanted.foreground)
-        tracker.moved = self.moved
         least = self._least_area(wanted.min_area, wanted.least_share)
         if wanted.convex:
             self.mask = cut_at_concavities(self.mask, least)
         most = wanted.max_area / (self._scale * self._scale)
         self.regions = regions_of(self.mask, strong, LEAST_PART * least, most, wanted.region)
-        self.tracks = tracker.update(self.regions, Scene(picture, self.mask))
+        found = tracker.update(self.regions, Scene(picture, self.mask))
+        self.tracks = [each.moved(*self.shift) for each in found]
         assert self._foreground is not None
         for state in tracker.states:
             if state.born_s == now_s:

@@ -36,7 +36,6 @@ class TrackerBase(Generic[Kind]):
     Attributes:
         states: The state of each track, oldest first.
         next_id: The id that the next new track gets.
-        moved: By how many pixels, x and y, the newest picture was moved from where the states are.
     """
 
     def __init__(
@@ -44,7 +43,6 @@ class TrackerBase(Generic[Kind]):
     ) -> None:
         self.states: list[Kind] = []
         self.next_id = first_id
-        self.moved = 0, 0
         self._kind = kind
         self._scale = scale
         self._moment = Moment(0.0, 0.0, size)
@@ -85,8 +83,6 @@ class TrackerBase(Generic[Kind]):
         x, y = state.x.position, state.y.position
         if math.dist((x, y), box.center) > SMOOTHED * state.side:
             x, y = box.center
-        right, down = self.moved
-        box, x, y = box.moved(right, down), x + right, y + down
         missing_s = state.missing_s(now_s)
         seen: State = "confirmed" if missing_s <= self._shown_s(state) else "lost"
         return Track(
@@ -100,8 +96,7 @@ class TrackerBase(Generic[Kind]):
             vy=state.y.velocity * scale,
             age_s=max(0.0, now_s - state.born_s),
             missing_s=missing_s,
-            steady=state.steady
-            and ((state.steady[0] + right) * scale, (state.steady[1] + down) * scale),
+            steady=state.steady and (state.steady[0] * scale, state.steady[1] * scale),
             offset=(state.offset[0] * scale, state.offset[1] * scale),
             class_name=state.class_name,
             score=state.score,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 State = Literal["tentative", "confirmed", "lost"]
@@ -36,3 +36,12 @@ class Track:
     offset: tuple[float, float] = (0.0, 0.0)  # from ``steady`` to the centre, x and y
     class_name: str | None = None  # name of its class, if a model says it
     score: float | None = None  # how sure the model was when it last found it, 0 to 1
+
+    def moved(self, x: int, y: int) -> Track:
+        """Return it at another place."""
+        if x == y == 0:
+            return self
+        left, top, width, height = self.box
+        steady = self.steady and (self.steady[0] + x, self.steady[1] + y)
+        box = left + x, top + y, width, height
+        return replace(self, x=self.x + x, y=self.y + y, box=box, steady=steady)

@@ -147,6 +147,26 @@ def test_what_a_moved_camera_shows_is_not_learned_where_the_background_is(
             assert known == pytest.approx([left / SCALE], abs=4)
 
 
+def test_regions_and_zones_stay_at_their_places_in_the_scene_while_the_camera_shakes():
+    rng = np.random.default_rng(3)
+    coarse = rng.uniform(60, 220, (24, 32, 3)).astype(np.float32)
+    room = cv2.resize(coarse, (SIZE[0] // SCALE, SIZE[1] // SCALE)).astype(np.uint8)
+    half = ((0, 0), (150, 0), (150, 480), (0, 480))  # the middle of what stands at 100 is at 140
+    film = Film(replace(PARAMETERS, every=2, foreground=ForegroundParameters(regions=(half,))))
+    for step in range(40):
+        right = (0, 0, 8, 8, -7, -7)[step % 6] if step > 10 else 0  # of the reduced size
+        left = 100 + SCALE * right
+        film.show(thing(left), shown=np.roll(room, right, axis=1))
+        if step > 14 and film.seen[-1] == step:
+            [track], [still] = film.tracker.tracks, film.tracker.still
+            assert (track.state, track.missing_s, still.state) == ("confirmed", 0, "confirmed")
+            assert track.box[0] == pytest.approx(left, abs=4)
+            assert still.box[0] == pytest.approx(100, abs=6)
+    late = [thing(left + SCALE * 8, top=300) for left in (100, 130)]  # right was 8 at 38
+    assert film.tracker.late(late, 38 * 10**8)
+    assert sorted(track.box[1] for track in film.show(thing(100), shown=room)) == [100, 300]
+
+
 def test_without_background_subtraction_nothing_is_followed_by_its_former_motion():
     film = Film(replace(PARAMETERS, every=2))
     for step in range(20):
