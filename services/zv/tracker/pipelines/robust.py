@@ -124,6 +124,9 @@ class RobustTracker(PipelineWithIds):
             if found < self.parameters.least_evidence or tracker.is_unchanged(state):
                 tracker.drop(state)
                 where[window] |= np.asarray(cv2.dilate(region[window], BAND), np.uint8)
+        for box in tracker.protected():  # what was dropped is none of these any more
+            left, top, right, bottom = (max(0, round(edge)) for edge in box[:4])
+            where[top:bottom, left:right] = 0
         if where.any():
             with self._lock:
                 background.absorb(picture, where)

@@ -104,6 +104,24 @@ def test_what_comes_from_within_the_picture_stays_only_if_something_changes_in_i
     assert np.any(robust.mask) == waves
 
 
+def test_what_becomes_background_takes_nothing_of_an_object_that_overlaps_its_box():
+    rng = np.random.default_rng(0)
+    robust = RobustTracker()
+    for k in range(130):
+        picture = backdrop().astype(np.int16)
+        left = max(200, 440 - 6 * k)  # comes in over the border, and stands from 4 s on
+        picture[40:110, left : left + 40] = (30, 160, 30)
+        if k >= 40:  # an L, which comes from within, and then holds the other in its angle
+            left = 40 + 4 * min(k - 40, 30)
+            picture[60:160, left : left + 16] = picture[144:160, left : left + 70] = (20, 20, 200)
+        noisy = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+        tracks = robust.update(noisy, k * TENTH)
+        if k == 90:
+            assert [each.box for each in tracks] == [(200, 40, 40, 70), (160, 60, 70, 100)]
+    assert [each.box for each in tracks] == [(200, 40, 40, 70)]
+    assert np.count_nonzero(robust.mask) > 0.99 * 40 * 70
+
+
 def test_a_reduced_picture_gives_coordinates_of_the_full_one():
     robust = RobustTracker()
     for k in range(70):
