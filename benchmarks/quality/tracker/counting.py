@@ -56,8 +56,8 @@ def counted(clip: Clip, step: int, lost: float, seed: int) -> Counter[str]:
         if random.random() < lost:
             continue
         stamp_ns = START_NS + round(index * 1e9 / clip.rate_hz)
-        tracks = robust.update(np.ascontiguousarray(clip.pictures[index]), stamp_ns, clip.size)
-        happened = events.update(tracks, stamp_ns)
+        robust.update(np.ascontiguousarray(clip.pictures[index]), stamp_ns, clip.size)
+        happened = events.update(robust.still, stamp_ns)  # as the service does
         found.update(each.direction for each in happened if each.direction is not None)
     found.update(each.direction for each in events.end() if each.direction is not None)
     return found
