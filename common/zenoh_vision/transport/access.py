@@ -1,10 +1,10 @@
 """Finds out what a router denies: Zenoh drops it silently, so that it looks as if nobody cared.
 
 For each key that it declares, a node shows a liveliness token on a key of its own, and asks for its
-tokens. A router allows a holder the tokens of just those keys that it may declare. Its own session
-answers with each of them, and the router again with those that it took. If it did not even take
-that of the holder's own queryable, it knows no such holder. The declarations on keys with ``@`` are
-not shown, so the node's token is judged by the rights in the holder's file.
+tokens. A router allows a holder the tokens of just those keys that it may declare, and answers with
+those that it took. If it did not even take that of the holder's own queryable, it knows no such
+holder. The declarations on keys with ``@`` are not shown, so the node's token is judged by the
+rights in the holder's file.
 
 The router's lists of what was declared tell that too, but who asks for them while somebody declares
 something, as all do when a router is back, can lock it up (zenoh #2619).
@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import Final
@@ -137,9 +136,8 @@ class AccessCheck:
 
     def _note(self, number: int, asked: set[Declared], own: str, replies: Replies) -> None:
         name, is_complete = self.credentials.name, not replies.timed_out and not replies.left_out
-        seen = Counter(reply.key for reply in replies)
-        # The session itself answers once.
-        denied = {each for each in asked if seen[keys.granted_key(name, own, *each)] < 2}
+        taken = {reply.key for reply in replies if not reply.own}
+        denied = {each for each in asked if keys.granted_key(name, own, *each) not in taken}
         with self._lock:
             if number != self._round or not self._link.connected:
                 return

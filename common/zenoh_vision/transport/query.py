@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, wait
@@ -68,6 +69,8 @@ class Reply:
         session: Zenoh id of the session that replied; empty if it is unknown.
         sent_ns: When the query was sent, ns since 1970.
         received_ns: When the reply arrived, ns since 1970.
+        own: Whether it is the asking session's own, about one of its tokens. Zenoh leaves such a
+            reply out if the router has replied before.
     """
 
     ok: zenoh.Sample | None
@@ -75,6 +78,7 @@ class Reply:
     session: str
     sent_ns: int
     received_ns: int
+    own: bool = False
 
     @property
     def key(self) -> str:
@@ -138,6 +142,7 @@ def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) 
     """
     replies = Replies()
     sent_ns = time.time_ns()
+    asking = threading.get_ident()
     size = 0
 
     def receive(reply: zenoh.Reply) -> None:
@@ -154,7 +159,9 @@ def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) 
         if fits:  # a larger one leaves room for smaller ones after it
             size += REPLY_BYTES + length
         replier = "" if reply.replier_id is None else str(reply.replier_id.zid)
-        replies.append(Reply(reply.ok, reply.err, replier, sent_ns, time.time_ns()))
+        # What the router replies comes on a thread of Zenoh's.
+        own = query.tokens and threading.get_ident() == asking
+        replies.append(Reply(reply.ok, reply.err, replier, sent_ns, time.time_ns(), own))
 
     handler: Any = zenoh.handlers.Callback(receive, lambda: done(replies), indirect=False)
     if query.tokens:

@@ -270,3 +270,16 @@ def test_what_goes_wrong_in_an_attempt_does_not_end_the_attempts(
 
 def _threads() -> list[str]:
     return [thread.name for thread in threading.enumerate()]
+
+
+def test_what_a_router_replies_about_tokens_is_told_from_what_the_session_itself_does(
+    client: zenoh.Session,
+) -> None:
+    keys = [f"told/apart/{number}" for number in range(20)]
+    shown = [client.liveliness().declare_token(key) for key in keys]
+    for _ in range(20):
+        query_for_tokens = query.Query("told/apart/*", timeout_s=10.0, tokens=True)
+        (replies,) = query.ask(client, [query_for_tokens])
+        assert sorted(reply.key for reply in replies if not reply.own) == sorted(keys)
+    for each in shown:
+        each.undeclare()
