@@ -38,7 +38,9 @@ SETTLED_S: Final = 60.0
 """Until a router that denies nothing is asked again, unless something has changed."""
 
 CONFIRM_S: Final = 0.5
-ANSWER_S: Final = 1.0
+ANSWER_S: Final = 10.0
+"""Long, since a router that is too slow for all questions would be slower if they were repeated."""
+
 MOST_SHOWN: Final = 4
 
 MEND: Final = "give --credentials of another name, or add to its rights with zv security add"
@@ -104,21 +106,24 @@ class AccessCheck:
         self._own_token = announces
         if not self._link.connected:
             return
-        wanted = self._declared()
-        self._show(wanted)
-        session, now_s = self._link.session, time.monotonic()
+        wanted, session, now_s = self._declared(), self._link.session, time.monotonic()
         own, routers = str(session.zid()), self._link.routers()
         state = (own, routers, wanted, self.credentials)
         with self._lock:
             if state != self._state:
                 self._state, self._due_s = state, min(self._due_s, now_s + CONFIRM_S)
                 self._round += 1  # what is answered to the round before tells nothing of this state
-            if now_s < self._due_s:
-                return
-            self._due_s = now_s + CHECK_S
-            self._round += 1
-        query = Query(keys.granted_key(self.credentials.name, own, "*", "**"), None, ANSWER_S, True)
-        send(session, query, partial(self._note, self._round, wanted, own))
+            is_due = now_s >= self._due_s
+            if is_due:
+                self._due_s = math.inf  # until it is answered
+                self._round += 1
+            is_asking = self._due_s == math.inf
+        # The more tokens there are, the longer a router takes for each question.
+        self._show(wanted if is_asking else set())
+        if is_due:
+            pattern = keys.granted_key(self.credentials.name, own, "*", "**")
+            query = Query(pattern, timeout_s=ANSWER_S, tokens=True)
+            send(session, query, partial(self._note, self._round, wanted, own))
 
     def _declared(self) -> set[Declared]:
         return {(kind, key) for kind, key in self._link.declared() if not key.startswith("@")}
@@ -135,25 +140,25 @@ class AccessCheck:
         return session.liveliness().declare_token(key)
 
     def _note(self, number: int, asked: set[Declared], own: str, replies: Replies) -> None:
-        name, is_complete = self.credentials.name, not replies.timed_out and not replies.left_out
+        name = self.credentials.name
+        is_complete = self._link.connected and not replies.timed_out and not replies.left_out
         taken = {reply.key for reply in replies if not reply.own}
         denied = {each for each in asked if keys.granted_key(name, own, *each) not in taken}
-        with self._lock:
-            if number != self._round or not self._link.connected:
-                return
         # What was undeclared meanwhile, as when another route takes over, is not denied; nor is
         # what the file grants and is missing once only, as while the router starts again.
-        missing = denied & self._declared() if is_complete else self._suspected
-        confirmed = {each for each in missing if each in self._suspected or not self._grants(*each)}
-        self._suspected, is_sure = missing, is_complete and missing == confirmed
-        if is_sure:
-            self.denied = self._words(missing)
-        now_s = time.monotonic()
+        denied &= self._declared()
         with self._lock:
-            if not is_sure:
-                self._due_s = min(self._due_s, now_s + CONFIRM_S)
-            elif not self.denied and number == self._round:
-                self._due_s = now_s + SETTLED_S
+            if number != self._round:
+                return
+            missing = denied if is_complete else self._suspected
+            confirmed = {
+                each for each in missing if each in self._suspected or not self._grants(*each)
+            }
+            self._suspected, is_sure = missing, is_complete and missing == confirmed
+            if is_sure:
+                self.denied = self._words(missing)
+            pause_s = CONFIRM_S if not is_sure else CHECK_S if self.denied else SETTLED_S
+            self._due_s = time.monotonic() + pause_s
 
     def _grants(self, kind: Kind, key: str) -> bool:
         """Tell whether the file grants what somebody declares, whatever the router does."""

@@ -138,13 +138,51 @@ def test_it_does_not_matter_whether_the_session_itself_replies(router: Router, i
     assert (check.denied != "") == is_denied
 
 
-def test_there_is_one_token_for_each_key_that_is_declared(router: Router):
+def test_there_is_one_token_for_each_key_that_is_declared_for_as_long_as_the_question(
+    router: Router, monkeypatch: pytest.MonkeyPatch
+):
+    asked: list[Callable[[Replies], None]] = []
+    monkeypatch.setattr(access, "send", lambda session, query, done: asked.append(done))
     check = check_of(router)
+    router.keys |= {"@vision/param/edge_front"}
     look_for(router, check, 3)
     assert router.tokens == {f"{SHOWN}/queryable/{KEY}"}
-    router.keys = {KEY + "/more", "@vision/param/edge_front"}
+    router.keys = {KEY + "/more"}
     look_for(router, check, 3)
     assert router.tokens == {f"{SHOWN}/queryable/{KEY}/more"}
+    router.answer(None, Query(f"{SHOWN}/*/**", tokens=True), asked[-1])
+    look_for(router, check, 3)
+    assert router.tokens == set()
+    assert len(asked) == 2
+
+
+def test_a_router_that_is_slow_is_not_asked_again_meanwhile(
+    router: Router, monkeypatch: pytest.MonkeyPatch
+):
+    asked: list[float] = []
+    monkeypatch.setattr(access, "send", lambda session, query, done: asked.append(query.timeout_s))
+    check = check_of(router)
+    look_for(router, check, 30)
+    assert asked == [access.ANSWER_S]
+    router.ids = frozenset({"f1"})
+    look_for(router, check, 30)
+    assert len(asked) == 2
+
+
+def test_what_a_node_asked_before_it_lost_the_router_is_asked_again(
+    router: Router, monkeypatch: pytest.MonkeyPatch
+):
+    asked: list[Callable[[Replies], None]] = []
+    monkeypatch.setattr(access, "send", lambda session, query, done: asked.append(done))
+    check = check_of(router)
+    look_for(router, check, 3)
+    router.connected = False
+    asked[-1](Replies())
+    look_for(router, check, 3)
+    router.connected = True
+    look_for(router, check, 3)
+    assert len(asked) == 2
+    assert check.denied == ""
 
 
 def test_what_was_not_answered_in_time_is_not_taken_for_denied(
