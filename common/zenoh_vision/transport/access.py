@@ -88,6 +88,7 @@ class AccessCheck:
         self._lock = threading.Lock()
         self._shown: dict[Declared, Declaration[zenoh.LivelinessToken]] = {}
         self._due_s = math.inf
+        self._connection: object = None
         self._state: object = None
         self._round = 0
         self._suspected: set[Declared] = set()
@@ -107,9 +108,11 @@ class AccessCheck:
         if not self._link.connected:
             return
         wanted, session, now_s = self._declared(), self._link.session, time.monotonic()
-        own, routers = str(session.zid()), self._link.routers()
-        state = (own, routers, wanted, self.credentials)
+        connection = own, _ = str(session.zid()), self._link.routers()
+        state = (connection, wanted, self.credentials)
         with self._lock:
+            if connection != self._connection:
+                self._connection, self._suspected, self._due_s = connection, set(), math.inf
             if state != self._state:
                 self._state, self._due_s = state, min(self._due_s, now_s + CONFIRM_S)
                 self._round += 1  # what is answered to the round before tells nothing of this state

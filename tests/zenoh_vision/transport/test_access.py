@@ -169,6 +169,16 @@ def test_a_router_that_is_slow_is_not_asked_again_meanwhile(
     assert len(asked) == 2
 
 
+def test_what_two_routers_lacked_once_each_is_not_taken_for_denied(router: Router):
+    """So it is with one that ends, and the one that takes its place."""
+    check = check_of(router)
+    router.denies = {KEY}
+    look_for(router, check, 2)
+    router.ids = frozenset({"f1"})
+    assert look_for(router, check, 2) == 1
+    assert check.denied == ""
+
+
 def test_what_a_node_asked_before_it_lost_the_router_is_asked_again(
     router: Router, monkeypatch: pytest.MonkeyPatch
 ):
