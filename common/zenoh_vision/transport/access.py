@@ -129,7 +129,7 @@ class AccessCheck:
             send(session, query, partial(self._note, self._round, wanted, own))
 
     def _declared(self) -> set[Declared]:
-        return {(kind, key) for kind, key in self._link.declared() if not key.startswith("@")}
+        return {(kind, key) for kind, key in self._link.declared() if "/@" not in f"/{key}"}
 
     def _show(self, wanted: set[Declared]) -> None:
         """Show a token for each of these, and no others."""

@@ -144,7 +144,7 @@ def test_there_is_one_token_for_each_key_that_is_declared_for_as_long_as_the_que
     asked: list[Callable[[Replies], None]] = []
     monkeypatch.setattr(access, "send", lambda session, query, done: asked.append(done))
     check = check_of(router)
-    router.keys |= {"@vision/param/edge_front"}
+    router.keys |= {"@vision/param/edge_front", "vision/front/@own"}
     look_for(router, check, 3)
     assert router.tokens == {f"{SHOWN}/queryable/{KEY}"}
     router.keys = {KEY + "/more"}
