@@ -17,12 +17,14 @@ from tests.support.rights_table import KEYS, LIVE, ROLES, SUFFIXES, table
 from tests.support.routing import free_port
 from tests.support.secured import Secured, embedded, move, official, secured
 from tests.support.waiting import wait_until
+from zenoh_vision import keys
 from zenoh_vision.topics import TOPICS
+from zenoh_vision.transport.query import Query, ask
 from zv.registry import SERVICES
 from zv.tools.security.folder import Folder
 from zv.tools.security.roles import GUEST, LAUNCHER, OPERATOR, OWN_NODE, PLAYER, ROUTER
 
-EVERYWHERE = ("vision/**", "@vision/**", "zenoh-vision/holder/**")
+EVERYWHERE = ("vision/**", "@vision/**", "zenoh-vision/holder/*")
 """What the witness sees. Other keys pass no router at all."""
 
 PATTERNS = ("**", "@vision/**", "@other/**")
@@ -229,6 +231,23 @@ def test_shows_its_own_token_and_no_other(meeting: Meeting, named: str):
     wait_until(all_seen)
     assert seen == expected
     del kept
+
+
+def test_only_its_router_takes_the_tokens_for_what_it_may_declare_and_no_other_router_gets_them(
+    place: Place,
+):
+    with place.role("edge_front") as role, place.witness() as witness:
+        zid = str(role.zid())
+        streams = ("vision/front/edges/compressed", "vision/front/truth")
+        shown = [keys.granted_key("edge_front", zid, "queryable", each) for each in streams]
+        kept = [role.liveliness().declare_token(each) for each in shown]
+        query = Query(keys.granted_key("edge_front", zid, "*", "**"), timeout_s=10.0, tokens=True)
+        (own,) = ask(role, [query])
+        assert [each.key for each in own if not each.own] == shown[:1]
+        Meeting(role, witness).settle()
+        (others,) = ask(witness, [query])
+        assert others == []
+        del kept
 
 
 def test_sees_the_tokens_that_it_may_and_no_others(meeting: Meeting, named: str):

@@ -115,7 +115,7 @@ def _every_holder(name: str) -> Pairs:
 
 
 def _listable(namespace: str) -> tuple[str, ...]:
-    return (*within(namespace), keys.holder_key("**"))
+    return (*within(namespace), keys.holder_key("*"))
 
 
 def _listed(kind: Kind, key: str) -> str:
@@ -176,6 +176,10 @@ def _setter(namespace: str) -> Pairs:
 
 
 def router_keys(namespace: str) -> list[str]:
-    """Return the key expressions of what routers pass to each other."""
-    listed = [_listed(kind, each) for kind in LISTED for each in _listable(namespace)]
-    return [*within(namespace), keys.LINK, keys.holder_key("**"), ROUTERS, *listed]
+    """Return the key expressions of what routers pass to each other.
+
+    Not the tokens below a holder's key, which only its own router is asked for.
+    """
+    listable = _listable(namespace)
+    listed = [_listed(kind, each) for kind in LISTED for each in listable]
+    return [*listable, keys.LINK, ROUTERS, *listed]
