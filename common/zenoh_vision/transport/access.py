@@ -16,9 +16,9 @@ nothing else.
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from functools import partial
 from typing import Final
 
@@ -37,7 +37,9 @@ CHECK_S: Final = 3.0
 SETTLED_S: Final = 60.0
 """Until a router that denies nothing is asked again, unless something has changed."""
 
-CONFIRM_S: Final = 0.5
+CHANGED_S: Final = 0.5
+"""Until a router is asked what it makes of a change."""
+
 ANSWER_S: Final = 10.0
 """Long, since a router that is too slow for all questions would be slower if they were repeated."""
 
@@ -85,12 +87,13 @@ class AccessCheck:
         self._link = link
         self.credentials = credentials
         self._own = keys.holder_key(credentials.name)
-        self._lock = threading.Lock()
         self._shown: dict[Declared, Declaration[zenoh.LivelinessToken]] = {}
         self._due_s = math.inf
         self._connection: object = None
         self._state: object = None
-        self._round = 0
+        self._asked: set[Declared] = set()
+        self._asked_s = 0.0
+        self._answer: Future[Replies] | None = None
         self._suspected: set[Declared] = set()
         self._own_token = ""
         declare_holder(link, credentials, lambda: self.denied)
@@ -105,28 +108,30 @@ class AccessCheck:
             announces: Key of the node's token.
         """
         self._own_token = announces
-        if not self._link.connected:
+        session, routers = self._link.session, self._link.routers()
+        if not routers:
+            self._connection = None
             return
-        wanted, session, now_s = self._declared(), self._link.session, time.monotonic()
-        connection = own, _ = str(session.zid()), self._link.routers()
-        state = (connection, wanted, self.credentials)
-        with self._lock:
-            if connection != self._connection:
-                self._connection, self._suspected, self._due_s = connection, set(), math.inf
-            if state != self._state:
-                self._state, self._due_s = state, min(self._due_s, now_s + CONFIRM_S)
-                self._round += 1  # what is answered to the round before tells nothing of this state
-            is_due = now_s >= self._due_s
-            if is_due:
-                self._due_s = math.inf  # until it is answered
-                self._round += 1
-            is_asking = self._due_s == math.inf
+        wanted, own, now_s = self._declared(), str(session.zid()), time.monotonic()
+        if (own, routers) != self._connection:
+            self._connection, self._state = (own, routers), None
+            self._answer, self._suspected, self._due_s = None, set(), math.inf
+        if self._answer is not None and self._answer.done():
+            self._due_s = self._asked_s + self._note(self._answer.result(), own, wanted)
+            self._answer = None
+        state = (wanted, self.credentials)
+        if self._answer is None and state != self._state:
+            self._state, self._due_s = state, min(self._due_s, now_s + CHANGED_S)
+        is_due = now_s >= self._due_s
         # The more tokens there are, the longer a router takes for each question.
-        self._show(wanted if is_asking else set())
+        self._show(wanted if is_due or self._answer is not None else set())
         if is_due:
+            self._asked, self._asked_s, self._due_s = wanted, now_s, math.inf
+            self._answer = Future()
             pattern = keys.granted_key(self.credentials.name, own, "*", "**")
             query = Query(pattern, timeout_s=ANSWER_S, tokens=True)
-            send(session, query, partial(self._note, self._round, wanted, own))
+            # Zenoh has locked the session meanwhile: whoever waits for who uses it waits for ever.
+            send(session, query, self._answer.set_result)
 
     def _declared(self) -> set[Declared]:
         return {(kind, key) for kind, key in self._link.declared() if "/@" not in f"/{key}"}
@@ -142,26 +147,22 @@ class AccessCheck:
         key = keys.granted_key(self.credentials.name, str(session.zid()), *shown)
         return session.liveliness().declare_token(key)
 
-    def _note(self, number: int, asked: set[Declared], own: str, replies: Replies) -> None:
+    def _note(self, replies: Replies, own: str, wanted: set[Declared]) -> float:
+        """Note what the router has accepted; return how long after the question to ask again."""
         name = self.credentials.name
-        is_complete = self._link.connected and not replies.timed_out and not replies.left_out
+        is_complete = not replies.timed_out and not replies.left_out
         taken = {reply.key for reply in replies if not reply.own}
-        denied = {each for each in asked if keys.granted_key(name, own, *each) not in taken}
         # What was undeclared meanwhile, as when another route takes over, is not denied; nor is
         # what the file grants and is missing once only, as while the router starts again.
-        denied &= self._declared()
-        with self._lock:
-            if number != self._round:
-                return
-            missing = denied if is_complete else self._suspected
-            confirmed = {
-                each for each in missing if each in self._suspected or not self._grants(*each)
-            }
-            self._suspected, is_sure = missing, is_complete and missing == confirmed
-            if is_sure:
-                self.denied = self._words(missing)
-            pause_s = CONFIRM_S if not is_sure else CHECK_S if self.denied else SETTLED_S
-            self._due_s = time.monotonic() + pause_s
+        asked = self._asked & wanted
+        denied = {each for each in asked if keys.granted_key(name, own, *each) not in taken}
+        missing = denied if is_complete else self._suspected
+        confirmed = {each for each in missing if each in self._suspected or not self._grants(*each)}
+        self._suspected, is_sure = missing, is_complete and missing == confirmed
+        if not is_sure:
+            return 0.0
+        self.denied = self._words(missing)
+        return CHECK_S if self.denied else SETTLED_S
 
     def _grants(self, kind: Kind, key: str) -> bool:
         """Tell whether the file grants what somebody declares, whatever the router does."""

@@ -14,7 +14,7 @@ def main() -> None:
     """Change the periods, and be ``zv``."""
     announcement.PERIOD_S /= 10
     access.CHECK_S /= 10
-    access.CONFIRM_S /= 10
+    access.CHANGED_S /= 10
     starting.LINES_PERIOD_S /= 10
     supervisor.ANNOUNCED_S /= 10
     if "view" in sys.argv:
