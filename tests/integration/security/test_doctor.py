@@ -50,7 +50,7 @@ def system(folder: Path) -> Iterator[Secured]:
 
 
 def findings(system: Secured, who: str, *flags: str) -> list[dict[str, Any]]:
-    words = ["doctor", "--json", "--connect", system.endpoint, *flags]
+    words = ["doctor", "--json", "--for", "1.2", "--connect", system.endpoint, *flags]
     done = type_zv([*words, "--credentials", str(system.file(who))], folder=system.folder)
     return [json.loads(line) for line in done.stdout.splitlines()]
 
@@ -92,7 +92,7 @@ def test_denied_nodes_revoked_sessions_and_ends_are_found_by_anybody_who_sees(
 def test_a_refused_doctor_says_why(system: Secured, folder: Path):
     other = secured(folder / "other")
     words = ["doctor", "--connect", system.endpoint, "--credentials", str(other.file("guest"))]
-    done = type_zv(words, folder=folder)
+    done = type_zv([*words, "--timeout", "2"], folder=folder)
     assert done.returncode == 4
     assert "issued by another authority than that of guest" in done.stdout
 
