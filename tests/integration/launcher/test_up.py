@@ -125,7 +125,6 @@ def test_what_is_stuck_is_said_what_is_killed_started_again_and_nothing_is_left_
         wait_until(lambda: not running(again))
 
 
-@pytest.mark.quiet
 @pytest.mark.parametrize("by", ["a router", "another program"])
 def test_a_taken_port_is_explained_and_nothing_is_started(tmp_path, router, by):
     with socket.create_server(("127.0.0.1", 0)) as server:
