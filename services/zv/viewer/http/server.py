@@ -28,7 +28,7 @@ from zv.viewer.http.tls import ServerTls
 from zv.viewer.kept.handlers import KeptEvents
 from zv.viewer.settings import ViewerSettings
 from zv.viewer.streams.registry import StreamRegistry
-from zv.viewer.streams.shared_stream import StreamContext
+from zv.viewer.streams.shared_stream import RENDER_THREADS, StreamContext
 
 log = logging.getLogger("viewer")
 
@@ -110,7 +110,7 @@ class WebServer:
         self._network = Network(self._loop)
         context = StreamContext(
             self._network,
-            ThreadPoolExecutor(2, thread_name_prefix="render"),
+            ThreadPoolExecutor(RENDER_THREADS, thread_name_prefix="render"),
             self._node.health,
             self._node.counters,
             lambda: self._parameters.newest.settings,

@@ -64,11 +64,16 @@ class PictureStream(SharedStream[FrameIntake]):
             rendition = self._renditions[options] = Rendition(self, self._context, options)
         return PictureFeed(self, rendition, ready or asyncio.Event())
 
-    async def frame(self, timeout_s: float) -> Frame | None:
-        """Return the newest frame, which nobody has got by that; None if none arrives in time."""
+    async def wait(self, timeout_s: float) -> bool:
+        """Wait for the first frame; return whether there is one in time."""
         with suppress(TimeoutError):
             await asyncio.wait_for(self._arrived.wait(), timeout_s)
-        return None if self.newest is None else self.newest[1]
+        return self.newest is not None
+
+    def newest_frame(self) -> Frame:
+        """Return the newest frame, which nobody has got by that; its pixels may be large."""
+        assert self.newest is not None
+        return self.newest[1]
 
     def remove_unused(self, rendition: Rendition) -> None:
         """Remove a rendition that no client uses; without renditions the stream ends."""

@@ -17,8 +17,8 @@ from zenoh_vision.stream.frame_intake import snapshot_of
 from zenoh_vision.transport.subscriber import sample_of
 from zv.viewer.streams.message_stream import MessageFeed, MessageStream
 from zv.viewer.streams.picture_stream import PictureFeed, PictureStream
-from zv.viewer.streams.rendering import EncodedPicture, RenderOptions, original, render
-from zv.viewer.streams.shared_stream import SharedStream, StreamContext
+from zv.viewer.streams.rendering import EncodedPicture, RenderOptions, cost, original, render
+from zv.viewer.streams.shared_stream import RENDER_THREADS, SharedStream, StreamContext
 from zv.viewer.topics import kind_of
 
 MAX_KEYS = 256
@@ -56,6 +56,7 @@ class StreamRegistry:
         self._pictures: dict[str, PictureStream] = {}
         self._messages: dict[str, MessageStream] = {}
         self._queries = asyncio.Semaphore(MAX_QUERIES)
+        self._rendering = asyncio.Semaphore(RENDER_THREADS)
         self._held = 0
 
     def pictures(
@@ -73,12 +74,12 @@ class StreamRegistry:
         return MessageFeed(self._stream(MessageStream, self._messages, key, has), ready)
 
     async def snapshot(
-        self, key: str, options: RenderOptions, admit: Callable[[Frame], None]
+        self, key: str, options: RenderOptions, charge: Callable[[int], None]
     ) -> EncodedPicture | None:
         """Return the newest picture of a key; None if none arrives in time.
 
         It is taken from an open stream, else from the publisher's reply to a query, else from a
-        new subscription. ``admit`` is called with its frame before that is rendered, and may raise
+        new subscription. ``charge`` is called with its pixels before it is rendered, and may raise
         an error instead.
 
         Raises:
@@ -90,23 +91,23 @@ class StreamRegistry:
         end_s = time.monotonic() + wait_s
         stream = self._pictures.get(key)
         if stream is not None and stream.newest is not None and stream.ended_ns is None:
-            return await self._render(stream.newest[1], options, admit, stream.finder)
+            return await self._render(stream.newest_frame, options, charge, stream.finder)
         async with self._queries:
             time_s = min(QUERY_S, wait_s)
             ask = self.context.network.ask
-            for reply in await ask(key, timeout_s=time_s, most_bytes=SNAPSHOT_BYTES):
-                if reply.ok is not None and reply.key == key:
-                    settings = self.context.settings()
-                    finder = RangeFinder((settings.depth_min, settings.depth_max))
-                    with self.hold(len(reply.ok.payload)):
-                        found = self._frame(key, reply.ok)
-                        return await self._render(found, options, admit, finder)
+            replies = await ask(key, timeout_s=time_s, most_bytes=SNAPSHOT_BYTES)
+            sample = next((each.ok for each in replies if each.ok and each.key == key), None)
+            if sample is not None:
+                settings = self.context.settings()
+                finder = RangeFinder((settings.depth_min, settings.depth_max))
+                with self.hold(len(sample.payload)):
+                    found = self._frame(key, sample)
+                    return await self._render(lambda: found, options, charge, finder)
         feed = self.pictures(key, options)  # its publisher answers no queries
         try:
-            frame = await feed.stream.frame(max(0.05, end_s - time.monotonic()))
-            if frame is None:
+            if not await feed.stream.wait(max(0.05, end_s - time.monotonic())):
                 return None
-            admit(frame)
+            charge(cost(feed.stream.newest_frame(), options))
             return await feed.next(max(0.05, end_s - time.monotonic()))
         finally:
             feed.close()
@@ -136,16 +137,20 @@ class StreamRegistry:
 
     async def _render(
         self,
-        frame: Frame,
+        newest: Callable[[], Frame],
         options: RenderOptions,
-        admit: Callable[[Frame], None],
+        charge: Callable[[int], None],
         finder: RangeFinder,
     ) -> EncodedPicture:
-        admit(frame)
-        found = original(frame, options)
-        if found is None:
-            quality = self.context.settings().quality
-            found = await self.context.run(render, frame, options, quality, finder)
+        # Neither those that wait for a thread nor the traceback of a refusal hold a frame, whose
+        # pixels may take 100 MB.
+        charge(cost(newest(), options))
+        async with self._rendering:
+            frame = newest()
+            found = original(frame, options)
+            if found is None:
+                quality = self.context.settings().quality
+                found = await self.context.run(render, frame, options, quality, finder)
         return found
 
     def _stream(self, kind: type[S], streams: dict[str, S], key: str, has: int) -> S:

@@ -20,6 +20,8 @@ from zenoh_vision.transport.subscriber import subscribe
 from zv.viewer.discovery.network import LoopWakeup, Network
 from zv.viewer.settings import ViewerSettings
 
+RENDER_THREADS = 2
+
 P = ParamSpec("P")
 T = TypeVar("T")
 IntakeT = TypeVar("IntakeT", bound=Intake[Any, Any])

@@ -112,23 +112,15 @@ class WebVideoServer:
             feed = self._registry.pictures(key, options)
             try:
                 if key in self._system.streams:
-                    frame = await feed.stream.frame(self._registry.context.settings().wait)
-                    charge(cost(frame, options) if frame else 0)
+                    if await feed.stream.wait(self._registry.context.settings().wait):
+                        charge(cost(feed.stream.newest_frame(), options))
                 else:
                     with suppress(PayloadError):  # data arrives, but it is not a picture
-                        if await self._newest(key, options, charge) is None:
+                        if await self._registry.snapshot(key, options, charge) is None:
                             raise self._not_found(query.topic)
                 return await self._send(request, feed, charge)
             finally:
                 feed.close()
-
-    async def _newest(
-        self, key: str, options: RenderOptions, charge: Callable[[int], None]
-    ) -> EncodedPicture | None:
-        """Return the newest picture of a key, charged before it is rendered."""
-        return await self._registry.snapshot(
-            key, options, lambda frame: charge(cost(frame, options))
-        )
 
     async def _send(
         self, request: web.Request, feed: PictureFeed, charge: Callable[[int], None]
@@ -168,7 +160,7 @@ class WebVideoServer:
         query, key = self._parse(request, single=True)
         try:
             with self._budget.share(request.remote, key, query.options) as charge:
-                picture = await self._newest(key, query.options, charge)
+                picture = await self._registry.snapshot(key, query.options, charge)
         except PayloadError as error:
             raise web.HTTPBadGateway(text=f"{key}: {error}\n") from None
         if picture is None:
