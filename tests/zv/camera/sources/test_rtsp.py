@@ -184,13 +184,10 @@ class Network:
                 target.sendall(change(data))
             target.shutdown(socket.SHUT_RDWR)
 
-    def hold(self, seconds: float) -> float:
-        """Let nothing through for a time; return how long it was."""
-        begun_s = time.monotonic()
+    def hold(self, seconds: float) -> None:
         self.passes.clear()
         threading.Event().wait(seconds)  # the length of the stall is what is tested
         self.passes.set()
-        return time.monotonic() - begun_s
 
     def close(self) -> None:
         self.passes.set()
@@ -215,15 +212,20 @@ def test_what_the_network_held_back_for_3_s_is_as_old_as_it_is_and_skipped(
     source = opened(f"rtsp://127.0.0.1:{network.port}{path}")
     usual = [(picture, age_s(picture)) for picture in (source.read() for _ in range(20))]
     assert sorted(age for _, age in usual)[10] < 0.2
-    held_s = network.hold(3.0)
-    given = [(picture, age_s(picture)) for picture in (source.read() for _ in range(60))]
-    assert max(age for _, age in given[-30:]) < 0.3
-    stamps = [picture.stamp_ns for picture, _ in given]
+    begun_s = time.monotonic()
+    network.hold(3.0)
+    given, young = [], 0
+    while young < 30:  # in a row: a busy machine may be late once more
+        assert len(given) < 300
+        given.append(source.read())
+        young = young + 1 if age_s(given[-1]) < 0.3 else 0
+    took_s = time.monotonic() - begun_s
+    stamps = [picture.stamp_ns for picture in given]
     assert stamps == sorted(set(stamps))
-    # 90 pictures in 3 s, of which those until a key picture are shown, and those that came while
-    # the others were skipped. Those that are missing by their stamps are counted.
-    skipped = sum(picture.skipped for picture, _ in given)
-    assert 60 < skipped < 30 * (held_s + 0.3)
+    # 90 pictures in 3 s, of which those until a key picture are shown. Those that are missing by
+    # their stamps are counted.
+    skipped = sum(picture.skipped for picture in given)
+    assert 60 < skipped < 30 * took_s - len(given) + 3
     missing = round((stamps[-1] - usual[-1][0].stamp_ns) / 1e9 * 30) - len(stamps)
     assert skipped == pytest.approx(missing, abs=2)
     # Beside the gap of what was skipped, the pictures are as far apart as the camera took them.
