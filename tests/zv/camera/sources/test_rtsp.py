@@ -244,7 +244,7 @@ def test_without_a_limit_nothing_is_skipped_and_stamps_are_true(network: Network
     assert max(age for _, age in given) > 1.0
 
 
-@pytest.mark.quiet
+@pytest.mark.alone
 def test_a_slow_decoder_shows_the_newest_key_picture(
     shared_rtsp: RtspCamera, opened: Opened, monkeypatch: pytest.MonkeyPatch
 ):
@@ -285,6 +285,7 @@ def test_rtsp_goes_over_tcp_or_udp(
     assert opened(shared_rtsp.url(path), transport=transport).read() is not None
 
 
+@pytest.mark.quiet
 @pytest.mark.parametrize("transport", ["tcp", "udp"])
 @pytest.mark.parametrize("path", ["/h264", "/h265", "/mjpeg"])
 def test_lost_packets_are_counted_and_no_picture_that_they_damage_is_shown(
