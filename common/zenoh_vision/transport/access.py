@@ -130,7 +130,8 @@ class AccessCheck:
             self._answer = Future()
             pattern = keys.granted_key(self.credentials.name, own, "*", "**")
             query = Query(pattern, timeout_s=ANSWER_S, tokens=True)
-            # Zenoh has locked the session meanwhile: whoever waits for who uses it waits for ever.
+            # Zenoh calls this with the session locked: judging the answer there could wait for ever
+            # for a thread that uses the session.
             send(session, query, self._answer.set_result)
 
     def _declared(self) -> set[Declared]:

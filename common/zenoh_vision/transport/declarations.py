@@ -10,7 +10,7 @@ Completion uses this while a shell waits, so it imports no models.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final, Literal
 
 if TYPE_CHECKING:
@@ -44,20 +44,15 @@ def declared_expression(key: str) -> str:
     return chunks[4] if len(chunks) == 5 else ""
 
 
-def sessions_in(
-    replies: Iterable[Reply], own: str, among: Collection[str] | None = None
-) -> Sessions:
+def sessions_in(replies: Iterable[Reply], own: str) -> Sessions:
     """Return who declared what, by the replies to such a query, without one's own session.
 
     Args:
         replies: Of the routers.
         own: Id of one's own session.
-        among: The key expressions of interest, so that others are not parsed; None for all.
     """
     found: dict[str, frozenset[str]] = {}
     for reply in replies:
-        if among is not None and declared_expression(reply.key) not in among:
-            continue
         key, sessions = declaration_in(reply)
         if key and (others := sessions - {own}):
             found[key] = found.get(key, frozenset()) | others

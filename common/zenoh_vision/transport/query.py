@@ -138,9 +138,9 @@ def send(session: zenoh.Session, query: Query, done: Callable[[Replies], None]) 
         session: The current session.
         query: The key expression to ask, and how long to wait.
         done: Called once, on Zenoh's thread, with all replies: when every queryable has replied
-            or the time is over. Must be quick. Never called if the session is closed before. When
-            tokens were asked for, Zenoh 1.10 has locked the session: it must neither use that nor
-            wait for who does.
+            or the time is over. Must be quick. Never called if the session is closed before. For
+            tokens, Zenoh 1.10 calls it with the session locked: it must neither use the session nor
+            wait for a thread that does.
     """
     replies = Replies()
     sent_ns = time.time_ns()

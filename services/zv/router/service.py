@@ -81,8 +81,8 @@ def run(
             again = True
             try:
                 _route(opened, health_file, rules, signals)
-                # Zenoh closes the connections that it knows: one that was accepted meanwhile would
-                # last, to a router without any others and with the former rules.
+                # Zenoh does not close a connection that it accepts while it closes the others. It
+                # would stay with the former router: with its rules, and without the other clients.
                 cut_connections()
             except zenoh.ZError as error:  # of the close, which took longer than Zenoh allows
                 said = zenoh_error_text(error)

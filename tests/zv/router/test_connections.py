@@ -73,5 +73,5 @@ service.run(RouterSettings(), credentials="router")
 
 
 def test_who_connects_while_a_router_closes_to_take_new_rules_is_cut_too():
-    """He would stay connected to what is left of the former router, with the former rules."""
+    """Such a connection would stay with the former router, and with its rules."""
     assert run_with_a_connection(CLOSES).strip() == "b''"

@@ -123,7 +123,7 @@ def access_control(
 
 
 def _declarable(rights: Rights) -> Iterator[tuple[Kind, str]]:
-    """Yield the kinds and keys of what somebody may declare and is shown that it may."""
+    """Yield the kind and key of each declaration that a holder's tokens may show."""
     kinds: dict[Action, Kind] = {"answer": "queryable", "subscribe": "subscriber"}
     for action, kind in kinds.items():
         for key in rights.allowed.get(action, ()):

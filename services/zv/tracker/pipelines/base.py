@@ -78,7 +78,7 @@ class PipelineWithIds:
 
     @property
     def shift(self) -> tuple[int, int]:
-        """The same in pixels of the frame."""
+        """By how many pixels of the frame, x and y, it was moved from the background."""
         return self.moved[0] * self._scale, self.moved[1] * self._scale
 
     @property

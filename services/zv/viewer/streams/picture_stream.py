@@ -71,7 +71,7 @@ class PictureStream(SharedStream[FrameIntake]):
         return self.newest is not None
 
     def newest_frame(self) -> Frame:
-        """Return the newest frame, which nobody has got by that; its pixels may be large."""
+        """Return the newest frame without counting it as delivered."""
         assert self.newest is not None
         return self.newest[1]
 
