@@ -33,12 +33,16 @@ else
     ! "$work/venv/bin/zv" edge --detector learned 2>said.txt
     grep -q 'built without the weights of learned' said.txt
 fi
-port=$("$work/venv/bin/python" -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')
-"$work/venv/bin/zv" up --plain --listen "tcp/127.0.0.1:$port" >out.txt 2>err.txt &
+free_port() {
+    "$work/venv/bin/python" -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])'
+}
+port=$(free_port)
+ZV_VIEWER_PORT=$(free_port) \
+    "$work/venv/bin/zv" up --plain --listen "tcp/127.0.0.1:$port" >out.txt 2>err.txt &
 up=$!
 status=0
 "$work/venv/bin/python" "$here/tests/support/programs/first_centroid.py" "tcp/127.0.0.1:$port" || status=1
-kill -INT "$up"
+kill -INT "$up" || status=1 # it has ended by itself
 wait "$up" || status=1
 [ "$status" = 0 ] || { cat out.txt err.txt >&2; exit 1; }
 echo "wheel: built, installed, and a system run from it"
