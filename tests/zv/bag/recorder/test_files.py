@@ -55,13 +55,8 @@ def test_each_file_of_a_series_begins_with_the_state_and_misses_nothing(tmp_path
 def test_the_oldest_files_are_deleted_and_never_the_one_that_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sync_s: float
 ) -> None:
-    sync = os.fdatasync
-
-    def fdatasync(file: int) -> None:
-        time.sleep(sync_s)  # of a slow disk: several files are being closed at the end
-        sync(file)
-
-    monkeypatch.setattr(os, "fdatasync", fdatasync)
+    # Not by the disk of this machine; a slow one closes several files at the end.
+    monkeypatch.setattr(os, "fdatasync", lambda file: time.sleep(sync_s))
     other = tmp_path / "walk-20200101T000000_000Z.mcap"
     other.write_bytes(bytes(10**6))
     ours = tmp_path / "run-20200101T000000_000Z.mcap.partial"
@@ -77,7 +72,9 @@ def test_the_oldest_files_are_deleted_and_never_the_one_that_is_written(
     left = [each for each in files.paths if each.exists()]
     assert files.paths[-1] in left
     assert len(left) < len(files.paths)
-    assert sum(each.stat().st_size for each in left) <= 260_000
+    # While too many wait for the disk, a file is not split: the newest may be over the limit alone.
+    size = sum(each.stat().st_size for each in left)
+    assert size <= 200_000 or (sync_s and left == files.paths[-1:])
 
 
 @pytest.mark.quiet
