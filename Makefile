@@ -42,23 +42,23 @@ check: $(VENV)/.dev
 	$(BIN)/codespell
 	$(BIN)/python -m pytest -q tests/zv/viewer/page/test_lint.py
 
-# Tests marked `quiet` measure times: they run after the others, four at a time; those marked
+# Tests marked `quiet` measure times: they run after the others, five at a time; those marked
 # `alone` also fill the machine, and run last, one at a time. Each run is made, whatever the one
 # before it said; status 5 means that ARGS selected no test in it.
 marked = $(or $(ARGS),$$(grep -rl --include='test_*.py' 'mark\.$(1)\b' tests))
 define run_tests
 failed=0; selected=0; \
 	run() { $(BIN)/pytest "$$@"; case $$? in 0) selected=1 ;; 5) ;; *) failed=1 ;; esac; }; \
-	run -m "not compose and not devices and not quiet and not alone" -n 5 --dist loadfile $(DONE) $(1) $(ARGS); \
-	run -m quiet -n 4 --maxschedchunk 1 $(2) $(call marked,quiet); \
+	run -m "not compose and not devices and not quiet and not alone" -n 6 --dist loadfile $(DONE) $(1) $(ARGS); \
+	run -m quiet -n 5 --maxschedchunk 1 $(2) $(call marked,quiet); \
 	run -m alone $(3) $(call marked,alone); \
 	[ $$failed$$selected = 01 ]
 endef
 
-# Five workers and a thousand programs would compile all modules again where this is set.
+# Six workers and a thousand programs would compile all modules again where this is set.
 tests test-compose test-devices: export PYTHONDONTWRITEBYTECODE :=
 
-## tests: pytest, five at a time; then the `quiet` ones (ARGS=... to select)
+## tests: pytest, six at a time; then the `quiet` ones (ARGS=... to select)
 tests: $(VENV)/.dev
 	@$(call run_tests)
 
