@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Self
 from urllib.parse import urlsplit
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.consumer_options import DepthMax, DepthMin, check_depth_range
@@ -17,6 +17,12 @@ TOKEN_PATTERN = r"^[A-Za-z0-9_.~-]{16,128}$"  # noqa: S105 - no token
 
 CERTIFIED: Any = Field(pattern=r"^([A-Za-z0-9_.@ -]+(,[A-Za-z0-9_.@ -]+)*|\*)?$", max_length=1000)
 CERTIFIED_FORM = Form("names separated by commas, or *")
+
+
+def _url(text: str) -> str:
+    """Check what the pattern does not: an address in brackets, and the port."""
+    _ = urlsplit(text).port
+    return text
 
 
 class ViewerSettings(Settings):
@@ -73,6 +79,7 @@ class ViewerSettings(Settings):
             "host name is allowed",
         ),
         Form("http://HOST:PORT or https://HOST:PORT, perhaps with /PATH"),
+        AfterValidator(_url),
     ] = ""
     token: Annotated[
         str | None,

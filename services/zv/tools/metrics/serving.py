@@ -107,13 +107,13 @@ def _bound(listen: str, application: Any) -> _Server:
         family = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)[0][0]
         server = type("Server", (_Server,), {"address_family": family})
         return make_server(host, int(port), application, server, _Handler)
-    except OSError as error:
-        if error.errno == errno.EADDRINUSE:
+    except (OSError, UnicodeError) as error:
+        if getattr(error, "errno", None) == errno.EADDRINUSE:
             raise ConfigurationError(
                 f"listen = {listen!r}: the port is in use, perhaps by another `zv metrics`; "
                 "listen elsewhere with --listen HOST:PORT"
             ) from None
-        why = error.strerror or error
+        why = getattr(error, "strerror", None) or error
         raise ConfigurationError(
             f"listen = {listen!r} is not possible: {why}; allowed: HOST:PORT of this machine"
         ) from None

@@ -146,6 +146,14 @@ def test_an_unknown_host_is_an_error(monkeypatch: pytest.MonkeyPatch):
         pass
 
 
+def test_a_host_whose_name_cannot_be_looked_up_is_an_error():
+    with (
+        pytest.raises(ConfigurationError, match=r"is not possible: .*; allowed: HOST:PORT of"),
+        metrics_at("..:9464"),
+    ):
+        pass
+
+
 def test_after_its_end_nobody_listens_any_more():
     with metrics_at("127.0.0.1:0") as url:
         pass

@@ -30,7 +30,13 @@ def test_the_address_is_where_it_listens_or_what_the_settings_say(
     assert url(host, port, token, address) == expected
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1:8080", "ftp://x/", "http://x/a?b", "http://x y/"])
+@pytest.mark.parametrize(
+    "address",
+    [
+        *("127.0.0.1:8080", "ftp://x/", "http://x/a?b", "http://x y/"),
+        *("http://[::1", "http://[1:2]/", "http://x:70000/"),
+    ],
+)
 def test_an_address_that_no_browser_opens_is_refused(address: str):
     with pytest.raises(ValueError, match="address"):
         ViewerSettings(address=address)
