@@ -9,7 +9,7 @@ import zenoh
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet
 from zenoh_vision.keys import camera_of
 from zenoh_vision.messages import known_message
-from zenoh_vision.topics import topic_of
+from zenoh_vision.topics import COMPRESSED, topic_of
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.declarations import ROUTERS
 from zenoh_vision.transport.publisher import FRAME_DELIVERY, MESSAGE_DELIVERY
@@ -59,7 +59,7 @@ def run(options: PubOptions, connection: Connection, output: Output) -> None:
             width, height = options.size.split("x")
             payload.size = (int(width), int(height))
         elif payload.needs_size:
-            payload.size = _frame_size(session, key)
+            payload.size = _frame_size(session, key, payload.camera)
         sent = _send(session, key, payload, options, output)
         output.note(f"sent {sent} on {key}")
 
@@ -142,9 +142,10 @@ def _wait_for(session: ToolSession, key: str, wanted: int, output: Output) -> No
         session.wait(WAIT_POLL_S)
 
 
-def _frame_size(session: ToolSession, key: str) -> tuple[int, int]:
-    """Return the frame size of the newest picture of the key's camera."""
-    camera_key = f"{key.split('/')[0]}/{camera_of(key)}/image/compressed"
+def _frame_size(session: ToolSession, key: str, camera: str | None) -> tuple[int, int]:
+    """Return the frame size of the newest picture of a message's camera."""
+    namespace = key.split("/")[0] if camera_of(key) else session.namespace
+    camera_key = COMPRESSED.key(namespace, camera or "")
     for reply in session.ask(camera_key):
         header = None if reply.ok is None else header_of(received(reply.ok).attachment)
         if header is not None:

@@ -67,6 +67,12 @@ def test_pub_takes_the_frame_size_from_the_newest_picture_of_the_camera(client, 
     queryable.undeclare()
 
 
+def test_pub_says_that_the_size_is_unknown_on_a_key_that_names_no_camera(zv):
+    data = json.dumps({"header": {"camera": "c"}, "x": 1, "y": 2, "box": None, "area": None})
+    with pytest.raises(ConfigurationError, match="no camera answers on vision/c/image/compressed"):
+        zv(PubOptions(key="centroids", data=data, type_="Centroid"))
+
+
 def test_pub_sends_an_image_file_byte_by_byte(client, zv, tmp_path: Path):
     (tmp_path / "still.jpg").write_bytes(STILL)
     listener = Listener(client, "vision/c/image/compressed")
