@@ -83,7 +83,7 @@ def run(options: EchoOptions, connection: Connection, output: Output) -> None:
 def _show(frame: Frame, form: Form, place: str) -> None:
     columns, rows = shutil.get_terminal_size()
     header = frame.header
-    age_ms = (time.time_ns() - header.stamp_ns) / 1e6
+    age_ms = (time.time_ns() - header.age_start_ns) / 1e6
     about = f"{header.camera} {header.width}x{header.height} seq {header.seq}, {age_ms:.0f} ms old"
     picture = drawn(frame.bgr, form, columns, max(1, rows - 2))
     print(f"{place}{picture}\n{about}\x1b[K", flush=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -224,6 +225,21 @@ def test_echo_draws_pictures_in_the_terminal(echoed, client):
     lines = echoed(options, send)
     assert lines[-1].startswith(f"c {WIDTH}x{HEIGHT} seq ")
     assert "\u2580" in lines[0]
+
+
+def test_the_age_of_a_picture_that_is_drawn_counts_from_its_replay(echoed, client):
+    picture = "vision/c/image/compressed"
+    options = EchoOptions(key=picture, once=True, image=True, image_form="blocks")
+    hour_ns = 3600 * 10**9
+
+    def send() -> None:
+        now_ns = time.time_ns()
+        about = header(0, encoding="bgr8", width=WIDTH, height=HEIGHT)
+        about |= {"stamp_ns": now_ns - hour_ns, "replay": now_ns, "replayed_ns": now_ns}
+        client.put(picture, STILL, encoding=JPEG, attachment=msgpack.packb(about))
+
+    (age_ms,) = re.findall(r", (\d+) ms old", echoed(options, send)[-1])
+    assert int(age_ms) * 10**6 < hour_ns
 
 
 @pytest.mark.parametrize(
