@@ -189,6 +189,7 @@ WRONG = {
     ),
     "no such file": (["load", "camera_front", "missing.toml"], (3, ["missing.toml"])),
     "another node's file": (["load", "camera_front", "configs/edge.toml"], (2, ["'detector'"])),
+    "two forms": (["dump", "camera_front", "--json", "-o", "x.toml"], (2, ["give one of them"])),
     "no folder": (["dump", "camera_front", "-o", "missing/x.toml"], (3, ["missing/x.toml"])),
 }
 

@@ -130,9 +130,15 @@ def _set(
 
 
 def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
-    """Write the parameters of a node as TOML."""
+    """Write the parameters of a node as TOML.
+
+    Raises:
+        ConfigurationError: Both JSON and a file are wanted.
+    """
+    if output.as_json and options.output != "-":
+        raise ConfigurationError("--json prints the values, -o writes TOML: give one of them")
     found = _one_of(options.node, connection)
-    if output.as_json or options.output == "-":
+    if options.output == "-":
         values = {one.name: one.value for one in found.parameters}
         output.result(values, *toml_file(found).removesuffix("\n").split("\n"))
         return
