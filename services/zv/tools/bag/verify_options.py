@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -21,6 +22,12 @@ def assigned(text: str) -> tuple[str, str]:
     if not name or not separator:
         raise ValueError("not NAME=VALUE")
     return name.strip(), value.strip()
+
+
+def _command(text: str) -> str:
+    if not shlex.split(text):
+        raise ValueError("no command")
+    return text
 
 
 def _assignments(texts: tuple[str, ...]) -> tuple[str, ...]:
@@ -52,6 +59,7 @@ class VerifyOptions(ToolOptions):
     ]
     command: Annotated[
         str | None,
+        AfterValidator(_command),
         Field(description="command that starts a service of your own: 'python brightness.py'"),
     ] = None
     config: Annotated[

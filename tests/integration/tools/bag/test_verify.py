@@ -22,11 +22,14 @@ from tests.support.publishing import wait_for_subscriber
 from tests.support.recordings import centroids, frames, write
 from tests.support.routing import Router
 from tests.support.waiting import wait_until
+from zenoh_vision.config.settings import load_settings
+from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import msgpack_of
 from zenoh_vision.messages import Diagnostics
 from zv.bag.record import Record
 from zv.bag.recording import Recording
 from zv.bag.writer import PARTIAL, Writer
+from zv.tools.bag.verify_options import VerifyOptions
 
 FRAMES = frames(45, still=25)
 KEY = "vision/front/tracks"
@@ -91,6 +94,12 @@ def tampered(golden: Path, path: Path, seq: int) -> Path:
             writer.add(record)
         writer.close()
     return path
+
+
+@pytest.mark.parametrize("command", ["", " ", "python 'sum.py"])
+def test_what_is_no_command_is_refused(command: str):
+    with pytest.raises(ConfigurationError, match="--command = "):
+        load_settings(VerifyOptions, flags={"file": "a", "node": "sum", "command": command})
 
 
 OTHER_PROCESSORS = f"{sys.executable} -m zv tracker --threads 2 --jpeg-threads 1"
