@@ -305,6 +305,12 @@ def test_draw_without_a_tracker_says_so_at_once(client, zv, tmp_path: Path):
         zv(KEY, tmp_path / "a.jpg", draw=True)
 
 
+def test_draw_refuses_a_key_of_several_cameras(client, zv, tmp_path: Path):
+    refused = pytest.raises(ConfigurationError, match=r"--draw: vision/\*/image/compressed is not")
+    with refused:
+        zv("vision/*/image/compressed", tmp_path / "a.jpg", draw=True)
+
+
 def test_draw_gives_up_when_nothing_belongs_together(client, zv, tmp_path: Path):
     publisher = client.declare_publisher("vision/c/centroid")
     wrong = threading.Event()

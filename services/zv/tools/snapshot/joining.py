@@ -89,12 +89,12 @@ def join(
     """Return the first picture of a key whose results arrived, with its result; None if stopped.
 
     Raises:
-        ConfigurationError: The key is not that of a camera's pictures.
+        ConfigurationError: The key is not that of the pictures of one camera.
         ExpectationNotMet: No picture and result of the same frame arrived.
     """
     topic = topic_of(key)
-    if topic is None:
-        raise ConfigurationError(f"--draw: {key} is not a key of a camera in the topic table")
+    if topic is None or "*" in key:
+        raise ConfigurationError(f"--draw: {key} is not a key of one camera in the topic table")
     found = discover(session)
     namespace, camera = key.split("/")[0], camera_of(key)
     keys = {each: each.key(namespace, camera) for each in (CENTROID, TRACKS)}
