@@ -15,6 +15,9 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 AUTHORITY_DAYS: Final = 3650
+LONGEST_NAME: Final = 64
+"""Most characters of a name in a certificate, by X.520."""
+
 BACKDATED: Final = timedelta(minutes=5)
 """Certificates begin this long before they are issued, since clocks differ a little."""
 
@@ -41,7 +44,7 @@ def base64_of(pem: bytes) -> str:
 def new_authority(namespace: str) -> Issued:
     """Make a certificate authority, which signs for itself."""
     key = ec.generate_private_key(ec.SECP256R1())
-    name = _name(f"zenoh-vision {namespace}")
+    name = _name(f"zenoh-vision {namespace}"[:LONGEST_NAME])
     public = key.public_key()
     usage = x509.KeyUsage(
         digital_signature=False,

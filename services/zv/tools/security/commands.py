@@ -16,7 +16,7 @@ from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.security.credentials import renewal, shown_time
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.endpoints import MAX_PORT
-from zv.tools.security.authority import new_authority
+from zv.tools.security.authority import LONGEST_NAME, new_authority
 from zv.tools.security.folder import (
     AUTHORITY,
     AUTHORITY_KEY,
@@ -45,13 +45,15 @@ from zv.tools.security.roles import LAUNCHER, ROUTER, Role
 from zv.tools.shared.output import Output
 
 COMPOSE_APART: Final = 10_000
+MOST_CHARACTERS: Final = LONGEST_NAME - len(".999")
+"""Of a holder's name: its certificate's may end in a number, after a revocation."""
 
 
 def init(options: InitOptions, connection: Connection, output: Output) -> None:
     """Make an authority, and certificates for the router, every node and the tools' users.
 
     Raises:
-        ConfigurationError: The folder was used before, or a name is given twice.
+        ConfigurationError: The folder was used before, or a name is too long or given twice.
         SourceError: A file cannot be written.
     """
     folder = Folder(options.folder)
@@ -63,7 +65,7 @@ def init(options: InitOptions, connection: Connection, output: Output) -> None:
         (LAUNCHER, Role(LAUNCHER)),
         *roles_of_people(options.operator, options.guest),
     ]
-    _check_unique(name for name, _ in named)
+    _check_names(name for name, _ in named)
     folder.make()
     authority = new_authority(connection.namespace)
     folder.put(folder.path / AUTHORITY_KEY, authority.key.decode(), PRIVATE)
@@ -116,7 +118,7 @@ def add(options: AddOptions, _connection: Connection, output: Output) -> None:
                 "nobody is named; allowed: --camera, --operator, --guest, --player, --node or "
                 "--router"
             )
-        _check_unique(name for name, _ in named)
+        _check_names(name for name, _ in named)
         there = system.valid()
         known = [name for name, _ in named if name in there]
         named = [(name, role) for name, role in named if name not in there]
@@ -252,11 +254,16 @@ def _description(file: Path) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _check_unique(names: Iterable[str]) -> None:
+def _check_names(names: Iterable[str]) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:
             raise ConfigurationError(f"{name} is named twice; allowed: each name once")
+        if len(name) > MOST_CHARACTERS:
+            raise ConfigurationError(
+                f"{name} is too long for a certificate: {len(name)} characters; allowed: "
+                f"{MOST_CHARACTERS}"
+            )
         seen.add(name)
 
 

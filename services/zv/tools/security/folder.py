@@ -141,19 +141,18 @@ class Folder:
             SourceError: There is no such folder, or it has no authority.
         """
         try:
-            with (self.path / AUTHORITY).open() as file:
-                fcntl.flock(file, fcntl.LOCK_EX)
-                yield
-        except FileNotFoundError as error:
-            if error.filename != str(self.path / AUTHORITY):
-                raise
-            raise self._missing(AUTHORITY) from None
+            file = (self.path / AUTHORITY).open()
+        except OSError as error:
+            raise self._unreadable(AUTHORITY, error) from None
+        with file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
 
     def system(self) -> System:
         """Read the list of holders.
 
         Raises:
-            SourceError: There is none.
+            SourceError: There is none, or it cannot be read.
             ConfigurationError: It is damaged.
         """
         file = self.path / LIST
@@ -167,8 +166,8 @@ class Folder:
                 int(content["days"]),
                 holders,
             )
-        except OSError:
-            raise self._missing(LIST) from None
+        except OSError as error:
+            raise self._unreadable(LIST, error) from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise ConfigurationError(
                 f"{file}: damaged; copy it back from a backup, or make another folder with "
@@ -294,6 +293,11 @@ class Folder:
 
     def _has(self, *names: str) -> bool:
         return any((self.path / name).exists() for name in names)
+
+    def _unreadable(self, name: str, error: OSError) -> SourceError:
+        if isinstance(error, FileNotFoundError):
+            return self._missing(name)
+        return SourceError(f"{self.path / name}: {error.strerror or error}")
 
     def _missing(self, name: str) -> SourceError:
         why = "zv security init makes the folder"

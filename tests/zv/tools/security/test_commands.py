@@ -23,9 +23,9 @@ from zenoh_vision.security.credentials import (
     read_json5,
 )
 from zv.registry import SERVICES
-from zv.tools.security import showing
+from zv.tools.security import commands, showing
 from zv.tools.security.folder import Folder
-from zv.tools.security.options import CheckOptions, ShowOptions, WebOptions
+from zv.tools.security.options import CheckOptions, InitOptions, ShowOptions, WebOptions
 from zv.tools.security.roles import rights_of
 from zv.tools.security.web import web
 
@@ -78,6 +78,32 @@ def test_the_router_denies_by_default_and_accepts_only_tls_with_certificates(sys
     kinds = {kind for rule in content["access_control"]["rules"] for kind in rule["messages"]
              if not rule["id"].startswith("routers")}  # fmt: skip
     assert "delete" not in kinds
+
+
+def test_a_name_that_no_certificate_can_have_is_refused_before_anything_is_written(
+    system: Secured, tmp_path: Path
+):
+    long = "c" * 60
+    with pytest.raises(ConfigurationError, match=rf"camera_{long} is too long .*; allowed: 60"):
+        secured(tmp_path / "other", camera=(long,))
+    assert not (tmp_path / "other").exists()
+    with pytest.raises(ConfigurationError, match=rf"{long}c is too long for a certificate"):
+        system.add(operator=(f"{long}c",))
+
+
+def test_a_namespace_may_be_longer_than_a_name_in_a_certificate(tmp_path: Path):
+    folder = str(tmp_path / "security")
+    quietly(commands.init, InitOptions(folder=folder), "n" * 64)
+    assert Folder(folder).system().namespace == "n" * 64
+
+
+def test_what_is_no_folder_is_said_so(tmp_path: Path):
+    (tmp_path / "file").touch()
+    system = Secured(tmp_path / "file", 1)
+    with pytest.raises(SourceError, match=r"file/ca\.pem: Not a directory"):
+        system.add(camera=("left",))
+    with pytest.raises(SourceError, match=r"file/security\.json: Not a directory"):
+        quietly(showing.show, ShowOptions(dir=str(system.folder)))
 
 
 def test_nothing_is_overwritten(system: Secured):
