@@ -6,6 +6,7 @@ in ``zv ... | head``, that is not an error.
 
 from __future__ import annotations
 
+import errno
 import gc
 import io
 import logging
@@ -25,7 +26,7 @@ from typing import NoReturn
 import click
 
 from zenoh_vision.error_text import did_you_mean, printable, similar_names
-from zenoh_vision.errors import VisionError
+from zenoh_vision.errors import SourceError, VisionError
 from zenoh_vision.host import abandoned_threads
 from zenoh_vision.host.signals import SIGNALS
 
@@ -33,6 +34,8 @@ FAULT_STATUS = 70
 """The exit status of an unexpected error: EX_SOFTWARE of sysexits.h."""
 
 USAGE_STATUS = 2
+INACCESSIBLE = (errno.EACCES, errno.ENAMETOOLONG)
+"""With these even a look at whether a file exists fails, which the programs do in many places."""
 
 
 def reader_is_gone(error: BaseException) -> bool:
@@ -103,6 +106,9 @@ def tell(error: Exception, *, debug: bool, program: str = "zv", file: str | None
         if error.exit_status:
             _say(str(error), program)
         return error.exit_status
+    if isinstance(error, OSError) and error.errno in INACCESSIBLE and error.filename is not None:
+        _say(f"{error.filename}: {error.strerror}", program)
+        return SourceError.exit_status
     if debug:
         print(_lines("".join(traceback.format_exception(error))), file=sys.stderr)
     _say(fault(error, program, file), program)

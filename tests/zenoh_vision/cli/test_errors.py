@@ -51,6 +51,25 @@ def test_at_its_end_a_program_does_not_look_through_all_objects_for_garbage():
     assert run_program([sys.executable, "-c", COLLECTS]).stdout == "True\n"
 
 
+@pytest.mark.parametrize(
+    "look",
+    [
+        f"Path({'n' * 300!r}).exists()",
+        'exec(\'raise PermissionError(errno.EACCES, "Permission denied", "/root/a.mcap")\')',
+    ],
+)
+def test_a_file_that_must_not_even_be_looked_for_is_no_bug_but_cannot_be_opened(look: str):
+    program = f"""
+import errno
+from pathlib import Path
+from zenoh_vision.cli.errors import exit_with_status
+exit_with_status(lambda: list([{look}]))
+"""
+    done = run_program([sys.executable, "-c", program])
+    assert done.returncode == 3
+    assert re.fullmatch(r"zv: (n+: File name too long|/root/a\.mcap: .*denied)\n", done.stderr)
+
+
 def record(message: str, *values: str) -> logging.LogRecord:
     """Return an entry about an exception."""
     found = (ValueError, ValueError(message), None)
