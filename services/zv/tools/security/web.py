@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable
 from typing import Any, Final
 
@@ -14,7 +13,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from zenoh_vision.errors import ConfigurationError
-from zenoh_vision.security.credentials import CA, CERTIFICATE, KEY, read_json5, shown_time
+from zenoh_vision.security.credentials import CA, CERTIFICATE, KEY, read_credentials, shown_time
 from zenoh_vision.transport.connection import Connection
 from zv.tools.security.authority import issue
 from zv.tools.security.folder import AUTHORITY, PRIVATE, Folder, System
@@ -46,7 +45,7 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
         folder.put(files[0], text, PRIVATE)
         for name in people:
             files.append(folder.browser_file_of(name))
-            folder.put(files[-1], _for_browser(name, read_json5(folder.file_of(name))), PRIVATE)
+            folder.put(files[-1], _for_browser(folder, name), PRIVATE)
     names = ",".join(system.holders[name].common_name(name) for name in people)
     output.result(
         {"written": [str(file) for file in files], "names": names},
@@ -70,11 +69,10 @@ def _people(system: System, names: Iterable[str]) -> Iterable[str]:
     return names or persons
 
 
-def _for_browser(name: str, content: dict[str, Any]) -> bytes:
-    tls = content["transport"]["link"]["tls"]
-    parts = {part: base64.b64decode(tls[part]) for part in (CA, CERTIFICATE, KEY)}
-    key: Any = load_pem_private_key(parts[KEY], None)
-    own, authority = (x509.load_pem_x509_certificate(parts[each]) for each in (CERTIFICATE, CA))
+def _for_browser(folder: Folder, name: str) -> bytes:
+    found = read_credentials(str(folder.file_of(name)))
+    key: Any = load_pem_private_key(found.pem(KEY), None)
+    own, authority = (x509.load_pem_x509_certificate(found.pem(each)) for each in (CERTIFICATE, CA))
     return pkcs12.serialize_key_and_certificates(
         name.encode(), key, own, [authority], NoEncryption()
     )

@@ -294,6 +294,12 @@ def test_who_is_revoked_has_no_browser_file_and_the_viewer_that_admits_it_is_nam
     assert "still admits the browsers of guest: take the name out of its --tls-operators" in said
 
 
+def test_damaged_credentials_give_no_browser_file(system: Secured):
+    system.rewrite("guest", {})
+    with pytest.raises(ConfigurationError, match=r"guest\.json5: no credentials of a node"):
+        quietly(web, WebOptions(dir=str(system.folder), name=("guest",)))
+
+
 def test_the_files_that_routers_elsewhere_need_are_named(system: Secured):
     assert "copy" not in system.revoke("guest")
     system.add(router="far", host=("far.example.com",))
