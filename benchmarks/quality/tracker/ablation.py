@@ -32,7 +32,6 @@ RULES: dict[str, dict[str, Any]] = {
         "tracking.association.pieces.stacked": -9.0,
         "tracking.association.pieces.beside": -9.0,
     },
-    "filled boxes": {"tracking.association.pieces.fill": 0.0},
     "ghosts": {"least_evidence": 0.0},
     "protection": {"tracking.life.protect_s": 0.0},
     "learning what stands unchanged": {"tracking.life.unchanged_s": 1e9},

@@ -87,7 +87,7 @@ def associate(
         owned = [regions[column] for column in columns]
         members = [tracks[row] for row in rows]
         if len(members) == 1:
-            found = owned[0] if convex else around_largest(owned, limits.pieces)
+            found = owned[0] if convex else around_largest(owned)
             decisions.append(Follow(members[0], found))
         else:
             decisions += _together(members, owned, limits)

@@ -17,7 +17,6 @@ class PieceLimits:
 
     stacked: float = 0.15  # pieces one above the other belong together up to this gap, in sides
     beside: float = 0.05  # pieces side by side belong together up to this gap, in sides
-    fill: float = 0.25  # they do if they fill this share of the box around them
     # An object claims a piece if it shares more than this part of the smaller box.
     claimed: float = 0.4
 
@@ -55,21 +54,17 @@ def joined(
         both = owners[first] | owners[second]
         if first == second or len(both) > 1:
             continue
-        whole = union((found[first], found[second]))
-        if whole.area < limits.fill * whole.width * whole.height:
-            continue
-        owners[first], found[first] = both, whole
+        owners[first], found[first] = both, union((found[first], found[second]))
         group = [first if each == second else each for each in group]
     return [found[number] for number in sorted(set(group))]
 
 
-def around_largest(owned: list[Region], limits: PieceLimits) -> Region:
+def around_largest(owned: list[Region]) -> Region:
     """Return the largest region of a track with those above and below it, but not beside it."""
     ordered = sorted(owned, key=lambda each: -each.area)
     found = ordered[0]
     for each in ordered[1:]:
-        whole = union((found, each))
         shared = min(each.right, found.right) - max(each.left, found.left)
-        if shared > 0.5 * each.width and whole.area > limits.fill * whole.width * whole.height:
-            found = whole
+        if shared > 0.5 * each.width:
+            found = union((found, each))
     return found
