@@ -37,10 +37,11 @@ from zv.bag.replayed import Names, Pass, Replayed, Sent
 from zv.tools.bag.keyboard import HELP, Keyboard
 from zv.tools.bag.live_nodes import LiveWatch, camera_among, publishers
 from zv.tools.bag.play_options import MAX_SPEED, PlayerParameters, PlayOptions, renamed
-from zv.tools.bag.player import Deviation, Player, Wish
+from zv.tools.bag.player import Player, Wish
 from zv.tools.bag.tape import RecordedTape
 from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession
+from zv.tools.shared.statistics import Distribution
 
 log = logging.getLogger("player")
 
@@ -50,6 +51,7 @@ LEAP_S: Final = 5.0
 STATE_NS: Final = 200_000_000
 MOST_MARKS: Final = 500
 COUNTS: Final = ("read", "published")
+DEVIATIONS: Final = ("p50", "p99", "max")
 MATCH_S: Final = 5.0
 """How long the subscription of a node that is waited for may take to arrive here."""
 
@@ -71,7 +73,8 @@ def run(options: PlayOptions, connection: Connection, output: Output) -> None:
         with Playing(tape, names, options, connection, output) as playing:
             playing.run()
             counts, passes = playing.sent, playing.player.begun
-            figures = playing.deviation.milliseconds()
+            spread = playing.deviation_ms.spread()
+        figures = {name: round(spread[name], 3) for name in DEVIATIONS} if spread else None
         total = sum(counts.values())
         length_s = (tape.end_ns - tape.begin_ns) / 1e9
         paced = "" if figures is None else f"; p99 of the deviation {figures['p99']:.2f} ms"
@@ -151,7 +154,7 @@ class Playing:
         self._lockstep: Lockstep | None = None
         self._open = ExitStack()
         self.sent: Counter[str] = Counter()
-        self.deviation = Deviation()
+        self.deviation_ms = Distribution()
         self._marks = tuple(tape.marks(MOST_MARKS))
         self._told_ns = 0
         self._states: list[StreamPublisher] = []
@@ -323,7 +326,7 @@ class Playing:
             stream.offer(lambda: Outgoing(sent.payload, record.encoding, sent.attachment))
         playing = self.player.time.speed and not self.player.time.paused
         if playing and record.log_time_ns >= self._tape.begin_ns:
-            self.deviation.note(run.due_ns(record.log_time_ns), now_ns)
+            self.deviation_ms.add(abs(now_ns - run.due_ns(record.log_time_ns)) / 1e6)
         self.sent[sent.key] += 1
         node.counters.finish()
         node.health.done(None)

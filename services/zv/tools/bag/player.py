@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import threading
-from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -195,31 +192,3 @@ class Player:
                 return jump_ns
             self.changed.wait(LONGEST_WAIT_S)
         return None
-
-
-MOST = 1_000_000
-
-
-class Deviation:
-    """Collects the deviations of the newest ``MOST`` samples."""
-
-    def __init__(self) -> None:
-        self._found = array("d")
-        self._lock = threading.Lock()
-
-    def note(self, due_ns: int, sent_ns: int) -> None:
-        """Add a sample that was due, and was sent, at times since 1970."""
-        with self._lock:
-            if len(self._found) >= MOST:
-                del self._found[: MOST // 2]
-            self._found.append(abs(sent_ns - due_ns) / 1e6)
-
-    def milliseconds(self) -> dict[str, float] | None:
-        """Return p50, p99 and max, milliseconds; None without samples."""
-        with self._lock:
-            ordered = sorted(self._found)
-        if not ordered:
-            return None
-        at = {"p50": 50, "p99": 99, "max": 100}
-        rank = {name: math.ceil(len(ordered) * share / 100) - 1 for name, share in at.items()}
-        return {name: round(ordered[place], 3) for name, place in rank.items()}
