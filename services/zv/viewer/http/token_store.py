@@ -6,7 +6,6 @@ import logging
 import os
 import re
 import secrets
-from collections.abc import Iterable
 from pathlib import Path
 
 from zv.viewer.http.listener import is_loopback
@@ -18,25 +17,14 @@ TOKEN_BYTES = 24
 
 
 def token_of(settings: ViewerSettings) -> str | None:
-    """Return the token that a viewer requires; None if it requires none, or a certificate."""
-    if settings.tls_clients is not None:
-        return settings.token
-    return token_for(settings.host, settings.token, names=settings.names)
+    """Return the token that a viewer requires; None if it requires none, or a certificate.
 
-
-def token_for(
-    host: str, configured: str | None, folder: Path | None = None, *, names: Iterable[str] = ()
-) -> str | None:
-    """Return the token that a viewer on this address requires; None if it requires none.
-
-    A generated token is kept in ``folder``; None for the user's state folder. ``names`` are the
-    other names of the viewer, besides ``host``.
+    A generated one is kept in the user's state folder.
     """
-    if configured is not None:
-        return configured
-    if all(map(is_loopback, (host, *names))):
-        return None
-    path = (folder or state_folder()) / "viewer_token"
+    is_local = all(map(is_loopback, (settings.host, *settings.names)))
+    if settings.token is not None or settings.tls_clients is not None or is_local:
+        return settings.token
+    path = state_folder() / "viewer_token"
     try:
         return stored_token(path)
     except OSError as error:
