@@ -11,13 +11,11 @@ import zenoh
 
 from zenoh_vision.error_text import joined, printable
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.keys import schema_name_of
 from zenoh_vision.message_codec import unpack
-from zenoh_vision.messages import Header
 from zenoh_vision.stream.buffer import Buffer, queue
-from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES
 from zv.tools.doctor.finding import Finding, or_ok
 from zv.tools.shared.message_types import MessageType, foreign_types, own_keys
+from zv.tools.shared.received import Received, header_of, received
 from zv.tools.shared.session import ToolSession
 
 MAX_KEYS = 100
@@ -56,23 +54,18 @@ class MessageCheck:
 
     def __init__(self, session: ToolSession) -> None:
         self._answers = foreign_types(session)
-        self._waiting = Buffer[tuple[str, str, bytes, str]](
-            queue(MAX_SAMPLES, MAX_BYTES), lambda _: None
-        )
+        self._waiting = Buffer[Received](queue(MAX_SAMPLES, MAX_BYTES), lambda _: None)
         if not self._answers.types:
             return
         for key in own_keys(session)[:MAX_KEYS]:
             session.subscribe(key, self._receive)
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        name = schema_name_of(str(sample.encoding))
-        if name not in self._answers.types or sample.kind == zenoh.SampleKind.DELETE:
-            return
         if len(sample.payload) > MAX_MESSAGE_BYTES:
             return
-        payload = sample.payload.to_bytes()
-        taken = (str(sample.key_expr), name, payload, _sender(sample.attachment))
-        self._waiting.put(taken, size=len(payload))
+        taken = received(sample)
+        if taken.kind in self._answers.types and not taken.deleted:
+            self._waiting.put(taken, size=taken.size)
 
     def findings(self) -> list[Finding]:
         """Return what is wrong with the schemas, and with the messages that came."""
@@ -92,11 +85,12 @@ class MessageCheck:
         found: dict[tuple[str, str], _Stream] = {}
         end_s = time.monotonic() + CHECK_S
         while time.monotonic() < end_s and (taken := self._waiting.take(0)) is not None:
-            key, name, payload, sender = taken
-            stream = found.setdefault((key, name), _Stream())
+            stream = found.setdefault((taken.key, taken.kind), _Stream())
             stream.checked += 1
-            error = error_in(payload, self._answers.types[name])
+            error = error_in(taken.payload or b"", self._answers.types[taken.kind])
             if error:
+                header = header_of(taken.attachment)
+                sender = "" if header is None else header.node
                 stream.bad += 1
                 stream.error = stream.error or error
                 if sender in stream.senders or len(stream.senders) < MAX_KEYS:
@@ -114,16 +108,6 @@ def error_in(payload: bytes, expected: MessageType) -> str:
     except PayloadError as error:
         return printable(error.detail)
     return ""
-
-
-def _sender(attachment: zenoh.ZBytes | None) -> str:
-    """Return the node that a header names; empty if there is none."""
-    if attachment is None or len(attachment) > MAX_ATTACHMENT_BYTES:
-        return ""
-    try:
-        return Header.from_bytes(attachment.to_bytes()).node
-    except PayloadError:
-        return ""
 
 
 def _problems(streams: dict[tuple[str, str], _Stream]) -> Iterator[Finding]:

@@ -11,7 +11,6 @@ from zenoh_vision.error_text import joined
 from zenoh_vision.health.counter_change import MISSED
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.keys import suffix_of
-from zenoh_vision.messages import NodeDescription
 from zenoh_vision.topics import RAW
 from zv.tools.doctor.observation import Observation, other_form
 
@@ -124,7 +123,7 @@ def remedy_for(reason: str, node: NodeState, seen: Observation) -> str:
     remedy = REMEDIES.get(reason)
     if remedy is None or about is None:
         return "see the log of the node"
-    if reason in ("out_of_order", "overwritten") and (name := _twins(seen, about)):
+    if reason in ("out_of_order", "overwritten") and (name := _twins(seen, node)):
         return f"there are several {name}, see names: stop all but one"
     words = remedy.words
     if words.endswith(SENDER) and about.subscribes:
@@ -182,11 +181,10 @@ def _who_sends(seen: Observation, key: str) -> str:
     return f"; {who} {joined(found, MAX_SENDERS)}"
 
 
-def _twins(seen: Observation, node: NodeDescription) -> str:
+def _twins(seen: Observation, node: NodeState) -> str:
     """Return the name that two publishers of a node's input share; empty if none does."""
     names = Counter(each.name for each in seen.nodes)
-    publishing = (name for key in node.subscribes for name in seen.discovery.nodes_publishing(key))
-    return next((name for name in publishing if names[name] > 1), "")
+    return next((name for name in sources_of(node, seen) if names[name] > 1), "")
 
 
 def setting(seen: Observation, node: str, parameter: str, factor: float = 0.0) -> str:

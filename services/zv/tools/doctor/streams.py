@@ -136,10 +136,7 @@ def _lost_before(seen: Observation, node: NodeState, span_s: float) -> float:
     The times that the reports of a camera and of the node cover differ by up to the period of the
     reports.
     """
-    assert node.description is not None
-    sending = {
-        name for key in node.description.subscribes for name in seen.discovery.nodes_publishing(key)
-    }
+    sending = sources_of(node, seen)
     changes = [each.change for each in seen.cameras() if each.name in sending]
     return sum(sum(each.losses.values()) / each.span_s * span_s for each in changes if each)
 
@@ -210,12 +207,7 @@ def health_findings(seen: Observation, explained: Collection[str]) -> list[Findi
 def _why_stale(seen: Observation, node: NodeState) -> str:
     """Return what to do about a node that gets no frames."""
     assert node.description is not None
-    others = {each.key for each in seen.others}
-    subscribed = node.description.subscribes
-
-    def is_published(key: str) -> bool:
-        return key in others or bool(seen.discovery.nodes_publishing(key))
-
+    subscribed, is_published = node.description.subscribes, seen.is_published
     for key in subscribed:
         twin = other_form(key)
         if is_published(key) or (twin in subscribed and is_published(twin)):
