@@ -176,12 +176,7 @@ class WebVideoServer:
         given = {name: value for name, value in request.query.items() if name in NAMES}
         source = html.escape(f"stream?{urlencode(given, quote_via=quote)}")
         name = html.escape(query.topic)
-        text = (
-            f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
-            f"<title>{name}</title></head>\n<body>\n<h1>{name}</h1>\n"
-            f'<img src="{source}" alt="{html.escape(key)}">\n</body>\n</html>\n'
-        )
-        return web.Response(text=text, content_type="text/html", headers=NEVER_CACHED)
+        return _page(name, f'<img src="{source}" alt="{html.escape(key)}">')
 
     async def listing(self, _: web.Request) -> web.Response:
         """Send a page that lists the streams of pictures, for browsers without JavaScript."""
@@ -197,12 +192,7 @@ class WebVideoServer:
         more = len(found) - len(items)
         left = f"<p>{more} more are left out.</p>" if more else ""
         body = f"<ul>{''.join(items)}</ul>{left}" if items else "<p>No stream of pictures.</p>"
-        text = (
-            '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
-            '<meta name="viewport" content="width=device-width"><title>Streams</title></head>\n'
-            f"<body>\n<h1>Streams</h1>\n{body}\n</body>\n</html>\n"
-        )
-        return web.Response(text=text, content_type="text/html", headers=NEVER_CACHED)
+        return _page("Streams", body)
 
     def _parse(self, request: web.Request, *, single: bool = False) -> tuple[StreamQuery, str]:
         """Return the query of a request and the key of its stream."""
@@ -240,6 +230,16 @@ class WebVideoServer:
     def _listed(self) -> str:
         found = [key for key in self._system.streams if kind_of(key).picture]
         return f"; there are: {joined(found, MAX_LISTED)}" if found else ""
+
+
+def _page(title: str, body: str) -> web.Response:
+    """Return a page; title and body are HTML."""
+    text = (
+        '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width"><title>{title}</title></head>\n'
+        f"<body>\n<h1>{title}</h1>\n{body}\n</body>\n</html>\n"
+    )
+    return web.Response(text=text, content_type="text/html", headers=NEVER_CACHED)
 
 
 def _snapshot_headers(picture: EncodedPicture) -> dict[str, str]:
