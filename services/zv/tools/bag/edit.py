@@ -26,14 +26,10 @@ def cut(options: CutOptions, _: Connection, output: Output) -> None:
     """Write the part of a recording between two times.
 
     Raises:
-        ConfigurationError: The end is not after the start, or the start is after the recording.
+        ConfigurationError: The start is after the recording.
         RecordingError: A file cannot be read or made.
         ExpectationNotMet: The part is empty.
     """
-    if options.end is not None and options.end <= options.start:
-        raise ConfigurationError(
-            f"--end {options.end:g} s is not after --start {options.start:g} s"
-        )
     _write([options.file], options.output, "cut", output, start=options.start, end=options.end)
 
 

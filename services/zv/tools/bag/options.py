@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.settings import Argument, Letter
@@ -22,6 +22,13 @@ Start = Annotated[
 End = Annotated[
     float | None, Field(gt=0, description="until this time after the begin of the file"), SECONDS
 ]
+
+
+def check_part(options: Any) -> Any:
+    """Return options; raise ValueError unless their ``end`` is after their ``start``."""
+    if options.end is not None and options.end <= options.start:
+        raise ValueError(f"--end {options.end:g} s is not after --start {options.start:g} s")
+    return options
 
 
 class RecordOptions(ToolOptions):
@@ -139,6 +146,8 @@ class CutOptions(ToolOptions):
     start: Start = 0.0
     end: End = None
 
+    _part = model_validator(mode="after")(check_part)
+
 
 class MergeOptions(ToolOptions):
     """Options of ``zv bag merge``."""
@@ -199,6 +208,8 @@ class ExportOptions(ToolOptions):
     ] = False
     start: Start = 0.0
     end: End = None
+
+    _part = model_validator(mode="after")(check_part)
 
 
 class ImportOptions(ToolOptions):

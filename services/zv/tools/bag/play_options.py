@@ -11,6 +11,7 @@ from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.parameters import Live
 from zenoh_vision.config.settings import Argument, Settings
 from zenoh_vision.keys import NAME
+from zv.tools.bag.options import check_part
 from zv.tools.shared.options import SECONDS, ToolOptions
 
 MAX_SPEED: Final = 100.0
@@ -141,12 +142,12 @@ class PlayOptions(ToolOptions):
         tuple[str, ...], Field(description="key expression of what is not played; may be repeated")
     ] = ()
 
+    _part = model_validator(mode="after")(check_part)
+
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         if self.now and self.unmarked:
             raise ValueError("--now needs new attachments: give --now or --unmarked")
-        if self.end is not None and self.end <= self.start:
-            raise ValueError(f"--end {self.end:g} s is not after --start {self.start:g} s")
         return self
 
     @property

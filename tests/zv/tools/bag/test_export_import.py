@@ -21,6 +21,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from tests.support.pictures.encoded import write_video
+from zenoh_vision.config.settings import Settings, load_settings
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.transport.connection import Connection
 from zv.bag.frames import frame_of
@@ -29,6 +30,7 @@ from zv.bag.recording import Recording
 from zv.bag.writer import Writer
 from zv.tools.bag import edit, export, import_
 from zv.tools.bag.options import CutOptions, ExportOptions, FilterOptions, ImportOptions
+from zv.tools.bag.play_options import PlayOptions
 from zv.tools.shared.output import Output
 
 SIZE = (64, 48)
@@ -458,3 +460,11 @@ def test_a_recording_without_pictures_has_none_to_export(
     run = str(Writer(tmp_path / "run.mcap", {"namespace": "vision"}).close())
     with pytest.raises(ExpectationNotMet, match=r"run\.mcap has no pictures$"):
         zv(ExportOptions(file=run, output=str(tmp_path / "f")))
+
+
+@pytest.mark.parametrize("model", [CutOptions, ExportOptions, PlayOptions])
+def test_a_part_that_ends_before_it_starts_is_refused(model: type[Settings]):
+    flags = {"file": "a.mcap", "start": "2s", "end": "1s"}
+    flags |= {"output": "b"} if "output" in model.model_fields else {}
+    with pytest.raises(ConfigurationError, match="--end 1 s is not after --start 2 s"):
+        load_settings(model, flags=flags)
