@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Final, Self
@@ -62,8 +62,7 @@ class ServiceRun:
         answer_s: float = ANSWER_S,
     ) -> None:
         self.node = node
-        self.unexpected: list[Record] = []
-        """Messages of a frame that came after all that were waited for."""
+        self._unexpected: deque[Record] = deque()
         self._command = list(command)
         self._namespace = namespace
         self._cameras = set(cameras)
@@ -161,6 +160,10 @@ class ServiceRun:
         """Wait a moment for messages that were not expected, after the last frame."""
         time.sleep(LATE_S)
 
+    def unexpected(self) -> list[Record]:
+        """Return, once, the messages of frames that came after all that were waited for."""
+        return [self._unexpected.popleft() for _ in range(len(self._unexpected))]
+
     def _check_running(self) -> None:
         status = self._child.status
         if status is not None:
@@ -198,7 +201,7 @@ class ServiceRun:
             self._found.append(record)
             self._arrived.set()
         else:
-            self.unexpected.append(record)
+            self._unexpected.append(record)
 
     def _put(self, record: Record) -> None:
         publisher = self._publishers.get(record.key)

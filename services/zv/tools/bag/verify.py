@@ -12,8 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-import zenoh
-
 from zenoh_vision import keys
 from zenoh_vision.config.constraints import toml_line
 from zenoh_vision.config.settings import Settings, load_settings, local_path, read_config
@@ -21,6 +19,7 @@ from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceErr
 from zenoh_vision.host.signals import StopSignals
 from zenoh_vision.topics import TOPICS, is_frame_key
 from zenoh_vision.transport.connection import Connection
+from zenoh_vision.transport.matching import intersect
 from zv.bag.comparison import MISSING, Difference, Tolerances, first_difference, values_of
 from zv.bag.private_system import zv_command
 from zv.bag.record import Record
@@ -41,19 +40,12 @@ EARLIER_NS: Final = 10**9
 
 @dataclass(slots=True)
 class Tally:
-    """What was done: frames sent and left out, messages compared, and the time it took."""
+    """What was done: frames sent and left out, messages compared, and the recorded time."""
 
     frames: int = 0
     unanswered: int = 0
     messages: int = 0
     recorded_ns: int = 0
-    begun_s: float = 0.0
-    took_s: float = 0.0
-
-    @property
-    def speed(self) -> float:
-        """Recorded seconds in a second."""
-        return self.recorded_ns / 1e9 / self.took_s if self.took_s else 0.0
 
 
 def run(options: VerifyOptions, _connection: Connection, output: Output) -> None:
@@ -253,14 +245,13 @@ class Verification:
             return keys.camera_of(record.key) in self._node.cameras
         if is_frame_key(record.key):
             return False
-        key = zenoh.KeyExpr(record.key)
-        return any(zenoh.KeyExpr(each).intersects(key) for each in self._node.subscribes)
+        return any(intersect(each, record.key) for each in self._node.subscribes)
 
     # Comparing
 
     def _verify(self, service: ServiceRun) -> None:
         tally = self._tally
-        tally.begun_s = time.monotonic()
+        begun_s = time.monotonic()
         begun_ns = time.time_ns()
         first_ns = last_ns = 0
         sent: AnsweredFrame | None = None
@@ -278,14 +269,16 @@ class Verification:
                 self._fail(*self._held)  # the recording went on
             self._check_unexpected(service, each)
             if each.answers:
-                self._check_same(each, found)
+                difference = first_difference(each.answers, found, self._tolerances)
+                if difference is not None:
+                    self._differs(each, found, difference)
             sent = each
             tally.frames += 1
             tally.messages += len(found)
             first_ns = first_ns or each.frame.log_time_ns
             last_ns = each.frame.log_time_ns
             tally.recorded_ns = last_ns - first_ns
-        tally.took_s = time.monotonic() - tally.begun_s
+        took_s = time.monotonic() - begun_s
         service.wait_for_late_ones()
         if sent is not None:
             self._check_unexpected(service, sent)
@@ -294,9 +287,9 @@ class Verification:
             self._output.note(
                 f"the recording ends within the results of its last frame: no {difference.key}"
             )
-        self._report()
+        self._report(tally.recorded_ns / 1e9 / took_s)
 
-    def _report(self) -> None:
+    def _report(self, speed: float) -> None:
         tally, name = self._tally, self._node.name
         left = f"; {tally.unanswered} frames without a recorded result were left out"
         left = left if tally.unanswered and not self._options.all_frames else ""
@@ -307,24 +300,18 @@ class Verification:
                 "frames": tally.frames,
                 "messages": tally.messages,
                 "left_out": tally.unanswered,
-                "speed": round(tally.speed, 2),
+                "speed": round(speed, 2),
             },
             f"{name}: {tally.frames} frames, {tally.messages} messages as recorded; "
-            f"{tally.speed:.1f} times real time{left}",
+            f"{speed:.1f} times real time{left}",
         )
-
-    def _check_same(self, each: AnsweredFrame, found: list[Record]) -> None:
-        difference = first_difference(each.answers, found, self._tolerances)
-        if difference is not None:
-            self._differs(each, found, difference)
 
     def _check_unexpected(self, service: ServiceRun, each: AnsweredFrame) -> None:
         """Fail if a message came after all that were recorded of its frame."""
-        for record in service.unexpected:
+        for record in service.unexpected():
             if frame_id(record) is not None and not self._options.all_frames:
                 difference = Difference(record.key, "", MISSING, values_of(record))
                 self._differs(each, [record], difference)
-        service.unexpected.clear()
 
     def _differs(self, each: AnsweredFrame, found: list[Record], difference: Difference) -> None:
         """Fail; later if the recording may have ended between the messages of this frame.
@@ -391,7 +378,6 @@ class Verification:
         """Write the recording with the answers of now instead of the recorded ones."""
         tally = self._tally
         begun_ns = time.time_ns()
-        tally.begun_s = time.monotonic()
         with Updated(path, self._recording, self._is_answer) as updated:
             updated.describe(self._node, service.about, service.parameters())
             before: tuple[Record, list[Record]] | None = None
@@ -410,7 +396,6 @@ class Verification:
             service.wait_for_late_ones()
             if before is not None:
                 updated.add(*_completed(*before, service))
-        tally.took_s = time.monotonic() - tally.begun_s
         self._output.result(
             {
                 "node": self._node.name,
@@ -434,8 +419,7 @@ def _completed(
     frame: Record, found: list[Record], service: ServiceRun
 ) -> tuple[Record, list[Record]]:
     """Return a frame with all its answers: the service has answered the next one meanwhile."""
-    late = [each for each in service.unexpected if frame_id(each) == frame_id(frame)]
-    service.unexpected.clear()
+    late = [each for each in service.unexpected() if frame_id(each) == frame_id(frame)]
     return frame, [*found, *late]
 
 
