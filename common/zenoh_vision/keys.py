@@ -13,6 +13,7 @@ from typing import Final, Literal
 DEFAULT_NAMESPACE: Final = "vision"
 DEFAULT_CAMERA: Final = "front"
 NAME: Final = re.compile(r"[a-z0-9_]+")
+SCHEMA_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 
 JPEG: Final = "image/jpeg"
 PNG: Final = "image/png"

@@ -118,10 +118,6 @@ def _listable(namespace: str) -> tuple[str, ...]:
     return (*within(namespace), keys.holder_key("*"))
 
 
-def _listed(kind: Kind, key: str) -> str:
-    return declared_key(kind, key)
-
-
 def _node(name: str, namespace: str, publishes: Iterable[str], subscribes: Iterable[str]) -> Pairs:
     """Yield what a node needs for itself, its streams and its inputs."""
     own, health = keys.node_key(namespace, name), keys.diagnostics_key(namespace, name)
@@ -164,7 +160,7 @@ def _observer(namespace: str) -> Pairs:
     yield "query", [keys.schema_key(namespace, "*"), ROUTERS, keys.holder_key("*")]
     # All keys, so that a wrong namespace can be told.
     every = ("**", *_listable(namespace))
-    yield "query", [_listed(kind, each) for kind in LISTED for each in every]
+    yield "query", [declared_key(kind, each) for kind in LISTED for each in every]
     yield "watch", [nodes, keys.shared_memory_key(namespace, "*", "*", "*")]
 
 
@@ -181,5 +177,5 @@ def router_keys(namespace: str) -> list[str]:
     Not the tokens below a holder's key, which only its own router is asked for.
     """
     listable = _listable(namespace)
-    listed = [_listed(kind, each) for kind in LISTED for each in listable]
+    listed = [declared_key(kind, each) for kind in LISTED for each in listable]
     return [*listable, keys.LINK, ROUTERS, *listed]

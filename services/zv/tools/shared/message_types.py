@@ -7,7 +7,6 @@ an error text, never an unexpected exception.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -39,7 +38,6 @@ PICTURES = "/compressed"
 MAX_COLUMNS = 200
 MAX_COLUMN_DEPTH = 4
 
-SCHEMA_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 HEADER_FIELDS = {"camera", "epoch", "seq", "stamp_ns"}
 
 
@@ -178,7 +176,7 @@ def answers_of(replies: Iterable[Reply]) -> Answers:
         if reply.ok is None or "." not in reply.name or reply.name in MESSAGES:
             continue
         name = reply.name
-        if not SCHEMA_NAME.fullmatch(name) or (name not in found and len(found) == MAX_TYPES):
+        if not keys.SCHEMA_NAME.fullmatch(name) or (name not in found and len(found) == MAX_TYPES):
             continue
         sessions.setdefault(name, set()).add(reply.session)
         of_name = found.setdefault(name, {})
@@ -259,7 +257,7 @@ def type_on(session: ToolSession, key: str) -> MessageType | None:
 def _schema_names(replies: Iterable[Reply]) -> set[str]:
     """Return the schema names in the encodings of samples."""
     found = {keys.schema_name_of(str(reply.ok.encoding)) for reply in replies if reply.ok}
-    return {name for name in found if SCHEMA_NAME.fullmatch(name)}
+    return {name for name in found if keys.SCHEMA_NAME.fullmatch(name)}
 
 
 def type_named(name: str, answers: Callable[[], Answers]) -> MessageType:

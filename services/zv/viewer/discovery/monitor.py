@@ -6,7 +6,6 @@ import asyncio
 import itertools
 import json
 import logging
-import re
 import time
 from collections.abc import Iterator, Mapping
 from typing import TypeVar
@@ -64,8 +63,6 @@ ASK_AGAIN_S = 1.0
 ANSWER_S = 1.5
 SET_S = 5.0
 """Time for a node to make a change: a control of a USB camera may take a second."""
-
-SCHEMA_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 
 M = TypeVar("M", NodeDescription, ParameterList)
 KINDS: tuple[Kind, ...] = ("token", "diagnostics", "parameter")
@@ -164,7 +161,7 @@ class SystemMonitor:
         known = MESSAGES.get(name)
         if known is not None:
             return json.dumps(known.model_json_schema())
-        if not SCHEMA_NAME.fullmatch(name):
+        if not keys.SCHEMA_NAME.fullmatch(name):
             return None
         for reply in await self.network.ask(
             keys.schema_key(self._namespace, name), timeout_s=ANSWER_S, most_bytes=LIST_BYTES
