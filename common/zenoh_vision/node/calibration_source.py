@@ -79,8 +79,10 @@ class CalibrationSource:
             self._arrived.append(_Arrival(sample))
 
     def _drop(self, error: PayloadError) -> None:
+        # Not ``node.drop``, which drops the frame that the loop works on.
         self._node.counters.arrive()
-        self._node.drop(error)
+        self._node.counters.drop(error.reason)
+        self._node.health.log_drop(error)
 
     def _send_query(self) -> None:
         self._query += 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +34,7 @@ class Core:
     clock: Clock
     consumer: Consumer = field(init=False)
     inputs: set[Input[Any]] = field(default_factory=set)
+    dropped: Counter[int] = field(default_factory=Counter)  # by thread, see ``take_dropped``
     stopping: bool = False
     opened_link: Link | None = None
 
@@ -68,6 +71,15 @@ class Core:
         """Count one pending item as dropped, and log it once per burst."""
         self.counters.drop(error.reason)
         self.health.log_drop(error)
+
+    def drop_in_work(self, error: PayloadError) -> None:
+        """Count as dropped, not as done, an item that a loop on this thread has handed out."""
+        self.dropped[threading.get_ident()] += 1
+        self.drop(error)
+
+    def take_dropped(self) -> int:
+        """Return how many items this thread has dropped since the last call."""
+        return self.dropped.pop(threading.get_ident(), 0)
 
     def camera(self, named: str | None) -> str:
         """Return the camera that an argument selects: the only one, one of several, or ``*``.

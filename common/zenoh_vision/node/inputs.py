@@ -157,10 +157,12 @@ def merged(core: Core, inputs: Sequence[Input[Any]], every_s: float | None = Non
                 item = each.take(0.0)
                 if item is None:
                     continue
+                core.take_dropped()  # of none that was handed out
                 try:
                     yield item
                 finally:
-                    each.done(item)
+                    if not core.take_dropped():
+                        each.done(item)
     finally:
         for each in inputs:
             each.close()

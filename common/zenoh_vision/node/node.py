@@ -419,8 +419,11 @@ class Node:
         self.health.rates.expect(rate_hz)
 
     def drop(self, error: PayloadError) -> None:
-        """Count one pending frame as dropped, and log it once per burst."""
-        self._core.drop(error)
+        """Count one pending item as dropped, and log it once per burst.
+
+        In a loop over inputs it is the item in work, which then does not count as processed.
+        """
+        self._core.drop_in_work(error)
 
     def report(self, condition: str, level: int, message: str = "") -> None:
         """Report a condition of the service in the node's health, until its next report.

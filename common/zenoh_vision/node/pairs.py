@@ -71,6 +71,7 @@ def _loop(
                     core.counters.drop("unpaired")
                     continue
                 _activate(core, pair)
+                core.take_dropped()  # of none that was handed out
                 try:
                     yield pair
                 finally:
@@ -88,9 +89,11 @@ def _loop(
 def _done(core: Core, pair: tuple[Item | None, Item | None]) -> None:
     """Count the items of a pair as processed; its rate and latency are those of one item."""
     items = [item for item in pair if item is not None]
-    for _ in items:
+    dropped = core.take_dropped()
+    for _ in items[dropped:]:
         core.counters.finish()
-    core.health.done(min(item.header.stamp_ns for item in items))
+    if not dropped:
+        core.health.done(min(item.header.stamp_ns for item in items))
 
 
 def _take(

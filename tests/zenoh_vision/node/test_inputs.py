@@ -19,10 +19,10 @@ from tests.support.intakes import sample
 from tests.support.library import LampSettings
 from tests.support.waiting import wait_until
 from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
-from zenoh_vision.errors import ParameterRefused
+from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.keys import Transport
-from zenoh_vision.messages import Centroid
+from zenoh_vision.messages import Centroid, Tracks
 from zenoh_vision.node import frame_input, inputs
 from zenoh_vision.node.node import Node
 from zenoh_vision.stream.buffer import queue
@@ -70,6 +70,32 @@ def test_what_waits_when_a_loop_is_left_is_counted_as_unread(node: Node):
         "dropped.unread": 2,
         "pending": 0,
     }
+
+
+def test_an_item_that_its_loop_drops_does_not_count_as_processed_too(node: Node):
+    samples = node.samples(KEY)
+    node.counters.arrive()
+    node.drop(PayloadError("earlier", "of no loop"))
+    for _ in range(3):
+        samples.intake.receive(Sample(KEY, b"x"))
+    for number, _ in enumerate(samples):
+        if number == 1:
+            node.drop(PayloadError("too_dark", "a mean of 3"))
+        if number == 2:
+            break
+    counted = {"received": 4, "processed": 2, "dropped.earlier": 1, "dropped.too_dark": 1}
+    assert node.health.diagnostics().counters == {**counted, "pending": 0}
+
+
+def test_an_item_of_a_pair_that_its_loop_drops_does_not_count_as_processed_too(node: Node):
+    first, second = node.messages("centroid"), node.messages("tracks")
+    first.intake.receive(Sample(KEY, CENTROID.to_bytes()))
+    second.intake.receive(Sample(KEY, Tracks(header=CENTROID.header, tracks=()).to_bytes()))
+    for _ in node.pairs(first, second):
+        node.drop(PayloadError("too_dark", "a mean of 3"))
+        break
+    counted = {"received": 2, "processed": 1, "dropped.too_dark": 1}
+    assert node.health.diagnostics().counters == {**counted, "pending": 0}
 
 
 def test_a_loop_with_an_interval_wakes_in_it_whether_items_arrive_or_not(node: Node):
