@@ -108,7 +108,7 @@ class Writer:
         messages: Number of messages that are written.
 
     Raises:
-        RecordingError: There is such a file already, or it cannot be made.
+        RecordingError: There is such a file already, it cannot be made, or the path names none.
     """
 
     def __init__(
@@ -120,6 +120,8 @@ class Writer:
         profile: str = "",
         chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
+        if not path.name:
+            raise RecordingError(f"{path} is a folder; allowed: the name of a file")
         self.path = path
         self.partial = path.with_name(path.name + PARTIAL)
         self._begin(chunk_bytes)

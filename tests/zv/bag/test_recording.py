@@ -185,6 +185,12 @@ def test_what_is_no_recording_is_refused_by_name(
         Recording(tmp_path / "y.mcap")
 
 
+@pytest.mark.parametrize("path", [".", "/"])
+def test_a_folder_is_no_recording_to_write(path: str) -> None:
+    with pytest.raises(RecordingError, match="is a folder; allowed: the name of a file"):
+        Writer(Path(path))
+
+
 def test_a_file_of_another_program_is_refused_with_what_to_do(tmp_path: Path) -> None:
     writer = Writer(tmp_path / "x.mcap")
     writer.add_message("/a", Schema("A", "", "cdr", "ros2msg", b"int8 a"), [b"12345"], 1, 1)

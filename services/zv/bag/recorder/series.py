@@ -38,7 +38,7 @@ class Series:
             at = time.strftime("%Y%m%dT%H%M%S", time.gmtime(at_ms // 1000))
             words = [self._stem, f"{at}_{at_ms % 1000:03d}Z", UNFIT.sub("_", label).strip("_-")]
             name = "-".join(filter(None, words)) + self._suffix
-            path = self._plan.output.with_name(name)
+            path = self._plan.output.parent / name
             if not path.exists() and not path.with_name(name + PARTIAL).exists():
                 self._last_ms = at_ms
                 return path
@@ -47,7 +47,7 @@ class Series:
     def files(self) -> Iterator[Path]:
         """Yield the files of the series, the oldest first, those that were not closed too."""
         form = re.compile(
-            rf"{re.escape(self._stem)}-\d{{8}}T\d{{6}}_\d{{3}}Z.*{re.escape(self._suffix)}"
+            rf"{re.escape(self._stem)}{'-' if self._stem else ''}\d{{8}}T\d{{6}}_\d{{3}}Z.*{re.escape(self._suffix)}"
             rf"({re.escape(PARTIAL)})?"
         )
         found = [each for each in self._plan.output.parent.iterdir() if form.fullmatch(each.name)]

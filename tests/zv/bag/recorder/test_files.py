@@ -185,6 +185,17 @@ def test_a_label_becomes_part_of_the_name_without_what_names_cannot_have(tmp_pat
     assert not again.exists()
 
 
+def test_files_of_a_series_that_is_named_by_its_folder_have_the_time_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    series = Series(Plan(Path("."), last_s=5))
+    path = series.next_path()
+    path.touch()
+    assert list(series.files()) == list(tmp_path.relative_to(tmp_path).iterdir()) == [path]
+    assert path.name.endswith("Z.mcap")
+
+
 def test_a_clock_that_was_set_is_noted_and_records_stay_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
