@@ -104,18 +104,15 @@ def from_stream(session: ToolSession, camera: str, for_s: float) -> Iterator[Gra
     """
     key = COMPRESSED.key(session.namespace, camera)
     intake = FrameIntake(key, Consumer(FrameCounters(), dropped=lambda _: None), latest)
-    subscription = subscribe(session.link, intake)
+    subscribe(session.link, intake)
     end_s = last_s = time.monotonic()
     end_s += for_s
-    try:
-        while not session.stopping and (now_s := time.monotonic()) < end_s:
-            frame = intake.take(POLL_S, "gray", None)
-            if frame is not None:
-                last_s = now_s
-                yield frame.gray
-            elif now_s - last_s > SILENT_S:
-                raise ExpectationNotMet(
-                    f"no picture on {key} for {SILENT_S:g} s; is the camera running?"
-                )
-    finally:
-        subscription.undeclare()
+    while not session.stopping and (now_s := time.monotonic()) < end_s:
+        frame = intake.take(POLL_S, "gray", None)
+        if frame is not None:
+            last_s = now_s
+            yield frame.gray
+        elif now_s - last_s > SILENT_S:
+            raise ExpectationNotMet(
+                f"no picture on {key} for {SILENT_S:g} s; is the camera running?"
+            )

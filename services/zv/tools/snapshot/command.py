@@ -106,9 +106,8 @@ def _next(session: ToolSession, pattern: str, patience_s: float) -> list[zenoh.S
             arrived.append(sample)
 
     if keys or "*" not in pattern:
-        subscription = session.subscribe(keys[0] if keys else pattern, take)
+        session.subscribe(keys[0] if keys else pattern, take)
         session.wait(patience_s if keys else UNLISTED_S, lambda: arrived)
-        subscription.undeclare()
     if not arrived and not session.stopping:
         raise ExpectationNotMet(found.nothing_on(pattern, pictures=True))
     return arrived

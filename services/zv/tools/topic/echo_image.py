@@ -54,30 +54,27 @@ def run(options: EchoOptions, connection: Connection, output: Output) -> None:
             latest,
             encoding=JPEG if topic is None else topic.encoding,
         )
-        subscription = subscribe(session.link, intake)
+        subscribe(session.link, intake)
         begun_s = time.monotonic()
         is_told = False
-        try:
-            while not session.stopping and shown != wanted:
-                now_s = time.monotonic()
-                if options.for_ is not None and now_s - begun_s > options.for_:
-                    break
-                frame = intake.take(POLL_S, "bgr", None)
-                if frame is not None:
-                    _show(frame, form, place=(HOME if shown else CLEAR) if stays else "")
-                    shown += 1
-                    session.wait(FASTEST_S)
-                elif not shown and not is_told and now_s - begun_s > SILENT_S:
-                    is_told = True
-                    output.note(waiting_for(discover(session).nothing_on(key, pictures=True)))
-            if session.stopping:
-                return
-            if not shown:
-                raise ExpectationNotMet(discover(session).nothing_on(key, pictures=True))
-            if wanted is not None and shown < wanted:
-                raise ExpectationNotMet(f"{shown} of {wanted} pictures arrived on {key}")
-        finally:
-            subscription.undeclare()
+        while not session.stopping and shown != wanted:
+            now_s = time.monotonic()
+            if options.for_ is not None and now_s - begun_s > options.for_:
+                break
+            frame = intake.take(POLL_S, "bgr", None)
+            if frame is not None:
+                _show(frame, form, place=(HOME if shown else CLEAR) if stays else "")
+                shown += 1
+                session.wait(FASTEST_S)
+            elif not shown and not is_told and now_s - begun_s > SILENT_S:
+                is_told = True
+                output.note(waiting_for(discover(session).nothing_on(key, pictures=True)))
+        if session.stopping:
+            return
+        if not shown:
+            raise ExpectationNotMet(discover(session).nothing_on(key, pictures=True))
+        if wanted is not None and shown < wanted:
+            raise ExpectationNotMet(f"{shown} of {wanted} pictures arrived on {key}")
 
 
 def _show(frame: Frame, form: Form, place: str) -> None:
