@@ -23,7 +23,8 @@ class Series:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._last_ms = 0
-        self._stem, self._suffix = plan.output.stem, plan.output.suffix or ".mcap"
+        self._begin = f"{plan.output.stem}-".removeprefix("-")
+        self._suffix = plan.output.suffix or ".mcap"
 
     def next_path(self, label: str = "") -> Path:
         """Return a path that no file has.
@@ -36,8 +37,8 @@ class Series:
         at_ms = max(time.time_ns() // 10**6, self._last_ms + 1)
         while True:
             at = time.strftime("%Y%m%dT%H%M%S", time.gmtime(at_ms // 1000))
-            words = [self._stem, f"{at}_{at_ms % 1000:03d}Z", UNFIT.sub("_", label).strip("_-")]
-            name = "-".join(filter(None, words)) + self._suffix
+            words = [f"{at}_{at_ms % 1000:03d}Z", UNFIT.sub("_", label).strip("_-")]
+            name = self._begin + "-".join(filter(None, words)) + self._suffix
             path = self._plan.output.parent / name
             if not path.exists() and not path.with_name(name + PARTIAL).exists():
                 self._last_ms = at_ms
@@ -47,11 +48,11 @@ class Series:
     def files(self) -> Iterator[Path]:
         """Yield the files of the series, the oldest first, those that were not closed too."""
         form = re.compile(
-            rf"{re.escape(self._stem)}{'-' if self._stem else ''}\d{{8}}T\d{{6}}_\d{{3}}Z.*{re.escape(self._suffix)}"
+            rf"{re.escape(self._begin)}\d{{8}}T\d{{6}}_\d{{3}}Z.*{re.escape(self._suffix)}"
             rf"({re.escape(PARTIAL)})?"
         )
         found = [each for each in self._plan.output.parent.iterdir() if form.fullmatch(each.name)]
-        yield from sorted(found, key=lambda each: each.name[len(self._stem) :])
+        yield from sorted(found, key=lambda each: each.name[len(self._begin) :])
 
     def make_room(self, writing: Collection[Path]) -> None:
         """Delete the oldest files until all are within the limit.
