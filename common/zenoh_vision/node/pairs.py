@@ -93,7 +93,7 @@ def _done(core: Core, pair: tuple[Item | None, Item | None]) -> None:
     for _ in items[dropped:]:
         core.counters.finish()
     if not dropped:
-        core.health.done(min(item.header.stamp_ns for item in items))
+        core.health.done(min(item.header.age_start_ns for item in items))
 
 
 def _take(

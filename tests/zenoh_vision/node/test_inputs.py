@@ -17,7 +17,7 @@ from tests.support.clocks import SteppedClock
 from tests.support.headers import header
 from tests.support.intakes import sample
 from tests.support.library import LampSettings
-from tests.support.waiting import wait_until
+from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
 from zenoh_vision.errors import ParameterRefused, PayloadError
 from zenoh_vision.health.latency import LatencyMonitor
@@ -96,6 +96,17 @@ def test_an_item_of_a_pair_that_its_loop_drops_does_not_count_as_processed_too(n
         break
     counted = {"received": 2, "processed": 1, "dropped.too_dark": 1}
     assert node.health.diagnostics().counters == {**counted, "pending": 0}
+
+
+def test_the_latency_of_a_replayed_pair_counts_from_the_replay(node: Node):
+    now_ns = time.time_ns()
+    first, second = node.messages("centroid"), node.messages("tracks")
+    replayed = header(stamp_ns=now_ns - 10**15, replay=now_ns, replayed_ns=now_ns)
+    first.intake.receive(Sample(KEY, CENTROID.model_copy(update={"header": replayed}).to_bytes()))
+    second.intake.receive(Sample(KEY, Tracks(header=replayed, tracks=()).to_bytes()))
+    for _ in node.pairs(first, second):
+        break
+    assert node.health.diagnostics().latency_ms.p99 < DEADLINE_S * 1000
 
 
 def test_a_loop_with_an_interval_wakes_in_it_whether_items_arrive_or_not(node: Node):
