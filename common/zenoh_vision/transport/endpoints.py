@@ -42,6 +42,8 @@ def checked_endpoint(text: str) -> str:
             raise ValueError(f"it has no port{did_you_mean([f'{text}:7447'], before='; ')}")
         if int(found[2]) > MAX_PORT:
             raise ValueError(f"ports end at {MAX_PORT}")
+        if not all(0 < len(part) < 64 for part in found[1].removesuffix(".").split(".")):
+            raise ValueError("its host cannot be looked up: a part is empty or too long")
     return text
 
 
