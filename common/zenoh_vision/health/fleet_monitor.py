@@ -13,6 +13,7 @@ from typing import Any, Literal
 import zenoh
 
 from zenoh_vision import keys
+from zenoh_vision.error_text import shortened
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.fleet import MAX_NODES, Event, Fleet, ParameterGone
 from zenoh_vision.health.node_state import NodeState
@@ -47,9 +48,11 @@ def follow(
     """
 
     def receive(kind: Kind, sample: zenoh.Sample) -> None:
-        name = str(sample.key_expr).split("/")[2]
+        key = str(sample.key_expr)
         try:
-            take(name, _event(kind, sample))
+            if "*" in key:  # anyone may put and delete on many keys at once
+                raise PayloadError("wrong_node", f"{shortened(key)} is the key of no single node")
+            take(key.split("/")[2], _event(kind, sample))
         except PayloadError as error:
             reject(error)
 

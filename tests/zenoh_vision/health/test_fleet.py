@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 
 import pytest
 
 from tests.support.node_states import FORGET_S, alive, description, only, parameter, report
+from tests.support.waiting import wait_until
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.counter_change import CounterChange, counter_change, losses
 from zenoh_vision.health.fleet import GONE_S, Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
 from zenoh_vision.health.node_state import S
+from zenoh_vision.testing import at, running_router
+from zenoh_vision.transport.link import Link
 
 
 def test_a_node_with_a_token_is_up_however_long_it_says_nothing(fleet: Fleet):
@@ -147,6 +151,24 @@ def test_the_monitor_follows_by_its_own_clock():
     assert node is not None
     assert node.report_age_s(time.monotonic_ns()) < 5
     monitor.forget("a")
+    assert monitor.nodes() == []
+
+
+def test_what_is_put_on_the_keys_of_many_nodes_is_refused_and_counted():
+    monitor = FleetMonitor(Fleet())
+    with (
+        running_router() as endpoint,
+        closing(Link(at(endpoint))) as link,
+        closing(Link(at(endpoint))) as other,
+    ):
+        monitor.watch(link, "vision", "diagnostics")
+
+        def is_counted(key: str, count: int) -> bool:
+            other.session.put(key, report("a").to_bytes())
+            return monitor.rejected().get("wrong_node", 0) >= count
+
+        wait_until(lambda: is_counted("@vision/**", 1))
+        wait_until(lambda: is_counted("@vision/diagnostics/*", 3))
     assert monitor.nodes() == []
 
 
