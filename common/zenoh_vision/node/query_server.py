@@ -90,18 +90,23 @@ class QueryServer:
             query, answer, size = item
             with query:  # the sender waits until the query is dropped
                 try:
-                    answer(query)
-                except ParameterRefused as refused:
-                    refusal = Refusal(error=refused.error, allowed=refused.allowed)
-                    encoding = keys.msgpack_of(Refusal.schema_name)
-                    query.reply_err(refusal.to_bytes(), encoding=encoding)
+                    _answer_or_refuse(query, answer)
                 except Exception as error:  # of a function of the service, perhaps
                     log.debug("a query could not be answered", exc_info=True)
                     words = f"{type(error).__name__}: {error}"
                     self._report(PayloadError("not_answered", words))
                     with suppress(zenoh.ZError):  # it was answered before the error
-                        query.reply_err(words.encode(), encoding="text/plain")
+                        query.reply_err(words.encode(errors="replace"), encoding="text/plain")
             self._forget(size)
+
+
+def _answer_or_refuse(query: zenoh.Query, answer: Answer) -> None:
+    try:
+        answer(query)
+    except ParameterRefused as refused:
+        refusal = Refusal(error=refused.error, allowed=refused.allowed)
+        encoding = keys.msgpack_of(Refusal.schema_name)
+        query.reply_err(refusal.to_bytes(), encoding=encoding)
 
 
 def _parameters(query: zenoh.Query) -> dict[str, str]:

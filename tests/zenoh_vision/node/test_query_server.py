@@ -6,6 +6,7 @@ import threading
 import time
 from types import SimpleNamespace
 
+import pytest
 import zenoh
 
 from tests.support.waiting import wait_until
@@ -96,6 +97,33 @@ def test_a_refusal_is_an_error_reply_and_the_next_query_is_answered():
     server.close()
     assert asked.encodings == ["application/msgpack;vision.Refusal.v1"]
     assert Refusal.from_bytes(asked.errors[0]) == Refusal(error="rate = 0", allowed="above 0")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        pytest.param(
+            ParameterRefused("rate = 0", ["1", "2"]),  # type: ignore[arg-type]
+            b"ValidationError: 1 validation error for Refusal",
+            id="a refusal that is no message",
+        ),
+        pytest.param(ValueError("a file \udcff"), b"ValueError: a file ?", id="no Unicode"),
+    ],
+)
+def test_an_error_of_any_words_is_replied_and_the_next_query_is_answered(
+    error: Exception, said: bytes
+):
+    def fail(_query: object) -> None:
+        raise error
+
+    server = QueryServer()
+    asked, answered = Query(), threading.Event()
+    server.queue(asked, fail)  # type: ignore[arg-type]
+    server.queue(Query(), lambda _query: answered.set())  # type: ignore[arg-type]
+    server.start()
+    assert answered.wait(5)
+    server.close()
+    assert asked.errors[0].startswith(said)
 
 
 def test_the_schema_of_a_message_is_made_once_however_often_it_is_asked_for(monkeypatch):
