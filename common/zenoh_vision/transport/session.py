@@ -72,7 +72,8 @@ def open_session(
     """
     errors: list[str] = []
     diagnosis: Diagnosis | None = None
-    deadline_s = time.monotonic() + (connection.timeout_s or float("inf"))
+    limit_s = float("inf") if connection.timeout_s is None else connection.timeout_s
+    deadline_s = time.monotonic() + limit_s
     for attempt in itertools.count(1):
         timeouts = SHORT if attempt % LONG_EVERY else LONG
         session = try_session(connection, stopping, timeouts, deadline_s, errors)

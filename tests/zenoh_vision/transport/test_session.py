@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 
 import pytest
 
-from tests.support.waiting import wait_until
-from zenoh_vision.errors import ToldToStop
+from tests.support.routing import free_port
+from tests.support.waiting import DEADLINE_S, wait_until
+from zenoh_vision.errors import RouterUnreachable, ToldToStop
 from zenoh_vision.host import abandoned_threads
 from zenoh_vision.transport import session
 from zenoh_vision.transport.connection import Connection
@@ -30,6 +32,13 @@ def test_told_to_stop_it_does_not_wait_for_an_attempt_without_an_answer(monkeypa
             session.open_session(connection, stopping)
         assert abandoned_threads.any_is_alive()
     wait_until(lambda: not abandoned_threads.any_is_alive())
+
+
+def test_with_no_time_to_wait_it_tries_once():
+    connection = Connection(f"tcp/127.0.0.1:{free_port()}", timeout_s=0)
+    until_s = time.monotonic() + DEADLINE_S
+    with pytest.raises(RouterUnreachable):
+        session.open_session(connection, lambda: time.monotonic() > until_s)
 
 
 def test_a_session_that_does_not_close_in_time_ends_with_the_process(monkeypatch):
