@@ -18,7 +18,6 @@ from zenoh_vision.errors import (
     ConfigurationError,
     ExpectationNotMet,
     ParameterRefused,
-    PayloadError,
 )
 from zenoh_vision.host.allocator import keep_freed_memory
 from zenoh_vision.host.clock import SYSTEM_CLOCK
@@ -40,6 +39,7 @@ from zv.tools.bag.play_options import MAX_SPEED, PlayerParameters, PlayOptions, 
 from zv.tools.bag.player import Player, Wish
 from zv.tools.bag.tape import RecordedTape
 from zv.tools.shared.output import Output
+from zv.tools.shared.received import header_of
 from zv.tools.shared.session import ToolSession
 from zv.tools.shared.statistics import Distribution
 
@@ -331,7 +331,7 @@ class Playing:
         node.counters.finish()
         node.health.done(None)
         if self._lockstep is not None and is_frame_key(sent.key):
-            self._lockstep.wait(header_of(sent))
+            self._lockstep.wait(whole_header(sent))
 
     def _press(self, word: str) -> None:
         """Do what a key of the terminal means, in the same way as a change over the network."""
@@ -371,16 +371,16 @@ def topic_for(key: str, *, lossless: bool) -> Topic:
     return replace(topic, lazy=False, by_query=False, delivery=delivery)
 
 
-def header_of(sent: Sent) -> Header:
+def whole_header(sent: Sent) -> Header:
     """Return the header of a frame, by which its answers are known.
 
     Raises:
         ExpectationNotMet: It has none.
     """
-    try:
-        return Header.from_bytes(sent.attachment or b"")
-    except PayloadError:
+    header = header_of(sent.attachment)
+    if header is None:
         raise ExpectationNotMet(
             f"--lockstep: a frame on {sent.key} was recorded without a header, so no answer to it "
             "can be known"
-        ) from None
+        )
+    return header

@@ -15,8 +15,7 @@ import zenoh
 from zenoh_vision import keys
 from zenoh_vision.errors import ExpectationNotMet, ParameterRefused, PayloadError
 from zenoh_vision.host.wakeup import Wakeup
-from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
-from zenoh_vision.messages import Header, NodeDescription, ParameterList
+from zenoh_vision.messages import NodeDescription, ParameterList
 from zenoh_vision.node.lockstep import FrameId, answer_keys
 from zenoh_vision.topics import is_frame_key
 from zenoh_vision.transport.publisher import MESSAGE_DELIVERY
@@ -226,12 +225,3 @@ def marked(frame: Record, begun_ns: int) -> Record:
     """Return a frame that says that it is replayed now, so that it is not stale."""
     header = frame.header | {"replay": begun_ns, "replayed_ns": time.time_ns(), "lockstep": True}
     return Record(frame.key, frame.payload, frame.encoding, msgpack.packb(header))
-
-
-def has_whole_header(record: Record) -> bool:
-    """Tell whether consumers will take the header of a frame."""
-    try:
-        Header.from_bytes(record.attachment or b"")
-    except PayloadError:
-        return False
-    return len(record.attachment or b"") <= MAX_MESSAGE_BYTES

@@ -28,11 +28,12 @@ from zv.registry import SERVICES, command_of, model_of
 from zv.tools.bag.answered import AnsweredFrame, answered_frames, frame_id
 from zv.tools.bag.difference_picture import drawn
 from zv.tools.bag.recorded_node import RecordedNode, recorded_node
-from zv.tools.bag.service_run import ServiceRun, has_whole_header, marked
+from zv.tools.bag.service_run import ServiceRun, marked
 from zv.tools.bag.tape import LATCHED
 from zv.tools.bag.updated import Updated
 from zv.tools.bag.verify_options import VerifyOptions, assigned
 from zv.tools.shared.output import Output
+from zv.tools.shared.received import header_of
 
 EARLIER_NS: Final = 10**9
 """A node that was started longer before the recording knows what the recording does not have."""
@@ -365,7 +366,7 @@ class Verification:
         )
 
     def _check_header(self, frame: Record) -> None:
-        if not has_whole_header(frame):
+        if header_of(frame.attachment) is None:
             raise ExpectationNotMet(f"a frame on {frame.key} was recorded with a broken header")
 
     def _check_going_on(self) -> None:
