@@ -62,13 +62,12 @@ def _camera(seen: Observation, camera: NodeState) -> Finding:
         return _finding("OK", camera, "started too recently to be checked")
     rate_hz = change.arrived / change.span_s
     silent_s = _silent_s(camera)
+    mend = "check its source; after stall_after it is opened again by itself"
     if change.arrived and expected_hz is not None and expected_hz * silent_s > LONG_SILENCE:
-        mend = "check its source; after stall_after it is opened again by itself"
         return _finding("FAIL", camera, f"no picture for the last {silent_s:.1f} s", mend)
     if expected_hz is not None and expected_hz * change.span_s < FEW:
         return _finding("OK", camera, f"{expected_hz:g} Hz is too slow to be checked in this time")
     if not change.arrived:
-        mend = "check its source; after stall_after it is opened again by itself"
         return _finding("FAIL", camera, f"no picture in {change.span_s:.1f} s", mend)
     if expected_hz is None:
         return _finding("OK", camera, f"{rate_hz:.1f} Hz")

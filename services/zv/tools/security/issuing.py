@@ -22,7 +22,7 @@ from zv.tools.security.roles import (
     Role,
     rights_of,
 )
-from zv.tools.security.router_file import SEND_BUFFER, router_file
+from zv.tools.security.router_file import MUTUAL, SEND_BUFFER, router_file
 
 HERE: Final = ("localhost", "127.0.0.1", "::1", ROUTER)
 """Names of the router for programs on its machine, and for the containers beside it."""
@@ -163,9 +163,7 @@ class Issuing:
             CA: base64_of(self.authority.certificate),
             CERTIFICATE: base64_of(issued.certificate),
             KEY: base64_of(issued.key),
-            "enable_mtls": True,
-            "verify_name_on_connect": True,
-            "close_link_on_expiration": True,
+            **MUTUAL,
         }
         about = {
             "name": name,

@@ -22,6 +22,13 @@ SEND_BUFFER: Final = 65536
 """Bytes. Frames grow old in a larger one. With 32768, as in configs/router.json5, TLS stops for
 40 ms at large frames: it fills that with too little for Linux to acknowledge it at once."""
 
+MUTUAL: Final = {
+    "enable_mtls": True,
+    "verify_name_on_connect": True,
+    "close_link_on_expiration": True,
+}
+"""How each side checks the other one's certificate."""
+
 QUERY_BYTES: Final = 1 << 16
 """Largest payload of a query: a node refuses more."""
 
@@ -67,9 +74,7 @@ def router_file(
         "listen_private_key_base64": base64_of(router.key),
         "connect_certificate_base64": base64_of(router.certificate),
         "connect_private_key_base64": base64_of(router.key),
-        "enable_mtls": True,
-        "verify_name_on_connect": True,
-        "close_link_on_expiration": True,
+        **MUTUAL,
     }
     block = {"block": {"wait_before_close": WAIT_BEFORE_CLOSE_US}}
     size = {"data": 1, "data_low": 1, "interactive_high": MESSAGE_BATCHES}

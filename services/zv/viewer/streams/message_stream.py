@@ -101,7 +101,8 @@ def message_text(key: str, payload: bytes, encoding: str = "") -> tuple[str, int
     fields = unpack(payload)
     if not isinstance(fields, dict):
         raise PayloadError("bad_message", f"{type(fields).__name__} instead of a map")
-    expected = MESSAGES.get(kind_of(key).type or schema_name_of(encoding))
+    name = kind_of(key).type or schema_name_of(encoding)
+    expected = MESSAGES.get(name)
     if expected is not None:
         expected.from_map(fields)
     if len(payload) > MAX_CONTAINERS:  # each takes at least a byte
@@ -109,7 +110,6 @@ def message_text(key: str, payload: bytes, encoding: str = "") -> tuple[str, int
     header = fields.get("header")
     body = {name: value for name, value in fields.items() if name != "header"}
     stamp_ns = header.get("stamp_ns") if isinstance(header, dict) else None
-    name = kind_of(key).type or schema_name_of(encoding)
     text = events.text("message", key=key, type=name, header=header, body=body)
     return text, stamp_ns if isinstance(stamp_ns, int) else None
 
