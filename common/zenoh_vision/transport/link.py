@@ -324,7 +324,10 @@ class Link:
 
     def _try_replacement(self, why: str, *, is_connected: bool = False) -> None:
         """Replace the session if another can be opened, and its own state has not changed."""
-        session = try_session(self._connection, self._ending)
+        try:
+            session = try_session(self._connection, self._ending)
+        except VisionError:  # of files that were changed meanwhile, as the refusal says
+            return
         if session is None:
             return
         if self.connected != is_connected or not self._replace(session, why):

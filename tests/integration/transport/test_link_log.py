@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import re
+from pathlib import Path
 from threading import Thread
+from unittest.mock import Mock
 
 import pytest
 
@@ -48,6 +50,29 @@ def test_a_node_tells_once_that_it_waits_is_connected_lost_its_router_and_has_it
         opening.join(30)
         node.__exit__()
     assert lines(caplog) == back
+
+
+def test_a_file_that_is_gone_when_the_router_is_lost_is_told_once(
+    router: Router,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(link, "REPLACE_AFTER_S", 0.1)
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{}")
+    running = Link(Connection(connect=router.endpoint, zenoh_config=str(file)))
+    tried = Mock(wraps=link.try_session)
+    monkeypatch.setattr(link, "try_session", tried)
+    file.unlink()
+    router.kill()
+    lost = f"lost the router at {router.endpoint}; trying to reach it again until it is back"
+    told = [lost, f"--zenoh-config {file}: no such file"]
+    try:
+        wait_until(lambda: tried.call_count >= 3 and len(lines(caplog)) >= len(told))
+    finally:
+        running.close()
+    assert lines(caplog) == told
 
 
 def test_a_wait_that_is_over_at_once_is_not_logged(
