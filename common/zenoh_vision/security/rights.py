@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, Literal, Self, get_args
 
@@ -89,8 +90,9 @@ class Rights:
 
         wanted = zenoh.KeyExpr(key)
         for each in self.allowed.get(action, ()):
-            if zenoh.KeyExpr(each).includes(wanted):
-                return each
+            with suppress(zenoh.ZError):  # in a file that was edited, it may be no key expression
+                if zenoh.KeyExpr(each).includes(wanted):
+                    return each
         return None
 
     def rules(self, name: str, within: Iterable[str]) -> list[dict[str, Any]]:

@@ -34,6 +34,12 @@ def test_an_expression_must_include_the_whole_of_what_is_asked(action, key, gran
     assert RIGHTS.granting(action, key) == granted
 
 
+def test_what_is_no_key_expression_in_a_file_allows_nothing():
+    edited = Rights.from_map({"announce": ["vision/front/", "vision/front"]})
+    assert edited.granting("announce", "vision/front") == "vision/front"
+    assert edited.granting("announce", "vision/left") is None
+
+
 def test_each_key_is_kept_once_and_survives_a_file():
     assert RIGHTS.allowed["publish"] == ("vision/front/image", "vision/front/truth")
     assert Rights.from_map(RIGHTS.to_map()) == RIGHTS
