@@ -87,9 +87,7 @@ class Input(Generic[T]):
 
     def done(self, item: object) -> None:
         """Count an item as processed, with the time since its capture if it has a header."""
-        self._core.counters.finish()
-        if isinstance(item, Frame) and item.picture.has_padding:
-            self._core.counters.note("padded")
+        count_processed(self._core, item)
         stamp_ns = item.header.age_start_ns if isinstance(item, Frame | Stamped) else None
         self._core.health.done(stamp_ns)
 
@@ -108,6 +106,13 @@ class Input(Generic[T]):
             self._subscription.undeclare()
         finally:
             self.intake.close(unread=None if self._core.stopping else "unread")
+
+
+def count_processed(core: Core, item: object) -> None:
+    """Count an item as processed."""
+    core.counters.finish()
+    if isinstance(item, Frame) and item.picture.has_padding:
+        core.counters.note("padded")
 
 
 def check_open(core: Core, inputs: Sequence[Input[Any]]) -> None:

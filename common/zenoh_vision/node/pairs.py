@@ -10,7 +10,7 @@ from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.limits import MAX_PIXEL_BYTES
 from zenoh_vision.messages import Stamped
 from zenoh_vision.node.core import Core
-from zenoh_vision.node.inputs import POLL_S, Input, check_open
+from zenoh_vision.node.inputs import POLL_S, Input, check_open, count_processed
 from zenoh_vision.stream.buffer import wait_for_any
 from zenoh_vision.stream.pairing import PairBuffer
 
@@ -90,8 +90,8 @@ def _done(core: Core, pair: tuple[Item | None, Item | None]) -> None:
     """Count the items of a pair as processed; its rate and latency are those of one item."""
     items = [item for item in pair if item is not None]
     dropped = core.take_dropped()
-    for _ in items[dropped:]:
-        core.counters.finish()
+    for item in items[dropped:]:
+        count_processed(core, item)
     if not dropped:
         core.health.done(min(item.header.age_start_ns for item in items))
 

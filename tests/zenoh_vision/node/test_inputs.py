@@ -15,7 +15,7 @@ from pydantic import Field
 
 from tests.support.clocks import SteppedClock
 from tests.support.headers import header
-from tests.support.intakes import sample
+from tests.support.intakes import JPEG, sample
 from tests.support.library import LampSettings
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.config.consumer_options import FrameTransport, MaxAge
@@ -96,6 +96,16 @@ def test_an_item_of_a_pair_that_its_loop_drops_does_not_count_as_processed_too(n
         break
     counted = {"received": 2, "processed": 1, "dropped.too_dark": 1}
     assert node.health.diagnostics().counters == {**counted, "pending": 0}
+
+
+@pytest.mark.parametrize("in_pairs", [False, True])
+def test_padding_of_a_picture_is_counted_alone_and_in_pairs(node: Node, in_pairs: bool):
+    frames, centroids = node.frames(transport="jpeg", max_age_s=None), node.messages("centroid")
+    frames.intake.receive(sample(4, JPEG[:-2] + bytes(9) + JPEG[-2:]))
+    centroids.intake.receive(Sample(KEY, CENTROID.to_bytes()))
+    for _ in node.pairs(frames, centroids) if in_pairs else frames:
+        break
+    assert node.counters.snapshot()["padded"] == 1
 
 
 def test_the_latency_of_a_replayed_pair_counts_from_the_replay(node: Node):
