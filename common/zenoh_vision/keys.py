@@ -134,9 +134,9 @@ def parameters_key(namespace: str, node: str) -> str:
     return f"@{namespace}/param/{node}"
 
 
-def set_key(namespace: str, node: str, name: str = "") -> str:
-    """Return the key that sets parameters of a node; with a name, that sets this one."""
-    return f"@{namespace}/set/{node}/{name}".rstrip("/")
+def set_key(namespace: str, node: str) -> str:
+    """Return the key that sets parameters of a node; ``node`` may be ``*``."""
+    return f"@{namespace}/set/{node}"
 
 
 def record_key(namespace: str, node: str) -> str:

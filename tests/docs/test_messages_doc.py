@@ -86,7 +86,7 @@ def test_every_topic_is_in_the_document_with_its_encoding_and_nothing_else_is():
             messages.Parameter.schema_name
         ),
         keys.parameters_key("{ns}", "{node}"): keys.msgpack_of(messages.ParameterList.schema_name),
-        keys.set_key("{ns}", "{node}", "{name}"): keys.msgpack_of(messages.Parameter.schema_name),
+        keys.set_key("{ns}", "{node}") + "/{name}": keys.msgpack_of(messages.Parameter.schema_name),
         keys.set_key("{ns}", "{node}"): keys.msgpack_of(messages.ParameterList.schema_name),
     }
     assert set(documented) == set(known)
