@@ -12,7 +12,7 @@ from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.health.log_throttle import SILENT_S, LogThrottle, SilenceLog
 from zenoh_vision.health.rate_monitor import RateMonitor
 from zenoh_vision.host.clock import SYSTEM_CLOCK, Clock
-from zenoh_vision.messages import MAX_ROUTES, SEVERITY, Diagnostics, Level
+from zenoh_vision.messages import SEVERITY, Diagnostics, Level
 from zenoh_vision.stream.counters import FrameCounters
 from zenoh_vision.stream.intake import InputState
 
@@ -23,6 +23,12 @@ CLOCK_AHEAD_NS = 50_000_000
 CLOCK_BEHIND_NS = 1_000_000_000
 LONGEST_WAY_NS = 10_000_000_000
 """No link keeps every frame of a minute waiting for longer than this: the buffers are too small."""
+
+
+MOST_ROUTES = 20
+MOST_FINDINGS = 10
+"""Limits of what a report says of inputs, of which an input with wildcards may have 1000: a report
+that is too large is refused by all who receive it (``message_limits``)."""
 
 
 class Watched(Protocol):
@@ -151,7 +157,7 @@ class Health:
         """Return how the frames of each input come; None before the first."""
         states = [state for watched in self.inputs for state in watched.states()]
         found = {state.key: str(state.route) for state in states if state.route}
-        return dict(sorted(found.items())[:MAX_ROUTES]) or None
+        return dict(sorted(found.items())[:MOST_ROUTES]) or None
 
     def _stuck(self) -> str:
         alive_ns = self._loop_alive_ns
@@ -180,10 +186,14 @@ class Health:
         states = [state for watched in self.inputs for state in watched.states()]
         self._silence_log.note(states, now_s)
         is_silent = bool(states) and all(_silent_s(state, now_s) > SILENT_S for state in states)
-        for state in states:
-            found += _input_findings(
-                state, now_s, wall_ns, Level.STALE if is_silent else Level.WARN
-            )
+        silence = Level.STALE if is_silent else Level.WARN
+        of_inputs = [
+            each for state in states for each in _input_findings(state, now_s, wall_ns, silence)
+        ]
+        if left_out := len(of_inputs[MOST_FINDINGS:]):
+            of_inputs.sort(key=lambda each: -SEVERITY[each[0]])
+            of_inputs[MOST_FINDINGS:] = [(Level.OK, f"and {left_out} more of its inputs")]
+        found += of_inputs
         reasons = self._log_throttle.current()
         if reasons:
             found.append((Level.WARN, f"dropping samples: {', '.join(reasons)}"))

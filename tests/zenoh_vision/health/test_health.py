@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import pytest
 
 from tests.support.clocks import SteppedClock
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.health.health import Health
+from zenoh_vision.health.health import MOST_FINDINGS, Health
+from zenoh_vision.health.message_limits import check
 from zenoh_vision.keys import RouteName
 from zenoh_vision.messages import Level
 from zenoh_vision.stream.counters import FrameCounters
@@ -113,6 +115,22 @@ def test_the_route_of_each_input_is_said(camera: Camera):
     for key, route in (("a", None), ("b", "shm"), ("c", "jpeg")):
         camera.health.watch(Input(since_s=100.0, key=key, route=route))
     assert camera.health.diagnostics().routes == {"b": "shm", "c": "jpeg"}
+
+
+@pytest.mark.parametrize("silent_s", [0, 10])
+def test_the_report_of_an_input_with_a_thousand_cameras_is_not_too_large(
+    camera: Camera, silent_s: int
+):
+    names = [f"{'vision' * 10}/{number:064}/image/compressed" for number in range(1000)]
+    states = [InputState(name, 100 * 10**9, offset_ns=10**15, route="jpeg") for name in names]
+    camera.health.watch(SimpleNamespace(keys=(), fault="", states=lambda: states))
+    camera._clock.step(silent_s)
+    said = camera.health.diagnostics()
+    check(said.node, said)
+    assert said.level == (Level.STALE if silent_s else Level.OK)
+    more = 2000 - MOST_FINDINGS if silent_s else 1000 - MOST_FINDINGS
+    assert said.message.endswith(f"; and {more} more of its inputs")
+    assert ("no frame on" in said.message) == bool(silent_s)
 
 
 def test_the_lag_of_a_source_is_said_while_the_camera_knows_it(camera: Camera):
