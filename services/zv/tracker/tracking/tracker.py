@@ -28,7 +28,7 @@ from zv.tracker.tracking.track import Track
 class LifeLimits:
     """The constants of a track's life; seconds of stamps."""
 
-    confirm_s: float = 0.4  # age at which a track may be confirmed
+    confirm_s: float = 0.3  # age at which a track may be confirmed
     # Share of that age for which it must have been seen: other things flicker.
     seen_share: float = 0.8
     confirm_sides: float = 1.0  # how far it must have moved, in smaller sides of its box

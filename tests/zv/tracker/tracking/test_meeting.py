@@ -232,10 +232,10 @@ def test_one_whose_legs_become_hidden_does_not_seem_to_rise(rate: int):
 
 def test_a_track_that_a_frame_does_not_show_is_not_confirmed_by_it():
     tracker = Tracker(TrackingParameters(), SIZE)
-    for k in range(4):
-        left = 20 + 10 * k
-        step(tracker, [Region(left, 40, left + 20, 80, 800)], k / 10)
-    (track,) = step(tracker, [], 0.4)
+    for k in range(6):
+        left = 20 + 5 * k
+        step(tracker, [Region(left, 40, left + 20, 80, 800)], k / 20)
+    (track,) = step(tracker, [], 0.3)
     assert track.state == "tentative"
-    (track,) = step(tracker, [Region(70, 40, 90, 80, 800)], 0.5)
+    (track,) = step(tracker, [Region(55, 40, 75, 80, 800)], 0.35)
     assert track.state == "confirmed"
