@@ -23,7 +23,7 @@ from zenoh_vision.security.credentials import (
     renewal_of,
 )
 from zv.tools.security.authority import Issued, base64_of, belong_together
-from zv.tools.security.roles import ROUTER, Role
+from zv.tools.security.roles import KINDS, ROUTER, Role
 
 LIST: Final = "security.json"
 AUTHORITY: Final = "ca.pem"
@@ -220,7 +220,10 @@ class Folder:
         file = self.router_file_of(name)
         if not file.is_file():
             raise SourceError(f"{file}: no such file; {renewal_of(file)} writes it again")
-        return read_json5(file)
+        found = read_json5(file)
+        if not all(isinstance(found.get(each), dict) for each in ("transport", "access_control")):
+            raise ConfigurationError(f"{file}: damaged; {renewal_of(file)} writes it again")
+        return found
 
     def write(self, system: System) -> None:
         """Write the list of holders."""
@@ -314,6 +317,8 @@ class Folder:
 
 def _holder(fields: Mapping[str, Any]) -> Holder:
     role = fields["role"]
+    if role["kind"] not in KINDS:
+        raise ValueError("no such role")
     several = {name: tuple(map(str, each)) for name, each in role.items() if name != "kind"}
     return Holder(
         Role(str(role["kind"]), **several),

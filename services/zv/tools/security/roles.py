@@ -21,6 +21,7 @@ PLAYER: Final = "player"
 """``zv bag play``, which sends what was recorded of its cameras as if it were of them."""
 ROUTER: Final = "router"
 OWN_NODE: Final = "node"
+KINDS: Final = frozenset({OPERATOR, GUEST, LAUNCHER, PLAYER, ROUTER, OWN_NODE, *SERVICES})
 
 LISTED: Final[tuple[Kind, ...]] = ("publisher", "subscriber", "queryable")
 """What the routers list about each key."""

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -469,10 +470,20 @@ def test_a_full_disk_leaves_each_file_as_it_was(system: Secured, monkeypatch):
     assert contents(system.folder) == before
 
 
-def test_a_damaged_list_of_holders_is_named(system: Secured):
-    (system.folder / "security.json").write_text('{"namespace": "vision"}')
+@pytest.mark.parametrize(
+    "damage", [lambda text: '{"namespace": "vision"}', lambda text: text.replace("guest", "host")]
+)
+def test_a_damaged_list_of_holders_is_named(system: Secured, damage: Callable[[str], str]):
+    file = system.folder / "security.json"
+    file.write_text(damage(file.read_text()))
     with pytest.raises(ConfigurationError, match=r"security\.json: damaged"):
         system.add(camera=("left",))
+
+
+def test_a_routers_file_without_its_rules_is_named_with_what_writes_it_again(system: Secured):
+    (system.folder / "router" / "router.json5").write_text("{}")
+    with pytest.raises(ConfigurationError, match=r"router\.json5: damaged; zv security renew"):
+        check(system, "camera_front", "vision/front/image", "publish")
 
 
 def test_the_key_of_the_authority_may_be_kept_elsewhere(system: Secured):
