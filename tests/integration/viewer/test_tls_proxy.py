@@ -83,7 +83,9 @@ def proxied(
     request: pytest.FixtureRequest, service: Any, certificate: tuple[Path, Path], tmp_path: Path
 ) -> Iterator[Proxied]:
     """A viewer behind a proxy, configured as in examples/tls but for ports and certificate."""
-    viewer = Viewer(service("view", "--port", 0, "--allow-host", NAME, "--token", TOKEN))
+    # A single picture that a busy machine keeps waiting is not to be dropped for its age.
+    flags = ("--allow-host", NAME, "--token", TOKEN, "--max-age", "60s")
+    viewer = Viewer(service("view", "--port", 0, *flags))
     port = free_port()
     start = {"caddy": caddy, "nginx": nginx}[request.param]
     with start(viewer.port, port, certificate, tmp_path):
