@@ -61,15 +61,15 @@ class ServiceRun:
         answer_s: float = ANSWER_S,
     ) -> None:
         self.node = node
-        self._unexpected: deque[Record] = deque()
+        self._received: deque[Record] = deque()
+        self._said: dict[FrameId, list[Record]] = {}  # of the frames that were sent and not taken
+        self._unexpected: list[Record] = []
         self._command = list(command)
         self._namespace = namespace
         self._cameras = set(cameras)
         self._stopping = stopping
         self._answers = set(answers)
         self._answer_s = answer_s
-        self._waited: FrameId | None = None
-        self._found: list[Record] = []
         self._arrived = Wakeup()
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._open = ExitStack()
@@ -120,48 +120,61 @@ class ServiceRun:
         """Send a record that is no frame, such as a calibration."""
         self._put(record)
 
-    def answers_to(self, frame: Record, expected: Counter[str] | None = None) -> list[Record]:
-        """Send a frame and return what the service says of it; as long as it has not, wait.
+    def send_frame(self, frame: Record, expected: Counter[str] | None = None) -> None:
+        """Send a frame, and wait until the service has said something of it, or its time is over.
 
         Args:
             frame: With a header.
             expected: How many messages of each key to wait for; by default one of any key.
 
-        Returns:
-            The answers; fewer than expected if it does not send more in time.
-
         Raises:
             ExpectationNotMet: It has ended.
         """
-        frame_key = frame_id(frame)
-        self._found, self._waited = [], frame_key
+        sent = frame_id(frame)
+        assert sent is not None
+        found = self._said.setdefault(sent, [])
         began_s = looked_s = time.monotonic()
         self._put(frame)
 
         def complete() -> bool:
+            self._sort()
             if expected is None:
-                return bool(self._found)
-            return not expected - Counter(each.key for each in self._found)
+                return bool(found)
+            return not expected - Counter(each.key for each in found)
 
         while not self._arrived.wait_for(complete, POLL_S):
             now_s = time.monotonic()
             if self._stopping() or now_s - began_s > self._answer_s:
                 break
-            if self._found and now_s - began_s > LATE_S + self._answer_s / 10:
+            if found and now_s - began_s > LATE_S + self._answer_s / 10:
                 break  # it has answered, but not with all
             if now_s - looked_s > LOOK_S:
                 looked_s = now_s
                 self._check_running()
-        self._waited, found = None, self._found
-        return found
+
+    def take_answers(self, frame: Record) -> list[Record]:
+        """Return, once, what the service has said so far of a frame that was sent."""
+        self._sort()
+        sent = frame_id(frame)
+        return [] if sent is None else self._said.pop(sent, [])
 
     def wait_for_late_ones(self) -> None:
         """Wait a moment for messages that were not expected, after the last frame."""
         time.sleep(LATE_S)
 
     def unexpected(self) -> list[Record]:
-        """Return, once, the messages of frames that came after all that were waited for."""
-        return [self._unexpected.popleft() for _ in range(len(self._unexpected))]
+        """Return, once, the messages of no frame whose answers are still to be taken."""
+        self._sort()
+        found, self._unexpected = self._unexpected, []
+        return found
+
+    def _sort(self) -> None:
+        """Put what has arrived to its frames."""
+        while self._received:
+            record = self._received.popleft()
+            of = frame_id(record)
+            known = None if of is None else self._said.get(of)
+            (self._unexpected if known is None else known).append(record)
 
     def _check_running(self) -> None:
         status = self._child.status
@@ -196,11 +209,8 @@ class ServiceRun:
         )
         if record.header.get("node") != self.node:
             return
-        if self._waited is not None and frame_id(record) == self._waited:
-            self._found.append(record)
-            self._arrived.set()
-        else:
-            self._unexpected.append(record)
+        self._received.append(record)
+        self._arrived.set()
 
     def _put(self, record: Record) -> None:
         publisher = self._publishers.get(record.key)

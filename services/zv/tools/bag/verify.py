@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from zenoh_vision.config.constraints import toml_line
 from zenoh_vision.config.settings import Settings, load_settings, local_path, read_config
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.host.signals import StopSignals
-from zenoh_vision.topics import TOPICS, is_frame_key
+from zenoh_vision.topics import is_frame_key, topic_of
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.matching import intersect
 from zv.bag.comparison import MISSING, Difference, Tolerances, first_difference, values_of
@@ -25,7 +25,7 @@ from zv.bag.private_system import zv_command
 from zv.bag.record import Record
 from zv.bag.recording import Recording
 from zv.registry import SERVICES, command_of, model_of
-from zv.tools.bag.answered import AnsweredFrame, answered_frames, frame_id
+from zv.tools.bag.answered import HORIZON_NS, AnsweredFrame, answered_frames, frame_id
 from zv.tools.bag.difference_picture import drawn
 from zv.tools.bag.recorded_node import RecordedNode, recorded_node
 from zv.tools.bag.service_run import ServiceRun, marked
@@ -38,15 +38,20 @@ from zv.tools.shared.received import header_of
 EARLIER_NS: Final = 10**9
 """A node that was started longer before the recording knows what the recording does not have."""
 
+FRAMES_AFTER: Final = 2
+"""After so many frames of its camera all is said of a frame. A tracker ends the tracks of an epoch
+when the next one begins, after its first message of that."""
+
 
 @dataclass(slots=True)
 class Tally:
-    """What was done: frames sent and left out, messages compared, and the recorded time."""
+    """What was done: frames sent and left out, messages compared, recorded time and time taken."""
 
     frames: int = 0
     unanswered: int = 0
     messages: int = 0
     recorded_ns: int = 0
+    took_s: float = 0.0
 
 
 def run(options: VerifyOptions, _connection: Connection, output: Output) -> None:
@@ -248,24 +253,39 @@ class Verification:
             return False
         return any(intersect(each, record.key) for each in self._node.subscribes)
 
+    def _answered(
+        self, service: ServiceRun, frames: Iterable[AnsweredFrame]
+    ) -> Iterator[tuple[AnsweredFrame, list[Record]]]:
+        """Send frames; yield each, in their order, with all that the service says of it."""
+        begun_s, begun_ns = time.monotonic(), time.time_ns()
+        sent: deque[AnsweredFrame] = deque()
+        waiting: Counter[str] = Counter()
+        for each in frames:
+            self._check_header(each.frame)
+            self._prepare(service, each)
+            awaited = None if self._options.update else _awaited(each.answers) or None
+            service.send_frame(marked(each.frame, begun_ns), awaited)
+            self._check_going_on()
+            sent.append(each)
+            waiting[each.frame.key] += 1
+            while (
+                waiting[sent[0].frame.key] > FRAMES_AFTER
+                or each.frame.log_time_ns - sent[0].frame.log_time_ns > HORIZON_NS
+            ):
+                one = sent.popleft()
+                waiting[one.frame.key] -= 1
+                yield one, service.take_answers(one.frame)
+        self._tally.took_s = time.monotonic() - begun_s
+        service.wait_for_late_ones()
+        for one in sent:
+            yield one, service.take_answers(one.frame)
+
     # Comparing
 
     def _verify(self, service: ServiceRun) -> None:
         tally = self._tally
-        begun_s = time.monotonic()
-        begun_ns = time.time_ns()
-        first_ns = last_ns = 0
-        sent: AnsweredFrame | None = None
-        for each in self._frames():
-            if not each.answers:
-                tally.unanswered += 1
-                if not self._options.all_frames:
-                    continue
-            self._check_header(each.frame)
-            self._prepare(service, each)
-            expected = Counter(one.key for one in each.answers)
-            found = service.answers_to(marked(each.frame, begun_ns), expected or None)
-            self._check_going_on()
+        first_ns = 0
+        for each, found in self._answered(service, self._frames_to_verify()):
             if self._held is not None and each.answers:
                 self._fail(*self._held)  # the recording went on
             self._check_unexpected(service, each)
@@ -273,22 +293,23 @@ class Verification:
                 difference = first_difference(each.answers, found, self._tolerances)
                 if difference is not None:
                     self._differs(each, found, difference)
-            sent = each
             tally.frames += 1
             tally.messages += len(found)
             first_ns = first_ns or each.frame.log_time_ns
-            last_ns = each.frame.log_time_ns
-            tally.recorded_ns = last_ns - first_ns
-        took_s = time.monotonic() - begun_s
-        service.wait_for_late_ones()
-        if sent is not None:
-            self._check_unexpected(service, sent)
+            tally.recorded_ns = each.frame.log_time_ns - first_ns
         if self._held is not None:
             _, _, difference = self._held
             self._output.note(
                 f"the recording ends within the results of its last frame: no {difference.key}"
             )
-        self._report(tally.recorded_ns / 1e9 / took_s)
+        self._report(tally.recorded_ns / 1e9 / tally.took_s)
+
+    def _frames_to_verify(self) -> Iterator[AnsweredFrame]:
+        """Yield the frames with recorded answers, with ``--all-frames`` all; count the others."""
+        for each in self._frames():
+            self._tally.unanswered += not each.answers
+            if each.answers or self._options.all_frames:
+                yield each
 
     def _report(self, speed: float) -> None:
         tally, name = self._tally, self._node.name
@@ -320,7 +341,7 @@ class Verification:
         So it does where the recorder was stopped while they were on their way. A message that
         there is for each frame is held against the node if another frame's results follow.
         """
-        topic = TOPICS.get(keys.suffix_of(difference.key))
+        topic = topic_of(difference.key)
         is_absent = difference.recorded == MISSING and not difference.field
         if is_absent and topic is not None and topic.every_frame:
             self._held = self._held or (each, found, difference)
@@ -378,25 +399,15 @@ class Verification:
     def _update(self, service: ServiceRun, path: Path) -> None:
         """Write the recording with the answers of now instead of the recorded ones."""
         tally = self._tally
-        begun_ns = time.time_ns()
         with Updated(path, self._recording, self._is_answer) as updated:
             updated.describe(self._node, service.about, service.parameters())
-            before: tuple[Record, list[Record]] | None = None
-            for each in self._frames():
-                self._check_header(each.frame)
-                self._prepare(service, each)
-                found = service.answers_to(marked(each.frame, begun_ns))
-                self._check_going_on()
+            for each, found in self._answered(service, self._frames()):
                 if not found:
                     seq = each.frame.header.get("seq")
                     self._output.note(f"{self._node.name} has not answered frame {seq}")
-                if before is not None:
-                    updated.add(*_completed(*before, service))
-                before = each.frame, found
+                updated.add(each.frame, found)
+                service.unexpected()  # of no frame: no result
                 tally.frames += 1
-            service.wait_for_late_ones()
-            if before is not None:
-                updated.add(*_completed(*before, service))
         self._output.result(
             {
                 "node": self._node.name,
@@ -416,12 +427,13 @@ def _absolute(model: type[Settings], values: dict[str, Any], folder: Path) -> di
     }
 
 
-def _completed(
-    frame: Record, found: list[Record], service: ServiceRun
-) -> tuple[Record, list[Record]]:
-    """Return a frame with all its answers: the service has answered the next one meanwhile."""
-    late = [each for each in service.unexpected() if frame_id(each) == frame_id(frame)]
-    return frame, [*found, *late]
+def _awaited(answers: list[Record]) -> Counter[str]:
+    """Return how many messages of each key to wait for before the next frame is sent.
+
+    What is not said of every frame, such as an event, may come only with the next one.
+    """
+    topics = ((each.key, topic_of(each.key)) for each in answers)
+    return Counter(key for key, topic in topics if topic is None or topic.every_frame)
 
 
 def revision_of(answers: list[Record]) -> int:

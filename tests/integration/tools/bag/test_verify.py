@@ -19,7 +19,7 @@ from tests.support.listening import Listener, open_client, wait_for_nodes
 from tests.support.node_states import report
 from tests.support.processes import Program
 from tests.support.publishing import wait_for_subscriber
-from tests.support.recordings import centroids, frames, write
+from tests.support.recordings import BEGIN_NS, centroids, frames, write
 from tests.support.routing import Router
 from tests.support.waiting import wait_until
 from zenoh_vision.config.settings import load_settings
@@ -33,6 +33,7 @@ from zv.tools.bag.verify_options import VerifyOptions
 
 FRAMES = frames(45, still=25)
 KEY = "vision/front/tracks"
+LATER_NS = 2 * 10**9
 
 Zv = Callable[..., Program]
 
@@ -247,6 +248,32 @@ def test_an_update_keeps_the_frames_and_never_overwrites(zv: Zv, golden: Path, t
     assert [each.attachment for each in kept] == [each.attachment for each in FRAMES]
     said = zv(golden, "--node", "tracker", "--update", golden, status=3).complaints
     assert "exists already" in said
+
+
+def test_what_a_tracker_says_of_an_epoch_after_the_first_message_of_the_next_one_is_kept(
+    zv: Zv, tmp_path: Path
+):
+    later = [
+        replace(
+            each,
+            attachment=msgpack.packb(
+                {
+                    **each.header,
+                    "epoch": BEGIN_NS + LATER_NS,
+                    "stamp_ns": each.header["stamp_ns"] + LATER_NS,
+                }
+            ),
+            log_time_ns=each.log_time_ns + LATER_NS,
+        )
+        for each in FRAMES[:3]
+    ]
+    run = write(tmp_path / "run.mcap", FRAMES, later)
+    zv(run, "--node", "tracker", "--update", "new.mcap")
+    with Recording(tmp_path / "new.mcap") as recording:
+        events = list(recording.records(keys=("vision/front/events",)))
+    ended = [each for each in events if msgpack.unpackb(each.payload)["event"] == "ended"]
+    assert [(each.header["epoch"], each.header["seq"]) for each in ended] == [(BEGIN_NS, 44)]
+    assert "48 frames" in zv("new.mcap", "--node", "tracker").output
 
 
 @pytest.mark.parametrize("given", ["a file", "a flag"])
