@@ -54,11 +54,12 @@ class Updated:
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         """Copy what is left and close the file; remove it after an error."""
-        if kind is None:
-            for record in self._rest:
-                self._copy(record)
-            self._writer.close()
-        else:
+        try:
+            if kind is None:
+                for record in self._rest:
+                    self._copy(record)
+                self._writer.close()
+        finally:
             self._writer.discard()
 
     def describe(

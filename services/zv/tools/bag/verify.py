@@ -22,7 +22,8 @@ from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.matching import intersect
 from zv.bag.comparison import MISSING, Difference, Tolerances, first_difference, values_of
 from zv.bag.private_system import zv_command
-from zv.bag.record import Record
+from zv.bag.record import ChunkLost, Record
+from zv.bag.recorder.syncer import said
 from zv.bag.recording import Recording
 from zv.registry import SERVICES, command_of, model_of
 from zv.tools.bag.answered import HORIZON_NS, AnsweredFrame, answered_frames, frame_id
@@ -399,15 +400,18 @@ class Verification:
     def _update(self, service: ServiceRun, path: Path) -> None:
         """Write the recording with the answers of now instead of the recorded ones."""
         tally = self._tally
-        with Updated(path, self._recording, self._is_answer) as updated:
-            updated.describe(self._node, service.about, service.parameters())
-            for each, found in self._answered(service, self._frames()):
-                if not found:
-                    seq = each.frame.header.get("seq")
-                    self._output.note(f"{self._node.name} has not answered frame {seq}")
-                updated.add(each.frame, found)
-                service.unexpected()  # of no frame: no result
-                tally.frames += 1
+        try:
+            with Updated(path, self._recording, self._is_answer) as updated:
+                updated.describe(self._node, service.about, service.parameters())
+                for each, found in self._answered(service, self._frames()):
+                    if not found:
+                        seq = each.frame.header.get("seq")
+                        self._output.note(f"{self._node.name} has not answered frame {seq}")
+                    updated.add(each.frame, found)
+                    service.unexpected()  # of no frame: no result
+                    tally.frames += 1
+        except (OSError, ChunkLost) as error:
+            raise SourceError(f"cannot write {path}: {said(error)}") from None
         self._output.result(
             {
                 "node": self._node.name,

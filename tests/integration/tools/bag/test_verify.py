@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +18,7 @@ from tests.support import detector_models
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, open_client, wait_for_nodes
 from tests.support.node_states import report
-from tests.support.processes import Program
+from tests.support.processes import Program, environment
 from tests.support.publishing import wait_for_subscriber
 from tests.support.recordings import BEGIN_NS, centroids, frames, write
 from tests.support.routing import Router
@@ -274,6 +275,21 @@ def test_what_a_tracker_says_of_an_epoch_after_the_first_message_of_the_next_one
     ended = [each for each in events if msgpack.unpackb(each.payload)["event"] == "ended"]
     assert [(each.header["epoch"], each.header["seq"]) for each in ended] == [(BEGIN_NS, 44)]
     assert "48 frames" in zv("new.mcap", "--node", "tracker").output
+
+
+def test_an_update_onto_a_full_disk_says_so_and_leaves_no_file(golden: Path, tmp_path: Path):
+    words = [sys.executable, "-m", "zv", "bag", "verify", golden, "--node", "tracker"]
+    done = subprocess.run(
+        ["sh", "-c", 'ulimit -f 100; exec "$@"', "sh", *words, "--update", "new.mcap"],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (3, "zv: cannot write new.mcap: File too large\n")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("given", ["a file", "a flag"])
