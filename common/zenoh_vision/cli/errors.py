@@ -35,7 +35,7 @@ FAULT_STATUS = 70
 
 USAGE_STATUS = 2
 INACCESSIBLE = (errno.EACCES, errno.ENAMETOOLONG)
-"""With these even a look at whether a file exists fails, which the programs do in many places."""
+"""Errors that even ``Path.exists`` raises, which the programs call in many places."""
 
 
 def reader_is_gone(error: BaseException) -> bool:

@@ -27,8 +27,8 @@ LONGEST_WAY_NS = 10_000_000_000
 
 MOST_ROUTES = 20
 MOST_FINDINGS = 10
-"""Limits of what a report says of inputs, of which an input with wildcards may have 1000: a report
-that is too large is refused by all who receive it (``message_limits``)."""
+"""Limits of what a report says of inputs: one with wildcards may receive 1000 streams, and all
+receivers refuse a report that is too large (``message_limits``)."""
 
 
 class Watched(Protocol):

@@ -62,7 +62,7 @@ class ServiceRun:
     ) -> None:
         self.node = node
         self._received: deque[Record] = deque()
-        self._said: dict[FrameId, list[Record]] = {}  # of the frames that were sent and not taken
+        self._said: dict[FrameId, list[Record]] = {}  # by frame, until they are taken
         self._unexpected: list[Record] = []
         self._command = list(command)
         self._namespace = namespace
