@@ -73,9 +73,10 @@ class Background:
         while self._starts and age_s >= self._starts[0]:
             del self._starts[0]
         if len(self._kept) >= 3:
-            middle = _middle(self._kept)
+            nine = [self._kept[round(at)] for at in np.linspace(0, len(self._kept) - 1, 9)]
+            middle = _middle(nine)
             self._values = middle.astype(np.float32)
-            off = [np.asarray(cv2.absdiff(each, middle), np.uint8) for each in self._kept]
+            off = [np.asarray(cv2.absdiff(each, middle), np.uint8) for each in nine]
             self._noise = _middle(off).astype(np.float32)
             self.light = Light(self.light.limits)
             self._refresh()
@@ -105,7 +106,7 @@ class Background:
         """
         near = cv2.inRange(picture, self._low, self._high)
         mask = np.asarray(cv2.medianBlur(cv2.bitwise_not(near), 3), np.uint8)
-        places = np.flatnonzero(mask)
+        places = np.flatnonzero(mask > 0)  # of a bool array, which is ten times faster
         strong = np.zeros_like(mask)
         if not places.size:
             return mask, strong
@@ -193,20 +194,21 @@ class Background:
 
     def _refresh(self) -> None:
         self.unlit = np.asarray(cv2.convertScaleAbs(self._values), np.uint8)
-        self._least, self._most = cv2.erode(self.unlit, WINDOW), cv2.dilate(self.unlit, WINDOW)
         self._illuminate()
 
     def _illuminate(self) -> None:
         """Compute the values that agree with the background in the present light."""
         curve, limits = self.light.curve, self._limits
-        shown = np.rint(curve).astype(np.uint8)[None]
+        self.shown = np.asarray(
+            cv2.LUT(self.unlit, np.rint(curve).astype(np.uint8)[None]), np.uint8
+        )
         reach = (limits.base + limits.share * curve) * self._scale
-        self.shown = np.asarray(cv2.LUT(self.unlit, shown), np.uint8)
-        noise = cv2.convertScaleAbs(self._noise, alpha=limits.noise * self._scale)
         table = np.rint(np.clip(reach, 1, 255)).astype(np.uint8)[None]
+        noise = cv2.convertScaleAbs(self._noise, alpha=limits.noise * self._scale)
         self._reach = np.asarray(cv2.add(cv2.LUT(self.unlit, table), noise), np.uint8)
-        self._low = np.asarray(cv2.subtract(cv2.LUT(self._least, shown), self._reach), np.uint8)
-        self._high = np.asarray(cv2.add(cv2.LUT(self._most, shown), self._reach), np.uint8)
+        # The curve ascends, so the least value of a neighbourhood is the same before and after it.
+        self._low = np.asarray(cv2.subtract(cv2.erode(self.shown, WINDOW), self._reach), np.uint8)
+        self._high = np.asarray(cv2.add(cv2.dilate(self.shown, WINDOW), self._reach), np.uint8)
 
 
 def _at(picture: Image, places: NDArray[np.intp]) -> Image:
@@ -214,13 +216,12 @@ def _at(picture: Image, places: NDArray[np.intp]) -> Image:
     return picture.reshape(-1, 3).take(places, axis=0)
 
 
-def _middle(pictures: Sequence[Image]) -> Image:
-    """Return the approximate median of each value of at least 3 pictures, from first to last.
+def _middle(nine: Sequence[Image]) -> Image:
+    """Return the approximate median of each value of nine pictures, from first to last.
 
     It is the ninther (J. W. Tukey, "The ninther", 1978): the median of the medians of three groups
     of three pictures, each taken from different times. It costs a twentieth of a sort.
     """
-    nine = [pictures[round(place)] for place in np.linspace(0, len(pictures) - 1, 9)]
     return _median(*(_median(*nine[first::3]) for first in range(3)))
 
 

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from zv.tracker.foreground.background import Background, BackgroundLimits
 from zv.tracker.foreground.light import LightLimits
-from zv.tracker.foreground.steadying import Steadier, SteadyLimits, clear_unseen, moved_back
+from zv.tracker.foreground.steadying import (
+    Steadier,
+    SteadyLimits,
+    clear_unseen,
+    moved_back,
+    reduced,
+)
 from zv.tracker.foreground.view import Shown, View, ViewLimits
 from zv.tracker.tracking.region import Region
 
@@ -77,7 +83,8 @@ class ForegroundDetector:
         self._view = View(parameters.view)
         self._steadier = Steadier(parameters.steady)
         self.moved = 0, 0
-        self._seen: Image | None = None  # the newest picture, before it was moved back
+        self._seen: Image | None = None  # the newest picture, before it was moved back,
+        self._small: Image | None = None  # and reduced
         self._place, self._place_s = (0, 0), 0.0  # ``moved`` of the camera's place, and since when
         self._shown: Shown = "scene"
         self._started_s = self._passed_s = self._looked_s = self._other_s = 0.0
@@ -89,11 +96,11 @@ class ForegroundDetector:
 
     def steadied(self, picture: Image) -> Image:
         """Return a picture moved back to where the background is, if the camera shakes."""
-        self._seen = picture
+        self._seen, self._small = picture, reduced(picture)
         if self.background is None:
             self.moved = 0, 0
         else:
-            self.moved = self._steadier.moved(self.background.shown, picture)
+            self.moved = self._steadier.moved(self.background.shown, self._small)
         return moved_back(picture, self.moved)
 
     def update(
@@ -201,7 +208,9 @@ class ForegroundDetector:
         elapsed_s = age_s - self._looked_s
         if elapsed_s >= self.parameters.scene.every_s:
             self._looked_s = age_s
-            self._shown = self._view.shown(self.background.unlit, picture, hidden, elapsed_s)
+            known = self._small if picture is self._seen else None
+            small = reduced(picture) if known is None else known
+            self._shown = self._view.shown(self.background.unlit, small, hidden, elapsed_s)
 
     def _is_hidden(self, mask: Image, hidden: Image | None) -> bool:
         """Return whether most of what no known object hides is foreground."""

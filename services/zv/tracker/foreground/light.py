@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,19 +82,21 @@ class Light:
 
     @staticmethod
     def _shown(curve: Floats, values: Image) -> Floats:
-        return np.stack([curve[values[:, channel], channel] for channel in range(3)], axis=1)
+        return np.asarray(cv2.LUT(values[None], curve[None])[0], np.float32)
 
     def _agreement(self, off: Floats, after: Floats) -> float:
         near = np.abs(off) < self.limits.base + self.limits.share * after
         return float(np.mean(near[:, 0] & near[:, 1] & near[:, 2]))
 
     def _drifted(self, before: Image, off: Floats) -> bool:
+        drift = self.limits.drift
         for channel in range(3):
             values, differences = before[:, channel], off[:, channel]
-            bright = values > np.median(values)
+            bright = values > np.partition(values, values.size // 2)[values.size // 2]
             for half in (differences[bright], differences[~bright]):
-                if half.size and abs(float(np.median(half))) > self.limits.drift:
-                    return True
+                for side in (half > drift, half < -drift):  # more than a half: so is the median
+                    if 2 * np.count_nonzero(side) > half.size:
+                        return True
         return False
 
     def _fitted(self, before: Image, after: Floats) -> tuple[Floats, Floats]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +13,9 @@ from numpy.typing import NDArray
 from zv.tracker.tracking.region import Region, extent
 
 Image = NDArray[np.uint8]
+
+Outline = NDArray[Any]
+"""Corners, (n, 1, 2) int32, closed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +43,15 @@ def regions_of(
         most: Larger regions are left out, square pixels.
         limits: The constants.
     """
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
-    areas = stats[1:, cv2.CC_STAT_AREA]
-    wanted = np.flatnonzero((areas >= least) & (areas <= most)) + 1
     found = []
-    for label in wanted[np.argsort(-areas[wanted - 1], kind="stable")][: limits.most].tolist():
-        x, y, width, height, area = stats[label].tolist()
+    for outlines, (x, y, width, height) in _largest(mask, least, limits.most):
         window = slice(y, y + height), slice(x, x + width)
-        own = labels[window] == label
+        filled = np.zeros((height, width), np.uint8)
+        cv2.drawContours(filled, outlines, -1, (255,), cv2.FILLED, offset=(-x, -y))
+        own = filled > 0
+        area = int(np.count_nonzero(own))
+        if not least <= area <= most:
+            continue
         if np.count_nonzero(strong[window][own]) < limits.strong * area:
             continue
         across, down = own.sum(axis=0), own.sum(axis=1)
@@ -56,4 +62,27 @@ def regions_of(
             y + float(down @ np.arange(height)) / area + 0.5,
         )
         found.append(Region(x + left, y + top, x + right, y + bottom, area, at))
-    return found
+    return sorted(found, key=lambda each: -each.area)
+
+
+def _largest(mask: Image, least: float, most: int) -> list[tuple[list[Outline], Sequence[int]]]:
+    """Return the outlines of the largest regions, each with those of its holes, and their boxes.
+
+    To follow outlines takes an eighth of the time that labelling each pixel takes.
+
+    Args:
+        mask: (height, width) uint8 of 0 and 255.
+        least: Regions with smaller boxes are left out, square pixels.
+        most: Largest number of regions.
+    """
+    found, links = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    boxes = [cv2.boundingRect(outline) for outline in found]
+    sizes = [width * height for _, _, width, height in boxes]
+    parents = [] if links is None else links[0, :, 3].tolist()  # -1: it is no outline of a hole
+    outer = [each for each, parent in enumerate(parents) if parent < 0 and sizes[each] >= least]
+    outer = sorted(outer, key=lambda each: -sizes[each])[:most]
+    outlines = {each: [found[each]] for each in outer}
+    for hole, parent in enumerate(parents):
+        if parent in outlines:
+            outlines[parent].append(found[hole])
+    return [(outlines[each], boxes[each]) for each in outer]

@@ -13,7 +13,7 @@ Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 SMALLER: Final = 6
-"""Pictures are compared at this fraction of their size, so that some pixels are one."""
+"""Pictures are compared at this fraction of their size, so that some pixels of shake are one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,20 +43,20 @@ class Steadier:
         self._limits = limits
         self._known: Image | None = None
 
-    def moved(self, background: Image, picture: Image) -> tuple[int, int]:
+    def moved(self, background: Image, small: Image) -> tuple[int, int]:
         """Return by how many whole pixels, x and y, a picture is moved from the background.
 
         Args:
             background: (height, width, 3) uint8 BGR, in the light of the picture.
-            picture: The same.
+            small: The picture, ``reduced``.
         """
+        seen = small.astype(np.float32)
         limits = self._limits
         if background is not self._known:
-            self._known, self._still = background, _small(background)
+            self._known, self._still = background, reduced(background).astype(np.float32)
             self._slopes = [
                 cv2.Sobel(self._still, cv2.CV_32F, dx, 1 - dx, scale=1 / 8) for dx in (1, 0)
             ]
-        seen = _small(picture)
         x = y = 0.0
         off = first = self._off(seen, x, y)
         for _ in range(limits.rounds):
@@ -68,7 +68,7 @@ class Steadier:
             if round(SMALLER * x) == round(SMALLER * y) == 0:
                 return 0, 0  # as it is with a camera that stands, at the first step
         found = round(SMALLER * x), round(SMALLER * y)
-        if max(map(abs, found)) > limits.farthest * min(picture.shape[:2]):
+        if max(map(abs, found)) > limits.farthest * min(background.shape[:2]):
             return 0, 0
         left, usual = (float(np.minimum(np.abs(each), limits.most).mean()) for each in (off, first))
         return found if left < limits.better * usual else (0, 0)
@@ -89,6 +89,14 @@ class Steadier:
         x, y = (float(np.vdot(each, off)) for each in weighted)
         whole = xx * yy - xy * xy + 1e-3  # not 0 before a plain wall
         return (xy * y - yy * x) / whole, (xy * x - xx * y) / whole
+
+
+def reduced(picture: Image) -> Image:
+    """Return a picture, (height, width, 3) uint8 BGR, in grey at a fraction of its size."""
+    height, width = picture.shape[:2]
+    size = max(1, width // SMALLER), max(1, height // SMALLER)
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def moved_back(picture: Image, moved: tuple[int, int]) -> Image:
@@ -114,10 +122,3 @@ def _moved_back(picture: NDArray[Any], x: float, y: float) -> NDArray[Any]:
     size = picture.shape[1], picture.shape[0]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return cv2.warpAffine(picture, shift, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-
-
-def _small(picture: Image) -> Floats:
-    height, width = picture.shape[:2]
-    size = max(1, width // SMALLER), max(1, height // SMALLER)
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.float32)

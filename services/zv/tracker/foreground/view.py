@@ -9,16 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zv.tracker.foreground.steadying import reduced
+
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 Shown = Literal["scene", "nothing", "other"]
 """The scene; nothing, since the picture is black or the lens is covered; or another view."""
 
-
-SMALLER: Final = 6
-"""Edges are compared in a picture of this fraction of the size, so that some pixels of shake do not
-matter."""
 
 EDGE: Final = 16.0
 """Least gradient of an edge by Sobel's operator: 2 grey levels a pixel."""
@@ -57,20 +55,20 @@ class View:
         self._edges: tuple[Floats, Floats, float] | None = None
 
     def shown(
-        self, background: Image, picture: Image, hidden: Image | None, elapsed_s: float
+        self, background: Image, small: Image, hidden: Image | None, elapsed_s: float
     ) -> Shown:
         """Return what a picture shows.
 
         Args:
             background: (height, width, 3) uint8 BGR; its edges are computed anew for another array.
-            picture: The same.
+            small: The picture, ``reduced``.
             hidden: (height, width) uint8, not 0 where known objects hide the background.
             elapsed_s: Time since the last picture, seconds.
         """
         limits = self._limits
         if self._edges is None or background is not self._known:
-            self._known, self._edges = background, _edges(background)
-        (x, y, busy), (seen_x, seen_y, _) = self._edges, _edges(picture)
+            self._known, self._edges = background, _edges(reduced(background))
+        (x, y, busy), (seen_x, seen_y, _) = self._edges, _edges(small)
         if hidden is not None:
             free = cv2.resize(
                 cv2.bitwise_not(hidden), x.shape[1::-1], interpolation=cv2.INTER_NEAREST
@@ -91,13 +89,8 @@ class View:
         return "scene"
 
 
-def _edges(picture: Image) -> tuple[Floats, Floats, float]:
+def _edges(small: Image) -> tuple[Floats, Floats, float]:
     """Return the gradients of a reduced picture along x and y, and the share of it with edges."""
-    height, width = picture.shape[:2]
-    size = max(1, width // SMALLER), max(1, height // SMALLER)
-    small = cv2.cvtColor(
-        cv2.resize(picture, size, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY
-    )
     x, y = (cv2.Sobel(small, cv2.CV_32F, dx, 1 - dx) for dx in (1, 0))
     strength = np.abs(x) + np.abs(y)
     most = STRONGEST / 2 * float(strength.mean())

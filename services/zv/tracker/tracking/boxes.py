@@ -50,17 +50,16 @@ def components(links: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
 
     Rows and columns without a link are left out.
     """
-    left = links.any(axis=1)
-    found = []
-    while left.any():
-        members, before = np.arange(links.shape[0]) == left.argmax(), 0
-        while members.sum() > before:
-            before = members.sum()
-            reached = links[members].any(axis=0)
-            members = links[:, reached].any(axis=1)
-        found.append((np.flatnonzero(members).tolist(), np.flatnonzero(reached).tolist()))
-        left &= ~members
-    return found
+    found: list[tuple[list[int], set[int]]] = []
+    for row in np.flatnonzero(links.any(axis=1)).tolist():
+        rows, columns, apart = [row], set(np.flatnonzero(links[row]).tolist()), []
+        for group in found:
+            if columns.isdisjoint(group[1]):
+                apart.append(group)
+            else:
+                rows, columns = group[0] + rows, columns | group[1]
+        found = [*apart, (rows, columns)]
+    return sorted((sorted(rows), sorted(columns)) for rows, columns in found)
 
 
 def assigned(costs: NDArray[np.float64]) -> list[tuple[int, int]]:

@@ -128,7 +128,7 @@ class Tracker(TrackerBase[TrackState]):
         moment = self._moment
         match decision:
             case Follow(track, region):
-                track.grouped &= self._near_another(track)
+                track.grouped = track.grouped and self._near_another(track)
                 seen_s = track.seen_s
                 measure(track, region, moment, scene)
                 if track.confirmed and region.area < self.parameters.min_area:

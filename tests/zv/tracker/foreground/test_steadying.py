@@ -13,7 +13,13 @@ from zv.tracker.foreground.foreground import (
     ForegroundParameters,
     SceneLimits,
 )
-from zv.tracker.foreground.steadying import Steadier, SteadyLimits, clear_unseen, moved_back
+from zv.tracker.foreground.steadying import (
+    Steadier,
+    SteadyLimits,
+    clear_unseen,
+    moved_back,
+    reduced,
+)
 from zv.tracker.pipelines.base import enlarged
 from zv.tracker.pipelines.robust import RobustTracker
 from zv.tracker.tracking.region import Region
@@ -37,7 +43,7 @@ def seen(scene: np.ndarray, x: int = 0, y: int = 0) -> np.ndarray:
 
 
 def moved(background: np.ndarray, picture: np.ndarray) -> tuple[int, int]:
-    return Steadier(SteadyLimits()).moved(background, picture)
+    return Steadier(SteadyLimits()).moved(background, reduced(picture))
 
 
 @pytest.mark.parametrize("by", [(0, 0), (3, 0), (0, -4), (-5, 6), (9, 8)])
