@@ -99,10 +99,10 @@ class ChunkLost(Exception):
 
     Attributes:
         cause: What the operating system said.
-        counts: The number of messages that are lost, by topic, without those that were asked for.
+        records: The samples in them.
     """
 
-    def __init__(self, cause: OSError, counts: dict[str, int]) -> None:
+    def __init__(self, cause: OSError, records: list[Record]) -> None:
         super().__init__(f"{cause.strerror or cause}")
         self.cause = cause
-        self.counts = counts
+        self.records = records

@@ -80,6 +80,7 @@ class _Chunk:
         self.first_ns = self.last_ns = 0
         self.index: dict[int, list[tuple[int, int]]] = {}
         self.schemas: set[int] = set()
+        self.records: list[Record] = []
 
     def append(self, data: bytes) -> None:
         self.buffers.append(data)
@@ -275,6 +276,7 @@ class Writer:
             message.publish_time_ns,
             message.sequence,
             {"zenoh_encoding": record.encoding, ORIGIN: record.origin},
+            record,
         )
 
     def add_message(
@@ -286,6 +288,7 @@ class Writer:
         publish_ns: int,
         sequence: int = 0,
         metadata: Mapping[str, str] | None = None,
+        record: Record | None = None,
     ) -> None:
         """Add a message of any schema, and write the chunk if it is full.
 
@@ -297,6 +300,7 @@ class Writer:
             publish_ns: Time of capture or publication.
             sequence: Its number, below 2^32.
             metadata: Of the channel, if this is its first message.
+            record: The sample that it holds, which is lost if its chunk is.
 
         Raises:
             ChunkLost: As for ``flush``.
@@ -316,6 +320,8 @@ class Writer:
         )
         for each in data:
             chunk.append(each)
+        if record is not None:
+            chunk.records.append(record)
         if chunk.size >= self._chunk_bytes:
             self.flush()
 
@@ -356,16 +362,7 @@ class Writer:
         try:
             self._write([head, *chunk.buffers, *indexes])
         except OSError as error:
-            topics = {
-                each.id: each.topic
-                for each in self._channels.values()
-                if each.metadata.get(ORIGIN) != "query"
-            }
-            lost: Counter[str] = Counter()
-            for channel, entries in chunk.index.items():
-                if channel in topics:
-                    lost[topics[channel]] += len(entries)
-            raise ChunkLost(error, dict(lost)) from error
+            raise ChunkLost(error, chunk.records) from error
         self._note_chunk(chunk, place, length, offsets, self.size)
 
     def _message_indexes(self, chunk: _Chunk, place: int) -> tuple[dict[int, int], list[bytes]]:

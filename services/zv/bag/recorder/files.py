@@ -268,8 +268,8 @@ class Files:
                 self.failure = ""
 
     def _fail(self, error: ChunkLost) -> None:
-        counts = {topic.removeprefix("/"): count for topic, count in error.counts.items()}
-        self.ledger.lose(counts, f"disk: {error}")
+        published = [each for each in error.records if each.origin == "stream"]
+        self.ledger.lose(published, f"disk: {error}")
         self._note_failure(error.cause)
 
     def _note_failure(self, error: OSError) -> None:

@@ -109,16 +109,16 @@ class Ledger:
         self.totals["missed"] += 1
         self._number(account, record)
 
-    def lose(self, counts: Mapping[str, int], reason: str) -> None:
-        """Count records as missed that were taken, by key: they could not be written."""
-        for key, count in counts.items():
-            if key in self._keys:
-                account = self._keys[key]
-                count = min(count, account.taken)  # channels of ROS do not say what was asked for
-                account.taken -= count
-                account.missed[reason] += count
-                self.totals["taken"] -= count
-                self.totals["missed"] += count
+    def lose(self, records: Iterable[Record], reason: str) -> None:
+        """Count records as missed that were taken since the last account, and not written."""
+        for record in records:
+            account = self._keys.get(record.key, KeyAccount())
+            account.taken -= 1
+            account.bytes -= len(record.payload)
+            account.missed[reason] += 1
+            self.totals["taken"] -= 1
+            self.totals["bytes"] -= len(record.payload)
+            self.totals["missed"] += 1
 
     def health(self, node: str, counters: Mapping[str, int]) -> None:
         """Note how many frames a node says that it dropped, by reason, since its start."""

@@ -51,7 +51,7 @@ def add_ros2(writer: Writer, record: Record) -> bool:
     Raises:
         ChunkLost: As for ``Writer.add_message``.
     """
-    found = False
+    lost_with: Record | None = record
     stamp_ns = record.number("stamp_ns")
     publish_ns = record.log_time_ns if stamp_ns is None else stamp_ns
     for suffix, name, fields in messages_of(record):
@@ -67,10 +67,10 @@ def add_ros2(writer: Writer, record: Record) -> bool:
             metadata["topic_type_hash"] = f"RIHS01_{HASHES[name]}"
         topic = f"/{record.key.replace('@', '')}{suffix}"
         writer.add_message(
-            topic, schema_of(name), (data,), record.log_time_ns, publish_ns, 0, metadata
+            topic, schema_of(name), (data,), record.log_time_ns, publish_ns, 0, metadata, lost_with
         )
-        found = True
-    return found
+        lost_with = None  # a sample is lost once, with the first of its messages
+    return lost_with is None
 
 
 @cache

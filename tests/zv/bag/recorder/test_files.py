@@ -157,6 +157,7 @@ def test_what_a_full_disk_cannot_take_is_counted_and_what_it_can_is_whole(
         report = report_of(recording)
         assert not recording.problems
     assert report.keys[0].missed == {"disk: No space left on device": 10}
+    assert report.keys[0].bytes == 20 * len(frame(0).payload)
     assert report.verdict == "10 missed"
 
 
