@@ -101,6 +101,14 @@ def names_for(
         if old and old not in tape.cameras:
             raise ConfigurationError(f"--as {old}={new}: cameras of the recording: {known}")
         cameras[old or tape.cameras[0]] = new
+    played: dict[str, str] = {}
+    for camera in tape.cameras:
+        name = cameras.get(camera, camera)
+        if name in played:
+            raise ConfigurationError(
+                f"--as {as_}: cameras {played[name]} and {camera} would both be played as {name}"
+            )
+        played[name] = camera
     recorded = tape.namespaces
     if connection.any_namespace and len(recorded) == 1:
         return Names(cameras), replace(connection, namespace=recorded[0])

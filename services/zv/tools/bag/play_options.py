@@ -29,6 +29,8 @@ def renamed(text: str) -> dict[str, str]:
         old, separator, new = part.rpartition("=")
         if not re.fullmatch(NAME, new) or (separator and not re.fullmatch(NAME, old)):
             raise ValueError(f"{part!r} is neither NAME nor OLD=NEW")
+        if separator and old in found:
+            raise ValueError(f"camera {old} gets two names: {found[old]} and {new}")
         found[old] = new
     if "" in found and "," in text:
         raise ValueError("several cameras need OLD=NEW for each")

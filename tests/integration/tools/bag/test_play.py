@@ -247,6 +247,7 @@ def test_a_query_gets_the_newest_frame_that_was_played(client, play, router, rec
     [
         (["--as", "a=b"], 2, "cameras of the recording: front"),
         (["--as", "a,b"], 2, "several cameras need OLD=NEW"),
+        (["--as", "front=a,front=b"], 2, "camera front gets two names: a and b"),
         (["--start", "9s"], 2, "the recording is 0.4 s long"),
         (["--start", "2s", "--end", "1s"], 2, "--end 1 s is not after --start 2 s"),
         (["--keys", "lab/**"], 1, "its keys: vision/front/centroid"),
@@ -258,6 +259,13 @@ def test_a_query_gets_the_newest_frame_that_was_played(client, play, router, rec
 )
 def test_wrong_use_names_what_is_allowed(play, recording, flags, status, words):
     assert words in ended(play(recording, *flags), status=status)
+
+
+def test_two_cameras_are_not_played_under_one_name(play, tmp_path: Path):
+    recorded = write(tmp_path / "two.mcap", FRAMES, frames(12, camera="left"))
+    words = "cameras front and left would both be played as front"
+    assert words in ended(play(recorded, "--as", "left=front"), status=2)
+    ended(play(recorded, *LOSSLESS, "--as", "left=front,front=left"))
 
 
 def test_no_recording_is_an_error_of_the_file(play, tmp_path: Path):
