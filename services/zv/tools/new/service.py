@@ -87,7 +87,7 @@ def check_name(name: str) -> None:
 
 
 def write(name: str, folder: Path) -> list[Path]:
-    """Write the files of a service; return their paths.
+    """Write the files of a service, or none; return their paths.
 
     Raises:
         OSError: The folder exists, or something cannot be written.
@@ -100,11 +100,15 @@ def write(name: str, folder: Path) -> list[Path]:
     templates = resources.files("zv.tools.new") / "template"
     folder.mkdir(parents=True)
     written = []
-    for template, named in FILES.items():
-        path = folder / Template(named).substitute(words)
-        text = (templates / template).read_text(encoding="utf-8")
-        path.write_text(Template(text).substitute(words), encoding="utf-8")
-        written.append(path)
+    try:
+        for template, named in FILES.items():
+            path = folder / Template(named).substitute(words)
+            text = (templates / template).read_text(encoding="utf-8")
+            path.write_text(Template(text).substitute(words), encoding="utf-8")
+            written.append(path)
+    except OSError:
+        shutil.rmtree(folder, ignore_errors=True)  # it would be refused the next time
+        raise
     return written
 
 

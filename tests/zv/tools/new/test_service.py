@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +19,13 @@ from tests.support.processes import ROOT, START_S, Program, run_program
 from tests.support.secured import embedded, secured
 from tests.support.systems import running_router
 from tests.support.typist import type_zv
-from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.testing import publishing
+from zenoh_vision.transport.connection import Connection
 from zv.launcher.launch_file import read_launch_file
-from zv.tools.new.service import check_name, write
+from zv.tools.new.options import ServiceOptions
+from zv.tools.new.service import check_name, run, write
+from zv.tools.shared.output import Output
 
 NAME = "wheel_count"
 
@@ -137,6 +143,22 @@ def test_a_folder_that_cannot_be_written_is_3_and_one_line(tmp_path: Path):
     (tmp_path / "file").touch()
     done = type_zv(["new", "service", NAME, "--folder", "file/x"], folder=tmp_path)
     assert (done.returncode, done.stderr) == (3, "zv: file/x: Not a directory\n")
+
+
+def test_a_full_disk_leaves_nothing_half_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_text = Path.write_text
+
+    def full(path: Path, text: str, **form: Any) -> int:
+        if path.name == "launch.toml":
+            write_text(path, text[:100], **form)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write_text(path, text, **form)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    options = ServiceOptions(name=NAME, folder=str(tmp_path / "mine"))
+    with pytest.raises(SourceError, match="mine: No space left on device"):
+        run(options, Connection(), Output(as_json=False))
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["Wheel", "2d", "a-b", "a.b", "../x", "", "x" * 41, "ä"])
