@@ -13,7 +13,9 @@ from zenoh_vision.image.files import names_image
 
 Kind = Literal["synthetic", "device", "video", "folder", "recording", "url", "command"]
 
-RECORDING = ".mcap"
+RECORDINGS = (".mcap", ".mcap.partial")
+"""The second is one that was not closed, which is read as far as it is."""
+
 COMMAND = "command:"
 URL_SCHEMES = ("rtsp", "rtsps", "http", "https", "rtmp", "rtmps", "tcp", "udp", "srt", "rtp")
 ALLOWED = (
@@ -96,7 +98,7 @@ def _kind_of_path(spec: str) -> Kind:
 
 
 def _kind_of_file(path: Path) -> Kind:
-    if path.suffix.lower() == RECORDING:
+    if path.name.lower().endswith(RECORDINGS):
         return "recording"
     return "folder" if names_image(path) else "video"
 

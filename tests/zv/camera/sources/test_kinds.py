@@ -35,9 +35,16 @@ def test_the_kind_is_told_from_the_setting(spec: str, kind: str):
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("walk.avi", "video"), ("noext", "video"), ("one.PNG", "folder")]
+    ("name", "kind"),
+    [
+        ("walk.avi", "video"),
+        ("noext", "video"),
+        ("one.PNG", "folder"),
+        ("run.MCAP", "recording"),
+        ("run.mcap.partial", "recording"),
+    ],
 )
-def test_a_file_is_a_video_unless_it_is_named_as_an_image(tmp_path: Path, name: str, kind: str):
+def test_a_file_is_a_video_unless_its_name_says_otherwise(tmp_path: Path, name: str, kind: str):
     (tmp_path / name).write_bytes(b"x")
     assert kind_of(str(tmp_path / name)) == kind
     assert kind_of(str(tmp_path)) == "folder"
