@@ -17,6 +17,7 @@ from zenoh_vision.messages import Box
 from zenoh_vision.topics import COMPRESSED, TOPICS
 
 LEAST_SCALE = 0.125
+PICTURES = tuple(name for name, topic in TOPICS.items() if topic.message is None)
 RELAYED = "relayed/compressed"
 
 
@@ -125,6 +126,11 @@ class RelaySettings(ServiceSettings):
                 f"KEY = {self.key!r} is not allowed, since the relay publishes on it; allowed: "
                 "another stream of pictures, or --to with the name of another camera"
             )
+        if topic in TOPICS and topic not in PICTURES:
+            raise ConfigurationError(
+                f"KEY = {self.key!r} is not allowed: {topic} is no stream of pictures; allowed: "
+                + ", ".join(PICTURES)
+            )
         return camera, topic
 
     def _named_stream(self, namespace: str) -> tuple[str, str]:
@@ -144,6 +150,6 @@ class RelaySettings(ServiceSettings):
         if len(chunks) < 2 or not is_name(chunks[0]):
             raise ConfigurationError(
                 f"KEY = {self.key!r} is not allowed; allowed: a stream of pictures such as "
-                "vision/front/image/compressed, or one of the topics " + ", ".join(TOPICS)
+                "vision/front/image/compressed, or one of the topics " + ", ".join(PICTURES)
             )
         return chunks[0], "/".join(chunks[1:])

@@ -54,6 +54,13 @@ def test_a_relay_of_what_it_publishes_itself_is_refused(given, said: str):
             name()
 
 
+@pytest.mark.parametrize("key", ["centroid", "vision/left/camera_info"])
+def test_what_is_no_stream_of_pictures_is_refused_with_those_that_there_are(key: str):
+    said = "is no stream of pictures; allowed: image/compressed, image, tracked/compressed"
+    with pytest.raises(ConfigurationError, match=said):
+        RelaySettings(key=key).stream("vision")
+
+
 def test_what_one_relay_publishes_another_may_publish_as_a_camera():
     settings = RelaySettings(key="relayed/compressed", to="small")
     assert settings.stream("vision") == ("front", "relayed/compressed")
