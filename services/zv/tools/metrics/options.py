@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from zenoh_vision.config.constraints import Form
 from zv.tools.shared.options import SECONDS, ToolOptions
 
 ADDRESS = re.compile(r"(\[[^\[\]]+\]|[^:\[\]\s]+):([0-9]{1,5})")
@@ -30,6 +31,7 @@ class MetricsOptions(ToolOptions):
             description="HOST:PORT to serve on; port 0: any free port. Anyone who reaches it can "
             "read all metrics: nothing is encrypted or restricted"
         ),
+        Form("HOST:PORT, such as 127.0.0.1:9464 or [::1]:9464"),
     ] = "127.0.0.1:9464"
     gone: Annotated[
         float,
