@@ -240,7 +240,10 @@ def _planned(path: Path, place: str, table: NodeTable) -> PlannedNode:
     check_paths(place, settings)
     cameras = _cameras_of(table)
     name = f"{table.service}_{cameras[0]}" if len(cameras) == 1 else table.service
-    name = getattr(settings, "node_name", name)
+    try:
+        name = getattr(settings, "node_name", name)
+    except ConfigurationError as error:  # of options that do not fit together
+        raise ConfigurationError(f"{place}.settings: {error}") from None
     variables = table.processor_variables()
     restart = table.restart and not table.required
     return PlannedNode(name, table.service, settings, restart, table.required, variables)

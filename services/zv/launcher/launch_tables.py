@@ -9,12 +9,14 @@ from typing import Annotated, Any, NoReturn
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from zenoh_vision.cli.processors import Affinity, JpegThreads, Nice, ProcessorSettings, Threads
-from zenoh_vision.config.constraints import allowed_and_default, unknown_key, wrong_value
+from zenoh_vision.config.constraints import Form, allowed_and_default, unknown_key, wrong_value
 from zenoh_vision.config.durations import SECONDS
-from zenoh_vision.config.settings import CameraName, CameraNames, Text, read_toml
+from zenoh_vision.config.settings import NAME_FORM, CameraName, CameraNames, Text, read_toml
 from zenoh_vision.errors import ConfigurationError
-from zenoh_vision.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE
+from zenoh_vision.keys import DEFAULT_CAMERA, DEFAULT_NAMESPACE, NAME
 from zenoh_vision.transport.connection import DEFAULT_ENDPOINT
+from zenoh_vision.transport.endpoint_option import Endpoint
+from zenoh_vision.transport.endpoints import FORM
 from zv.registry import SERVICES
 
 NODE_SERVICES = tuple(name for name in SERVICES if name != "router")
@@ -52,14 +54,17 @@ class RouterTable(Table):
     """``[router]``: the router that the nodes connect to."""
 
     listen: Annotated[
-        str | None,
+        Endpoint | None,
         Field(
             description="Zenoh endpoint that the embedded router listens on; "
             f"not set: {DEFAULT_ENDPOINT}"
         ),
+        Form(FORM),
     ] = None
     connect: Annotated[
-        str | None, Field(description="endpoint of a running router to use instead of starting one")
+        Endpoint | None,
+        Field(description="endpoint of a running router to use instead of starting one"),
+        Form(FORM),
     ] = None
     zenoh_config: Annotated[
         str | None,
@@ -150,7 +155,11 @@ class LaunchTables(Table):
 
     namespace: Annotated[
         str | None,
-        Field(description=f"first chunk of every key expression; not set: {DEFAULT_NAMESPACE}"),
+        Field(
+            pattern=f"^{NAME.pattern}$",
+            description=f"first chunk of every key expression; not set: {DEFAULT_NAMESPACE}",
+        ),
+        NAME_FORM,
     ] = None
     remap: Annotated[
         dict[CameraName, CameraName],
@@ -194,7 +203,13 @@ def _refuse(path: Path, error: ValidationError) -> NoReturn:
     message = f"{place} is missing" if missing else wrong_value(place, first["input"], first)
     if name in model.model_fields:
         # A table or a list has no range to show.
-        only_described = missing or name in ("namespace", "remap", "node", "command", "env")
+        only_described = missing or name in (
+            "remap",
+            "node",
+            "command",
+            "env",
+            "settings",
+        )
         words = model.model_fields[name].description
         message += f"; allowed: {words if only_described else allowed_and_default(model, name)}"
     raise ConfigurationError(message)
