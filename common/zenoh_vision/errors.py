@@ -34,7 +34,7 @@ class ParameterRefused(ConfigurationError):
 
 
 class SourceError(VisionError):
-    """A source or file cannot be opened or read."""
+    """A source or file cannot be opened, read or written."""
 
     exit_status = 3
 

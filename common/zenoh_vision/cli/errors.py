@@ -37,6 +37,9 @@ USAGE_STATUS = 2
 INACCESSIBLE = (errno.EACCES, errno.ENAMETOOLONG)
 """Errors that even ``Path.exists`` raises, which the programs call in many places."""
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of whatever is written, standard output too, when a disk is full."""
+
 
 def reader_is_gone(error: BaseException) -> bool:
     """Tell whether an error only means that the reader of our output is gone.
@@ -106,8 +109,10 @@ def tell(error: Exception, *, debug: bool, program: str = "zv", file: str | None
         if error.exit_status:
             _say(str(error), program)
         return error.exit_status
-    if isinstance(error, OSError) and error.errno in INACCESSIBLE and error.filename is not None:
-        _say(f"{error.filename}: {error.strerror}", program)
+    if isinstance(error, OSError) and (
+        error.errno in FULL or (error.errno in INACCESSIBLE and error.filename is not None)
+    ):
+        _say(f"{error.filename or 'cannot write'}: {error.strerror}", program)
         return SourceError.exit_status
     if debug:
         print(_lines("".join(traceback.format_exception(error))), file=sys.stderr)
@@ -166,7 +171,8 @@ def _lines(text: str) -> str:
 
 
 def _say(text: str, program: str) -> None:
-    print(f"{program}: {printable(text)}", file=sys.stderr)
+    with suppress(OSError):  # the status says it too, where the text cannot be written
+        print(f"{program}: {printable(text)}", file=sys.stderr)
 
 
 class LogLine(logging.Formatter):

@@ -70,6 +70,20 @@ exit_with_status(lambda: list([{look}]))
     assert re.fullmatch(r"zv: (n+: File name too long|/root/a\.mcap: .*denied)\n", done.stderr)
 
 
+@pytest.mark.parametrize(
+    ("redirections", "said"),
+    [(">/dev/full", "zv: cannot write: No space left on device\n"), (">/dev/full 2>&1", "")],
+)
+def test_a_full_disk_under_the_output_is_no_bug(redirections: str, said: str):
+    program = """
+from zenoh_vision.cli.errors import exit_with_status
+exit_with_status(lambda: print("a result", flush=True))
+"""
+    words = ["sh", "-c", f'exec "$@" {redirections}', "sh", sys.executable, "-c", program]
+    done = run_program(words)
+    assert (done.returncode, done.stderr) == (3, said)
+
+
 def record(message: str, *values: str) -> logging.LogRecord:
     """Return an entry about an exception."""
     found = (ValueError, ValueError(message), None)
