@@ -7,10 +7,8 @@ additional key, ``plane_homography``, which ROS ignores like every unknown key.
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +20,7 @@ from zenoh_vision.calibration.file_formats import fields_of
 from zenoh_vision.calibration.plane import Plane
 from zenoh_vision.error_text import did_you_mean, similar_names
 from zenoh_vision.errors import ConfigurationError, SourceError
+from zenoh_vision.host.files import write_file
 
 MAX_BYTES: Final = 1 << 16
 
@@ -94,20 +93,12 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def write_calibration(calibration: Calibration, path: str | Path) -> None:
-    """Write a calibration file, atomically: other programs see the old file or the new one.
+    """Write a calibration file.
 
     Raises:
         SourceError: It cannot be written.
     """
-    path = Path(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        part.write_text(yaml_text(calibration))
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):  # what failed first is the reason
-            part.unlink(missing_ok=True)
-        raise SourceError(f"{path}: {error.strerror or error}") from None
+    write_file(path, yaml_text(calibration).encode())
 
 
 def yaml_text(calibration: Calibration) -> str:

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import track
 
 from zenoh_vision.errors import ConfigurationError, PayloadError, SourceError
+from zenoh_vision.host.files import write_file
 from zenoh_vision.image import codecs
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.exif import UPRIGHT, orientation_of
@@ -238,9 +239,9 @@ def write_results(found: EdgesOfFrame, places: Places, settings: EdgeSettings) -
         content = make(found)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
         except OSError as error:
             raise SourceError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_file(path, content)
 
 
 def frame_of(data: bytes, settings: EdgeSettings) -> Frame:

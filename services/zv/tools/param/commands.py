@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from itertools import islice
-from pathlib import Path
 
 import msgpack
 
@@ -20,10 +19,10 @@ from zenoh_vision.errors import (
     ExpectationNotMet,
     ParameterRefused,
     PayloadError,
-    SourceError,
     VisionError,
 )
 from zenoh_vision.health.fleet import MAX_NODES
+from zenoh_vision.host.files import write_file
 from zenoh_vision.messages import Parameter, ParameterList
 from zenoh_vision.transport.connection import Connection
 from zv.tools.param.options import DumpOptions, ListOptions, LoadOptions, NamedOptions, SetOptions
@@ -134,6 +133,7 @@ def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
 
     Raises:
         ConfigurationError: Both JSON and a file are wanted.
+        SourceError: The file cannot be written.
     """
     if output.as_json and options.output != "-":
         raise ConfigurationError("--json prints the values, -o writes TOML: give one of them")
@@ -142,10 +142,7 @@ def dump(options: DumpOptions, connection: Connection, output: Output) -> None:
         values = {one.name: one.value for one in found.parameters}
         output.result(values, *toml_file(found).removesuffix("\n").split("\n"))
         return
-    try:
-        Path(options.output).write_text(toml_file(found), encoding="utf-8")
-    except OSError as error:
-        raise SourceError(f"{options.output}: {error.strerror or error}") from None
+    write_file(options.output, toml_file(found).encode())
     many = "parameter" if len(found.parameters) == 1 else "parameters"
     output.note(f"{len(found.parameters)} {many} written to {options.output}")
 

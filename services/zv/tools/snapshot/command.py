@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import zenoh
 
 from zenoh_vision.error_text import joined
-from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
+from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError
+from zenoh_vision.host.files import write_file
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Centroid, Tracks
 from zenoh_vision.transport.connection import Connection
@@ -133,7 +133,4 @@ def _write(name: str, file: bytes) -> None:
         sys.stdout.buffer.write(file)
         sys.stdout.buffer.flush()
         return
-    try:
-        Path(name).write_bytes(file)
-    except (OSError, ValueError) as error:
-        raise SourceError(f"{name}: {getattr(error, 'strerror', None) or error}") from None
+    write_file(name, file)
