@@ -10,7 +10,9 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from functools import partial
 from typing import Final, Protocol, Self
 
 from zenoh_vision.error_text import without_password
@@ -23,6 +25,9 @@ MOST_WAITING: Final = 100
 
 FIRST_DELAY_S: Final = 1.0
 LONGEST_DELAY_S: Final = 30.0
+KEEP_S: Final = 10.0
+"""Time between two looks at the connection to a receiver that gets no notices."""
+
 STOP_S: Final = 1.0
 
 
@@ -35,9 +40,22 @@ class Refused(Exception):
 
 
 class Receiver(Protocol):
-    """Where notices go."""
+    """Where notices go.
+
+    Attributes:
+        shows_state: It shows what is so now: it is connected all the time, and gets notices that
+            are not announced, too.
+    """
 
     name: str
+    shows_state: bool
+
+    async def keep(self) -> None:
+        """Be connected; called only if it shows the state.
+
+        Raises:
+            NotTaken: It cannot be reached.
+        """
 
     async def send(self, notice: Notice) -> None:
         """Send a notice; return once the receiver has taken it.
@@ -95,10 +113,14 @@ class Delivery:
         self._loop.call_soon_threadsafe(self._put, time.monotonic(), notice)
 
     def _put(self, at_s: float, notice: Notice) -> None:
-        for queue in self._queues:
+        for receiver, queue in zip(self._receivers, self._queues, strict=True):
+            if not notice.announced and not receiver.shows_state:
+                continue
             if queue.full():
-                queue.get_nowait()
-                self._lost()
+                _, oldest = queue.get_nowait()
+                why = f"{MOST_WAITING} events wait for it"
+                self._faults.setdefault(receiver.name, why)
+                self._give_up(receiver, oldest, why)
             queue.put_nowait((at_s, notice))
 
     def _run(self) -> None:
@@ -122,30 +144,67 @@ class Delivery:
     async def _deliver(
         self, receiver: Receiver, queue: asyncio.Queue[tuple[float, Notice]]
     ) -> None:
-        while True:
-            at_s, notice = await queue.get()
-            delay_s = FIRST_DELAY_S
+        in_work = 0
+        try:
+            await self._keep(receiver)
             while True:
-                try:
-                    await receiver.send(notice)
-                    self._faults.pop(receiver.name, None)
-                    break
-                except Refused as error:
-                    self._give_up(receiver, notice, str(error))
-                    break
-                except Exception as error:
-                    # A library's own error, as of a host that no name server takes, ends no task.
-                    known = isinstance(error, NotTaken)
-                    said = str(error) if known else f"{type(error).__name__}: {error}"
-                    why = without_password(said)
-                    if receiver.name not in self._faults:
-                        log.warning("%s does not take events: %s", receiver.name, why)
-                    self._faults[receiver.name] = why
-                if time.monotonic() - at_s + delay_s > self._keep_trying_s():
-                    self._give_up(receiver, notice, "it is too old")
-                    break
-                await asyncio.sleep(delay_s)
-                delay_s = min(2 * delay_s, LONGEST_DELAY_S)
+                at_s, notice = await self._next(receiver, queue)
+                in_work = 1
+                await self._send(receiver, at_s, notice)
+                in_work = 0
+        finally:
+            if waiting := queue.qsize() + in_work:
+                log.warning("%s has not taken the last %d events", receiver.name, waiting)
+
+    async def _next(
+        self, receiver: Receiver, queue: asyncio.Queue[tuple[float, Notice]]
+    ) -> tuple[float, Notice]:
+        """Return the next notice, and keep the connection until there is one."""
+        while True:
+            with suppress(TimeoutError):
+                return await asyncio.wait_for(queue.get(), KEEP_S)
+            await self._keep(receiver)
+
+    async def _keep(self, receiver: Receiver) -> None:
+        if receiver.shows_state:
+            await self._attempt(receiver, receiver.keep)
+
+    async def _send(self, receiver: Receiver, at_s: float, notice: Notice) -> None:
+        """Send a notice until it is taken, refused or too old."""
+        delay_s = FIRST_DELAY_S
+        while True:
+            try:
+                if await self._attempt(receiver, partial(receiver.send, notice)):
+                    return
+            except Refused as error:
+                self._give_up(receiver, notice, str(error))
+                return
+            if time.monotonic() - at_s + delay_s > self._keep_trying_s():
+                self._give_up(receiver, notice, "it is too old")
+                return
+            await asyncio.sleep(delay_s)
+            delay_s = min(2 * delay_s, LONGEST_DELAY_S)
+
+    async def _attempt(self, receiver: Receiver, act: Callable[[], Awaitable[None]]) -> bool:
+        """Return whether a receiver can be used so; note why not.
+
+        Raises:
+            Refused: As for ``Receiver.send``.
+        """
+        try:
+            await act()
+        except Refused:
+            raise
+        except Exception as error:
+            # A library's own error, as of a host that no name server takes, ends no task.
+            known = isinstance(error, NotTaken)
+            why = without_password(str(error) if known else f"{type(error).__name__}: {error}")
+            if receiver.name not in self._faults:
+                log.warning("%s does not take events: %s", receiver.name, why)
+            self._faults[receiver.name] = why
+            return False
+        self._faults.pop(receiver.name, None)
+        return True
 
     def _give_up(self, receiver: Receiver, notice: Notice, why: str) -> None:
         log.warning("%s did not get %s: %s", receiver.name, notice.id, without_password(why))

@@ -26,7 +26,7 @@ MOST_DESCRIBED: Final = 500
 
 
 class Mqtt:
-    """One broker, connected with the first notice and again after each loss.
+    """One broker, which is connected again after each loss.
 
     Args:
         url: ``mqtt://USER:PASSWORD@HOST:PORT``, or ``mqtts://``.
@@ -39,6 +39,7 @@ class Mqtt:
     """
 
     name = "mqtt"
+    shows_state = True
 
     def __init__(self, url: str, prefix: str, discovery: str, node: str) -> None:
         parts = urlsplit(url)
@@ -58,19 +59,31 @@ class Mqtt:
         self._client: aiomqtt.Client | None = None
         self._described: set[str] = set()
 
+    async def keep(self) -> None:
+        """Connect, or find out whether the connection is lost, and be online."""
+        try:
+            if self._client is None:
+                await self._connected()
+            else:
+                await self._client.publish(self._status, "online", qos=1, retain=True)
+        except (aiomqtt.MqttError, OSError, TimeoutError) as error:
+            await self._disconnect()
+            raise NotTaken(str(error) or type(error).__name__) from None
+
     async def send(self, notice: Notice) -> None:
         """Publish a notice; each part arrives before this returns (QoS 1)."""
         try:
             client = await self._connected()
             await self._describe(client, notice)
             base = f"{self._prefix}/{notice.camera}"
-            if notice.picture:
+            if notice.picture and notice.announced:
                 await client.publish(f"{base}/picture", notice.picture, qos=1, retain=True)
             zone, inside = notice.fields.get("zone"), notice.fields.get("inside")
             if zone and inside is not None:
                 state = "ON" if inside else "OFF"
                 await client.publish(f"{base}/zone/{_level(zone)}", state, qos=1, retain=True)
-            await client.publish(f"{base}/events", json.dumps(notice.fields), qos=1)
+            if notice.announced:
+                await client.publish(f"{base}/events", json.dumps(notice.fields), qos=1)
         except (aiomqtt.MqttError, OSError, TimeoutError) as error:
             await self._disconnect()
             raise NotTaken(str(error) or type(error).__name__) from None

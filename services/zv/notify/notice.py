@@ -17,11 +17,13 @@ class Notice:
         fields: For JSON; times in ns as integers.
         picture: JPEG or PNG; empty without one.
         mime: Of the picture.
+        announced: Whether the event is sent; else only the state of its zone is.
     """
 
     fields: dict[str, Any]
     picture: bytes = b""
     mime: str = "image/jpeg"
+    announced: bool = True
 
     @property
     def id(self) -> str:
@@ -62,27 +64,34 @@ MOST_KNOWN = 5000
 
 
 class Choice:
-    """Remembers the events that were sent; uses no clock."""
+    """Remembers the events that arrived and were sent; uses no clock."""
 
     def __init__(self) -> None:
-        self._sent: OrderedDict[tuple[object, ...], None] = OrderedDict()
+        self._arrived: OrderedDict[tuple[object, ...], None] = OrderedDict()
         self._last_s: OrderedDict[tuple[str, str, str | None], float] = OrderedDict()
+
+    def is_new(self, event: TrackEvent) -> bool:
+        """Tell whether an event arrives for the first time."""
+        header = event.header
+        name = (header.camera, header.epoch, header.seq, event.event, event.id, event.zone)
+        if name in self._arrived:
+            return False
+        if len(self._arrived) >= MOST_KNOWN:
+            self._arrived.popitem(last=False)
+        self._arrived[name] = None
+        return True
 
     def allow(
         self, event: TrackEvent, kinds: frozenset[str], cooldown_s: float, now_s: float
     ) -> bool:
         """Tell whether to send an event that has arrived at a monotonic time."""
-        header = event.header
         if event.event not in kinds:
             return False
-        name = (header.camera, header.epoch, header.seq, event.event, event.id, event.zone)
-        place = (header.camera, event.event, event.zone)
+        place = (event.header.camera, event.event, event.zone)
         last_s = self._last_s.get(place)
-        if name in self._sent or (last_s is not None and now_s - last_s < cooldown_s):
+        if last_s is not None and now_s - last_s < cooldown_s:
             return False
-        for known, key in ((self._sent, name), (self._last_s, place)):
-            if len(known) >= MOST_KNOWN and key not in known:
-                known.popitem(last=False)
-        self._sent[name] = None
+        if len(self._last_s) >= MOST_KNOWN and place not in self._last_s:
+            self._last_s.popitem(last=False)
         self._last_s[place] = now_s
         return True

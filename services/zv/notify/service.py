@@ -57,10 +57,14 @@ def run(settings: NotifySettings, connection: Connection) -> None:
             if event is None:
                 continue
             active = parameters.activate().settings
-            if isinstance(event, TrackEvent) and _is_wanted(event, active, choice):
-                picture = newest_picture(node, event.header.camera) if active.picture else None
+            if isinstance(event, TrackEvent) and _is_of(event, active) and choice.is_new(event):
                 fields = fields_of(event, time.time_ns())
-                delivery.put(Notice(fields, *picture) if picture else Notice(fields))
+                kinds = kinds_of(active.events)
+                if choice.allow(event, kinds, active.cooldown, time.monotonic()):
+                    picture = newest_picture(node, event.header.camera) if active.picture else None
+                    delivery.put(Notice(fields, *picture) if picture else Notice(fields))
+                elif event.inside is not None:
+                    delivery.put(Notice(fields, announced=False))
             events.done(event)
 
 
@@ -94,8 +98,5 @@ def newest_picture(node: Node, camera: str) -> tuple[bytes, str] | None:
     return None
 
 
-def _is_wanted(event: TrackEvent, settings: NotifySettings, choice: Choice) -> bool:
-    if settings.cameras and event.header.camera not in settings.cameras:
-        return False
-    kinds = kinds_of(settings.events)
-    return choice.allow(event, kinds, settings.cooldown, time.monotonic())
+def _is_of(event: TrackEvent, settings: NotifySettings) -> bool:
+    return not settings.cameras or event.header.camera in settings.cameras

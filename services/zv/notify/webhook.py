@@ -23,10 +23,14 @@ class Webhook:
     """
 
     name = "webhook"
+    shows_state = False
 
     def __init__(self, url: str) -> None:
         self._url = url
         self._session: aiohttp.ClientSession | None = None
+
+    async def keep(self) -> None:
+        """Do nothing: it shows no state."""
 
     async def send(self, notice: Notice) -> None:
         """Post a notice."""

@@ -196,6 +196,7 @@ def test_a_broker_gets_events_pictures_zones_and_what_home_assistant_needs(
         listening = beside.submit(listen, broker, found, 2)
         service("notify", "--mqtt", f"mqtt://me:s%3Acret@127.0.0.1:{broker}")
         wait_for_nodes(client, "notify")
+        wait_until(lambda: found == [("zenoh_vision/status", b"online", False)])  # without an event
 
         def is_there() -> bool:
             publish(client, 1)
@@ -223,3 +224,27 @@ def test_a_broker_gets_events_pictures_zones_and_what_home_assistant_needs(
     camera = json.loads(by_topic["homeassistant/camera/notify/front_picture/config"][0])
     assert camera["topic"] == "zenoh_vision/front/picture"
     assert len(by_topic["homeassistant/sensor/notify/front_event/config"]) == 1
+
+
+def test_a_zone_is_right_also_where_its_events_are_not_sent(
+    service: Service, client: zenoh.Session, broker: int
+):
+    found: list[tuple[str, bytes, bool]] = []
+    with ThreadPoolExecutor(1) as beside:
+        listening = beside.submit(listen, broker, found, 1)
+        url = f"mqtt://me:s%3Acret@127.0.0.1:{broker}"
+        service("notify", "--mqtt", url, "--events", "line_crossed", "--no-picture")
+        wait_for_nodes(client, "notify")
+
+        def is_on() -> bool:
+            publish(client, 1)
+            return ("zenoh_vision/front/zone/belt", b"ON", False) in found
+
+        wait_until(is_on, poll_s=0.3)
+        publish(client, 2, "zone_left", inside=0)
+        publish(client, 3, "line_crossed", zone="gate", inside=None)
+        listening.result(60)
+    zones = [payload for topic, payload, _ in found if topic.endswith("/zone/belt")]
+    assert zones == [b"ON", b"OFF"]
+    sent = [json.loads(payload) for topic, payload, _ in found if topic.endswith("/events")]
+    assert [each["event"] for each in sent] == ["line_crossed"]

@@ -24,11 +24,20 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 class Listed:
     """A receiver that does what it is told with each notice."""
 
-    def __init__(self, name: str, take: Callable[[int], None]) -> None:
+    def __init__(
+        self, name: str, take: Callable[[int], None], *, shows_state: bool = False
+    ) -> None:
         self.name = name
+        self.shows_state = shows_state
+        self.kept = 0
         self.taken: list[str] = []
         self.tried = 0
         self._take = take
+
+    async def keep(self) -> None:
+        self.kept += 1
+        if self.kept == 1:
+            raise NotTaken("nobody listens")
 
     async def send(self, notice: Notice) -> None:
         self.tried += 1
@@ -111,6 +120,44 @@ def test_the_newest_are_kept_while_a_receiver_hangs_and_the_end_is_in_bounded_ti
         wait_until(lambda: len(lost) >= 30)
         began_s = time.monotonic()
     assert time.monotonic() - began_s < 2.5
+
+
+def test_what_a_slow_receiver_does_not_get_is_named_while_it_waits_and_at_the_end(
+    caplog: pytest.LogCaptureFixture,
+):
+    class Hanging(Listed):
+        async def send(self, notice: Notice) -> None:
+            self.tried += 1
+            await asyncio.Event().wait()
+
+    receiver = Hanging("webhook", lambda _: None)
+    with Delivery([receiver], lambda: 60, lambda: None) as sending:
+        sending.put(notice(0))
+        wait_until(lambda: receiver.tried)
+        for number in range(1, MOST_WAITING + 3):
+            sending.put(notice(number))
+        wait_until(lambda: sending.fault == "webhook: 100 events wait for it")
+        wait_until(lambda: len(caplog.messages) == 2)
+    assert caplog.messages == [
+        "webhook did not get 1: 100 events wait for it",
+        "webhook did not get 2: 100 events wait for it",
+        "webhook has not taken the last 101 events",
+    ]
+
+
+def test_what_shows_the_state_is_connected_without_an_event_and_gets_what_is_not_announced(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(delivery, "KEEP_S", 0.2)
+    shows = Listed("mqtt", lambda _: None, shows_state=True)
+    other = Listed("webhook", lambda _: None)
+    with Delivery([shows, other], lambda: 60, lambda: None) as sending:
+        wait_until(lambda: sending.fault == "mqtt: nobody listens")
+        wait_until(lambda: shows.kept > 2 and not sending.fault)
+        sending.put(Notice({"uid": "0", "camera": "front"}, announced=False))
+        sending.put(notice(1))
+        wait_until(lambda: (shows.taken, other.taken) == (["0", "1"], ["1"]))
+    assert other.kept == 0
 
 
 def test_an_error_that_no_receiver_foresees_is_told_and_it_is_sent_again():

@@ -22,9 +22,10 @@ def event(kind: str = "zone_entered", seq: int = 1, **fields: object) -> TrackEv
 
 def test_an_event_is_sent_once_however_often_it_comes():
     choice = Choice()
-    assert [choice.allow(event(), KINDS, 0, at_s) for at_s in (1, 2, 300)] == [True, False, False]
-    assert choice.allow(event(seq=2), KINDS, 0, 2)
-    assert choice.allow(event(id=8), KINDS, 0, 2)
+    assert [choice.is_new(event()) for _ in range(3)] == [True, False, False]
+    assert choice.is_new(event(seq=2))
+    assert choice.is_new(event(id=8))
+    assert choice.allow(event(), KINDS, 0, 1)
 
 
 def test_other_kinds_are_left_out():
