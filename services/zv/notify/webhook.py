@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Final
 
 import aiohttp
@@ -47,8 +48,14 @@ class Webhook:
                 self._url, data=form, headers=headers, allow_redirects=False
             ) as answer:
                 status, reason = answer.status, answer.reason
+        except aiohttp.ClientResponseError as error:
+            said = error.message.partition("\n")[0].rstrip(":")
+            raise NotTaken(f"its answer is not HTTP: {said}") from None
+        except aiohttp.InvalidURL:
+            raise NotTaken("its URL names no host or no port that there is") from None
         except (aiohttp.ClientError, TimeoutError, OSError) as error:
-            raise NotTaken(str(error) or type(error).__name__) from None
+            said = re.sub(r"https?://\S+", "its URL", str(error))  # which may hold a secret
+            raise NotTaken(said or type(error).__name__) from None
         if 200 <= status < 300:
             return
         if status >= 500 or status in NOT_FOR_EVER:

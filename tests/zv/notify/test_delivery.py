@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
@@ -158,6 +161,33 @@ def test_what_shows_the_state_is_connected_without_an_event_and_gets_what_is_not
         sending.put(notice(1))
         wait_until(lambda: (shows.taken, other.taken) == (["0", "1"], ["1"]))
     assert other.kept == 0
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [(b"hello\r\n\r\n", "its answer is not HTTP: Bad status line"), (None, "names no host")],
+)
+def test_what_is_wrong_with_a_webhook_is_told_without_its_url(answer: bytes | None, said: str):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            with suppress(OSError):
+                while True:
+                    caller, _ = server.accept()
+                    with caller:
+                        while not caller.recv(10_000).endswith(b"--\r\n"):
+                            pass
+                        caller.sendall(answer or b"")
+
+        threading.Thread(target=serve, daemon=True).start()
+        host = "" if answer is None else "127.0.0.1"
+        hook = Webhook(f"http://{host}:{server.getsockname()[1]}/secret")
+        with Delivery([hook], lambda: 60, lambda: None) as sending:
+            sending.put(notice(0))
+            wait_until(lambda: sending.fault)
+            assert said in sending.fault
+            assert "secret" not in sending.fault
+        server.shutdown(socket.SHUT_RDWR)
 
 
 def test_an_error_that_no_receiver_foresees_is_told_and_it_is_sent_again():
