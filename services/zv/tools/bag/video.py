@@ -44,7 +44,8 @@ def write_video(
         How many frames it has, and how many could not be read.
 
     Raises:
-        SourceError: It cannot be written.
+        SourceError: libav cannot make it.
+        OSError: The file cannot be written.
         ExpectationNotMet: There is nothing to draw.
     """
     results = results_of(recording, key) if draw_results else None
@@ -65,7 +66,9 @@ def write_video(
                 video.add(bgr if result is None else draw(bgr, result), frame.header.stamp_ns)
             video.end()
     except FFmpegError as error:
-        raise SourceError(f"cannot write {file.name}: {error.strerror}") from None
+        if isinstance(error.__context__, OSError):  # of the file; libav knows only that it failed
+            raise error.__context__ from None
+        raise SourceError(f"cannot make a video of {recording.path}: {error.strerror}") from None
     return video.count, unread
 
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import csv
+import errno
+import io
 import json
+import os
 import stat
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +25,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from tests.support.pictures.encoded import write_video
+from tests.support.recordings import write
 from zenoh_vision.config.settings import Settings, load_settings
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.transport.connection import Connection
@@ -127,6 +132,30 @@ def test_a_video_has_the_frames_at_their_times(
     edge = np.array([bgr[20, 10] for _, bgr in frames]).astype(int)
     plain = np.array([picture(seq)[20, 10] for seq in range(10)])
     assert (abs(edge - plain).max(axis=1) > 60).any() == draw
+
+
+def test_a_video_for_which_the_disk_has_no_room_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
+    jpeg = cv2.imencode(".jpg", noise)[1].tobytes()
+    size = {"width": 640, "height": 480}
+    large = [
+        replace(each, payload=jpeg, attachment=bytes(msgpack.packb(each.header | size)))
+        for each in records()[::2]
+    ]
+    run = write(tmp_path / "large.mcap", large)  # more than libav keeps until the end
+
+    class Full(io.BytesIO):
+        def write(self, data: object) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(export, "_new_file", lambda target, mode: nullcontext(Full()))
+    target = tmp_path / "run.mp4"
+    with pytest.raises(SourceError, match=f"cannot write {target}: No space left on device"):
+        export.run(
+            ExportOptions(file=str(run), output=str(target)), Connection(), Output(as_json=True)
+        )
 
 
 def test_confirmed_tracks_are_written_as_the_mot_challenge_has_them(
