@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-NOT_LOST = ("no_subscriber", "unwatched", "unread", "duplicate")
-"""Drop reasons that are not losses: nobody wanted these frames, or they arrived already by another
-transport."""
+NOT_LOST = ("no_subscriber", "unwatched", "unready", "unread", "duplicate")
+"""Drop reasons that are not losses: nobody wanted these frames or was ready for them, or they
+arrived already by another transport."""
 
 MISSED = "missed"
 """Counter outside the balance: frames that never arrived, known from gaps in their numbers."""

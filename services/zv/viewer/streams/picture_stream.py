@@ -113,11 +113,16 @@ class PictureStream(SharedStream[FrameIntake]):
         self._drop_unreachable()
 
     def _drop_unreachable(self) -> None:
-        """Drop the frames that no client can get any more, since newer ones exist."""
+        """Drop the frames that no client can get any more, since newer ones exist.
+
+        The viewer was too slow only if a client was ready for one.
+        """
+        is_wanted = any(rendition.ready_feeds for rendition in self._renditions.values())
         held = set().union(*(rendition.held for rendition in self._renditions.values()))
         if self.newest is not None:
             held.add(self.newest[0].number)
-        self._drop(self._pending.keys() - held, "overwritten")
+        reason = "overwritten" if is_wanted else "unready"
+        self._drop(self._pending.keys() - held, reason)
 
     def _drop(self, numbers: Iterable[int], reason: str) -> None:
         for number in numbers:

@@ -70,7 +70,7 @@ async def test_nothing_is_made_while_no_client_is_ready(rendered, registry, sour
     assert picture.header.seq == 50
     assert rendered == [50]
     counters = balance(registry)
-    assert (counters["processed"], counters["dropped.overwritten"]) == (1, 49)
+    assert (counters["processed"], counters["dropped.unready"]) == (1, 49)
 
 
 async def test_a_client_that_is_slow_gets_the_newest_and_what_it_missed_is_counted(
@@ -246,7 +246,7 @@ async def test_what_was_made_and_not_taken_is_dropped_when_its_form_is_wanted_no
     assert balance(registry)["pending"] == 2
     small.close()
     counters = balance(registry)
-    assert (counters["dropped.overwritten"], counters["pending"]) == (1, 1)
+    assert (counters["dropped.unready"], counters["pending"]) == (1, 1)
 
 
 async def test_a_stream_is_watched_and_silent_from_when_it_can_subscribe(registry):
