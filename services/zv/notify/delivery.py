@@ -137,9 +137,13 @@ class Delivery:
         await self._stop.wait()
         for task in tasks:
             task.cancel()
+        await asyncio.wait([asyncio.create_task(self._close(tasks))], timeout=STOP_S)
+
+    async def _close(self, tasks: Sequence[asyncio.Task[None]]) -> None:
+        # One after the other: a request whose connection is closed fails, and does not end.
+        await asyncio.gather(*tasks, return_exceptions=True)
         closing = [receiver.close() for receiver in self._receivers]
-        ending = asyncio.gather(*tasks, *closing, return_exceptions=True)
-        await asyncio.wait([ending], timeout=STOP_S)
+        await asyncio.gather(*closing, return_exceptions=True)
 
     async def _deliver(
         self, receiver: Receiver, queue: asyncio.Queue[tuple[float, Notice]]

@@ -125,6 +125,31 @@ def test_the_newest_are_kept_while_a_receiver_hangs_and_the_end_is_in_bounded_ti
     assert time.monotonic() - began_s < 2.5
 
 
+def test_a_request_is_ended_before_its_connection_is_closed():
+    class Request(Listed):
+        closed = False
+
+        async def send(self, notice: Notice) -> None:
+            self.tried += 1
+            try:
+                await asyncio.Event().wait()
+            except asyncio.CancelledError:
+                await asyncio.sleep(0.05)  # a library that cleans up
+                if self.closed:
+                    raise NotTaken("the connection is closed") from None
+                raise
+
+        async def close(self) -> None:
+            self.closed = True
+
+    receiver = Request("webhook", lambda _: None)
+    with Delivery([receiver], lambda: 60, lambda: None) as sending:
+        sending.put(notice(0))
+        wait_until(lambda: receiver.tried)
+        assert not sending.fault
+    assert (receiver.closed, receiver.tried, sending.fault) == (True, 1, "")
+
+
 def test_what_a_slow_receiver_does_not_get_is_named_while_it_waits_and_at_the_end(
     caplog: pytest.LogCaptureFixture,
 ):
