@@ -55,8 +55,12 @@ class Core:
             RuntimeError: The node is not open.
         """
         if self.opened_link is None:
-            raise RuntimeError(f"{self.name} is not open: use it inside `with`")
+            raise self.not_open()
         return self.opened_link
+
+    def not_open(self) -> RuntimeError:
+        """Return the error of a node that is used before it is open."""
+        return RuntimeError(f"{self.name} is not open: use it inside `with`")
 
     @property
     def revision(self) -> Revision[Any] | None:

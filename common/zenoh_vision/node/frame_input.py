@@ -124,6 +124,9 @@ class FrameInput(Input[Frame]):
         transport: Transport | None,
     ) -> None:
         _check_arguments(topic, want, buffering, transport)
+        for name, limit in (("max_age_s", max_age_s), ("max_pixels", max_pixels)):
+            if limit is not None and not limit > 0:  # NaN is refused too
+                raise ValueError(f"{name}={limit}; allowed: above 0")
         settings = None if core.parameters is None else core.parameters.newest.settings
         key = topic.key(core.namespace, camera)
         fits = topic is COMPRESSED and camera != "*"

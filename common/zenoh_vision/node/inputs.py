@@ -200,10 +200,15 @@ def arrivals(
             each.close()
 
 
-def ticks(core: Core, rate_hz: float) -> Iterator[int]:
-    """Yield 0, 1, 2, ... at a rate; see ``Node.rate``."""
+def check_rate(rate_hz: float) -> None:
+    """Raise ValueError for a rate that is none."""
     if not 0 < rate_hz < math.inf:  # NaN is refused too
         raise ValueError(f"a rate of {rate_hz:g} Hz; it must be above 0 and finite")
+
+
+def ticks(core: Core, rate_hz: float) -> Iterator[int]:
+    """Yield 0, 1, 2, ... at a rate; see ``Node.rate``."""
+    check_rate(rate_hz)
     clock = core.clock
     due_ns = clock.monotonic_ns()
     for number in itertools.count():

@@ -32,7 +32,7 @@ from zenoh_vision.messages import Header
 from zenoh_vision.node.announcement import Announcement
 from zenoh_vision.node.core import Core
 from zenoh_vision.node.frame_input import MAX_AGE_S, FrameInput
-from zenoh_vision.node.inputs import Input, arrivals, merged, ticks
+from zenoh_vision.node.inputs import Input, arrivals, check_rate, merged, ticks
 from zenoh_vision.node.outputs import QUALITY, Compress, Outputs, Published, Publishes
 from zenoh_vision.node.pairs import DEPTH, TOLERANCE_S, WAIT_S, paired
 from zenoh_vision.node.queries import Queries
@@ -130,8 +130,11 @@ class Node:
         Raises:
             RouterUnreachable: No router within the connection's time, if it has one.
             ToldToStop: Told to stop before there was one.
+            RuntimeError: It was opened before.
         """
         core, server = self._core, self._queries.server
+        if core.opened_link is not None:
+            raise RuntimeError(f"{core.name} was opened before; make another Node")
         with ExitStack() as opening:
             opening.enter_context(StopSignals(self.stop))
             core.opened_link = Link(
@@ -237,7 +240,8 @@ class Node:
         Raises:
             TypeError: ``buffering`` is neither ``latest`` nor a ``queue(n)``.
             ValueError: The node does not serve the camera, the topic carries no pictures, there is
-                no such form or transport, or the transport does not fit the topic.
+                no such form or transport, the transport does not fit the topic, or a limit is not
+                above 0.
             ConfigurationError: The transport is ``shm``, which this process cannot use.
         """
         return FrameInput(
@@ -415,7 +419,13 @@ class Node:
             self._core.cameras = (*self._core.cameras, name)
 
     def expect_rate(self, rate_hz: float | None) -> None:
-        """Say how many frames a second are expected, so that the health can tell too few."""
+        """Say how many frames a second are expected, so that the health can tell too few.
+
+        Raises:
+            ValueError: The rate is not above 0 and finite; None if none is known.
+        """
+        if rate_hz is not None:
+            check_rate(rate_hz)
         self.health.rates.expect(rate_hz)
 
     def drop(self, error: PayloadError) -> None:
@@ -467,6 +477,7 @@ class Node:
             Whether it was sent: not so on a lazy topic to which nobody subscribes.
 
         Raises:
+            TypeError: It is neither a message nor a function.
             ValueError: The node does not publish the topic of the camera.
         """
         return self._outputs.publish(topic, message, camera)

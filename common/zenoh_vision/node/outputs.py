@@ -224,6 +224,11 @@ class Outputs:
         self, topic: Topic | str, message: Message | Callable[[], Message], camera: str | None
     ) -> bool:
         """Publish a message; see ``Node.publish``."""
+        if not (isinstance(message, Message) or callable(message)):
+            raise TypeError(
+                f"{type(message).__name__} is not a message; allowed: a Message, or a function "
+                "that makes one"
+            )
         header = message.header if isinstance(message, Stamped) else None
         camera = self._core.camera(camera) if header is None else header.camera
         outcome = self._publisher(topic, camera).offer(
@@ -417,7 +422,9 @@ class Outputs:
             raise self._not_published(name, camera)
         return found
 
-    def _not_published(self, topic: str, camera: str) -> ValueError:
+    def _not_published(self, topic: str, camera: str) -> Exception:
+        if self._core.opened_link is None:
+            return self._core.not_open()
         listed = (
             f"{', '.join(topic.name for topic in topics) or 'nothing'} of {camera}"
             for camera, topics in self._topics.items()

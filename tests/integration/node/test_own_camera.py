@@ -247,6 +247,16 @@ def test_only_the_keys_that_are_named_are_declared(client, connection):
         Node("stereo", camera=("left",), publishes={"up": []})
 
 
+def test_a_node_that_is_used_wrongly_says_how_it_is_used(connection):
+    node = Node("lamp", connection=connection, publishes=["image/compressed", "centroid"])
+    with pytest.raises(RuntimeError, match="lamp_front is not open: use it inside `with`"):
+        node.publish_picture("image/compressed", PIXELS)
+    with node, pytest.raises(TypeError, match="dict is not a message; allowed: a Message, or a f"):
+        node.publish("centroid", {"x": 1})  # type: ignore[arg-type]
+    with pytest.raises(RuntimeError, match="lamp_front was opened before; make another Node"):
+        node.__enter__()
+
+
 @pytest.mark.parametrize("has_input", [False, True])
 def test_a_next_picture_counts_and_a_frame_made_elsewhere_does_not_whatever_else_is_open(
     connection, has_input

@@ -278,6 +278,9 @@ def test_a_transport_that_frames_of_all_cameras_do_not_have_is_refused_at_start_
         ({"topic": "centroid"}, "centroid carries messages, not pictures; take node.messages"),
         ({"buffering": 5}, "buffering=5; allowed: latest, queue(n)"),
         ({"buffering": queue}, "allowed: latest, queue(n)"),
+        ({"max_age_s": 0}, "max_age_s=0; allowed: above 0"),
+        ({"max_age_s": float("nan")}, "max_age_s=nan; allowed: above 0"),
+        ({"max_pixels": -1}, "max_pixels=-1; allowed: above 0"),
     ],
 )
 def test_a_wrong_argument_of_frames_is_refused_with_what_is_allowed(
@@ -293,6 +296,13 @@ def test_a_wrong_argument_of_messages_is_refused_with_what_is_allowed(node: Node
         node.messages("image")
     with pytest.raises(TypeError, match=re.escape("buffering=5; allowed: latest, queue(n)")):
         node.messages("centroid", buffering=5)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("rate_hz", [0, -1, float("inf"), float("nan")])
+def test_an_expected_rate_that_is_none_is_refused(node: Node, rate_hz: float):
+    """The node's description, which has it, would be invalid, and the node not be found."""
+    with pytest.raises(ValueError, match="it must be above 0 and finite"):
+        node.expect_rate(rate_hz)
 
 
 class OtherSettings(LampSettings):
