@@ -98,7 +98,12 @@ class Health:
             condition: Its name, such as ``source``; conditions do not affect each other.
             level: One of ``Level``. OK without a message clears the condition.
             message: For people.
+
+        Raises:
+            ValueError: There is no such level.
         """
+        # The thread that reports must find nothing else, such as an exception as the message.
+        level, message = Level(level), str(message)
         with self._lock:
             if level == Level.OK and not message:
                 self._conditions.pop(condition, None)

@@ -442,6 +442,9 @@ class Node:
             condition: Its name; each condition is reported and ends on its own.
             level: A ``Level``; ``OK`` without a message ends the condition.
             message: For people.
+
+        Raises:
+            ValueError: There is no such level.
         """
         self.health.report(condition, level, message)
 
@@ -477,7 +480,7 @@ class Node:
             Whether it was sent: not so on a lazy topic to which nobody subscribes.
 
         Raises:
-            TypeError: It is neither a message nor a function.
+            TypeError: It is no message of the class that the topic carries, and no function.
             ValueError: The node does not publish the topic of the camera.
         """
         return self._outputs.publish(topic, message, camera)

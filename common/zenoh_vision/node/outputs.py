@@ -224,18 +224,19 @@ class Outputs:
         self, topic: Topic | str, message: Message | Callable[[], Message], camera: str | None
     ) -> bool:
         """Publish a message; see ``Node.publish``."""
-        if not (isinstance(message, Message) or callable(message)):
-            raise TypeError(
-                f"{type(message).__name__} is not a message; allowed: a Message, or a function "
-                "that makes one"
-            )
         header = message.header if isinstance(message, Stamped) else None
         camera = self._core.camera(camera) if header is None else header.camera
-        outcome = self._publisher(topic, camera).offer(
-            lambda: Outgoing.message(message if isinstance(message, Message) else message()),
-            frame=None if header is None else (header.epoch, header.seq),
-        )
-        return outcome == "sent"
+        publisher = self._publisher(topic, camera)
+        if not callable(message):
+            _check_class(publisher.topic, message)
+
+        def outgoing() -> Outgoing:
+            made = message() if callable(message) else message
+            _check_class(publisher.topic, made)
+            return Outgoing.message(made)
+
+        frame = None if header is None else (header.epoch, header.seq)
+        return publisher.offer(outgoing, frame=frame) == "sent"
 
     def publish_bytes(
         self,
@@ -425,14 +426,24 @@ class Outputs:
     def _not_published(self, topic: str, camera: str) -> Exception:
         if self._core.opened_link is None:
             return self._core.not_open()
-        listed = (
-            f"{', '.join(topic.name for topic in topics) or 'nothing'} of {camera}"
+        named = {
+            camera: ", ".join(each.name for each in topics if not each.by_query)
             for camera, topics in self._topics.items()
-        )
+        }
+        listed = (f"{names or 'nothing'} of {camera}" for camera, names in named.items())
         published = "; ".join(listed) or "nothing"
         return ValueError(
             f"{self._core.name} does not publish {topic} of {camera}; it publishes {published}"
         )
+
+
+def _check_class(topic: Topic, message: object) -> None:
+    """Raise TypeError unless a message is of the class that its topic carries."""
+    if topic.message is None:
+        raise TypeError(f"{topic.name} carries pictures, not messages; take node.publish_picture")
+    if not isinstance(message, topic.message):
+        expected, found = topic.message.__name__, type(message).__name__
+        raise TypeError(f"{topic.name} carries {expected}, not {found}")
 
 
 _is_wanted = attrgetter("demand.exists")

@@ -25,6 +25,7 @@ from zenoh_vision import (
     Node,
     Settings,
     Stamped,
+    Tracks,
     message_topic,
 )
 from zenoh_vision.config.roles import Role
@@ -251,8 +252,17 @@ def test_a_node_that_is_used_wrongly_says_how_it_is_used(connection):
     node = Node("lamp", connection=connection, publishes=["image/compressed", "centroid"])
     with pytest.raises(RuntimeError, match="lamp_front is not open: use it inside `with`"):
         node.publish_picture("image/compressed", PIXELS)
-    with node, pytest.raises(TypeError, match="dict is not a message; allowed: a Message, or a f"):
-        node.publish("centroid", {"x": 1})  # type: ignore[arg-type]
+    with node:
+        with pytest.raises(TypeError, match="centroid carries Centroid, not dict"):
+            node.publish("centroid", {"x": 1})  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match="centroid carries Centroid, not Tracks"):
+            node.publish("centroid", Tracks(header=FRAME_HEADER, tracks=()))
+        with pytest.raises(TypeError, match="image/compressed carries pictures, not messages"):
+            node.publish("image/compressed", Tracks(header=FRAME_HEADER, tracks=()))
+        with pytest.raises(
+            ValueError, match="does not publish prediction of front; it publishes i"
+        ):
+            node.publish("prediction", Tracks(header=FRAME_HEADER, tracks=()))
     with pytest.raises(RuntimeError, match="lamp_front was opened before; make another Node"):
         node.__enter__()
 

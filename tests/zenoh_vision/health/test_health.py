@@ -139,6 +139,13 @@ def test_the_lag_of_a_source_is_said_while_the_camera_knows_it(camera: Camera):
     assert camera.health.diagnostics().to_map()["source_lag_ms"] == 41.5
 
 
+def test_what_would_end_the_thread_that_reports_is_refused_or_becomes_text(camera: Camera):
+    with pytest.raises(ValueError, match="99 is not a valid Level"):
+        camera.health.report("lens", 99, "dirty")
+    camera.health.report("lens", Level.WARN, ValueError("dirty"))  # type: ignore[arg-type]
+    assert camera.run(1, 0) == (Level.WARN, "dirty")
+
+
 def test_conditions_end_one_by_one_and_leave_the_others_as_they_are(camera: Camera):
     health = camera.health
     health.report("source", Level.ERROR, "the source ended")
