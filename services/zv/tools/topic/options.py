@@ -111,6 +111,12 @@ class MeasureOptions(ToolOptions):
         SHARE,
     ] = 0.1
 
+    @model_validator(mode="after")
+    def _tolerance_has_an_expectation(self) -> Self:
+        if "tolerance" in self.model_fields_set and getattr(self, "expect", None) is None:
+            raise ValueError("--tolerance needs an --expect")
+        return self
+
 
 class HzOptions(MeasureOptions):
     """Options of ``zv topic hz``."""

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 
 import pytest
+from pydantic import ValidationError
 
 from tests.support.listening import Listener
 from tests.support.publishing import (
@@ -33,6 +34,7 @@ from zv.tools.topic.options import (
     BwOptions,
     DelayOptions,
     HzOptions,
+    MeasureOptions,
 )
 
 
@@ -245,3 +247,9 @@ def test_on_a_terminal_hz_is_one_table_that_is_drawn_anew_until_ctrl_c(endpoint,
     assert "camera_c" in shown
     assert re.search(r"\x1b\[\d*A", terminal.raw)  # the cursor goes up to draw over the last one
     assert not re.search(r"\x1b\[[0-9;]*3[0-7]m", terminal.raw)  # and no colour is set
+
+
+@pytest.mark.parametrize("options", [HzOptions, BwOptions, DelayOptions])
+def test_a_tolerance_of_nothing_is_refused(options: type[MeasureOptions]):
+    with pytest.raises(ValidationError, match="--tolerance needs an --expect"):
+        options(tolerance=0.05)
