@@ -49,12 +49,17 @@ def resolve(text: str, namespace: str, known: Collection[str], *, raw: bool = Fa
 
     ``/front/image/compressed`` and ``vision/front/image/compressed`` name the same stream. As in
     ROS, ``/front/image`` names its uncompressed version and also means the compressed stream,
-    unless ``raw`` prefers the raw pixels. None if the text is not a valid name of a picture stream.
+    unless ``raw`` prefers the raw pixels. None if the text is not a valid name of a picture stream,
+    or the name of a stream of messages.
     """
     bare = text.removeprefix("/")
+    named = bare, f"{namespace}/{bare}"
     possible = []
-    for key in (bare, f"{namespace}/{bare}"):
+    for key in named:
         twin = [] if key.endswith(COMPRESSED) else [f"{key}{COMPRESSED}"]
         possible += [key, *twin] if raw else [*twin, key]
     possible = [key for key in possible if is_stream(key, namespace) and kind_of(key).picture]
-    return next((key for key in possible if key in known), possible[0] if possible else None)
+    found = next((key for key in possible if key in known), None)
+    if found is None and any(key in known and not kind_of(key).picture for key in named):
+        return None
+    return found or next(iter(possible), None)

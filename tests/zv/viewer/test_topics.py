@@ -49,7 +49,11 @@ def test_what_can_be_no_stream_means_none(text):
 
 
 def test_a_message_is_no_stream_of_pictures():
-    assert resolve("/front/centroid", "vision", KNOWN) == "vision/front/centroid/compressed"
+    compressed = "vision/front/centroid/compressed"
+    for text in ("/front/centroid", "vision/front/centroid"):
+        assert resolve(text, "vision", KNOWN) is None
+        assert resolve(text, "vision", [*KNOWN, compressed]) == compressed
+        assert resolve(text, "vision", []) == compressed
     assert not kind_of("vision/front/centroid").picture
     assert kind_of("vision/front/centroid").type == "vision.Centroid.v1"
 
