@@ -30,6 +30,10 @@ ZV = "zv.cli.main"
 SCRIPT = "tests.support.programs.script"
 """The module whose ``main`` is the program that the first argument names."""
 
+# No test looks at formats, for which jsonschema would compile a grammar for a second in each
+# process, where `make sbom` has installed it.
+sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
+
 PR_SET_PDEATHSIG = 1
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(["tests.support.programs.all_modules"])
