@@ -156,9 +156,15 @@ class Delivery:
                 in_work = 1
                 await self._send(receiver, at_s, notice)
                 in_work = 0
+                self._end_if_stopped()
         finally:
             if waiting := queue.qsize() + in_work:
                 log.warning("%s has not taken the last %d events", receiver.name, waiting)
+
+    def _end_if_stopped(self) -> None:
+        """Raise CancelledError again where a library lost it, as wait_for of Python 3.11 may."""
+        if self._stop.is_set():
+            raise asyncio.CancelledError
 
     async def _next(
         self, receiver: Receiver, queue: asyncio.Queue[tuple[float, Notice]]
@@ -183,6 +189,7 @@ class Delivery:
             except Refused as error:
                 self._give_up(receiver, notice, str(error))
                 return
+            self._end_if_stopped()
             if time.monotonic() - at_s + delay_s > self._keep_trying_s():
                 self._give_up(receiver, notice, "it is too old")
                 return

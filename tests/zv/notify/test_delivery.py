@@ -13,7 +13,7 @@ import pytest
 
 from tests.support.waiting import wait_until
 from zv.notify import delivery
-from zv.notify.delivery import MOST_WAITING, Delivery, NotTaken, Receiver, Refused
+from zv.notify.delivery import MOST_WAITING, STOP_S, Delivery, NotTaken, Receiver, Refused
 from zv.notify.mqtt import Mqtt
 from zv.notify.notice import Notice
 from zv.notify.webhook import Webhook
@@ -148,6 +148,26 @@ def test_a_request_is_ended_before_its_connection_is_closed():
         wait_until(lambda: receiver.tried)
         assert not sending.fault
     assert (receiver.closed, receiver.tried, sending.fault) == (True, 1, "")
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_it_ends_although_a_library_loses_the_cancellation(fails: bool):
+    class Deaf(Listed):
+        async def send(self, notice: Notice) -> None:
+            self.tried += 1
+            with suppress(asyncio.CancelledError):
+                await asyncio.Event().wait()
+            if fails:
+                raise NotTaken("busy")
+
+    receiver = Deaf("webhook", lambda _: None)
+    with Delivery([receiver], lambda: 60, lambda: None) as sending:
+        sending.put(notice(0))
+        sending.put(notice(1))
+        wait_until(lambda: receiver.tried)
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < STOP_S / 2
+    assert receiver.tried == 1
 
 
 def test_what_a_slow_receiver_does_not_get_is_named_while_it_waits_and_at_the_end(
