@@ -128,7 +128,9 @@ class Writer:
         self._begin(chunk_bytes)
         for each in (path, self.partial):
             if each.exists() or each.is_symlink():
-                hint = "; `zv bag repair` completes it" if each == self.partial else ""
+                hint = ""
+                if each == self.partial:
+                    hint = "; `zv bag repair` completes it, unless a recorder still writes it"
                 raise RecordingError(f"{each} exists already, and is not overwritten{hint}")
         try:
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC

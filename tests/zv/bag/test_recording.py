@@ -212,7 +212,7 @@ def test_a_file_is_private_and_gets_its_name_when_it_is_closed(tmp_path: Path) -
     partial = tmp_path / "run.mcap.partial"
     assert stat.S_IMODE(partial.stat().st_mode) == 0o600
     assert not path.exists()
-    with pytest.raises(RecordingError, match="exists already"):
+    with pytest.raises(RecordingError, match="unless a recorder still writes it"):
         Writer(path)
     writer.close()
     assert not partial.exists()
