@@ -83,7 +83,7 @@ def _kind_of_path(spec: str) -> Kind:
     except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: holds a null byte
         near = _suggestion(path)
         shown = without_password(spec)  # perhaps a URL without its scheme
-        raise SourceError(f"{shown}: no such file or folder{near}; a source is {ALLOWED}") from None
+        raise SourceError(f"{shown}: no such file or folder{near} a source is {ALLOWED}") from None
     except PermissionError:
         raise SourceError(f"{spec}: permission denied on the way to it") from None
     except OSError as error:
@@ -104,7 +104,7 @@ def _kind_of_file(path: Path) -> Kind:
 
 
 def _suggestion(path: Path) -> str:
-    """Return a question with similar names, or an empty text."""
+    """Return a question with similar names, or else a semicolon."""
     try:
         there = [other.name for other in path.parent.iterdir()]
     except OSError:
@@ -112,4 +112,4 @@ def _suggestion(path: Path) -> str:
     near = [str(path.with_name(name)) for name in similar_names(path.name, there, limit=3)]
     if len(path.parts) == 1:
         near += similar_names(path.name, ["synthetic"])
-    return did_you_mean(near, before=", ")
+    return did_you_mean(near, before=", ") or ";"

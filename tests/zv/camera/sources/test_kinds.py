@@ -55,7 +55,7 @@ def test_a_missing_file_is_explained_with_what_a_source_can_be_and_near_names(tm
     with pytest.raises(SourceError) as caught:
         kind_of(str(tmp_path / "wlak.avi"))
     said = str(caught.value)
-    assert f"did you mean {tmp_path / 'walk.avi'}?" in said
+    assert f"did you mean {tmp_path / 'walk.avi'}? a source is" in said
     for kind in ("synthetic", "/dev/video0", "video file", "folder of images", "rtsp://"):
         assert kind in said
 
