@@ -130,6 +130,11 @@ class System:
         """
         status = 0
         link = None
+        if self._router is None:  # a variable of the environment is easily forgotten
+            self.display.say(
+                f"no router is started: the nodes use that at {self._connection.connect}, which "
+                "--connect, ZV_CONNECT or the launch file names"
+            )
         try:
             # All at once: each waits for the router itself, and loading takes most of the time.
             for child in self._children:

@@ -177,6 +177,7 @@ def test_the_router_that_is_there_and_the_namespace_are_used_as_told(
         Listener(client, "mine/front/image/compressed").wait_for(1)
         wait_for_children(program, "camera")
         assert "already running" in program.output
+        assert f"the nodes use that at {router.endpoint}, which" in program.complaints
         program.process.send_signal(signal.SIGTERM)
         assert program.process.wait(STOP_S) == 0
 
