@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from zv.tracker.foreground.background import BackgroundLimits
+from zv.tracker.foreground.background import Background, BackgroundLimits
 from zv.tracker.foreground.foreground import (
     ForegroundDetector,
     ForegroundParameters,
@@ -51,6 +51,17 @@ def test_exactly_the_object_is_foreground():
     assert np.count_nonzero(mask != expected()) <= 8  # the corners, by the median
     assert np.count_nonzero(strong) > 400  # half of the object
     assert shown == "scene"
+
+
+def test_a_pixel_of_shake_makes_nothing_foreground_in_a_grating():
+    grating = np.full((60, 80, 3), 100, np.uint8)
+    grating[:, ::2] = 190
+    background = Background(grating, BackgroundLimits(), LightLimits())
+    shaken = np.roll(grating, 1, axis=1)
+    assert not background.foreground(shaken, shadows=False)[0].any()
+    shaken[20:40, 30:50] = 20
+    mask, _ = background.foreground(shaken, shadows=False)
+    assert np.count_nonzero(mask) == np.count_nonzero(mask[20:40, 30:50]) > 390  # but corners
 
 
 def test_nothing_is_foreground_in_the_first_half_second():

@@ -239,3 +239,17 @@ def test_a_track_that_a_frame_does_not_show_is_not_confirmed_by_it():
     assert track.state == "tentative"
     (track,) = step(tracker, [Region(55, 40, 75, 80, 800)], 0.35)
     assert track.state == "confirmed"
+
+
+def test_an_object_that_shared_a_region_keeps_its_size_while_part_of_it_is_hidden():
+    whole, half = Region(80, 20, 110, 100, 2400), Region(80, 20, 98, 100, 1440)
+    tracker = Tracker(TrackingParameters(), SIZE)
+    scene = Scene(EMPTY.picture, np.full(SIZE[::-1], 255, np.uint8))
+    for k in range(20):  # the other one comes from the right and stops before a part of it
+        other = Region(max(98, 212 - 6 * k), 20, max(98, 212 - 6 * k) + 30, 100, 2400)
+        regions = [whole, other] if other.left > 112 else [Region(80, 20, other.right, 100, 4800)]
+        step(tracker, regions, k / 10, scene)
+    for k in range(20, 30):
+        step(tracker, [half, Region(99, 20, 129, 100, 2400)], k / 10, scene)
+    assert len(tracker.states) == 2
+    assert tracker.states[0].width == pytest.approx(30, abs=2)
