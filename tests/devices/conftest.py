@@ -17,7 +17,7 @@ FOLDER = Path(__file__).parent
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark these tests, which need the virtual machine: ``make test-devices`` runs them."""
     for item in items:
-        if FOLDER in item.path.parents:
+        if str(item.path).startswith(f"{FOLDER}/"):  # `parents` takes 0.2 s
             item.add_marker(pytest.mark.devices)
             item.add_marker(pytest.mark.timeout(300))
 
