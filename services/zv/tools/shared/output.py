@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import select
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -16,6 +18,21 @@ if TYPE_CHECKING:  # rich takes a tenth of a second to import, which most output
 
 WIDE = 4096
 """Width without a terminal, so that lines are neither cut nor wrapped."""
+
+
+UNREAD_MS = 300
+"""How long a tool that is told to stop waits for the reader of its output."""
+
+
+def discard_unread_output() -> None:
+    """Discard further output if nobody reads it, so that what waits for the reader can end.
+
+    In a signal handler: what was interrupted while it wrote goes on writing, but to nowhere.
+    """
+    output = select.poll()
+    output.register(1, select.POLLOUT)
+    if not output.poll(UNREAD_MS):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 class Output:

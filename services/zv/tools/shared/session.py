@@ -19,6 +19,7 @@ from zenoh_vision.transport.link import Declaration, Link
 from zenoh_vision.transport.query import POLL_S, REPLY_S, Query, Replies, ask
 from zenoh_vision.transport.session import direct
 from zenoh_vision.transport.zenoh_config import credentials_of, zenoh_error_text
+from zv.tools.shared.output import discard_unread_output
 
 log = logging.getLogger(__name__)
 CONDITION_POLL_S = 0.02
@@ -41,7 +42,7 @@ class ToolSession:
         self.clock = time.monotonic
         self.stopping = False
         """Whether SIGINT or SIGTERM came, or ``stop()`` was called."""
-        self._signals = StopSignals(self.stop)
+        self._signals = StopSignals(self._on_signal)
         self.credentials = credentials_of(connection)
         """Whose certificate this is, if it has one."""
         self._warned: set[str] = set()
@@ -64,6 +65,10 @@ class ToolSession:
     def connected(self) -> bool:
         """Whether a router is connected."""
         return self.link.connected
+
+    def _on_signal(self) -> None:
+        self.stop()
+        discard_unread_output()
 
     def stop(self) -> None:
         """End the waits; safe in a signal handler and from any thread."""
