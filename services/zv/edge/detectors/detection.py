@@ -130,6 +130,9 @@ class GradientDetector(Detector):
         """Strength of a gradient of 1."""
 
 
+LONGEST: Final = 46340.0
+"""No gradient with derivatives of 16 bits is longer; its square still fits into 32 bits."""
+
 Gradual = TypeVar("Gradual", bound=GradientDetector)
 
 
@@ -149,6 +152,8 @@ class GradientDetection(Detection[Gradual]):
     def thinned(self, low: float, high: float) -> Gray:
         """Return 255 at the maxima that two thresholds, in strengths, leave; else 0."""
         weak, strong = (each / self._detector.unit for each in (low, high))
+        if self._detector.l2:  # on one thread, OpenCV squares them in 32 bits
+            weak, strong = min(weak, LONGEST), min(strong, LONGEST)
         thin = cv2.Canny(*self.gradient, weak, strong, L2gradient=self._detector.l2)
         return np.asarray(thin, np.uint8)
 

@@ -74,6 +74,18 @@ def test_the_steps_end_in_opencvs_edge_map_on_random_pictures(picture: np.ndarra
     assert np.array_equal(found.thinned(canny.low, canny.high), expected)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_no_gradient_reaches_a_threshold_whose_square_needs_more_than_32_bits(threads: int):
+    step = np.ones((4, 4), np.uint8)
+    step[0, 0] = 0
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(threads)
+    try:
+        assert not Canny(sigma=0, l2=True).detect(step).thinned(0, 46341).any()
+    finally:
+        cv2.setNumThreads(before)
+
+
 @pytest.mark.parametrize("l2", [True, False], ids=["L2", "L1"])
 @pytest.mark.parametrize("aperture", [3, 5, 7])
 @pytest.mark.parametrize("sigma", [0.0, 1.0, 2.0])
