@@ -160,7 +160,7 @@ class CameraTracking:
         node, tracks, shift = self._node, pipeline.tracks, pipeline.shift
         size = frame.header.width, frame.header.height
         self._next_id = pipeline.next_id
-        self._report_scene(frame.header, pipeline.shown)
+        self._report_scene(frame.header, pipeline.shown, blind=pipeline.blind)
         main = pipeline.centroid
         found = None if main is None else MovingObject(main.box, main.area)
         node.publish("centroid", centroid_of(node, frame, found))
@@ -209,9 +209,9 @@ class CameraTracking:
             self._node.publish("tracks", Tracks(header=header, tracks=(), zones=zones, lines=lines))
         return True
 
-    def _report_scene(self, header: Header, shown: Shown) -> None:
+    def _report_scene(self, header: Header, shown: Shown, *, blind: bool) -> None:
         """Report what the pictures make impossible in the node's health, when that changes."""
-        found = self._report.update(header.stamp_ns, shown)
+        found = self._report.update(header.stamp_ns, shown, blind=blind)
         if found != self._reported:
             self._reported = found
             if shown != "scene":

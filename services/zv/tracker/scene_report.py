@@ -1,4 +1,4 @@
-"""Says what a camera's pictures make impossible: a view that changed, or a rate that is too low."""
+"""Says why a camera's pictures show no motion: another view, too low a rate, no region in them."""
 
 from __future__ import annotations
 
@@ -26,11 +26,19 @@ class SceneReport:
         self._changed_ns: int | None = None
         self._intervals_s: deque[float] = deque(maxlen=INTERVALS)
 
-    def update(self, stamp_ns: int, shown: Shown) -> str:
-        """Return what is wrong as a sentence; empty if nothing is."""
+    def update(self, stamp_ns: int, shown: Shown, *, blind: bool = False) -> str:
+        """Return what is wrong with a frame as a sentence; empty if nothing is.
+
+        Args:
+            stamp_ns: Its capture time.
+            shown: What it shows.
+            blind: Whether the regions leave nothing of it where objects are detected.
+        """
         before, self._stamp_ns = self._stamp_ns, stamp_ns
         if before is not None and stamp_ns > before:
             self._intervals_s.append((stamp_ns - before) / 1e9)
+        if blind:
+            return "nothing is detected: `regions` and `ignore` leave no part of the picture"
         if shown == "nothing":
             return "the picture shows nothing: it is black, or the lens is covered"
         if shown == "other":

@@ -239,24 +239,36 @@ def show(
 
 
 @pytest.mark.parametrize(
-    ("interval_s", "black", "said"),
+    ("interval_s", "black", "changes", "said"),
     [
-        (1.0, False, "rear: 1.0 frames/s: objects that move farther than their own size"),
-        (0.1, True, "rear: the picture shows nothing: it is black, or the lens is covered"),
+        (1.0, False, {}, "rear: 1.0 frames/s: objects that move farther than their own size"),
+        (0.1, True, {}, "rear: the picture shows nothing: it is black, or the lens is covered"),
+        (
+            0.1,
+            False,
+            {"regions": "far 400,0 500,0 500,90"},
+            "rear: nothing is detected: `regions` and `ignore` leave no part of the picture",
+        ),
     ],
-    ids=["a rate that is too low", "a black picture"],
+    ids=["a rate that is too low", "a black picture", "a region outside of it"],
 )
 def test_what_makes_tracking_impossible_is_said_in_the_health_and_taken_back(
-    monkeypatch: pytest.MonkeyPatch, interval_s: float, black: bool, said: str
+    monkeypatch: pytest.MonkeyPatch,
+    interval_s: float,
+    black: bool,
+    changes: dict[str, str],
+    said: str,
 ):
     monkeypatch.setattr("zv.tracker.camera_tracking.CalibrationSource", Uncalibrated)
     settings, recorder = TrackerSettings(), Recorder()
+    changed = settings.model_copy(update=changes)
     tracking = CameraTracking(recorder, "rear", settings)  # type: ignore[arg-type]
     room, at_s, reported = Scene(320, 240, 10.0, 1).frame(0)[0], 0.0, []
     for seq in range(60):
         trouble = 20 <= seq < 40
         at_s += interval_s if trouble else 0.1
-        show(tracking, settings, np.zeros_like(room) if trouble and black else room, seq, at_s)
+        picture = np.zeros_like(room) if trouble and black else room
+        show(tracking, changed if trouble else settings, picture, seq, at_s)
         reported.append(len(recorder.reports))
     (warned, level, words), (taken_back, usual, nothing) = recorder.reports
     assert (warned, level, words[: len(said)]) == ("scene of rear", Level.WARN, said)

@@ -73,12 +73,14 @@ class ForegroundDetector:
 
     Attributes:
         moved: By how many pixels, x and y, the newest picture was moved from the background.
+        blind: Whether the regions leave nothing of the picture where objects are detected.
     """
 
     def __init__(self, parameters: ForegroundParameters, scale: float = 1.0) -> None:
         self._scale = scale
         self._searched: Image | None = None  # where objects are detected; None: everywhere
         self._searched_of: tuple[object, ...] = ()
+        self.blind = False
         self.parameters = parameters
         self._view = View(parameters.view)
         self._steadier = Steadier(parameters.steady)
@@ -191,7 +193,7 @@ class ForegroundDetector:
         searched_of = (height, width, regions, ignored)
         if searched_of == self._searched_of:
             return
-        self._searched_of, self._searched = searched_of, None
+        self._searched_of, self._searched, self.blind = searched_of, None, False
         if not (regions or ignored):
             return
         mask = np.full((height, width), 0 if regions else 255, np.uint8)
@@ -200,7 +202,7 @@ class ForegroundDetector:
             for polygon in polygons:
                 corners = np.round((np.asarray(polygon, float) / self._scale - 0.5) * 16)
                 cv2.fillPoly(mask, [corners.astype(np.int32)], (value,), shift=4)
-        self._searched = mask
+        self._searched, self.blind = mask, not mask.any()
 
     def _look(self, picture: Image, hidden: Image | None, age_s: float) -> None:
         """Compare the view with the background, when that is due."""

@@ -72,6 +72,11 @@ class PipelineWithIds:
         return self._foreground is not None
 
     @property
+    def blind(self) -> bool:
+        """Whether the regions leave nothing of the last frame where objects are detected."""
+        return self._foreground is not None and self._foreground.blind
+
+    @property
     def moved(self) -> tuple[int, int]:
         """By how many pixels of the mask, x and y, the last frame was moved from the background."""
         return (0, 0) if self._foreground is None else self._foreground.moved
