@@ -16,6 +16,10 @@ from typing import Any, Final, TypeVar
 T = TypeVar("T")
 
 MAX_THREADS: Final = 8
+MOST_WAITING: Final = 64
+"""Parts that wait for a thread; the caller runs further ones itself. What it has run remains in the
+queue until a thread takes it out, and small parts are run faster than that."""
+
 MAX_BY_DEFAULT: Final = 4
 """Most threads unless more are asked for: each part has a fixed cost too."""
 
@@ -32,6 +36,7 @@ class Workers:
         self._pool: ThreadPoolExecutor | None = None
         self._native_ids: list[int] = []
         self._lock = threading.Lock()
+        self._waiting = 0  # parts in the queue, also those that a caller has run by now
 
     def limit(self, threads: int) -> None:
         """Set how many threads work on one call of ``run``, the caller included.
@@ -59,31 +64,33 @@ class Workers:
         The caller runs the first one, and all that no thread has begun by then. It waits for those
         that were begun.
         """
-        # A queue may hold a part for longer than what its function refers to should last.
+        # Whoever takes the function out of a part runs it. The queue of the threads may hold the
+        # part for longer than what the function refers to should last.
         parts = [[function] for function in functions]
-        futures: list[Future[T] | None] = [None] * len(parts)
+        futures: list[Future[T | None] | None] = [None] * len(parts)
         if len(parts) > 1:
             begun = self._submit(parts[1:])
             futures[1 : len(begun) + 1] = begun
         found: list[T | None] = [None] * len(parts)
         try:
-            for number, (part, future) in enumerate(zip(parts, futures, strict=True)):
-                if future is None or future.cancel():
-                    found[number], futures[number] = part.pop()(), None
+            for number, part in enumerate(parts):
+                if (function := _taken(part)) is not None:
+                    futures[number] = None
+                    found[number] = function()
             for number, future in enumerate(futures):
                 if future is not None:
                     found[number] = future.result()
             return found  # type: ignore[return-value]
         except BaseException:
             for part, future in zip(parts, futures, strict=True):
-                if future is not None and not future.cancel():
+                if _taken(part) is None and future is not None:
                     wait([future])  # it may use memory that the caller takes back
-                part.clear()
             raise
 
-    def _submit(self, parts: Sequence[list[Callable[[], T]]]) -> list[Future[T]]:
+    def _submit(self, parts: Sequence[list[Callable[[], T]]]) -> list[Future[T | None]]:
         """Hand parts to the threads, and return those that could be."""
         with self._lock:
+            parts = parts[: max(0, MOST_WAITING - self._waiting)]
             pool, ids = self._pool, self._native_ids
             if pool is None:
                 if (others := self.threads - 1) < 1:
@@ -92,11 +99,23 @@ class Workers:
                     others, "part", lambda: ids.append(threading.get_native_id())
                 )
         allowed = self._keep_off()
-        found: list[Future[T]] = []
+        found: list[Future[T | None]] = []
         with suppress(RuntimeError):  # too many threads, or the interpreter or the pool is ending
             for part in parts:
-                found.append(pool.submit(_run, part, allowed))
+                found.append(pool.submit(self._run, part, allowed))
+                with self._lock:
+                    self._waiting += 1
         return found
+
+    def _run(self, part: list[Callable[[], T]], allowed: set[int]) -> T | None:
+        with self._lock:
+            self._waiting -= 1
+        function = _taken(part)
+        if function is None:
+            return None
+        if allowed:
+            _bind(0, allowed)  # from here on it may go to any processor that is idle
+        return function()
 
     def _keep_off(self) -> set[int]:
         """Have the threads wake up on other processors than the caller's; return all if there are.
@@ -115,10 +134,12 @@ class Workers:
         return allowed
 
 
-def _run(part: list[Callable[[], T]], allowed: set[int]) -> T:
-    if allowed:
-        _bind(0, allowed)  # from here on it may go to any processor that is idle
-    return part.pop()()
+def _taken(part: list[Callable[[], T]]) -> Callable[[], T] | None:
+    """Take the function out of a part; None if another thread has done so."""
+    try:
+        return part.pop()
+    except IndexError:
+        return None
 
 
 def _bind(thread: int, processors: set[int]) -> None:

@@ -8,6 +8,7 @@ import sys
 import threading
 import weakref
 from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
 
@@ -17,7 +18,7 @@ import pytest
 from tests.support.processes import run_program
 from tests.support.waiting import DEADLINE_S, wait_until
 from zenoh_vision.host import parallel
-from zenoh_vision.host.parallel import MAX_BY_DEFAULT, Workers
+from zenoh_vision.host.parallel import MAX_BY_DEFAULT, MOST_WAITING, Workers
 
 
 @pytest.fixture
@@ -119,6 +120,12 @@ def test_what_the_caller_did_is_not_kept_for_the_threads_that_came_too_late(occu
     occupied.run([partial(len, memory)] * 3)
     del memory
     assert freed() is None
+
+
+def test_parts_that_the_caller_is_faster_with_do_not_pile_up(occupied):
+    for _ in range(5000):
+        occupied.run([lambda: None] * 4)
+    assert len([each for each in gc.get_objects() if isinstance(each, Future)]) < 2 * MOST_WAITING
 
 
 def test_the_limit_may_change_while_parts_run(workers):
