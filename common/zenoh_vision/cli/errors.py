@@ -86,6 +86,7 @@ def exit_with_status(
             raise
         else:
             status = tell(error, debug=debug, program=program, file=file)
+            _discard_unwritable()
     if abandoned_threads.any_is_alive():
         logging.shutdown()
         with suppress(OSError, AttributeError):  # closed, or there is none
@@ -95,6 +96,16 @@ def exit_with_status(
     # depend on being finalised at the end: files are closed before.
     gc.freeze()
     sys.exit(status)
+
+
+def _discard_unwritable() -> None:
+    """Discard output that cannot be written: else the last flush fails, and the status is 120."""
+    for stream, descriptor in ((sys.stdout, 1), (sys.stderr, 2)):
+        try:
+            if stream is not None:
+                stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
 
 
 def tell(error: Exception, *, debug: bool, program: str = "zv", file: str | None = None) -> int:

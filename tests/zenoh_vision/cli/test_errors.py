@@ -79,7 +79,15 @@ def test_a_full_disk_under_the_output_is_no_bug(redirections: str, said: str):
 from zenoh_vision.cli.errors import exit_with_status
 exit_with_status(lambda: print("a result", flush=True))
 """
-    words = ["sh", "-c", f'exec "$@" {redirections}', "sh", sys.executable, "-c", program]
+    words = [
+        "sh",
+        "-c",
+        f'unset PYTHONUNBUFFERED; exec "$@" {redirections}',
+        "sh",
+        sys.executable,
+        "-c",
+        program,
+    ]
     done = run_program(words)
     assert (done.returncode, done.stderr) == (3, said)
 
