@@ -17,8 +17,9 @@ T = TypeVar("T")
 
 MAX_THREADS: Final = 8
 MOST_WAITING: Final = 64
-"""Parts that wait for a thread; the caller runs further ones itself. What it has run remains in the
-queue until a thread takes it out, and small parts are run faster than that."""
+"""Most parts in the queue of the threads; the caller runs further ones itself. A part that the
+caller has run stays there until a thread takes it out, which takes longer than to run a small one.
+"""
 
 MAX_BY_DEFAULT: Final = 4
 """Most threads unless more are asked for: each part has a fixed cost too."""

@@ -227,11 +227,13 @@ class Outputs:
         header = message.header if isinstance(message, Stamped) else None
         camera = self._core.camera(camera) if header is None else header.camera
         publisher = self._publisher(topic, camera)
-        if not callable(message):
+        if not callable(message):  # a wrong one is refused also while nobody subscribes
             _check_class(publisher.topic, message)
 
         def outgoing() -> Outgoing:
-            made = message() if callable(message) else message
+            if not callable(message):
+                return Outgoing.message(message)
+            made = message()
             _check_class(publisher.topic, made)
             return Outgoing.message(made)
 

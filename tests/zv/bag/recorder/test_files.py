@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.waiting import wait_until
 from tests.zv.bag.records import arrived, frame, message
 from zv.bag.recorder.files import FLUSH_S, Files
 from zv.bag.recorder.plan import Plan
@@ -63,12 +64,16 @@ def test_the_oldest_files_are_deleted_and_never_the_one_that_is_written(
     ours.write_bytes(bytes(100_000))
     files = files_of(Plan(tmp_path / "run.mcap", split_bytes=50_000, total_bytes=200_000))
     files.open()
+
+    def is_closed() -> bool:
+        files.tick()
+        return not files._closing
+
     for seq in range(600):
         files.add(arrived(frame(seq), CLOCK))
         files.tick()
-        while files._closing and not sync_s:  # a fast disk keeps up on a busy machine, too
-            time.sleep(0.001)
-            files.tick()
+        if not sync_s:  # a fast disk keeps up on a busy machine, too
+            wait_until(is_closed, poll_s=0.001)
     files.stop()
     assert other.exists()
     assert not ours.exists()
