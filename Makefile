@@ -45,12 +45,14 @@ check: $(VENV)/.dev
 # Tests marked `quiet` measure times: they run after the others, five at a time; those marked
 # `alone` also fill the machine, and run last, one at a time. Each run is made, whatever the one
 # before it said; status 5 means that ARGS selected no test in it.
+# A test that hangs ends its process, and another process tries it once more.
+HUNG := --max-worker-restart 1
 marked = $(or $(ARGS),$$(grep -rl --include='test_*.py' 'mark\.$(1)\b' tests))
 define run_tests
 failed=0; selected=0; \
 	run() { $(BIN)/pytest "$$@"; case $$? in 0) selected=1 ;; 5) ;; *) failed=1 ;; esac; }; \
-	run -m "not compose and not devices and not quiet and not alone" -n 6 --dist loadfile $(DONE) $(1) $(ARGS); \
-	run -m quiet -n 5 --maxschedchunk 1 $(2) $(call marked,quiet); \
+	run -m "not compose and not devices and not quiet and not alone" -n 6 --dist loadfile $(HUNG) $(DONE) $(1) $(ARGS); \
+	run -m quiet -n 5 --maxschedchunk 1 $(HUNG) $(2) $(call marked,quiet); \
 	run -m alone $(3) $(call marked,alone); \
 	[ $$failed$$selected = 01 ]
 endef
@@ -65,7 +67,7 @@ tests: $(VENV)/.dev
 ## test-compose: start the containers and break them (needs Docker; about 20 minutes)
 # The limit of time is for a test, not for the images that the first one has to build.
 test-compose: $(VENV)/.dev
-	$(BIN)/pytest -m compose -o timeout_func_only=true tests/compose $(ARGS)
+	$(BIN)/pytest -m compose -o timeout_func_only=true -o faulthandler_timeout=0 tests/compose $(ARGS)
 
 ## test-devices: real camera drivers in a virtual machine (needs QEMU; about 6 minutes)
 test-devices: $(VENV)/.dev

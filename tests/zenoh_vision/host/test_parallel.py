@@ -62,8 +62,12 @@ def occupied() -> Iterator[Workers]:
     workers = Workers()
     workers.limit(2)
     release, busy = threading.Event(), threading.Barrier(3, timeout=DEADLINE_S)
-    part = [lambda: busy.wait() and release.wait(DEADLINE_S)] * 2
-    other = threading.Thread(target=lambda: workers.run(part))
+
+    def part() -> None:
+        busy.wait()
+        release.wait(DEADLINE_S)
+
+    other = threading.Thread(target=workers.run, args=[[part] * 2])
     other.start()
     busy.wait()
     yield workers
