@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.support.listening import Listener, Message, newest
+from tests.support.listening import Listener, Message, newest, wait_for_nodes
 from tests.support.pictures.encoded import jpeg
 from tests.support.processes import START_S
 from tests.support.waiting import in_time, wait_until
@@ -100,6 +100,7 @@ def test_a_service_sees_the_change_on_every_way(router, client, service, folder,
     with Node("taker", connection=connection) as node:
         frames = in_time(node, iter(node.frames(want="pixels", transport=way)), START_S)
         assert next(frames).pixels.shape == (240, 320, 3)
+        wait_for_nodes(client, "camera_front")  # another session than the one that has a frame
         assert set_region(client, REGION) == {}
         frame = next(frame for frame in frames if frame.header.width == 100)
         assert frame.pixels.shape == (80, 100, 3)

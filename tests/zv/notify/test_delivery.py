@@ -219,9 +219,8 @@ def test_what_is_wrong_with_a_webhook_is_told_without_its_url(answer: bytes | No
             with suppress(OSError):
                 while True:
                     caller, _ = server.accept()
-                    with caller:
-                        while not caller.recv(10_000).endswith(b"--\r\n"):
-                            pass
+                    with caller, caller.makefile("rb") as request:
+                        next((each for each in request if each.endswith(b"--\r\n")), b"")
                         caller.sendall(answer or b"")
 
         threading.Thread(target=serve, daemon=True).start()
