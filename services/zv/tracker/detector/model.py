@@ -340,10 +340,12 @@ def _size_of(
 def _exported_size(file: OnnxFile) -> tuple[int, int]:
     """Return the size in the metadata that Ultralytics writes: ``imgsz``, height and width."""
     try:
-        height, width = ast.literal_eval(file.metadata.get("imgsz", ""))
-        return int(width), int(height)
-    except (ValueError, SyntaxError, TypeError):
-        raise UnknownLayout(
-            f"{file.path}: the size of its input is not fixed ({file.inputs[0]}); give that of its "
-            "training with --input-size, such as 640x640"
-        ) from None
+        height, width = map(int, ast.literal_eval(file.metadata.get("imgsz", "")))
+        if min(height, width) > 0:
+            return width, height
+    except (ValueError, SyntaxError, TypeError, OverflowError, MemoryError, RecursionError):
+        pass
+    raise UnknownLayout(
+        f"{file.path}: the size of its input is not fixed ({file.inputs[0]}); give that of its "
+        "training with --input-size, such as 640x640"
+    )

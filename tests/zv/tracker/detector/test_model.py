@@ -55,6 +55,14 @@ def test_a_size_that_the_file_does_not_fix_is_taken_from_its_metadata(tmp_path: 
     assert Model(ModelOptions(str(path))).size == (64, 64)
 
 
+@pytest.mark.parametrize("size", ["[0, 0]", "[-64, 64]", "[1e400, 64]", "[64]", "64"])
+def test_a_size_in_the_metadata_that_is_none_must_be_given(size: str, tmp_path: Path):
+    path = tmp_path / "tiny.onnx"
+    detector_models.save(path, "yolov8", dynamic=True, metadata={"imgsz": size})
+    with pytest.raises(UnknownLayout, match="--input-size, such as 640x640"):
+        Model(ModelOptions(str(path)))
+
+
 def test_a_size_that_contradicts_the_file_is_refused(tmp_path: Path):
     with pytest.raises(ConfigurationError, match="an input of 64x64, which is fixed"):
         model_of(tmp_path, input_size=(640, 640))
