@@ -167,9 +167,8 @@ def grid(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     corners, strides = _corners(facts.size, STRIDES)
     _check_rows(found, corners)
     rows, corners, strides = found[kept], corners[kept], strides[kept]
-    with np.errstate(over="ignore"):  # what becomes infinite is counted
-        centres = (rows[:, :2] + corners) * strides
-        boxes = from_centres(np.concatenate([centres, np.exp(rows[:, 2:4]) * strides], axis=1))
+    centres = (rows[:, :2] + corners) * strides
+    boxes = from_centres(np.concatenate([centres, np.exp(rows[:, 2:4]) * strides], axis=1))
     scores = rows[:, 5:] * rows[:, 4:5]
     kept, best, classes = best_classes(scores, least)
     return Candidates(boxes[kept], best, classes)

@@ -161,6 +161,7 @@ class Model:
             for number, picture in enumerate(pictures)
         ]
 
+    @np.errstate(all="ignore")  # boxes that become infinite or NaN are counted
     def _found(
         self, outputs: dict[str, NDArray[Any]], place: Placement, least: float, overlap: float
     ) -> Found:

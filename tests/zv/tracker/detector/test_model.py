@@ -171,6 +171,20 @@ def test_boxes_with_nan_are_left_out_and_counted(tmp_path: Path):
     assert (len(found.detections), found.not_finite) == (1, 3)
 
 
+def test_huge_and_infinite_numbers_of_a_box_are_computed_without_a_warning(tmp_path: Path):
+    columns = np.zeros((7, 84), np.float32)
+    columns[:4, :3] = np.array([[20, 20, 10, 10]]).T
+    columns[4, :3] = 0.9
+    columns[2, 1], columns[0, 1] = np.inf, np.inf  # its left is infinite minus infinite
+    columns[2, 2], columns[3, 2] = 3e38, 3e38  # in the larger picture this is no float32
+    found = found_in(model_that_says(columns, tmp_path), scene({}, (400, 400)))
+    assert [each.box for each in found.detections] == [
+        (93.75, 93.75, 156.25, 156.25),
+        (0, 0, 400, 400),
+    ]
+    assert found.not_finite == 1
+
+
 def test_ten_thousand_boxes_are_bounded_and_counted(tmp_path: Path):
     generator = np.random.default_rng(1)
     columns = np.zeros((7, 10_000), np.float32)
