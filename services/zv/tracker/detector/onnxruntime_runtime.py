@@ -103,7 +103,8 @@ def _fault(text: str) -> str:
 
 
 def _sentence(text: str) -> str:
-    """Return an error of ONNX Runtime without its number, path and stack."""
+    """Return an error of ONNX Runtime without its number, path, stack and place in its source."""
     text = re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ", "", text.strip())
     text = re.sub(r"^Load model from .*? failed: ?", "", text)
+    text = re.sub(r"/onnxruntime_src/\S+:\d+ .*?\) (?=[A-Z])", "", text)
     return " ".join(text.split())[:300]

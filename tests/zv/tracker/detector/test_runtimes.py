@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 
@@ -126,6 +127,14 @@ def test_a_device_whose_driver_is_missing_is_left_out_or_refused(
     asked.clear()
     assert Model(ModelOptions(tiny, device="cpu")).runtime.device == "cpu"
     assert asked == ["CPUExecutionProvider"]
+
+
+def test_a_version_that_is_too_new_is_named_without_a_place_in_the_source(tiny: str):
+    model = onnx.load(tiny)
+    model.ir_version = 99
+    onnx.save(model, tiny)
+    with pytest.raises(UnusableModel, match="cannot run it: Unsupported model IR version: 99"):
+        Model(ModelOptions(tiny, runtime="onnxruntime"))
 
 
 def test_the_first_reason_is_the_one_that_is_said(unknown: str, monkeypatch: pytest.MonkeyPatch):
