@@ -7,7 +7,7 @@ the wire format of Protocol Buffers.
 from __future__ import annotations
 
 import mmap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -57,7 +57,8 @@ def read_onnx(path: Path) -> OnnxFile:
     """Read a file.
 
     Raises:
-        UnusableModel: It cannot be opened, is too large, truncated, or no ONNX model.
+        UnusableModel: It cannot be opened, is too large, truncated, no ONNX model, or its weights
+            are in a file that is missing or truncated.
     """
     try:
         size = path.stat().st_size
@@ -159,13 +160,42 @@ def _graph(path: Path, data: memoryview) -> OnnxFile:
         if number == 1:
             operators |= {_text(text) for key, text in _fields(_message(value)) if key == 4}
         elif number == 5:
-            weights |= {_text(text) for key, text in _fields(_message(value)) if key == 8}
+            stored: dict[str, str] = {}
+            for key, part in _fields(_message(value)):
+                if key == 8:
+                    weights.add(_text(part))
+                elif key == 13:
+                    entry = {each: _text(text) for each, text in _fields(_message(part))}
+                    stored[entry.get(1, "")] = entry.get(2, "")
+            if stored:
+                _check_stored(path, stored)
         elif number == 11:
             inputs.append(_tensor(_message(value)))
         elif number == 12:
             outputs.append(_tensor(_message(value)))
     kept = tuple(each for each in inputs if each.name not in weights)
     return OnnxFile(path, kept, tuple(outputs), {}, frozenset(operators))
+
+
+def _check_stored(path: Path, stored: Mapping[str, str]) -> None:
+    """Check that the file beside a model that holds one of its weights is there and complete.
+
+    Raises:
+        UnusableModel: It is not; names it.
+    """
+    file = path.parent / stored.get("location", "")
+    try:
+        needed = int(stored.get("offset", "0")) + int(stored.get("length", "0"))
+        size = file.stat().st_size
+    except OSError as error:
+        words = f"{error.strerror or error}; copy it beside the model"
+    except ValueError:
+        raise _Malformed("weights in a file beside it, at a place that is no number") from None
+    else:
+        if size >= needed:
+            return
+        words = f"it ends {needed - size} bytes too early"
+    raise UnusableModel(f"{path}: its weights are in {file}: {words}")
 
 
 def _tensor(data: memoryview) -> Tensor:

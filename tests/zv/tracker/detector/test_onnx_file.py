@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import onnx
 import pytest
 
 from tests.support import detector_models
@@ -37,6 +38,21 @@ def test_every_truncation_is_refused(tmp_path: Path):
         path.write_bytes(whole[:length])
         with pytest.raises(UnusableModel, match=r"cut\.onnx: no complete ONNX model: "):
             read_onnx(path)
+
+
+def test_weights_in_a_file_that_is_missing_or_truncated_are_refused_by_its_name(tmp_path: Path):
+    path = detector_models.save(tmp_path / "tiny.onnx", "yolov8")
+    onnx.save(
+        onnx.load(path), path, save_as_external_data=True, location="tiny.data", size_threshold=0
+    )
+    assert [each.name for each in read_onnx(path).outputs] == ["output0"]
+    weights = tmp_path / "tiny.data"
+    os.truncate(weights, weights.stat().st_size - 3)
+    with pytest.raises(UnusableModel, match=r"/tiny\.data: it ends 3 bytes too early"):
+        read_onnx(path)
+    weights.unlink()
+    with pytest.raises(UnusableModel, match=r"/tiny\.data: No such .*; copy it beside the model"):
+        read_onnx(path)
 
 
 @pytest.mark.parametrize(
