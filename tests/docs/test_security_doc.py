@@ -98,6 +98,12 @@ def test_a_guest_sees_everything_with_each_tool(running: Secured, words: str):
     assert "may not" not in done.stderr
 
 
+def test_the_doctor_finds_no_session_without_rights(running: Secured):
+    words = ["doctor", "--for", "1.2", "--credentials", str(running.file("operator"))]
+    done = type_zv(words, folder=running.folder.parent)
+    assert "the router denies no session what it declares" in done.stdout, done.stdout
+
+
 def test_a_guest_serves_metrics(running: Secured):
     words = ["metrics", "--listen", "127.0.0.1:0", "--credentials", running.file("guest")]
     with Program(words, running.folder.parent, "metrics", forked=ZV) as program:

@@ -19,8 +19,10 @@ from zenoh_vision.host.health_file import HealthFile
 from zenoh_vision.keys import launch_key
 from zenoh_vision.messages import Level, NodeDescription
 from zenoh_vision.node.query_server import QueryServer
+from zenoh_vision.transport.access import declare_holder
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
+from zenoh_vision.transport.zenoh_config import credentials_of
 from zv.launcher.child import Child
 from zv.launcher.command_line import (
     CREDENTIALS,
@@ -145,6 +147,8 @@ class System:
                 lambda: self._stopping,
                 log_state=False,  # each node logs its own state of the link
             )
+            if (credentials := credentials_of(self._connection)) is not None:
+                declare_holder(link, credentials)
             names = [child.name for child in self._children]
             namespace = self._connection.namespace
             self._monitor.watch(link, namespace, "diagnostics", names=names)
