@@ -81,7 +81,7 @@ def read_names(file: str) -> dict[int, str]:
         raise UnusableModel(f"--class-names {file}: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise UnusableModel(f"--class-names {file}: is no text in UTF-8") from None
-    lines = text.splitlines()
+    lines = text.rstrip("\n").split("\n")  # splitlines would end one at a form feed too
     if not text.strip() or len(lines) > MAX_NAMES:
         raise UnusableModel(f"--class-names {file}: one name a line, at most {MAX_NAMES} lines")
     return {number: _clean(line) for number, line in enumerate(lines) if line.strip()}

@@ -263,6 +263,13 @@ def test_names_of_a_file_win_and_an_empty_line_is_a_class(tmp_path: Path):
     assert [each.name for each in found.detections] == ["1", "blau"]
 
 
+@pytest.mark.parametrize("inside", ["\x0c", "\x85", "\u2028", "\x1c"])
+def test_a_name_ends_only_at_the_end_of_its_line(inside: str, tmp_path: Path):
+    file = tmp_path / "names.txt"
+    file.write_text(f"rot{inside}\r\nblau\r\n", encoding="utf-8")
+    assert read_names(str(file)) == {0: "rot", 1: "blau"}
+
+
 def test_a_class_that_the_model_does_not_have_is_refused_with_a_suggestion():
     wanted = Wanted(0.5, classes_of("person, cra:0.4"))
     with pytest.raises(ConfigurationError, match=r"no class 'cra'; did you mean 'car'\?.* car"):
