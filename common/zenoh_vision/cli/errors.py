@@ -125,10 +125,22 @@ def tell(error: Exception, *, debug: bool, program: str = "zv", file: str | None
     ):
         _say(f"{error.filename or 'cannot write'}: {error.strerror}", program)
         return SourceError.exit_status
+    if isinstance(error, FileNotFoundError) and _is_folder_gone():
+        _say("the current folder was deleted; change to another one", program)
+        return SourceError.exit_status
     if debug:
         print(_lines("".join(traceback.format_exception(error))), file=sys.stderr)
     _say(fault(error, program, file), program)
     return FAULT_STATUS
+
+
+def _is_folder_gone() -> bool:
+    """Tell whether relative paths mean nothing, since the current folder was deleted."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def fault(error: BaseException, program: str = "zv", file: str | None = None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -68,6 +69,18 @@ exit_with_status(lambda: list([{look}]))
     done = run_program([sys.executable, "-c", program])
     assert done.returncode == 3
     assert re.fullmatch(r"zv: (n+: File name too long|/root/a\.mcap: .*denied)\n", done.stderr)
+
+
+def test_a_current_folder_that_was_deleted_is_no_bug(tmp_path: Path):
+    program = (
+        "import os; from pathlib import Path; "
+        "from zenoh_vision.cli.errors import exit_with_status; "
+        f"os.chdir({str(tmp_path)!r}); os.rmdir({str(tmp_path)!r}); "
+        "exit_with_status(lambda: print(Path('x').absolute()))"
+    )
+    done = run_program([sys.executable, "-c", program])
+    said = "zv: the current folder was deleted; change to another one\n"
+    assert (done.returncode, done.stdout, done.stderr) == (3, "", said)
 
 
 @pytest.mark.parametrize(
