@@ -68,15 +68,15 @@ def exit_with_status(
         file: Its source file; an unexpected error is printed with the line in it.
     """
     debug = "--debug" in sys.argv[1:]
+    _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # None if it is closed
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # what the locale's encoding lacks
     if not debug:
         threading.excepthook = partial(tell_end_of_thread, program=program, file=file)
     try:
         status = run() or 0
-        if sys.stdout is not None:
-            sys.stdout.flush()
+        sys.stdout.flush()
     except KeyboardInterrupt:
         status = 0
     except (Exception, SystemExit) as error:
@@ -89,7 +89,7 @@ def exit_with_status(
             _discard_unwritable()
     if abandoned_threads.any_is_alive():
         logging.shutdown()
-        with suppress(OSError, AttributeError):  # closed, or there is none
+        with suppress(OSError):
             sys.stdout.flush()
         os._exit(status)
     # The interpreter would look through all objects once more, a tenth of a second. So nothing may
@@ -98,12 +98,21 @@ def exit_with_status(
     sys.exit(status)
 
 
+def _open_closed_streams() -> None:
+    """Open the standard streams that are closed on the null device.
+
+    Else the next file or socket has the number of one, and receives what a library prints.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:  # the lowest number that is free is its own
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+
+
 def _discard_unwritable() -> None:
     """Discard output that cannot be written: else the last flush fails, and the status is 120."""
     for stream, descriptor in ((sys.stdout, 1), (sys.stderr, 2)):
         try:
-            if stream is not None:
-                stream.flush()
+            stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
 

@@ -71,6 +71,21 @@ exit_with_status(lambda: list([{look}]))
     assert re.fullmatch(r"zv: (n+: File name too long|/root/a\.mcap: .*denied)\n", done.stderr)
 
 
+def test_streams_that_are_closed_are_opened_on_the_null_device():
+    program = """
+import os, sys
+from zenoh_vision.cli.errors import exit_with_status
+def run():
+    assert sys.stdin.read() == ""
+    print("a result")
+    print("an error", file=sys.stderr)
+    return 0 if os.open("/etc/passwd", os.O_RDONLY) > 2 else 1
+exit_with_status(run)
+"""
+    words = ["sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", sys.executable, "-c", program]
+    assert run_program(words).returncode == 0
+
+
 def test_a_current_folder_that_was_deleted_is_no_bug(tmp_path: Path):
     program = (
         "import os; from pathlib import Path; "
