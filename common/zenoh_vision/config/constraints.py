@@ -182,6 +182,8 @@ def _default(model: type[BaseModel], name: str) -> str:
     default = model.model_fields[name].default
     if is_duration(model, name):
         return duration_text(default)
+    if isinstance(default, tuple):
+        return ", ".join(map(repr, default))
     return plain(default) if isinstance(default, (bool, int, float)) else repr(default)
 
 
@@ -247,7 +249,12 @@ def wrong_values(
     for each in error.errors(include_url=False):
         if each["loc"] and each["type"] != "missing":
             name = str(each["loc"][0])
-            found.setdefault(name, wrong_value(shown(name), values.get(name), each))
+            match each["loc"][1:], values.get(name):
+                case (int(place),), list() | tuple() as several:
+                    value = several[place]
+                case _, value:
+                    pass
+            found.setdefault(name, wrong_value(shown(name), value, each))
     return found
 
 

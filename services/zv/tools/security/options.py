@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from typing import Annotated, Any, Final
 
@@ -11,19 +12,31 @@ from zenoh_vision.config.constraints import Form
 from zenoh_vision.config.settings import NAME_FORM, Argument, CameraName
 from zenoh_vision.keys import NAME
 from zenoh_vision.security.rights import ACTIONS, Action
-from zenoh_vision.transport.endpoints import MAX_PORT
+from zenoh_vision.transport.endpoints import MAX_PORT, checked_endpoint
 from zv.tools.shared.options import ToolOptions
 
 FOLDER: Final = "security"
 PORT: Final = 7447
 DAYS: Final = 365
-HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.:-]*[A-Za-z0-9])?")
+LABEL: Final = "[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
+HOST: Final = re.compile(rf"({LABEL}\.)*(?!\d+$){LABEL}")
+"""The name of a host: what ends in a number is an address, or a wrong one."""
 
 
 def _host(text: str) -> str:
-    if not HOST.fullmatch(text):
+    try:
+        is_address = not ipaddress.ip_address(text).is_unspecified and "%" not in text
+    except ValueError:
+        is_address = False
+    if not is_address and not HOST.fullmatch(text):
         raise ValueError("no name of a host and no address")
     return text
+
+
+def _router(text: str) -> str:
+    if not text.startswith("tls/"):
+        raise ValueError("it does not begin with tls/")
+    return checked_endpoint(text)
 
 
 def _key(text: str) -> str:
@@ -35,7 +48,7 @@ def _key(text: str) -> str:
         raise ValueError("no key expression") from None
 
 
-Host = Annotated[str, AfterValidator(_host), Form("a host's name or address")]
+Host = Annotated[str, AfterValidator(_host), Form("a host's name or address, without port")]
 Key = Annotated[str, AfterValidator(_key), Form("a key expression such as vision/front/image")]
 NAMED: Final[Any] = {"pattern": f"^{NAME.pattern}$", "max_length": 64}
 Name = Annotated[str, Field(**NAMED), NAME_FORM]
@@ -111,8 +124,9 @@ class AddOptions(InFolder):
     ] = None
     host: Hosts = ()
     connect_to: Annotated[
-        str | None,
-        Field(description="endpoint of the router that this one connects to: tls/HOST:7447"),
+        Annotated[str, AfterValidator(_router)] | None,
+        Field(description="endpoint of the router that this one connects to"),
+        Form("tls/HOST:PORT"),
     ] = None
 
 

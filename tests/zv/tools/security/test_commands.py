@@ -335,8 +335,16 @@ def test_show_lists_everybody_and_the_rights_of_one(system: Secured):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--host", "bücher.local"], "allowed: a host's name or address"),
-        (["--guest", "me", "--guest", "Me"], "allowed: letters a-z, digits and _;"),
+        (["--host", "bücher.local"], "allowed: a host's name or address, without port"),
+        (
+            ["--guest", "me", "--guest", "Me"],
+            "--guest = 'Me' is not allowed; allowed: letters a-z, digits and _; default 'guest'\n",
+        ),
+        (["--host", "a", "--host", "cam.example:7447"], "--host = 'cam.example:7447' is not"),
+        (["--host", "192.168.0.256"], "--host = '192.168.0.256' is not"),
+        (["--host", "cam..example"], "--host = 'cam..example' is not"),
+        (["--host", "0.0.0.0"], "--host = '0.0.0.0' is not"),
+        (["--host", "fe80::1%eth0"], "--host = 'fe80::1%eth0' is not"),
     ],
 )
 def test_what_is_allowed_in_a_list_is_said_of_its_items(tmp_path, words: list[str], said: str):
@@ -344,6 +352,22 @@ def test_what_is_allowed_in_a_list_is_said_of_its_items(tmp_path, words: list[st
     assert done.returncode == 2
     assert said in done.stderr
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("endpoint", ["far.example:7447", "tcp/far.example:7447", "tls/far"])
+def test_a_router_connects_to_another_one_by_tls_only(system: Secured, endpoint: str):
+    words = ["--router", "near", "--host", "near.example", "--connect-to", endpoint]
+    done = type_zv(["security", "add", "--dir", str(system.folder), *words], folder=system.folder)
+    assert done.returncode == 2
+    assert f"--connect-to = '{endpoint}' is not allowed (it " in done.stderr
+    assert not system.file("near").exists()
+
+
+def test_a_router_has_addresses_of_both_kinds(tmp_path: Path):
+    words = ["--host", "::1", "--host", "192.168.0.2", "--host", "cam-1.example", "--port", "7448"]
+    done = type_zv(["security", "init", str(tmp_path / "new"), *words], folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "the router is found at tls/[::1]:7448; " in done.stdout
 
 
 def test_a_folder_without_certificates_is_named(tmp_path):
