@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import http.client
 import json
+import re
 import socket
 import ssl
 import subprocess
@@ -18,9 +19,10 @@ import numpy as np
 import pytest
 
 from tests.integration.conftest import Service
-from tests.support.processes import Program, need
+from tests.support.fork_server import ZV
+from tests.support.processes import START_S, Program, need
 from tests.support.publishing import PlainCamera
-from tests.support.secured import Secured, quietly, secured
+from tests.support.secured import Secured, embedded, quietly, secured
 from tests.support.typist import type_zv
 from tests.support.viewer.client import Page, parts, until_closed
 from tests.support.waiting import wait_until
@@ -212,6 +214,23 @@ def test_a_wrong_file_is_one_sentence_and_status_2(system: Secured, tmp_path: Pa
     assert f"tls_key {system.folder / 'ca.pem'}: " in done.stderr
     done = type_zv(["view", "--tls-key", tmp_path / "key.pem"])
     assert (done.returncode, "tls_key needs tls_certificate" in done.stderr) == (2, True)
+
+
+async def test_the_command_that_is_printed_starts_a_viewer_for_these_people(tmp_path: Path):
+    system = secured(tmp_path, operator=("ada",))
+    words = ["security", "web", "--dir", system.folder, "--host", "cam.example"]
+    printed = re.findall(r"^  zv (view .*)$", type_zv(words).stdout, re.MULTILINE)
+    here = ["--host", HOST, "--port", "0"]  # beside other tests, and on this machine only
+    with (
+        embedded(system, tmp_path),
+        Program([*printed[0].split(), *here], tmp_path, "viewer", forked=ZV) as viewer,
+    ):
+        wait_until(lambda: "connected to the router" in viewer.complaints, START_S)
+        assert await scope(viewer, context(system, "ada")) == "control"
+        assert await scope(viewer, context(system, "guest")) == "view"
+        assert get(viewer, context(system, "guest"), Host="cam.example")[0] == 200
+        status, _, text = get(viewer, context(system, "guest"), Host="other.example")
+        assert (status, text.endswith("--allow-host other.example allows it\n")) == (403, True)
 
 
 def test_the_names_of_the_certificate_are_said(system: Secured):

@@ -23,6 +23,7 @@ from zv.tools.security.roles import GUEST, OPERATOR, ROUTER
 from zv.tools.shared.output import Output
 
 FILE: Final = "web.pem"
+VIEWER: Final = "viewer"
 NAME: Final = "viewer-web"
 """Whom the viewer's certificate names: nobody who has rights at a router."""
 
@@ -46,14 +47,21 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
         for name in people:
             files.append(folder.browser_file_of(name))
             folder.put(files[-1], _for_browser(folder, name), PRIVATE)
-    names = ",".join(system.holders[name].common_name(name) for name in people)
+    names = {name: system.holders[name].common_name(name) for name in people}
+    allowed = f" --allow-host {','.join(options.host)}" if options.host else ""
+    admitted = "".join(
+        f" --tls-{kind}s {','.join(several)}"
+        for kind in (OPERATOR, GUEST)
+        if (several := [names[each] for each in people if system.holders[each].role.kind == kind])
+        and several != [kind]  # which is the default
+    )
     output.result(
-        {"written": [str(file) for file in files], "names": names},
+        {"written": [str(file) for file in files], "names": ",".join(names.values())},
         *(f"wrote {file}" for file in files),
         f"{files[0]} is valid until {shown_time(own.ends_s)}, for {', '.join((*hosts, *HERE))}",
         "next:",
-        f"  zv view --host 0.0.0.0 --tls-certificate {files[0]} "
-        f"--tls-clients {folder.path / AUTHORITY}",
+        f"  zv view --host 0.0.0.0{allowed} --credentials {folder.path / VIEWER} "
+        f"--tls-certificate {files[0]} --tls-clients {folder.path / AUTHORITY}{admitted}",
         f"  import {folder.path / AUTHORITY}, and a .p12 without a password, in browsers",
     )
 

@@ -75,8 +75,9 @@ class Access:
         if is_loopback(name) or (self.guarded and (name in self.names or is_address(name))):
             return
         shown = name if NAME.fullmatch(name) else "NAME"
+        proof = "" if self.holders is not None else " with a token"
         raise web.HTTPForbidden(
-            text=f"host {host!r} is not served here; --allow-host {shown} allows it with a token\n"
+            text=f"host {host!r} is not served here; --allow-host {shown} allows it{proof}\n"
         )
 
     def check_origin(self, origin: str | None, host: str | None) -> None:
