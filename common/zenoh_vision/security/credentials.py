@@ -117,7 +117,7 @@ def credentials_file(path: str) -> Path:
         ConfigurationError: It is a folder.
     """
     given = Path(path)
-    for each in (given, given.with_name(f"{given.name}{SUFFIX}"), given / ROUTER_FILE):
+    for each in (given, Path(f"{given}{SUFFIX}"), given / ROUTER_FILE):
         if each.is_file():
             return each
     if given.is_dir():
@@ -148,9 +148,9 @@ def read_private(path: Path) -> str:
     """
     try:
         mode = path.stat().st_mode
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SourceError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+        text = path.read_text(errors="replace")
+    except OSError as error:
+        raise SourceError(f"{path}: {error.strerror or error}") from None
     if mode & OTHERS:
         raise ConfigurationError(
             f"{path}: its mode is {stat.S_IMODE(mode):04o}, so others can use its private key; "
@@ -180,6 +180,10 @@ def parsed_json5(path: Path, text: str) -> dict[str, Any]:
         content = json.loads("\n".join(line for line in lines if not line.startswith("//")))
     except (ValueError, RecursionError):
         content = None
+    if not isinstance(content, dict) and path.suffix != SUFFIX:
+        raise ConfigurationError(
+            f"{path}: no file of zv security; allowed: DIR/NAME{SUFFIX}, which it writes"
+        )
     if not isinstance(content, dict):
         raise ConfigurationError(
             f"{path}: cut short or damaged; {renewal_of(path)} writes it again"

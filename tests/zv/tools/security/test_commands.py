@@ -423,6 +423,22 @@ def test_a_folder_or_a_missing_file_is_no_credentials(system: Secured):
         read_credentials(str(system.file("router")))
 
 
+def test_the_folder_where_one_is_is_no_credentials(system: Secured, monkeypatch):
+    monkeypatch.chdir(system.folder)
+    with pytest.raises(
+        ConfigurationError, match=r"credentials \.: a folder; allowed: .*camera_front"
+    ):
+        read_credentials(".")
+    assert read_credentials("./guest").name == "guest"
+
+
+def test_a_file_that_is_for_others_is_no_credentials(system: Secured):
+    quietly(web, WebOptions(dir=str(system.folder)))
+    for name in ("ca.key", "web.pem", "operator.p12"):
+        with pytest.raises(ConfigurationError, match=f"{name}: no file of zv security; allowed: "):
+            read_credentials(str(system.folder / name))
+
+
 def test_the_command_that_mends_a_file_of_a_router_names_its_holder_and_folder(system: Secured):
     system.add(router="far", host=("far.example",))
     for name in ("router", "far", "camera_front"):
