@@ -115,3 +115,44 @@ def test_a_tool_says_what_its_user_may_not(system: Secured, words: list[str], sa
     done = type_zv(given, folder=system.folder)
     assert done.returncode in (1, 2), done.stdout
     assert f"zv: {said}" in done.stderr  # and nothing else, which would not be known
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["bag", "record", "-o", "denied.mcap", "--for", "5s"], "subscribe vision/*/image"),
+        (["metrics", "--listen", "127.0.0.1:0"], "watch @vision/node/*"),
+    ],
+    ids=["record", "metrics"],
+)
+def test_a_tool_with_the_certificate_of_a_node_says_what_that_may_not(
+    system: Secured, words: list[str], said: str
+):
+    given = [
+        *words,
+        "--connect",
+        system.endpoint,
+        "--credentials",
+        str(system.file("camera_front")),
+    ]
+    done = type_zv(given, folder=system.folder)
+    assert done.returncode == 1, done.stdout
+    assert f"zv: camera_front may not {said}" in done.stderr
+
+
+def test_a_recording_that_no_trigger_reaches_says_so(system: Secured):
+    words = [
+        "bag",
+        "record",
+        "-o",
+        "last.mcap",
+        "--last",
+        "5s",
+        "--for",
+        "500ms",
+        "--connect",
+        system.endpoint,
+    ]
+    for who, told in (("guest", True), ("operator", False)):
+        done = type_zv([*words, "--credentials", str(system.file(who))], folder=system.folder)
+        assert ("so zv bag trigger does not reach it" in done.stderr) == told

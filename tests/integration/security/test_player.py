@@ -52,16 +52,27 @@ def test_a_player_sends_a_recording_as_its_camera_and_is_controlled(
             assert done.returncode == 0, done.stderr
 
 
-def test_nobody_else_and_as_nothing_else(system: Secured, tmp_path: Path):
-    cases = [("player", "front"), ("operator", "walk"), ("camera_front", "walk")]
+CASES = [("player", "front"), ("operator", "walk"), ("camera_front", "walk")]
+
+
+@pytest.mark.parametrize(("who", "camera"), CASES)
+def test_nobody_else_and_as_nothing_else(system: Secured, who: str, camera: str):
+    done = type_zv(words(system, who, "--as", camera))
+    assert done.returncode == 1, done.stdout
+    assert f"zv: {who} may not publish vision/{camera}/" in done.stderr
+
+
+def test_the_router_decides_whatever_a_file_says(system: Secured, tmp_path: Path):
     with system.witness() as witness, ExitStack() as playing:
         received = [Listener(witness, f"vision/{camera}/**") for camera in ("front", "walk")]
-        programs = [
-            playing.enter_context(
-                Program(words(system, who, "--as", camera, "--loop"), tmp_path, who, forked=ZV)
-            )
-            for who, camera in cases
-        ]
+        programs = []
+        for who, camera in CASES:
+            forged = system.content(who)
+            forged["metadata"]["zenoh_vision"]["rights"]["publish"] = ["**"]
+            system.file(f"forged_{who}").touch(0o600)
+            system.rewrite(f"forged_{who}", forged)
+            given = words(system, f"forged_{who}", "--as", camera, "--loop")
+            programs.append(playing.enter_context(Program(given, tmp_path, who, forked=ZV)))
         for program in programs:
             wait_until(lambda program=program: "the router denies" in program.complaints, 30)
         playing.close()  # each has sent all that it will

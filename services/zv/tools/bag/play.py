@@ -61,7 +61,8 @@ def run(options: PlayOptions, connection: Connection, output: Output) -> None:
 
     Raises:
         ConfigurationError: Names, times or key expressions do not fit the recording.
-        ExpectationNotMet: A live camera has the same name, or a node does not answer.
+        ExpectationNotMet: A live camera has the same name, a node does not answer, or the
+            credentials do not allow to send what was recorded.
         RecordingError: The file cannot be read.
         RouterUnreachable: No router within the connection's time.
     """
@@ -180,9 +181,12 @@ class Playing:
         """Look for live nodes, open the node, and wait for those that are waited for."""
         with ToolSession(self._connection) as session:
             self._look_first(session)
+            played = sorted(set(self._keys.values()) - self._live)
+            for key in played:
+                session.require("publish", key)
         with ExitStack() as opening:
             node = opening.enter_context(self._node)
-            for key in sorted(set(self._keys.values()) - self._live):
+            for key in played:
                 self._streams[key] = node.add_stream(key, topic_for(key, lossless=self._lossless))
             for camera in self._cameras if self._options.timeline else ():
                 key = REPLAY.key(node.connection.namespace, camera)

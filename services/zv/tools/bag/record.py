@@ -35,7 +35,8 @@ def run(options: RecordOptions, connection: Connection, output: Output) -> None:
     """Record, and say at the end what was recorded and missed.
 
     Raises:
-        ExpectationNotMet: Nothing arrived, or something that arrived could not be written.
+        ExpectationNotMet: Nothing arrived, something that arrived could not be written, or the
+            credentials do not allow to receive it.
         RecordingError: The file cannot be made.
         ConfigurationError: A key expression is none, or an option needs ``--last``.
     """
@@ -43,6 +44,11 @@ def run(options: RecordOptions, connection: Connection, output: Output) -> None:
         key_expression(each)
     plan = options.plan()
     with ToolSession(connection) as session:
+        for each in options.keys or default_keys(session.namespace):
+            session.require("subscribe", key_expression(each))
+        denial = session.denial("answer", keys.record_key(session.namespace, NAME))
+        if options.last is not None and denial is not None:
+            output.note(f"{denial}; so zv bag trigger does not reach it")
         paths: list[Path] = []
         recorder = Recorder(session.link, session.namespace, plan, NAME, paths.append)
         signal.signal(signal.SIGUSR1, lambda *_: recorder.trigger("signal"))

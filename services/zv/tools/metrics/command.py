@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 
+from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.health.fleet import Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
@@ -30,6 +31,7 @@ def run(options: MetricsOptions, connection: Connection, output: Output) -> None
     Raises:
         ConfigurationError: The address cannot be used.
         RouterUnreachable: No router within the connection's time, if it has one.
+        ExpectationNotMet: The credentials do not allow to follow the nodes.
     """
     exporter = Exporter(options.gone)
     with serve(options.listen, exporter.collector, exporter.failure) as url:
@@ -55,6 +57,8 @@ class Exporter:
 
     def run(self, session: ToolSession) -> None:
         """Follow tokens and diagnostics, and query new nodes' descriptions, until stopped."""
+        session.require("watch", keys.node_key(session.namespace, "*"))
+        session.require("subscribe", keys.diagnostics_key(session.namespace, "*"))
         self._monitor.watch(session.link, session.namespace, "token", "diagnostics")
         self._session = session
         connected = True

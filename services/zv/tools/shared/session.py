@@ -103,16 +103,17 @@ class ToolSession:
         Raises:
             ExpectationNotMet: They do not; says what they allow.
         """
-        if (denial := self._denial(action, key)) is not None:
+        if (denial := self.denial(action, key)) is not None:
             raise ExpectationNotMet(denial)
 
     def _warn_denied(self, action: Action, key: str) -> None:
-        denial = self._denial(action, key)
+        denial = self.denial(action, key)
         if denial is not None and denial not in self._warned:
             self._warned.add(denial)
             log.warning("%s; so nothing is known of it", denial)
 
-    def _denial(self, action: Action, key: str) -> str | None:
+    def denial(self, action: Action, key: str) -> str | None:
+        """Return that the credentials do not allow an action; None if they do, or without any."""
         known = self.credentials
         if known is None or known.rights.granting(action, key) is not None:
             return None
