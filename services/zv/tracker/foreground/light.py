@@ -62,7 +62,8 @@ class Light:
         """
         height, width = picture.shape[:2]
         step = max(1, round((height * width / self.limits.samples) ** 0.5))
-        grid = slice(step // 2, None, step), slice(step // 2, None, step)
+        rows, columns = (slice(min(step, side) // 2, None, step) for side in (height, width))
+        grid = rows, columns
         before, seen = background[grid].reshape(-1, 3), picture[grid].reshape(-1, 3)
         if hidden is not None:
             free = hidden[grid].ravel() == 0

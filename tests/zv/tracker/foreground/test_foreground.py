@@ -34,6 +34,14 @@ def learned(**changes: object) -> ForegroundDetector:
     return found
 
 
+@pytest.mark.parametrize("size", [(1, 8192), (8192, 1), (2, 30000)])
+def test_a_line_camera_s_pictures_have_a_foreground(size: tuple[int, int]):
+    detector = ForegroundDetector(ForegroundParameters())
+    picture = np.full((*size, 3), 90, np.uint8)
+    for k in range(20):
+        assert not detector.update(picture, k / 10, [])[0].any()
+
+
 def with_object(x: int = 60) -> np.ndarray:
     picture = backdrop()
     picture[40:80, x : x + 20] = (30, 30, 220)
