@@ -30,6 +30,10 @@ LOADED: Final = (
     "the link is congested or slow: send less over it (zv camera --max-kbps, zv relay), or wait "
     "longer with --timeout 20s"
 )
+NO_HANDSHAKE: Final = (
+    ": its port is open, but no connection by TLS was made: the router hangs, the link is congested "
+    "or slow, or programs whose certificates it refuses keep it busy (zenoh #2685)"
+)
 
 
 class Diagnosis:
@@ -64,14 +68,14 @@ class Diagnosis:
 def examined(endpoint: TcpEndpoint, for_s: float) -> str:
     """Return why a router at an endpoint is not reached, in words that follow its address.
 
-    Empty if nothing listens there, or if TLS is spoken there: ``handshake`` tells more of that.
+    Empty if nothing listens there. Of TLS, ``handshake`` tells more if the router refuses it.
     """
     began_s = time.monotonic()
     host = endpoint.address
     try:
         with socket.create_connection((host, endpoint.port), for_s) as link:
             if endpoint.scheme == "tls":
-                return ""
+                return NO_HANDSHAKE
             link.settimeout(max(0.1, for_s - (time.monotonic() - began_s)))
             link.sendall(greeting())
             answer = link.recv(64)

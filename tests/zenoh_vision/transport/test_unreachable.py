@@ -94,6 +94,17 @@ def test_what_accepts_and_never_answers_may_hang_or_be_behind_a_congested_link()
     assert "congested" in found
 
 
+def test_a_router_that_accepts_and_makes_no_tls_is_not_told_to_be_started():
+    silent = threading.Event()
+    with (
+        answering(lambda _: silent.wait(5)) as endpoint,
+        pytest.raises(RouterUnreachable, match="its port is open, but no ") as caught,
+    ):
+        open_session(Connection(f"tls/127.0.0.1:{endpoint.port}", timeout_s=0.5))
+    silent.set()
+    assert "start" not in str(caught.value)
+
+
 def test_a_tool_says_it():
     for endpoint, said in (
         (f"tcp/127.0.0.1:{free_port()}", r"within 0.5 s; start one with `zv router`"),
