@@ -31,8 +31,8 @@ LOADED: Final = (
     "longer with --timeout 20s"
 )
 NO_HANDSHAKE: Final = (
-    ": its port is open, but no connection by TLS was made: the router hangs, the link is congested "
-    "or slow, or programs whose certificates it refuses keep it busy (zenoh #2685)"
+    ": its port is open, but no connection by TLS was made: the router hangs, the link is slow or "
+    "congested, or programs whose certificates it refuses keep it busy (zenoh #2685)"
 )
 
 
