@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.errors import ConfigurationError, PayloadError, SourceError
+from zenoh_vision.host.files import write_file
 from zenoh_vision.image import codecs
 from zenoh_vision.image.files import decoded
 from zv.tracker.camera_tracking import detector_parameters
@@ -116,7 +117,4 @@ def write(out: Path, bgr: NDArray[np.uint8], quality: int) -> None:
     """
     is_png = out.suffix.lower() == ".png"
     content = codecs.encode_png(bgr) if is_png else codecs.encode_jpeg(bgr, "bgr8", quality)
-    try:
-        out.write_bytes(content)
-    except OSError as error:
-        raise SourceError(f"--out {out}: {error.strerror or error}") from None
+    write_file(out, content)

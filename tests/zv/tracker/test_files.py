@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 
 import cv2
@@ -11,9 +12,10 @@ import pytest
 from tests.support import detector_models
 from tests.support.detector_models import scene
 from tests.support.typist import type_zv
+from zenoh_vision.errors import SourceError
 from zv.tracker.detector.model import Found, Model
 from zv.tracker.file_options import FileOptions
-from zv.tracker.files import draw_objects
+from zv.tracker.files import draw_objects, write
 from zv.tracker.settings import TrackerSettings
 
 BOXES = {0: (100, 70, 300, 210), 2: (120, 400, 230, 460)}
@@ -51,6 +53,20 @@ def test_without_a_name_the_picture_is_beside_where_one_works(folder: Path):
     done = track("--model", "tiny.onnx", "--classes", "blue:0.6")
     assert done.stdout == "blue 0.70 120,400 110x60\n"
     assert (folder / "street_boxes.jpg").is_file()
+
+
+def test_a_full_disk_leaves_the_picture_as_it_was(folder: Path):
+    out = folder / "boxes.png"
+    out.write_bytes(b"old")
+    noise = np.random.default_rng(1).integers(0, 255, (40, 40, 3), np.uint8)  # over 1000 bytes
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(SourceError, match=r"boxes\.png: File too large$"):
+            write(out, noise, 90)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert out.read_bytes() == b"old"
 
 
 def test_boxes_of_a_model_that_are_left_out_are_said(
