@@ -212,7 +212,7 @@ class Link:
             return give_up()
 
         try:
-            session = open_session(self._connection, waiting)
+            session = open_session(self._connection, waiting, lambda: bool(self._refused))
         except RouterUnreachable:
             if not self._refused:
                 raise

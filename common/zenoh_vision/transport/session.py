@@ -43,6 +43,10 @@ SHORT = Timeouts(open_ms=800, handshake_ms=300)
 LONG = Timeouts(open_ms=1500, handshake_ms=1500)
 """For links with round trips of more than 0.1 s; three of them open a session over TCP."""
 
+REFUSED_S = 5.0
+"""Between attempts while the router refuses the handshake. Each costs it 0.1 s, in which nobody
+else gets in (zenoh #2685), so that three nodes that tried all the time would keep everybody out."""
+
 LONG_EVERY = 4
 """Every fourth attempt has long time-outs."""
 
@@ -59,11 +63,18 @@ def direct(callback: Callable[[Any], None]) -> Any:
 
 
 def open_session(
-    connection: Connection, stopping: Callable[[], bool] = lambda: False
+    connection: Connection,
+    stopping: Callable[[], bool] = lambda: False,
+    refused: Callable[[], bool] = lambda: False,
 ) -> zenoh.Session:
     """Open a client session, waiting for the router as long as the connection allows.
 
     ``zenoh.open`` ignores signals, so each attempt runs on a thread of its own.
+
+    Args:
+        connection: Where the router is, and how long to wait.
+        stopping: Polled; ends the wait.
+        refused: Whether the router refuses the handshake; the next attempt waits while it does.
 
     Raises:
         RouterUnreachable: No router within ``timeout_s``.
@@ -86,6 +97,9 @@ def open_session(
             raise ToldToStop("told to stop before a router was there")
         if time.monotonic() >= deadline_s - MIN_TIMEOUT_MS / 1000:
             break
+        again_s = min(deadline_s, time.monotonic() + REFUSED_S)
+        while refused() and time.monotonic() < again_s and not stopping():
+            time.sleep(POLL_S)
     because = f" ({errors[-1]})" if errors and UNREACHABLE not in errors[-1] else ""
     why = diagnosis.text if diagnosis is not None else f"; {START}"
     raise RouterUnreachable(

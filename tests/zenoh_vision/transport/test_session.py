@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import threading
 import time
@@ -39,6 +40,23 @@ def test_with_no_time_to_wait_it_tries_once():
     until_s = time.monotonic() + DEADLINE_S
     with pytest.raises(RouterUnreachable):
         session.open_session(connection, lambda: time.monotonic() > until_s)
+
+
+def test_it_tries_seldom_while_the_router_refuses_and_at_once_when_it_does_no_more(monkeypatch):
+    refused_s = 0.5
+    monkeypatch.setattr(session, "REFUSED_S", refused_s)
+    connection = Connection(f"tcp/127.0.0.1:{free_port()}", timeout_s=4 * refused_s)
+    for refused, least, most in ((True, 2, 5), (False, 6, math.inf)):
+        tried: list[object] = []
+
+        def attempt(*words: object, tried: list[object] = tried) -> None:
+            tried.append(words)
+            time.sleep(0.01)
+
+        monkeypatch.setattr(session, "try_session", attempt)
+        with pytest.raises(RouterUnreachable):
+            session.open_session(connection, refused=lambda refused=refused: refused)
+        assert least <= len(tried) <= most
 
 
 def test_a_session_that_does_not_close_in_time_ends_with_the_process(monkeypatch):
