@@ -123,8 +123,9 @@ def add(options: AddOptions, _connection: Connection, output: Output) -> None:
         known = [name for name, _ in named if name in there]
         named = [(name, role) for name, role in named if name not in there]
         if not named:
+            have = "has a certificate" if len(known) == 1 else "have certificates"
             raise ConfigurationError(
-                f"{', '.join(known)} have certificates already; {renewal(folder.path, known[0])} "
+                f"{', '.join(known)} {have} already; {renewal(folder.path, known[0])} "
                 "gives another one, zv security revoke withdraws it"
             )
         connect = (options.connect_to,) if options.connect_to else ()

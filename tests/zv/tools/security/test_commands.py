@@ -280,7 +280,7 @@ def test_whoever_is_revoked_comes_back_with_the_former_rights(system: Secured, n
     system.add(node=name)
     assert Folder(str(system.folder)).system().holder(name).role == before
     assert common_name(system, name) == f"CN={name}.2"
-    with pytest.raises(ConfigurationError, match=f"{name} have certificates already"):
+    with pytest.raises(ConfigurationError, match=f"{name} has a certificate already"):
         system.add(node=name)
 
 
