@@ -32,6 +32,7 @@ from zv.launcher.command_line import (
 )
 from zv.launcher.launch_file import Plan, PlannedNode, PlannedProgram
 from zv.launcher.node_control import NodeControl
+from zv.launcher.output_thread import written_on_threads
 from zv.launcher.secure import SecureFiles
 from zv.status.display import Display
 from zv.status.process_usage import ProcessUsage
@@ -341,7 +342,7 @@ def run(system: System) -> int:
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(each, lambda number, _at: system.stop(number))
     try:
-        with system.display:
+        with written_on_threads(), system.display:
             return system.run()
     except OSError as error:
         # The reader of our output is gone (`zv up | head`, a closed terminal), and all processes

@@ -234,6 +234,41 @@ def test_it_ends_with_all_its_processes_when_nobody_reads_its_lines(tmp_path, ro
     assert not running(started)
 
 
+def test_it_starts_again_what_died_and_ends_while_its_output_is_not_read(tmp_path, router):
+    """As in a pager, and on a terminal after Ctrl-S."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(1000))
+    os.set_blocking(writing, True)
+    file = some_of(tmp_path, "camera")
+    command = [sys.executable, "-m", QUICK_ZV, "up", "--plain", file]
+    with (
+        subprocess.Popen(
+            [*command, "--connect", router.endpoint],
+            stdout=writing,
+            stderr=writing,
+            cwd=ROOT,
+            env=environment(),
+        ) as process,
+        open_client(router.endpoint) as client,
+    ):
+        os.close(writing)
+        try:
+            images = Listener(client, "vision/front/image/compressed")
+            images.wait_for(3, START_S)
+            (camera,) = psutil.Process(process.pid).children()
+            camera.kill()
+            before = images.messages[0].header["epoch"]
+            wait_until(lambda: images.messages[-1].header["epoch"] != before)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(STOP_S) == 0
+        finally:
+            process.kill()
+    os.close(reading)
+
+
 def test_on_a_terminal_a_table_is_drawn_and_lines_go_above_it(tmp_path):
     file = some_of(tmp_path, "camera", "tracker")
     terminal = Terminal(["up", file, "--listen", free_endpoint()], columns=80)

@@ -1,0 +1,136 @@
+"""Writes the output of ``zv up`` on threads of its own, so that it goes on while nobody reads it.
+
+A pager, a terminal after Ctrl-S and a program that hangs read nothing: whoever writes to them
+waits, and would neither start a node again nor end.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final, TextIO
+
+MOST_CHARACTERS: Final = 1_000_000
+"""Most text that waits for a reader; further lines are counted and lost."""
+
+END_S: Final = 1.0
+"""Time for a reader to take what waits at the end."""
+
+
+@contextmanager
+def written_on_threads() -> Iterator[None]:
+    """Let nobody wait for the readers of standard output and standard error, nor the log."""
+    before = sys.stdout, sys.stderr
+    streams = sys.stdout, sys.stderr = ThreadedStream(before[0]), ThreadedStream(before[1])
+    logs = [each for each in logging.getLogger().handlers if type(each) is logging.StreamHandler]
+    for each in logs:
+        each.setStream(sys.stderr)
+    try:
+        yield
+    finally:
+        deadline_s = time.monotonic() + END_S
+        # Where nobody reads to the end either, whatever else is written must not wait.
+        if all(each.end(deadline_s) for each in streams):
+            sys.stdout, sys.stderr = before
+            for each in logs:
+                each.setStream(sys.stderr)
+
+
+class ThreadedStream(io.TextIOBase):
+    """A stream of text that another thread writes to a file descriptor.
+
+    ``write`` raises the error of an earlier write, such as that the reader is gone.
+
+    Args:
+        stream: Where its file descriptor leads to; nothing else should write there meanwhile.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        stream.flush()
+        self._stream = stream
+        self._descriptor = os.dup(stream.fileno())  # open until the thread ends
+        self._part = ""
+        self._texts: deque[str] = deque()
+        self._waiting = 0  # characters that are in the queue or being written
+        self._lost = 0
+        self._ending = False
+        self._changed = threading.Condition()
+        self._error: OSError | None = None
+        self._thread = threading.Thread(target=self._run, name="output", daemon=True)
+        self._thread.start()
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """That of the stream."""
+        return self._stream.encoding
+
+    def isatty(self) -> bool:
+        """Tell whether it is a terminal."""
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        """Return the file descriptor of the stream."""
+        return self._stream.fileno()
+
+    def write(self, text: str) -> int:
+        """Write the lines of a text soon, and the rest with the next line or ``flush``."""
+        with self._changed:
+            if self._error is not None:
+                raise self._error
+            self._part += text
+            if "\n" in text:
+                self._put()
+        return len(text)
+
+    def flush(self) -> None:
+        """Write soon what does not end with a line."""
+        with self._changed:
+            self._put()
+
+    def end(self, deadline_s: float) -> bool:
+        """Take no more text; return whether all is written at a monotonic time, or cannot be."""
+        self.flush()
+        with self._changed:
+            self._ending = True
+            self._changed.notify_all()
+        self._thread.join(max(0.0, deadline_s - time.monotonic()))
+        return not self._thread.is_alive()
+
+    def _put(self) -> None:
+        text, self._part = self._part, ""
+        if self._waiting + len(text) > MOST_CHARACTERS:
+            self._lost += text.count("\n")
+        elif text:
+            self._texts.append(text)
+            self._waiting += len(text)
+            self._changed.notify_all()
+
+    def _run(self) -> None:
+        try:
+            while text := self._next():
+                rest = memoryview(text.encode(self.encoding, "backslashreplace"))
+                while rest:
+                    rest = rest[os.write(self._descriptor, rest) :]
+        except OSError as error:
+            with self._changed:
+                self._error = error
+        finally:
+            os.close(self._descriptor)
+
+    def _next(self) -> str:
+        """Return all text that waits, which counts as waiting until the next call; empty: none."""
+        with self._changed:
+            self._waiting = sum(map(len, self._texts))
+            self._changed.wait_for(lambda: self._texts or self._ending)
+            text = "".join(self._texts)
+            self._texts.clear()
+            lost, self._lost = self._lost, 0
+        said = f"zv up: {lost} lines were lost here, since nobody read them\n" if lost else ""
+        return text + said

@@ -1,0 +1,105 @@
+"""Output that nobody reads stops nobody, and what is lost of it is counted."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import sys
+import time
+from collections.abc import Iterator
+from typing import TextIO
+
+import pytest
+
+from tests.support.waiting import DEADLINE_S, wait_until
+from zv.launcher import output_thread
+from zv.launcher.output_thread import ThreadedStream, written_on_threads
+
+PIPE_BYTES = 4096
+
+
+@pytest.fixture
+def pipe() -> Iterator[tuple[int, TextIO]]:
+    """A pipe with room for a page: the end to read, and a stream that writes the other one."""
+    reading, writing = os.pipe()
+    fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+    with os.fdopen(writing, "w") as stream:
+        yield reading, stream
+    os.close(reading)
+
+
+def read_until(reading: int, end: bytes) -> bytes:
+    """Read until what was read ends so."""
+    found = b""
+    while not found.endswith(end):
+        found += os.read(reading, 100_000)
+    return found
+
+
+def test_who_writes_does_not_wait_and_a_late_reader_gets_everything_in_order(pipe):
+    reading, stream = pipe
+    threaded = ThreadedStream(stream)
+    for number in range(2000):
+        print(f"line {number}", file=threaded, flush=True)
+    assert not threaded.end(time.monotonic())
+    found = read_until(reading, b"line 1999\n")
+    assert found == b"".join(b"line %d\n" % number for number in range(2000))
+    assert threaded.end(time.monotonic() + DEADLINE_S)
+
+
+def test_lines_that_are_lost_are_counted_where_they_are_missing(pipe, monkeypatch):
+    monkeypatch.setattr(output_thread, "MOST_CHARACTERS", 10_000)
+    reading, stream = pipe
+    os.write(stream.fileno(), bytes(PIPE_BYTES))  # none of the lines leaves the queue
+    threaded = ThreadedStream(stream)
+    for number in range(2000):  # 10 characters each
+        print(f"line {number:04}", file=threaded)
+    found = read_until(reading, b"since nobody read them\n")[PIPE_BYTES:].decode().splitlines()
+    assert found[:-1] == [f"line {number:04}" for number in range(1000)]
+    assert found[-1] == "zv up: 1000 lines were lost here, since nobody read them"
+    print("after", file=threaded)
+    assert read_until(reading, b"after\n") == b"after\n"
+
+
+def test_a_part_of_a_line_is_written_when_it_is_flushed(pipe):
+    reading, stream = pipe
+    threaded = ThreadedStream(stream)
+    threaded.write("one\ntwo")
+    assert read_until(reading, b"two") == b"one\ntwo"
+    threaded.write("\x1b[2A")
+    threaded.flush()
+    assert os.read(reading, 100) == b"\x1b[2A"
+
+
+def test_that_the_reader_is_gone_is_raised_by_a_later_line():
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as stream:
+        threaded = ThreadedStream(stream)
+
+        def is_raised() -> bool:
+            try:
+                print("line", file=threaded)
+            except BrokenPipeError:
+                return True
+            return False
+
+        wait_until(is_raised)
+
+
+def test_the_streams_and_the_log_are_as_before_unless_nobody_reads(pipe, monkeypatch):
+    reading, stream = pipe
+    monkeypatch.setattr(output_thread, "END_S", 0.1)
+    monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setattr(sys, "stderr", stream)
+    handler = logging.StreamHandler(stream)
+    monkeypatch.setattr(logging.getLogger(), "handlers", [handler])
+    with written_on_threads():
+        logging.getLogger("it").warning("logged")
+        assert handler.stream is sys.stderr
+    assert (sys.stdout, sys.stderr, handler.stream) == (stream, stream, stream)
+    assert os.read(reading, 100) == b"logged\n"
+    with written_on_threads():
+        print("x" * 2 * PIPE_BYTES)
+    assert isinstance(sys.stdout, ThreadedStream)  # what is said now does not wait either
