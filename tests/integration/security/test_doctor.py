@@ -89,6 +89,13 @@ def test_denied_nodes_revoked_sessions_and_ends_are_found_by_anybody_who_sees(
     assert "the certificate of camera_front ends" in health["text"]
 
 
+def test_a_node_that_may_not_ask_what_is_denied_does_not_say_that_all_is_well(system: Secured):
+    (found,) = [each for each in findings(system, "camera_front") if each["check"] == "access"]
+    assert found["level"] == "WARN"
+    assert found["text"].startswith("camera_front may not query zenoh-vision/holder/*, @/")
+    assert found["text"].endswith(": what is denied is unknown")
+
+
 def test_a_refused_doctor_says_why(system: Secured, folder: Path):
     other = secured(folder / "other")
     words = ["doctor", "--connect", system.endpoint, "--credentials", str(other.file("guest"))]

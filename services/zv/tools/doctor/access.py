@@ -50,7 +50,10 @@ def certificate_findings(session: ToolSession, credentials: Credentials) -> Iter
 def access_findings(
     session: ToolSession, credentials: Credentials, seen: Observation
 ) -> list[Finding]:
-    """Find connected sessions to which a router denies what they declare, or everything."""
+    """Find connected sessions to which a router denies what they declare, or everything.
+
+    A node may not ask for that, so it is told that nothing is known.
+    """
     data = f"{session.namespace}/**"
     asked = (
         keys.holder_key("*"),
@@ -82,6 +85,11 @@ def access_findings(
         )
         remedy = f"their certificates were revoked, or unknown: zv security show --dir {folder}"
         problems.append(Finding("WARN", "access", said, remedy))
+    unknown = [key for key in asked if session.denial("query", key) is not None]
+    if unknown and not problems:
+        said = f"{credentials.name} may not query {joined(unknown, MOST_SHOWN)}"
+        remedy = f"give the credentials of an operator or a guest, of {folder}"
+        problems.append(Finding("WARN", "access", f"{said}: what is denied is unknown", remedy))
     return or_ok(problems, "access", "the router denies no session what it declares")
 
 
