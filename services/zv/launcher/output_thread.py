@@ -11,7 +11,6 @@ import logging
 import os
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,24 +20,29 @@ MOST_CHARACTERS: Final = 1_000_000
 """Most text that waits for a reader; further lines are counted and lost."""
 
 END_S: Final = 1.0
-"""Time for a reader to take what waits at the end."""
+"""Time for each reader to take what waits at the end."""
 
 
 @contextmanager
 def written_on_threads() -> Iterator[None]:
     """Let nobody wait for the readers of standard output and standard error, nor the log."""
     before = sys.stdout, sys.stderr
-    streams = sys.stdout, sys.stderr = ThreadedStream(before[0]), ThreadedStream(before[1])
+    out = ThreadedStream(before[0])
+    lead_to_one = os.path.sameopenfile(before[0].fileno(), before[1].fileno())
+    err = out if lead_to_one else ThreadedStream(before[1])  # so lines stay in order
+    sys.stdout, sys.stderr = out, err
     logs = [each for each in logging.getLogger().handlers if type(each) is logging.StreamHandler]
     for each in logs:
         each.setStream(sys.stderr)
     try:
         yield
     finally:
-        deadline_s = time.monotonic() + END_S
+        ended = [each for each in {out, err} if each.end(END_S)]
         # Where nobody reads to the end either, whatever else is written must not wait.
-        if all(each.end(deadline_s) for each in streams):
-            sys.stdout, sys.stderr = before
+        if out in ended:
+            sys.stdout = before[0]
+        if err in ended:
+            sys.stderr = before[1]
             for each in logs:
                 each.setStream(sys.stderr)
 
@@ -94,13 +98,13 @@ class ThreadedStream(io.TextIOBase):
         with self._changed:
             self._put()
 
-    def end(self, deadline_s: float) -> bool:
-        """Take no more text; return whether all is written at a monotonic time, or cannot be."""
+    def end(self, within_s: float) -> bool:
+        """End the thread once all is written, or cannot be; return whether it has in time."""
         self.flush()
         with self._changed:
             self._ending = True
             self._changed.notify_all()
-        self._thread.join(max(0.0, deadline_s - time.monotonic()))
+        self._thread.join(within_s)
         return not self._thread.is_alive()
 
     def _put(self) -> None:

@@ -6,7 +6,6 @@ import fcntl
 import logging
 import os
 import sys
-import time
 from collections.abc import Iterator
 from typing import TextIO
 
@@ -42,10 +41,10 @@ def test_who_writes_does_not_wait_and_a_late_reader_gets_everything_in_order(pip
     threaded = ThreadedStream(stream)
     for number in range(2000):
         print(f"line {number}", file=threaded, flush=True)
-    assert not threaded.end(time.monotonic())
+    assert not threaded.end(0)
     found = read_until(reading, b"line 1999\n")
     assert found == b"".join(b"line %d\n" % number for number in range(2000))
-    assert threaded.end(time.monotonic() + DEADLINE_S)
+    assert threaded.end(DEADLINE_S)
 
 
 def test_lines_that_are_lost_are_counted_where_they_are_missing(pipe, monkeypatch):
@@ -103,3 +102,26 @@ def test_the_streams_and_the_log_are_as_before_unless_nobody_reads(pipe, monkeyp
     with written_on_threads():
         print("x" * 2 * PIPE_BYTES)
     assert isinstance(sys.stdout, ThreadedStream)  # what is said now does not wait either
+
+
+def test_what_is_said_at_the_end_is_written_at_once_where_only_the_other_stream_is_stuck(
+    pipe, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(output_thread, "END_S", 0.1)
+    with (tmp_path / "log").open("w") as log:
+        monkeypatch.setattr(sys, "stdout", pipe[1])
+        monkeypatch.setattr(sys, "stderr", log)
+        with written_on_threads():
+            print("x" * 2 * PIPE_BYTES)
+        assert isinstance(sys.stdout, ThreadedStream)
+        assert sys.stderr is log
+
+
+def test_lines_of_both_streams_that_lead_to_one_place_stay_in_order(monkeypatch, tmp_path):
+    with (tmp_path / "log").open("a") as stream, open(stream.fileno(), "a", closefd=False) as other:
+        monkeypatch.setattr(sys, "stdout", stream)
+        monkeypatch.setattr(sys, "stderr", other)
+        with written_on_threads():
+            for number in range(200):
+                print(number, file=(sys.stdout, sys.stderr)[number % 2])
+    assert (tmp_path / "log").read_text().split() == [str(number) for number in range(200)]
