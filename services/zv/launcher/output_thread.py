@@ -87,7 +87,7 @@ class ThreadedStream(io.TextIOBase):
         """Write the lines of a text soon, and the rest with the next line or ``flush``."""
         with self._changed:
             if self._error is not None:
-                raise self._error
+                raise self._error.with_traceback(None)  # else each raise adds to it
             self._part += text
             if "\n" in text:
                 self._put()

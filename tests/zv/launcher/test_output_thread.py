@@ -87,6 +87,21 @@ def test_that_the_reader_is_gone_is_raised_by_a_later_line():
         wait_until(is_raised)
 
 
+def test_raising_an_error_again_keeps_no_more_of_where_it_was_raised():
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as stream:
+        threaded = ThreadedStream(stream)
+        threaded.write("line\n")
+        assert threaded.end(DEADLINE_S)
+        depths = []
+        for _ in range(3):
+            with pytest.raises(BrokenPipeError) as caught:
+                threaded.write("line\n")
+            depths.append(len(caught.traceback))
+    assert depths == [depths[0]] * 3
+
+
 def test_the_streams_and_the_log_are_as_before_unless_nobody_reads(pipe, monkeypatch):
     reading, stream = pipe
     monkeypatch.setattr(output_thread, "END_S", 0.1)
