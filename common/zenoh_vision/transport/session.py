@@ -93,13 +93,13 @@ def open_session(
         if diagnosis is None and connection.timeout_s is not None:
             endpoints = connect_endpoints(client_config(connection))
             diagnosis = Diagnosis(endpoints, max(0.1, deadline_s - time.monotonic()))
+        again_s = min(deadline_s, time.monotonic() + REFUSED_S)
+        while refused() and time.monotonic() < again_s and not stopping():
+            time.sleep(POLL_S)
         if stopping():
             raise ToldToStop("told to stop before a router was there")
         if time.monotonic() >= deadline_s - MIN_TIMEOUT_MS / 1000:
             break
-        again_s = min(deadline_s, time.monotonic() + REFUSED_S)
-        while refused() and time.monotonic() < again_s and not stopping():
-            time.sleep(POLL_S)
     because = f" ({errors[-1]})" if errors and UNREACHABLE not in errors[-1] else ""
     why = diagnosis.text if diagnosis is not None else f"; {START}"
     raise RouterUnreachable(

@@ -42,6 +42,27 @@ def test_with_no_time_to_wait_it_tries_once():
         session.open_session(connection, lambda: time.monotonic() > until_s)
 
 
+@pytest.mark.parametrize(
+    ("timeout_s", "ends", "expected"), [(None, True, ToldToStop), (0.2, False, RouterUnreachable)]
+)
+def test_no_attempt_begins_at_the_end_of_the_wait_for_a_router_that_refuses(
+    timeout_s: float | None, ends: bool, expected: type[Exception], monkeypatch
+):
+    tried: list[object] = []
+    told = threading.Event()
+    monkeypatch.setattr(session, "try_session", lambda *words: tried.append(words))
+
+    def refused() -> bool:  # the wait has begun
+        if ends:
+            told.set()
+        return True
+
+    connection = Connection(f"tcp/127.0.0.1:{free_port()}", timeout_s=timeout_s)
+    with pytest.raises(expected):
+        session.open_session(connection, told.is_set, refused)
+    assert len(tried) == 1
+
+
 def test_it_tries_seldom_while_the_router_refuses_and_at_once_when_it_does_no_more(monkeypatch):
     refused_s = 0.5
     monkeypatch.setattr(session, "REFUSED_S", refused_s)
