@@ -233,6 +233,18 @@ async def test_the_command_that_is_printed_starts_a_viewer_for_these_people(tmp_
         assert (status, text.endswith("--allow-host other.example allows it\n")) == (403, True)
 
 
+def test_the_command_that_is_printed_allows_the_names_of_the_certificate(tmp_path: Path):
+    folder = tmp_path / "security"
+    hosts = ["--host", "cam.example", "--host", "fd00::5"]
+    assert type_zv(["security", "init", folder, *hosts]).returncode == 0
+    said = type_zv(["security", "web", "--dir", folder]).stdout  # those of the router
+    assert ", for cam.example, fd00::5, localhost, 127.0.0.1, ::1, router\n" in said
+    assert " --allow-host cam.example --credentials " in said
+    addresses = ["--host", "fd00::5", "--host", "192.168.0.2"]  # a browser may always use them
+    said = type_zv(["security", "web", "--dir", folder, *addresses]).stdout
+    assert "zv view --host 0.0.0.0 --credentials " in said
+
+
 def test_the_names_of_the_certificate_are_said(system: Secured):
     done = type_zv(["security", "web", "--dir", system.folder, "--host", "cam.example", "--json"])
     written = json.loads(done.stdout)

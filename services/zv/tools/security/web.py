@@ -18,7 +18,7 @@ from zenoh_vision.transport.connection import Connection
 from zv.tools.security.authority import issue
 from zv.tools.security.folder import AUTHORITY, PRIVATE, Folder, System
 from zv.tools.security.issuing import HERE
-from zv.tools.security.options import WebOptions
+from zv.tools.security.options import HOST, WebOptions
 from zv.tools.security.roles import GUEST, OPERATOR, ROUTER
 from zv.tools.shared.output import Output
 
@@ -39,8 +39,8 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
     with folder.locked():
         system, authority = folder.system(), folder.authority()
         people = list(_people(system, options.name))
-        hosts = options.host or system.holders[ROUTER].hosts
-        own = issue(authority, NAME, dict.fromkeys((*hosts, *HERE)), system.days)
+        hosts = tuple(dict.fromkeys((*(options.host or system.holders[ROUTER].hosts), *HERE)))
+        own = issue(authority, NAME, hosts, system.days)
         files = [folder.path / FILE]
         text = f"{own.certificate.decode()}{own.key.decode()}"
         folder.put(files[0], text, PRIVATE)
@@ -48,7 +48,8 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
             files.append(folder.browser_file_of(name))
             folder.put(files[-1], _for_browser(folder, name), PRIVATE)
     names = {name: system.holders[name].common_name(name) for name in people}
-    allowed = f" --allow-host {','.join(options.host)}" if options.host else ""
+    called = [each for each in hosts if HOST.fullmatch(each) and each not in HERE]
+    allowed = f" --allow-host {','.join(called)}" if called else ""
     admitted = "".join(
         f" --tls-{kind}s {','.join(several)}"
         for kind in (OPERATOR, GUEST)
@@ -58,7 +59,7 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
     output.result(
         {"written": [str(file) for file in files], "names": ",".join(names.values())},
         *(f"wrote {file}" for file in files),
-        f"{files[0]} is valid until {shown_time(own.ends_s)}, for {', '.join((*hosts, *HERE))}",
+        f"{files[0]} is valid until {shown_time(own.ends_s)}, for {', '.join(hosts)}",
         "next:",
         f"  zv view --host 0.0.0.0{allowed} --credentials {folder.path / VIEWER} "
         f"--tls-certificate {files[0]} --tls-clients {folder.path / AUTHORITY}{admitted}",
