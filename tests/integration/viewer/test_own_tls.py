@@ -245,6 +245,15 @@ def test_the_command_that_is_printed_allows_the_names_of_the_certificate(tmp_pat
     assert "zv view --host 0.0.0.0 --credentials " in said
 
 
+def test_the_command_that_is_printed_admits_all_but_the_revoked(tmp_path: Path):
+    system = secured(tmp_path, operator=("operator", "ada", "bob"))
+    for who in ("operator", "guest"):
+        revoked = type_zv(["security", "revoke", who, "--dir", system.folder])
+        assert revoked.returncode == 0, revoked.stderr
+    done = type_zv(["security", "web", "bob", "--dir", system.folder])
+    assert "/ca.pem --tls-operators ada,bob --tls-guests ''\n" in done.stdout
+
+
 def test_the_names_of_the_certificate_are_said(system: Secured):
     done = type_zv(["security", "web", "--dir", system.folder, "--host", "cam.example", "--json"])
     written = json.loads(done.stdout)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from typing import Any, Final
 
@@ -47,17 +48,18 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
         for name in people:
             files.append(folder.browser_file_of(name))
             folder.put(files[-1], _for_browser(folder, name), PRIVATE)
-    names = {name: system.holders[name].common_name(name) for name in people}
+    names = ",".join(system.holders[name].common_name(name) for name in people)
     called = [each for each in hosts if HOST.fullmatch(each) and each not in HERE]
     allowed = f" --allow-host {','.join(called)}" if called else ""
+    valid = system.valid().items()
     admitted = "".join(
-        f" --tls-{kind}s {','.join(several)}"
+        f" --tls-{kind}s {shlex.quote(','.join(all_of))}"
         for kind in (OPERATOR, GUEST)
-        if (several := [names[each] for each in people if system.holders[each].role.kind == kind])
-        and several != [kind]  # which is the default
+        if (all_of := [each.common_name(name) for name, each in valid if each.role.kind == kind])
+        != [kind]  # which is the default
     )
     output.result(
-        {"written": [str(file) for file in files], "names": ",".join(names.values())},
+        {"written": [str(file) for file in files], "names": names},
         *(f"wrote {file}" for file in files),
         f"{files[0]} is valid until {shown_time(own.ends_s)}, for {', '.join(hosts)}",
         "next:",
