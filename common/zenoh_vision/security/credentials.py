@@ -182,7 +182,7 @@ def parsed_json5(path: Path, text: str) -> dict[str, Any]:
         content = None
     if not isinstance(content, dict) and path.suffix != SUFFIX:
         raise ConfigurationError(
-            f"{path}: no file of zv security; allowed: DIR/NAME{SUFFIX}, which it writes"
+            f"{path}: no credentials; allowed: DIR/NAME{SUFFIX}, which zv security writes"
         )
     if not isinstance(content, dict):
         raise ConfigurationError(

@@ -435,7 +435,7 @@ def test_the_folder_where_one_is_is_no_credentials(system: Secured, monkeypatch)
 def test_a_file_that_is_for_others_is_no_credentials(system: Secured):
     quietly(web, WebOptions(dir=str(system.folder)))
     for name in ("ca.key", "web.pem", "operator.p12"):
-        with pytest.raises(ConfigurationError, match=f"{name}: no file of zv security; allowed: "):
+        with pytest.raises(ConfigurationError, match=f"{name}: no credentials; allowed: DIR"):
             read_credentials(str(system.folder / name))
 
 
