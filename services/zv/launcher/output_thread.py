@@ -25,7 +25,11 @@ END_S: Final = 1.0
 
 @contextmanager
 def written_on_threads() -> Iterator[None]:
-    """Let nobody wait for the readers of standard output and standard error, nor the log."""
+    """Let nobody wait for the readers of standard output and standard error, nor the log.
+
+    Raises:
+        OSError: The last lines of standard output could not be written.
+    """
     before = sys.stdout, sys.stderr
     out = ThreadedStream(before[0])
     lead_to_one = os.path.sameopenfile(before[0].fileno(), before[1].fileno())
@@ -45,6 +49,7 @@ def written_on_threads() -> Iterator[None]:
             sys.stderr = before[1]
             for each in logs:
                 each.setStream(sys.stderr)
+    out.write("")  # raises the error of an earlier write
 
 
 class ThreadedStream(io.TextIOBase):

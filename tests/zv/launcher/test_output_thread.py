@@ -119,6 +119,14 @@ def test_the_streams_and_the_log_are_as_before_unless_nobody_reads(pipe, monkeyp
     assert isinstance(sys.stdout, ThreadedStream)  # what is said now does not wait either
 
 
+def test_that_the_last_line_was_not_written_is_raised(monkeypatch):
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        with pytest.raises(OSError, match="No space left"), written_on_threads():
+            print("line")
+        assert sys.stdout is full
+
+
 def test_what_is_said_at_the_end_is_written_at_once_where_only_the_other_stream_is_stuck(
     pipe, monkeypatch, tmp_path
 ):
