@@ -54,6 +54,8 @@ def test_lines_that_are_lost_are_counted_where_they_are_missing(pipe, monkeypatc
     threaded = ThreadedStream(stream)
     for number in range(2000):  # 10 characters each
         print(f"line {number:04}", file=threaded)
+        if number == 0:
+            wait_until(lambda: not threaded._texts)  # the thread waits for the reader with it
     found = read_until(reading, b"since nobody read them\n")[PIPE_BYTES:].decode().splitlines()
     assert found[:-1] == [f"line {number:04}" for number in range(1000)]
     assert found[-1] == "zv up: 1000 lines were lost here, since nobody read them"
