@@ -45,7 +45,7 @@ check: $(VENV)/.dev
 # Tests marked `quiet` measure times: they run after the others, five at a time; those marked
 # `alone` also fill the machine, and run last, one at a time. Each run is made, whatever the one
 # before it said; status 5 means that ARGS selected no test in it.
-# A test that hangs ends its process, and another process tries it once more.
+# A test that hangs ends its process (pyproject.toml); one other process goes on.
 HUNG := --max-worker-restart 1
 marked = $(or $(ARGS),$$(grep -rl --include='test_*.py' 'mark\.$(1)\b' tests))
 define run_tests

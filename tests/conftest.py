@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import gzip
 import os
+import resource
 import shutil
 import signal
 from collections.abc import Callable, Iterator
@@ -72,3 +73,14 @@ def real_data(
         pytest.skip(f"no {name} in {', '.join(map(str, data_folders))}; set ZV_TEST_DATA")
 
     return find
+
+
+@pytest.fixture
+def full_disk() -> Iterator[None]:
+    """Let this process write files of at most 1000 bytes, as if the disk were full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

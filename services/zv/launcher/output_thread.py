@@ -25,7 +25,7 @@ END_S: Final = 1.0
 
 @contextmanager
 def written_on_threads() -> Iterator[None]:
-    """Let nobody wait for the readers of standard output and standard error, nor the log.
+    """Write standard output, standard error and the log on threads, so that nobody waits.
 
     Raises:
         OSError: The last lines of standard output could not be written.
@@ -58,7 +58,7 @@ class ThreadedStream(io.TextIOBase):
     ``write`` raises the error of an earlier write, such as that the reader is gone.
 
     Args:
-        stream: Where its file descriptor leads to; nothing else should write there meanwhile.
+        stream: Its file descriptor is written; nothing else should write there meanwhile.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -134,7 +134,7 @@ class ThreadedStream(io.TextIOBase):
             os.close(self._descriptor)
 
     def _next(self) -> str:
-        """Return all text that waits, which counts as waiting until the next call; empty: none."""
+        """Return all text that waits, and does until the next call; at the end, an empty one."""
         with self._changed:
             self._waiting = sum(map(len, self._texts))
             self._changed.wait_for(lambda: self._texts or self._ending)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import resource
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,25 +14,14 @@ from zenoh_vision.host.files import write_file
 TOO_MUCH = bytes(2000)
 
 
-@pytest.fixture
-def full() -> Iterator[None]:
-    """Let this process write files of at most 1000 bytes, as if the disk were full."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-@pytest.mark.usefixtures("full")
+@pytest.mark.usefixtures("full_disk")
 def test_a_full_disk_leaves_no_part_of_a_new_file(tmp_path: Path):
     with pytest.raises(SourceError, match=r"new\.jpg: File too large$"):
         write_file(tmp_path / "new.jpg", TOO_MUCH)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.usefixtures("full")
+@pytest.mark.usefixtures("full_disk")
 def test_a_full_disk_leaves_a_file_as_it_was(tmp_path: Path):
     path = tmp_path / "old.jpg"
     path.write_bytes(b"old")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import socket
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from tests.support.routing import free_port
@@ -63,21 +65,26 @@ def test_no_attempt_begins_at_the_end_of_the_wait_for_a_router_that_refuses(
     assert len(tried) == 1
 
 
-def test_it_tries_seldom_while_the_router_refuses_and_at_once_when_it_does_no_more(monkeypatch):
-    refused_s = 0.5
-    monkeypatch.setattr(session, "REFUSED_S", refused_s)
-    connection = Connection(f"tcp/127.0.0.1:{free_port()}", timeout_s=4 * refused_s)
-    for refused, least, most in ((True, 2, 5), (False, 6, math.inf)):
-        tried: list[object] = []
+def test_it_waits_while_the_router_refuses_and_tries_at_once_when_it_does_no_more(monkeypatch):
+    tried: list[object] = []
+    polls = itertools.count(1)
+    monkeypatch.setattr(session, "REFUSED_S", math.inf)
+    monkeypatch.setattr(session, "POLL_S", 0.001)
+    monkeypatch.setattr(session, "try_session", lambda *words: tried.append(words))
+    connection = Connection(f"tcp/127.0.0.1:{free_port()}")
+    with pytest.raises(ToldToStop):
+        session.open_session(connection, lambda: len(tried) == 3, lambda: bool(next(polls) % 5))
+    assert next(polls) == 12  # four refusals and one without, twice, and one more refusal
 
-        def attempt(*words: object, tried: list[object] = tried) -> None:
-            tried.append(words)
-            time.sleep(0.01)
 
-        monkeypatch.setattr(session, "try_session", attempt)
-        with pytest.raises(RouterUnreachable):
-            session.open_session(connection, refused=lambda refused=refused: refused)
-        assert least <= len(tried) <= most
+def test_attempts_at_a_router_that_refuses_are_as_far_apart_as_said(monkeypatch):
+    at_s: list[float] = []
+    monkeypatch.setattr(session, "REFUSED_S", 0.2)
+    monkeypatch.setattr(session, "try_session", lambda *_: at_s.append(time.monotonic()))
+    connection = Connection(f"tcp/127.0.0.1:{free_port()}")
+    with pytest.raises(ToldToStop):
+        session.open_session(connection, lambda: len(at_s) == 3, lambda: True)
+    assert min(np.diff(at_s)) >= 0.2
 
 
 def test_a_session_that_does_not_close_in_time_ends_with_the_process(monkeypatch):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 from pathlib import Path
 
 import cv2
@@ -55,17 +54,13 @@ def test_without_a_name_the_picture_is_beside_where_one_works(folder: Path):
     assert (folder / "street_boxes.jpg").is_file()
 
 
-def test_a_full_disk_leaves_the_picture_as_it_was(folder: Path):
+def test_a_full_disk_leaves_the_picture_as_it_was(folder: Path, request: pytest.FixtureRequest):
     out = folder / "boxes.png"
     out.write_bytes(b"old")
     noise = np.random.default_rng(1).integers(0, 255, (40, 40, 3), np.uint8)  # over 1000 bytes
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
-    try:
-        with pytest.raises(SourceError, match=r"boxes\.png: File too large$"):
-            write(out, noise, 90)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    request.getfixturevalue("full_disk")
+    with pytest.raises(SourceError, match=r"boxes\.png: File too large$"):
+        write(out, noise, 90)
     assert out.read_bytes() == b"old"
 
 

@@ -52,7 +52,7 @@ def access_findings(
 ) -> list[Finding]:
     """Find connected sessions to which a router denies what they declare, or everything.
 
-    A node may not ask for that, so it is told that nothing is known.
+    The credentials of a node do not allow to ask for that: the finding says that it is unknown.
     """
     data = f"{session.namespace}/**"
     asked = (
