@@ -117,7 +117,7 @@ def objectness(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     if facts.classes:
         scores = scores[:, : facts.classes]
     kept, found, classes = best_classes(scores, least)
-    return Candidates(from_centres(rows[kept, :4]), found, classes)
+    return Candidates(from_centres(rows[kept, :4]), found, classes, scores.shape[1])
 
 
 def columns(outputs: Outputs, facts: Facts, least: float) -> Candidates:
@@ -134,7 +134,7 @@ def columns(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     best = scores.max(axis=0)
     kept = np.flatnonzero(~(best < least))
     classes = scores[:, kept].argmax(axis=0).astype(np.int64)
-    return Candidates(from_centres(found[:4, kept].T), best[kept], classes)
+    return Candidates(from_centres(found[:4, kept].T), best[kept], classes, len(scores))
 
 
 def finished(outputs: Outputs, _: Facts, least: float) -> Candidates:
@@ -171,7 +171,7 @@ def grid(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     boxes = from_centres(np.concatenate([centres, np.exp(rows[:, 2:4]) * strides], axis=1))
     scores = rows[:, 5:] * rows[:, 4:5]
     kept, best, classes = best_classes(scores, least)
-    return Candidates(boxes[kept], best, classes)
+    return Candidates(boxes[kept], best, classes, scores.shape[1])
 
 
 def distances(outputs: Outputs, facts: Facts, least: float) -> Candidates:
@@ -198,7 +198,7 @@ def distances(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     bins = softmax(found[kept, classes:].reshape(len(kept), 4, -1))
     reach = (bins @ np.arange(bins.shape[2], dtype=np.float32)) * sides
     boxes = np.concatenate([centres - reach[:, :2], centres + reach[:, 2:]], axis=1)
-    return Candidates(boxes.astype(np.float32), best, numbers)
+    return Candidates(boxes.astype(np.float32), best, numbers, classes)
 
 
 def nanodet_classes(width: int) -> int:
@@ -209,8 +209,10 @@ def nanodet_classes(width: int) -> int:
 def queries(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     """Decode RT-DETR as Ultralytics exports it: (n, 4 + classes), boxes as shares, scores."""
     rows = largest(outputs)
-    kept, best, classes = best_classes(rows[:, 4:], least)
-    return Candidates(scaled(from_centres(rows[kept, :4]), facts), best, classes)
+    scores = rows[:, 4:]
+    kept, best, classes = best_classes(scores, least)
+    boxes = scaled(from_centres(rows[kept, :4]), facts)
+    return Candidates(boxes, best, classes, scores.shape[1])
 
 
 def logits(outputs: Outputs, facts: Facts, least: float) -> Candidates:
@@ -218,7 +220,8 @@ def logits(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     boxes = named(outputs, "boxes", "dets")
     scores = sigmoid(named(outputs, "logits", "labels", "scores"))
     kept, best, classes = best_classes(scores, least)
-    return Candidates(scaled(from_centres(boxes[kept]), facts), best, classes)
+    found = scaled(from_centres(boxes[kept]), facts)
+    return Candidates(found, best, classes, scores.shape[1])
 
 
 def labelled(outputs: Outputs, _: Facts, least: float) -> Candidates:
@@ -246,7 +249,7 @@ def shares(outputs: Outputs, facts: Facts, least: float) -> Candidates:
         boxes = boxes[:, [1, 0, 3, 2]]
     if scores.ndim == 2 and scores.shape[1] > 1:
         kept, best, classes = best_classes(scores[:, 1:], least)
-        return Candidates(scaled(boxes[kept], facts), best, classes + 1)
+        return Candidates(scaled(boxes[kept], facts), best, classes + 1, scores.shape[1])
     scores, labels = scores.reshape(-1), named(outputs, "class", "label").reshape(-1)
     return Candidates(scaled(boxes, facts), scores, whole(labels)).only(~(scores < least))
 

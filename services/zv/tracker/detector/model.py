@@ -253,21 +253,31 @@ class Model:
             for each in outputs.values()
         )
 
+    @np.errstate(all="ignore")
     def _check(self, options: ModelOptions) -> None:
-        """Check that the layout fits the outputs.
+        """Check that the layout and the names of a file fit the outputs.
 
         Raises:
-            UnknownLayout: It does not; names the outputs.
+            UnknownLayout: The layout does not; names the outputs.
+            ConfigurationError: There are more names than classes.
         """
         outputs = self.runtime.first
         try:
-            self._found(self._of_picture(outputs, 0), self.placement(self.size), 0.0, 0.5)
+            of_one = self._of_picture(outputs, 0)
+            self._found(of_one, self.placement(self.size), 0.0, 0.5)
+            known = LAYOUTS[self.layout].decode(of_one, self._facts, 0.0).known
         except (KeyError, ValueError, IndexError) as error:
             shapes = "; ".join(f"{name} {list(each.shape)}" for name, each in outputs.items())
             raise UnknownLayout(
                 f"{options.file}: the outputs do not fit --layout {self.layout} "
                 f"({LAYOUTS[self.layout].words}): {shapes} ({error})"
             ) from None
+        lines = max(self.names, default=-1) + 1
+        if options.class_names is not None and known and lines > known:
+            raise ConfigurationError(
+                f"--class-names {options.class_names}: {lines} lines for the {known} classes that "
+                f"{options.file} has: these are the names of another model"
+            )
 
 
 def _tables(values: Values) -> list[NDArray[np.float32]]:

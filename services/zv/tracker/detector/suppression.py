@@ -24,6 +24,7 @@ class Candidates(NamedTuple):
     boxes: NDArray[np.float32]  # (n, 4) float32: left, top, right, bottom in pixels
     scores: NDArray[np.float32]  # (n,) float32, 0 to 1
     classes: NDArray[np.int64]  # (n,) int64: number of the class
+    known: int = 0  # how many classes the model has scores for; 0: its outputs do not tell
 
     def only(self, where: NDArray[np.bool_] | NDArray[np.intp]) -> Candidates:
         """Return those of a mask or of indices."""

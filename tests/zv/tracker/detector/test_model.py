@@ -27,8 +27,8 @@ from zv.tracker.detector.suppression import MOST_BOXES, Candidates, suppressed
 BOX = (8, 8, 24, 40)
 
 
-def model_of(tmp_path: Path, layout: str = "yolov8", **options: Any) -> Model:
-    path = detector_models.save(tmp_path / "tiny.onnx", layout)
+def model_of(tmp_path: Path, form: str = "yolov8", **options: Any) -> Model:
+    path = detector_models.save(tmp_path / "tiny.onnx", form)
     return Model(ModelOptions(str(path), **options))
 
 
@@ -261,6 +261,20 @@ def test_names_of_a_file_win_and_an_empty_line_is_a_class(tmp_path: Path):
     model = model_of(tmp_path, class_names=str(file))
     found = found_in(model, scene({1: (2, 2, 30, 30), 2: (34, 34, 60, 60)}))
     assert [each.name for each in found.detections] == ["1", "blau"]
+
+
+@pytest.mark.parametrize(
+    "layout", ["yolov5", "yolov8", "yolox", "rtdetr", "detr"]
+)  # the outputs of the others do not tell how many classes there are
+def test_a_file_with_more_names_than_the_model_has_classes_is_refused(layout: str, tmp_path: Path):
+    file = tmp_path / "names.txt"
+    file.write_text("red\ngreen\nblue\n")
+    assert model_of(tmp_path, layout, layout=layout, class_names=str(file)).names == NAMES
+    file.write_text("background\nred\ngreen\nblue\n")
+    with pytest.raises(
+        ConfigurationError, match=r"names\.txt: 4 lines for the 3 classes that .*tiny"
+    ):
+        model_of(tmp_path, layout, layout=layout, class_names=str(file))
 
 
 @pytest.mark.parametrize("inside", ["\x0c", "\x85", "\u2028", "\x1c"])
