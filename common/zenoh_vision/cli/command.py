@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import click
+
+from zenoh_vision.error_text import did_you_mean
 
 CONNECTION_FLAGS = {
     "--connect": ("ENDPOINT", "Zenoh endpoint of the router"),
@@ -155,6 +157,8 @@ class Group(_WithExamples, click.Group):
         examples: Command lines.
         heading: Returns the heading under which the help shows a command.
         options: Its own options.
+        longer: Names of commands of its groups, such as ``bag play``, to suggest them to who
+            leaves the first word out.
     """
 
     def __init__(
@@ -166,6 +170,7 @@ class Group(_WithExamples, click.Group):
         examples: Sequence[str],
         heading: Callable[[str], str] = lambda _: "Commands",
         options: Sequence[click.Option] = (),
+        longer: Iterable[str] = (),
     ) -> None:
         listed = {
             member: click.Command(member, short_help=summary)
@@ -181,6 +186,7 @@ class Group(_WithExamples, click.Group):
         self.load = load
         self.examples = examples
         self.heading = heading
+        self._longer = tuple(longer)
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - Click's signature
         """Return the names of the commands in their own order; Click would sort them."""
@@ -195,6 +201,10 @@ class Group(_WithExamples, click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Load the command that the first argument names."""
+        meant = [words for words in self._longer if words.split()[-1] == args[0]]
+        if args[0] not in self.commands and meant:
+            hint = did_you_mean(meant, before="; ")
+            raise click.UsageError(f"no such command {args[0]!r}{hint}", ctx)
         name, _, rest = super().resolve_command(ctx, args)
         return name, None if name is None else self.load(name), rest
 

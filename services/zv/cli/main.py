@@ -110,6 +110,7 @@ app = Group(
     _examples(),
     section,
     [VERSION],
+    longer=[words for words in TOOLS if " " in words],
 )
 
 

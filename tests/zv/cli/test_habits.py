@@ -179,6 +179,8 @@ def test_a_reader_that_has_had_enough_is_no_error(words: str):
             "zv: no such command 'trakker'; did you mean tracker or track? see zv --help",
         ),
         (["xyz"], "zv: no such command 'xyz'; see zv --help"),
+        (["play", "run.mcap"], "zv: no such command 'play'; did you mean bag play? see zv --help"),
+        (["echo"], "zv: no such command 'echo'; did you mean topic echo? see zv --help"),
         (["camera", "--bogus"], "zv: no such option: --bogus; see zv camera --help"),
         (
             ["camera", "--reopen-mix", "1"],
