@@ -58,12 +58,17 @@ class Doorbell:
             raise SharedMemoryError(FULL)
         try:
             file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            raise SharedMemoryError(f"{path}: {error.strerror}") from None
+        try:
             fcntl.flock(file, fcntl.LOCK_EX)
             if not os.fstat(file).st_nlink:  # another process removed it as a dead one's
                 os.close(file)
                 return cls.create(name)
             os.posix_fallocate(file, 0, SIZE)
         except OSError as error:
+            path.unlink(missing_ok=True)
+            os.close(file)
             raise SharedMemoryError(f"{path}: {error.strerror}") from None
         return cls(file, path, owned=True)
 
