@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from zenoh_vision.calibration.calibration import Calibration
+from zenoh_vision.calibration.camera_model import CalibrationFault
 from zenoh_vision.image.turn import Size
 from zenoh_vision.messages import CameraInfo, Header
 from zv.camera.geometry import Geometry
@@ -26,6 +27,7 @@ class CalibrationLatch:
             sideways=at_start.sideways, upside_down=at_start.upside_down
         ).rotated(-at_start.rotate % 360)
         self._published_for: tuple[object, ...] | None = None
+        self._fault = ""  # the last picture's
 
     def follow(self, header: Header, geometry: Geometry, source: Size) -> CameraInfo | None:
         """Return the message before the first frame of an epoch, size or geometry; else None.
@@ -37,10 +39,18 @@ class CalibrationLatch:
 
         Raises:
             CalibrationFault: The picture has another ratio of width to height than the calibration.
-                Raised once; for the next picture of this kind it returns None.
+                Raised once; for further pictures of that size it returns None.
         """
         kind = (header.epoch, source, geometry)
         if kind == self._published_for:
             return None
         self._published_for = kind
-        return geometry.calibration(self._of_source, source).message(without_encoding(header))
+        try:
+            calibration = geometry.calibration(self._of_source, source)
+        except CalibrationFault as fault:
+            if str(fault) == self._fault:  # as in each epoch of a video that is played again
+                return None
+            self._fault = str(fault)
+            raise
+        self._fault = ""
+        return calibration.message(without_encoding(header))

@@ -47,7 +47,10 @@ def test_another_shape_is_refused_once_and_a_right_one_is_told_again():
     with pytest.raises(CalibrationFault, match=r"640x360; allowed: 640x480 of the calibration"):
         told(latch, source=(640, 360))
     assert told(latch, source=(640, 360)) is None
-    assert told(latch) is not None
+    assert told(latch, source=(640, 360), epoch=2) is None, "a video that is played again"
+    assert told(latch, epoch=2) is not None
+    with pytest.raises(CalibrationFault):
+        told(latch, source=(640, 360), epoch=3)
 
 
 @pytest.mark.parametrize(
