@@ -129,7 +129,11 @@ class Access:
         if known:
             return max(known, key=lambda who: who.scope is Scope.CONTROL)
         if self.token is None:
-            said = "the name in it has no rights here" if found else "the browser has none"
+            said = (
+                "it has ended, or the name in it has no rights here"
+                if found
+                else "the browser has none"
+            )
             raise web.HTTPForbidden(
                 text=f"a certificate is required, and {said}: see --tls-clients, --tls-operators "
                 "and --tls-guests\n"

@@ -33,14 +33,18 @@ class Holders:
     def principal(self, certificate: Mapping[str, Any]) -> Principal | None:
         """Return the sender of a request with this certificate; None if it has no rights here.
 
+        TLS has verified it, once for all requests of a connection, which may outlast its end.
+
         Args:
-            certificate: As ``ssl.SSLSocket.getpeercert`` returns it; TLS has verified it.
+            certificate: As ``ssl.SSLSocket.getpeercert`` returns it.
         """
+        ends_s = ssl.cert_time_to_seconds(certificate["notAfter"])
+        if ends_s <= time.time():
+            return None
         pairs = [pair for each in certificate.get("subject", ()) for pair in each]
         name = next((value for kind, value in pairs if kind == "commonName"), "")
         for names, scope in ((self.operators, Scope.CONTROL), (self.guests, Scope.VIEW)):
             if name in names or ANY in names:
-                ends_s = ssl.cert_time_to_seconds(certificate["notAfter"])
                 return Principal(scope, f"certificate {name!a} ({scope})", ends_s)
         return None
 

@@ -125,3 +125,12 @@ def test_a_name_decides_and_nothing_else_of_a_certificate(operators, guests, nam
     assert (found and found.scope) == scope
     if found:
         assert found.forbidden(2_082_758_400.0 + 1)  # a page that is open ends with it
+
+
+def test_a_certificate_that_ends_while_its_connection_is_kept_has_no_rights_any_more(monkeypatch):
+    holders = Holders(frozenset({"operator"}), frozenset())
+    ends_s = 2_082_758_400.0  # as in ``certificate``
+    monkeypatch.setattr(time, "time", lambda: ends_s - 1)
+    assert holders.principal(certificate("operator"))
+    monkeypatch.setattr(time, "time", lambda: ends_s)
+    assert holders.principal(certificate("operator")) is None
