@@ -66,19 +66,19 @@ def init(options: InitOptions, connection: Connection, output: Output) -> None:
         *roles_of_people(options.operator, options.guest),
     ]
     _check_names(name for name, _ in named)
-    folder.make()
-    authority = new_authority(connection.namespace)
-    folder.put(folder.path / AUTHORITY_KEY, authority.key.decode(), PRIVATE)
-    folder.put(folder.path / AUTHORITY, authority.certificate.decode(), PUBLIC)
-    endpoint = f"tls/{_in_brackets(hosts[0])}:{options.port}"
-    system = System(connection.namespace, endpoint, options.port, options.days)
-    issuing = Issuing(folder, authority)
-    for name, role in named:
-        own = hosts if role.kind == ROUTER else ()
-        system = issuing.holder(system, name, role, hosts=own)
-    issuing.routers(system)
-    folder.put(folder.path / COMPOSE, _compose_variables(folder.path, options.port), PUBLIC)
-    folder.write(system)
+    with folder.made():
+        authority = new_authority(connection.namespace)
+        folder.put(folder.path / AUTHORITY_KEY, authority.key.decode(), PRIVATE)
+        folder.put(folder.path / AUTHORITY, authority.certificate.decode(), PUBLIC)
+        endpoint = f"tls/{_in_brackets(hosts[0])}:{options.port}"
+        system = System(connection.namespace, endpoint, options.port, options.days)
+        issuing = Issuing(folder, authority)
+        for name, role in named:
+            own = hosts if role.kind == ROUTER else ()
+            system = issuing.holder(system, name, role, hosts=own)
+        issuing.routers(system)
+        folder.put(folder.path / COMPOSE, _compose_variables(folder.path, options.port), PUBLIC)
+        folder.write(system)
     names = [name for name, _ in named]
     output.result(
         {"folder": str(folder.path), "endpoint": endpoint, "holders": names},

@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -269,25 +269,31 @@ class Folder:
             about = self.path.stat()
             os.chown(path, about.st_uid, about.st_gid)
 
-    def make(self) -> None:
-        """Make the folder, which must not have been used.
+    @contextmanager
+    def made(self) -> Iterator[None]:
+        """Make the folder, which must not have been used, and keep other inits from it meanwhile.
 
         Raises:
             ConfigurationError: It has files.
             SourceError: It cannot be made, or an init was not finished.
         """
-        try:
-            self.path.mkdir(mode=0o755, parents=True, exist_ok=True)
-            listed, begun = self._has(LIST), self._has(AUTHORITY, AUTHORITY_KEY)
-        except OSError as error:
-            raise SourceError(f"{self.path}: {error.strerror or error}") from None
-        if begun and not listed:
-            raise self._missing(LIST)
-        if listed:
-            raise ConfigurationError(
-                f"{self.path}: has the certificates of a system already, and nothing is "
-                "overwritten; zv security add adds to them"
-            )
+        with ExitStack() as cleanup:
+            try:
+                self.path.mkdir(mode=0o755, parents=True, exist_ok=True)
+                number = os.open(self.path, os.O_RDONLY)
+                cleanup.callback(os.close, number)
+                fcntl.flock(number, fcntl.LOCK_EX)
+                listed, begun = self._has(LIST), self._has(AUTHORITY, AUTHORITY_KEY)
+            except OSError as error:
+                raise SourceError(f"{self.path}: {error.strerror or error}") from None
+            if begun and not listed:
+                raise self._missing(LIST)
+            if listed:
+                raise ConfigurationError(
+                    f"{self.path}: has the certificates of a system already, and nothing is "
+                    "overwritten; zv security add adds to them"
+                )
+            yield
 
     def remove(self, name: str) -> None:
         """Delete somebody's file, and that for a browser."""

@@ -6,7 +6,10 @@ import json
 import os
 import shutil
 import stat
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -23,12 +26,14 @@ from zenoh_vision.security.credentials import (
     read_credentials,
     read_json5,
 )
+from zenoh_vision.transport.connection import Connection
 from zv.registry import SERVICES
 from zv.tools.security import commands, showing
 from zv.tools.security.folder import Folder
 from zv.tools.security.options import CheckOptions, InitOptions, ShowOptions, WebOptions
 from zv.tools.security.roles import rights_of
 from zv.tools.security.web import web
+from zv.tools.shared.output import Output
 
 
 @pytest.fixture
@@ -57,6 +62,23 @@ def test_each_node_user_and_router_gets_one_file_that_only_its_owner_reads(syste
     assert private == found.keys() - public
     for name in public:
         assert "PRIVATE" not in (system.folder / name).read_text()
+
+
+def test_of_two_inits_at_once_in_one_folder_only_one_writes(tmp_path, monkeypatch):
+    both = threading.Barrier(2)
+    new_authority = commands.new_authority
+
+    def met(namespace: str) -> object:
+        with suppress(threading.BrokenBarrierError):
+            both.wait(0.5)
+        return new_authority(namespace)
+
+    monkeypatch.setattr(commands, "new_authority", met)
+    given = InitOptions(folder=str(tmp_path)), Connection(), Output()
+    with ThreadPoolExecutor(2) as pool:
+        ends = [pool.submit(commands.init, *given) for _ in range(2)]
+    (refused,) = (error for end in ends if (error := end.exception()) is not None)
+    assert "has the certificates of a system already" in str(refused)
 
 
 def test_a_router_keeps_little_for_slow_links_and_enough_for_tls_to_go_on(system: Secured):
