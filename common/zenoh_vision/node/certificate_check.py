@@ -8,7 +8,12 @@ from typing import Final
 from zenoh_vision.errors import VisionError
 from zenoh_vision.health.health import Health
 from zenoh_vision.messages import Level
-from zenoh_vision.security.credentials import Credentials, file_state, read_credentials
+from zenoh_vision.security.credentials import (
+    Credentials,
+    file_state,
+    read_credentials,
+    without_clock,
+)
 from zenoh_vision.transport.access import AccessCheck
 from zenoh_vision.transport.link import Link
 
@@ -49,7 +54,7 @@ class CertificateCheck:
         ended, ending = self._credentials.fault(), self._credentials.warning()
         words = ended or self._unusable or ending
         level = Level.ERROR if ended else Level.WARN if words else Level.OK
-        if words != self._health.message(VALIDITY):
+        if without_clock(words) != without_clock(self._health.message(VALIDITY)):
             self._health.report(VALIDITY, level, words)
             if words:
                 log.log(logging.ERROR if ended else logging.WARNING, "%s", words)

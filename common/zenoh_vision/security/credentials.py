@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import json
+import re
 import stat
 import time
 from collections.abc import Mapping
@@ -105,6 +106,14 @@ def renewal_of(file: Path) -> str:
 def shown_time(time_s: float) -> str:
     """Return a time for people, in UTC."""
     return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def without_clock(text: str) -> str:
+    """Return what is said of a certificate without the time of this machine's clock.
+
+    That goes on each minute, and says nothing new.
+    """
+    return re.sub(r"(clock[a-z, ]* says )[0-9-]+ [0-9:]+ UTC", r"\1", text)
 
 
 def credentials_file(path: str) -> Path:

@@ -23,7 +23,7 @@ import zenoh
 from zenoh_vision import keys
 from zenoh_vision.errors import RouterUnreachable, VisionError
 from zenoh_vision.host.abandoned_threads import abandon
-from zenoh_vision.security.credentials import file_state
+from zenoh_vision.security.credentials import file_state, without_clock
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.declarations import Kind
 from zenoh_vision.transport.handshake import RefusalProbe
@@ -124,7 +124,9 @@ class Link:
         self._log_state = log_state
         self._where = where(connection)
         self._credentials = self._credentials_state()
+        self._opened = False
         self._session = self._open(give_up)
+        self._opened = True
         self._declared: list[Declaration[Any]] = []
         self._lock = threading.Lock()
         self._closed = threading.Event()
@@ -240,11 +242,12 @@ class Link:
     def _note_refusal(self, text: str) -> None:
         if not text:
             self._probe.text = ""
-        if text == self._refused:
+        if without_clock(text) == without_clock(self._refused):
             return
         self._refused = text
-        # A tool ends with this text.
-        if text and self._log_state and self._connection.timeout_s is None:
+        # A tool that was never connected ends with this text.
+        ends_with_it = self._connection.timeout_s is not None and not self._opened
+        if text and self._log_state and not ends_with_it:
             log.error("%s", text)
         self._tell_refused(text)
 

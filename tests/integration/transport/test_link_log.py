@@ -13,7 +13,7 @@ import pytest
 from tests.support.routing import Router, free_port
 from tests.support.waiting import wait_until
 from zenoh_vision.node.node import Node
-from zenoh_vision.transport import link
+from zenoh_vision.transport import handshake, link
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.link import Link
 
@@ -73,6 +73,24 @@ def test_a_file_that_is_gone_when_the_router_is_lost_is_told_once(
     finally:
         running.close()
     assert lines(caplog) == told
+
+
+def test_a_tool_that_is_refused_after_its_router_was_lost_says_why_once_and_not_each_minute(
+    router: Router, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(handshake, "AGAIN_S", 0.0)
+    ended = "the certificate of guest ended 2026-11-28 23:50 UTC, and this machine's clock says "
+    whys = [f"{ended}2026-11-28 23:{minute} UTC: renew it" for minute in range(51, 60)]
+    asked = Mock(side_effect=[*whys, *[""] * 1000])
+    running = Link(Connection(connect=router.endpoint, timeout_s=20))
+    monkeypatch.setattr(link, "why_refused", asked)
+    router.kill()
+    lost = f"lost the router at {router.endpoint}; trying to reach it again until it is back"
+    try:
+        wait_until(lambda: asked.call_count >= 4)
+    finally:
+        running.close()
+    assert lines(caplog) == [lost, whys[0]]
 
 
 def test_a_wait_that_is_over_at_once_is_not_logged(

@@ -575,8 +575,6 @@ def test_two_commands_at_once_do_not_lose_a_holder(system: Secured):
         folder = Folder(str(system.folder))
         assert folder.system().holders
         from tests.support.secured import AddOptions, commands
-        from zenoh_vision.transport.connection import Connection
-        from zv.tools.shared.output import Output
 
         list(
             beside.map(
