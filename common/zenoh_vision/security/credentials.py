@@ -35,6 +35,49 @@ DAY_S: Final = 24 * 3600
 
 
 @dataclass(frozen=True, slots=True)
+class Validity:
+    """When a certificate is valid, and what is said of that.
+
+    Attributes:
+        name: Whom it names.
+        folder: Where it was made.
+        begins_s: From when it is valid, s since 1970.
+        ends_s: Until when.
+    """
+
+    name: str
+    folder: Path
+    begins_s: float
+    ends_s: float
+
+    def fault(self, now_s: float | None = None) -> str:
+        """Return why the certificate is not valid now, with what to do; empty if it is."""
+        now_s = time.time() if now_s is None else now_s
+        clock = f"this machine's clock says {shown_time(now_s)}"
+        if now_s < self.begins_s:
+            return (
+                f"the certificate of {self.name} is valid from {shown_time(self.begins_s)} only, "
+                f"and {clock}: set the clock"
+            )
+        if now_s > self.ends_s:
+            return (
+                f"the certificate of {self.name} ended {shown_time(self.ends_s)}, and {clock}: "
+                f"{renewal(self.folder, self.name)}, unless the clock is wrong"
+            )
+        return ""
+
+    def warning(self, now_s: float | None = None) -> str:
+        """Return that the certificate ends within 30 days; empty if it does not."""
+        left_s = self.ends_s - (time.time() if now_s is None else now_s)
+        if not 0 <= left_s < WARN_S:
+            return ""
+        return (
+            f"the certificate of {self.name} ends {shown_time(self.ends_s)}, in "
+            f"{left_s / DAY_S:.0f} days: {renewal(self.folder, self.name)}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Credentials:
     """Who a program is to the router, and what it may do.
 
@@ -62,29 +105,14 @@ class Credentials:
 
     def fault(self, now_s: float | None = None) -> str:
         """Return why the certificate is not valid now, with what to do; empty if it is."""
-        now_s = time.time() if now_s is None else now_s
-        clock = f"this machine's clock says {shown_time(now_s)}"
-        if now_s < self.begins_s:
-            return (
-                f"the certificate of {self.name} is valid from {shown_time(self.begins_s)} only, "
-                f"and {clock}: set the clock"
-            )
-        if now_s > self.ends_s:
-            return (
-                f"the certificate of {self.name} ended {shown_time(self.ends_s)}, and {clock}: "
-                f"{renewal(self.path.parent, self.name)}, unless the clock is wrong"
-            )
-        return ""
+        return self._validity().fault(now_s)
 
     def warning(self, now_s: float | None = None) -> str:
         """Return that the certificate ends within 30 days; empty if it does not."""
-        left_s = self.ends_s - (time.time() if now_s is None else now_s)
-        if not 0 <= left_s < WARN_S:
-            return ""
-        return (
-            f"the certificate of {self.name} ends {shown_time(self.ends_s)}, in "
-            f"{left_s / DAY_S:.0f} days: {renewal(self.path.parent, self.name)}"
-        )
+        return self._validity().warning(now_s)
+
+    def _validity(self) -> Validity:
+        return Validity(self.name, self.path.parent, self.begins_s, self.ends_s)
 
     def pem(self, part: str) -> bytes:
         """Return a part of the TLS table, such as ``CERTIFICATE``, as PEM."""

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import base64
 import logging
 import math
 import time
+from pathlib import Path
 from typing import Final
 
 import zenoh
 
 from zenoh_vision.errors import ConfigurationError, VisionError
-from zenoh_vision.security.credentials import credentials_file, parsed_json5, read_private
+from zenoh_vision.security.credentials import (
+    Validity,
+    credentials_file,
+    parsed_json5,
+    read_private,
+    without_clock,
+)
 from zenoh_vision.transport.zenoh_config import router_config
 
 log = logging.getLogger("router")
 
 LOOK_S: Final = 1.0
 """How often the file is read."""
+
+SERVES: Final = "listen_certificate_base64"
 
 RETRY_S: Final = 10.0
 """After which rules are tried again with which the system ran no router, as on a port in use."""
@@ -48,6 +58,9 @@ class RouterRules:
         self._listen = listen
         self._text = read_private(self.path)
         self.config = self._config(self._text)
+        self._judged: str | None = None  # the text with the certificate of this validity
+        self._validity: Validity | None = None
+        self._said = ""
         self._former: tuple[str, zenoh.Config] | None = None
         self._rejected = ""
         self._retry_s = math.inf
@@ -72,6 +85,22 @@ class RouterRules:
         self._former = self._text, self.config
         self._text, self.config = text, config
         return True
+
+    def trouble(self) -> str:
+        """Return why a changed file cannot be used, or why the router's certificate lets nobody in.
+
+        Logs that this certificate ends within 30 days, or is not valid now.
+        """
+        if self._judged is not self._text:
+            self._judged, self._validity = self._text, _validity(self.path, self._text)
+        ended, ending = "", ""
+        if self._validity is not None:
+            ended, ending = self._validity.fault(), self._validity.warning()
+        said = ended or ending
+        if said and without_clock(said) != without_clock(self._said):
+            log.log(logging.ERROR if ended else logging.WARNING, "%s", said)
+        self._said = said
+        return self.fault or ended
 
     def reject(self, error: VisionError) -> bool:
         """Return to the former rules, since no router can run with these; False without former.
@@ -100,3 +129,16 @@ class RouterRules:
                 "zv security init writes"
             )
         return router_config(self._listen, str(self.path), text)
+
+
+def _validity(file: Path, text: str) -> Validity | None:
+    """Return when a router's certificate is valid; None for a file without one of zv security."""
+    from cryptography import x509
+
+    try:
+        pem = base64.b64decode(parsed_json5(file, text)["transport"]["link"]["tls"][SERVES])
+        found = x509.load_pem_x509_certificate(pem)
+    except (VisionError, KeyError, TypeError, ValueError):
+        return None
+    times = found.not_valid_before_utc.timestamp(), found.not_valid_after_utc.timestamp()
+    return Validity(file.parent.name, file.parent.parent, *times)

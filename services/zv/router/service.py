@@ -101,7 +101,7 @@ def _route(
         watchdog = Watchdog(partial(ask, session))
         look_s = 0.0
         while not signals.stopping and not (rules is not None and rules.changed()):
-            health_file.beat("" if rules is None else rules.fault)
+            health_file.beat("" if rules is None else rules.trouble())
             if watchdog.hangs():
                 log.error(HUNG)
                 _exit_at_once(HUNG_STATUS)

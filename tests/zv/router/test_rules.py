@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 
 import pytest
 
@@ -120,3 +121,43 @@ def test_rules_that_only_the_system_refused_are_tried_again(tmp_path, monkeypatc
     assert followed.changed()
     assert "guest: " not in followed.config.get_json("access_control")
     assert followed.fault == ""
+
+
+def test_a_router_says_once_that_its_certificate_ends_and_that_it_has_ended(
+    tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr(rules, "LOOK_S", 0.0)
+    system = secured(tmp_path, days=40)
+    followed = RouterRules(str(system.file("router")), ANY)
+    now_s = time.time()
+
+    def after(days: float) -> str:
+        monkeypatch.setattr(time, "time", lambda: now_s + days * 24 * 3600)
+        return followed.trouble()
+
+    renewal = f"zv security renew router --dir {system.folder}"
+    assert after(9) == ""
+    assert caplog.messages == []
+    assert after(11) == after(11.001) == ""
+    (warned,) = caplog.messages
+    assert warned.startswith("the certificate of router ends 2")
+    assert warned.endswith(f", in 29 days: {renewal}")
+    assert after(41).startswith("the certificate of router ended 2")
+    assert after(41.01).endswith(f": {renewal}, unless the clock is wrong")
+    assert [record.levelname for record in caplog.records] == ["WARNING", "ERROR"]
+    assert "the certificate of router is valid from 2" in after(-1)
+    monkeypatch.undo()
+    caplog.clear()
+    monkeypatch.setattr(rules, "LOOK_S", 0.0)
+    system.renew("router", days=300)
+    assert followed.changed()
+    assert followed.trouble() == ""
+    assert caplog.messages == []
+
+
+def test_a_router_with_a_certificate_of_its_own_making_is_not_judged(tmp_path):
+    system = secured(tmp_path)
+    content = system.content("router")
+    del content["transport"]["link"]["tls"]["listen_certificate_base64"]
+    system.rewrite("router", content)
+    assert RouterRules(str(system.file("router")), ANY).trouble() == ""

@@ -52,7 +52,7 @@ def test_a_router_that_answers_no_more_ends_and_says_so_unless_it_is_to_end_anyw
     monkeypatch.setattr(service, "Watchdog", lambda ask: silent)
     monkeypatch.setattr(service, "_exit_at_once", end_at_once)
     health_file: Any = None
-    rules: Any = SimpleNamespace(changed=lambda: True, fault="")
+    rules: Any = SimpleNamespace(changed=lambda: True, trouble=str)
     signals: Any = SimpleNamespace(stopping=stopping)
     opened: Any = nullcontext(SimpleNamespace(zid=lambda: "ab"))
     with pytest.raises(SystemExit) as ended:
