@@ -88,9 +88,14 @@ class ServerTls:
                 self._unusable = f"{error}; the former certificate is in use"
 
     def warning(self, now_s: float | None = None) -> str:
-        """Return what is wrong with the files, or that the certificate ends soon; perhaps empty."""
+        """Return what is wrong with the files, or with the time; perhaps empty."""
         now_s = time.time() if now_s is None else now_s
         begins_s, ends_s = self._validity_s
+        if not self._unusable and now_s < begins_s:
+            return (
+                f"tls_certificate {self._certificate}: valid from {shown_time(begins_s)} only, but "
+                "this machine's clock is before that; set the clock"
+            )
         if self._unusable or now_s < ends_s - LAST_PART * (ends_s - begins_s):
             return self._unusable
         ends = "ends" if now_s < ends_s else "ended"

@@ -100,6 +100,12 @@ def test_the_end_of_a_certificate_is_warned_about(files, authority):
     assert "both.pem: ended 2" in found.warning(now_s + 101 * DAY_S)
 
 
+def test_a_clock_before_the_begin_of_a_certificate_is_warned_about(files):
+    said = tls(files, certificate="both").warning(time.time() - DAY_S)
+    assert "both.pem: valid from 2" in said
+    assert said.endswith(" only, but this machine's clock is before that; set the clock")
+
+
 def certificate(name: str) -> dict[str, Any]:
     subject = ((("organizationName", "operator"),), (("commonName", name),))
     return {"subject": subject, "notAfter": "Jan  1 00:00:00 2036 GMT"}
