@@ -296,9 +296,19 @@ class Folder:
             yield
 
     def remove(self, name: str) -> None:
-        """Delete somebody's file, and that for a browser."""
+        """Delete somebody's file, and that for a browser.
+
+        Raises:
+            SourceError: One cannot be deleted.
+        """
         for file in (self.file_of(name), self.browser_file_of(name)):
-            file.unlink(missing_ok=True)
+            try:
+                file.unlink(missing_ok=True)
+            except OSError as error:
+                raise SourceError(
+                    f"{file}: {error.strerror or error}; the certificate is revoked, delete the "
+                    "rest yourself"
+                ) from None
 
     def _has(self, *names: str) -> bool:
         return any((self.path / name).exists() for name in names)

@@ -331,6 +331,16 @@ def test_the_files_that_routers_elsewhere_need_are_named(system: Secured):
     assert copied in system.add(node="operator")
 
 
+def test_who_is_revoked_is_so_although_the_file_cannot_be_deleted(system: Secured):
+    file = system.file("guest")
+    file.unlink()
+    file.mkdir()  # as Docker does, for a file that it is to mount and does not find
+    with pytest.raises(SourceError, match="Is a directory; the certificate is revoked, delete"):
+        system.revoke("guest")
+    assert "guest" not in Folder(str(system.folder)).system().valid()
+    assert "guest" not in system.file("router").read_text()
+
+
 def test_a_router_that_is_revoked_needs_its_name_again(system: Secured):
     system.add(router="far", host=("far.example.com",))
     system.revoke("far")
