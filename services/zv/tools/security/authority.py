@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import ipaddress
+import math
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -13,6 +15,9 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from zenoh_vision.errors import ConfigurationError
+from zenoh_vision.security.credentials import shown_time
 
 AUTHORITY_DAYS: Final = 3650
 LONGEST_NAME: Final = 64
@@ -74,8 +79,17 @@ def issue(authority: Issued, common_name: str, hosts: Iterable[str], days: int) 
         authority: Signs it.
         common_name: Whom it names; access rules go by it.
         hosts: Names and addresses.
-        days: How long it is valid.
+        days: How long it is valid, but no longer than the authority.
+
+    Raises:
+        ConfigurationError: The authority has ended.
     """
+    if authority.ends_s <= time.time():
+        raise ConfigurationError(
+            f"the authority ended {shown_time(authority.ends_s)}, and this machine's clock says "
+            f"{shown_time(time.time())}: make another folder with zv security init and copy all "
+            "files again, unless the clock is wrong"
+        )
     signer = serialization.load_pem_private_key(authority.key, None)
     assert isinstance(signer, ec.EllipticCurvePrivateKey)
     issuer = x509.load_pem_x509_certificate(authority.certificate).subject
@@ -89,7 +103,7 @@ def issue(authority: Issued, common_name: str, hosts: Iterable[str], days: int) 
     alternatives = alternatives or [x509.DNSName(common_name.replace("_", "-"))]
     signer_id = x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key())
     builder = (
-        _builder(_name(common_name), issuer, days)
+        _builder(_name(common_name), issuer, days, authority.ends_s)
         .public_key(public)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
@@ -121,15 +135,20 @@ def _name(common_name: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
 
 
-def _builder(subject: x509.Name, issuer: x509.Name, days: int) -> x509.CertificateBuilder:
+def _builder(
+    subject: x509.Name, issuer: x509.Name, days: int, latest_s: float = math.inf
+) -> x509.CertificateBuilder:
     begin = datetime.now(UTC) - BACKDATED
+    end = begin + timedelta(days=days)
+    if end.timestamp() > latest_s:  # browsers and the viewer end with the authority, routers do not
+        end = datetime.fromtimestamp(latest_s, UTC)
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
         .issuer_name(issuer)
         .serial_number(x509.random_serial_number())
         .not_valid_before(begin)
-        .not_valid_after(begin + timedelta(days=days))
+        .not_valid_after(end)
     )
 
 

@@ -179,6 +179,12 @@ def renew(options: RenewOptions, _connection: Connection, output: Output) -> Non
         output.result(
             {"name": name, "ends_s": system.holders[name].ends_s}, f"{name}: valid until {ends}"
         )
+    authority_s = issuing.authority.ends_s
+    if any(system.holders[name].ends_s >= authority_s for name in names):
+        output.note(
+            "that is the end of the authority; before it, make another folder with "
+            "zv security init and copy all files again"
+        )
     output.note(
         "copy the files to where they are used; a node takes its own within 5 s, "
         "a container when it is restarted"

@@ -7,9 +7,11 @@ import os
 import shutil
 import stat
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from datetime import datetime, tzinfo
 from pathlib import Path
 
 import pytest
@@ -21,6 +23,7 @@ from tests.support.typist import type_zv
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.security.credentials import (
     CERTIFICATE,
+    DAY_S,
     KEY,
     ROUTER_FILE,
     read_credentials,
@@ -28,6 +31,7 @@ from zenoh_vision.security.credentials import (
 )
 from zenoh_vision.transport.connection import Connection
 from zv.registry import SERVICES
+from zv.tools.security import authority as authority_module
 from zv.tools.security import commands, showing
 from zv.tools.security.folder import Folder
 from zv.tools.security.options import CheckOptions, InitOptions, ShowOptions, WebOptions
@@ -274,6 +278,38 @@ def test_a_router_is_renewed_with_a_further_name(system: Secured):
     certificate = x509.load_pem_x509_certificate(base64.b64decode(tls["listen_certificate_base64"]))
     names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     assert {"eye.example", "localhost"} <= set(names.get_values_for_type(x509.DNSName))
+
+
+def test_no_certificate_outlives_its_authority(system: Secured, monkeypatch, capsys):
+    authority = Folder(str(system.folder)).authority()
+    monkeypatch.setattr(authority_module, "datetime", later(authority.ends_s - 100 * DAY_S))
+    system.renew("guest", days=90)
+    assert read_credentials(str(system.file("guest"))).ends_s < authority.ends_s
+    assert "the end of the authority" not in capsys.readouterr().err
+    system.renew("guest", days=110)
+    assert read_credentials(str(system.file("guest"))).ends_s == authority.ends_s
+    assert "that is the end of the authority; before it, make another" in capsys.readouterr().err
+
+
+def test_an_authority_that_has_ended_issues_nothing_and_still_revokes(system: Secured, monkeypatch):
+    ends_s = Folder(str(system.folder)).authority().ends_s
+    before = system.file("operator").read_bytes()
+    monkeypatch.setattr(time, "time", lambda: ends_s + 60)
+    with pytest.raises(ConfigurationError, match=r"the authority ended 2.*make another folder"):
+        system.renew("operator")
+    assert system.file("operator").read_bytes() == before
+    system.revoke("guest")
+
+
+def later(now_s: float) -> type:
+    """Return the class ``datetime`` of a machine whose clock says something else."""
+
+    class Later(datetime):
+        @classmethod
+        def now(cls, zone: tzinfo | None = None) -> Later:
+            return cls.fromtimestamp(now_s, zone)
+
+    return Later
 
 
 def test_who_is_revoked_has_no_rule_and_no_file_and_comes_back_under_another_name(system: Secured):
