@@ -58,6 +58,9 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
         if (all_of := [each.common_name(name) for name, each in valid if each.role.kind == kind])
         != [kind]  # which is the default
     )
+    for name in people:
+        if fault := read_credentials(str(folder.file_of(name))).fault():
+            output.note(f"browsers with {folder.browser_file_of(name)} are not let in: {fault}")
     output.result(
         {"written": [str(file) for file in files], "names": names},
         *(f"wrote {file}" for file in files),

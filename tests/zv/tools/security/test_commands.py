@@ -28,6 +28,7 @@ from zenoh_vision.security.credentials import (
     ROUTER_FILE,
     read_credentials,
     read_json5,
+    shown_time,
 )
 from zenoh_vision.transport.connection import Connection
 from zv.registry import SERVICES
@@ -351,6 +352,18 @@ def test_who_is_revoked_has_no_browser_file_and_the_viewer_that_admits_it_is_nam
     assert not (system.folder / "guest.p12").exists()
     said = capsys.readouterr().err
     assert "still admits the browsers of guest: take the name out of its --tls-operators" in said
+
+
+def test_a_browser_file_with_a_certificate_that_has_ended_is_told(
+    system: Secured, monkeypatch, capsys
+):
+    quietly(web, WebOptions(dir=str(system.folder), name=("guest",)))
+    assert capsys.readouterr().err == ""
+    now_s = time.time()
+    monkeypatch.setattr(time, "time", lambda: now_s + 366 * DAY_S)
+    quietly(web, WebOptions(dir=str(system.folder), name=("guest",)))
+    said = f"guest.p12 are not let in: the certificate of guest ended {shown_time(now_s)[:2]}"
+    assert said in capsys.readouterr().err
 
 
 def test_damaged_credentials_give_no_browser_file(system: Secured):
