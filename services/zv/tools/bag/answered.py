@@ -27,11 +27,13 @@ class AnsweredFrame:
 
     Attributes:
         others: Records that stand before it, since the frame before.
+        results: What other nodes said of it later: the node may wait for that to answer.
     """
 
     frame: Record
     others: list[Record] = field(default_factory=list)
     answers: list[Record] = field(default_factory=list)
+    results: list[Record] = field(default_factory=list)
 
 
 def frame_id(record: Record) -> FrameId | None:
@@ -76,6 +78,8 @@ def answered_frames(
                 waiting[found] = AnsweredFrame(record, others, answers)
                 others = []
                 size += len(record.payload) + sum(len(each.payload) for each in answers)
+        elif found is not None and found in waiting:
+            waiting[found].results.append(record)
         else:
             others.append(record)
         while waiting:

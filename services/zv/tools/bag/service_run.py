@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Final, Self
 
@@ -120,12 +120,18 @@ class ServiceRun:
         """Send a record that is no frame, such as a calibration."""
         self._put(record)
 
-    def send_frame(self, frame: Record, expected: Counter[str] | None = None) -> None:
+    def send_frame(
+        self,
+        frame: Record,
+        expected: Counter[str] | None = None,
+        results: Iterable[Record] = (),
+    ) -> None:
         """Send a frame, and wait until the service has said something of it, or its time is over.
 
         Args:
             frame: With a header.
             expected: How many messages of each key to wait for; by default one of any key.
+            results: What other nodes said of the frame, sent before the wait.
 
         Raises:
             ExpectationNotMet: It has ended.
@@ -135,6 +141,8 @@ class ServiceRun:
         found = self._said.setdefault(sent, [])
         began_s = looked_s = time.monotonic()
         self._put(frame)
+        for each in results:
+            self.send(each)
 
         def complete() -> bool:
             self._sort()

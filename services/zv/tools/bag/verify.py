@@ -227,9 +227,8 @@ class Verification:
 
     def _prepare(self, service: ServiceRun, each: AnsweredFrame) -> None:
         """Send what belongs to a frame and comes before it; follow changes of parameters."""
-        for record in each.others:
-            if self._concerns(record):
-                service.send(record)
+        for record in filter(self._concerns, each.others):
+            service.send(record)
         revision = revision_of(each.answers)
         if revision > self._revision and self._options.config is None:
             given = dict(map(assigned, self._options.set_))
@@ -265,7 +264,8 @@ class Verification:
             self._check_header(each.frame)
             self._prepare(service, each)
             awaited = None if self._options.update else _awaited(each.answers) or None
-            service.send_frame(marked(each.frame, begun_ns), awaited)
+            results = filter(self._concerns, each.results)
+            service.send_frame(marked(each.frame, begun_ns), awaited, results)
             self._check_going_on()
             sent.append(each)
             waiting[each.frame.key] += 1

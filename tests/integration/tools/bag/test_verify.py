@@ -26,7 +26,7 @@ from tests.support.waiting import wait_until
 from zenoh_vision.config.settings import load_settings
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import msgpack_of
-from zenoh_vision.messages import Diagnostics
+from zenoh_vision.messages import Diagnostics, NodeDescription, Tracks
 from zv.bag.record import Record
 from zv.bag.recording import Recording
 from zv.bag.writer import PARTIAL, Writer
@@ -318,3 +318,53 @@ def test_a_node_that_took_pixels_and_not_the_recorded_jpegs_is_said_to_differ(
     path = write(tmp_path / "run.mcap", few, centroids(few), [diagnosed(few[-1], route)])
     said = zv(path, "--node", "tracker", status=1).complaints  # whose results are others
     assert ("took its frames as pixels" in said) == (route == "shm")
+
+
+PAIRS = """
+import os
+from zenoh_vision import Connection, Node, Tracks, queue
+with Node("pairs", connection=Connection(os.environ["ZV_CONNECT"]), publishes=["tracks"]) as node:
+    frames, found = node.frames(buffering=queue(20)), node.messages("centroid")
+    for frame, centroid in node.pairs(frames, found, tolerance_s=0):
+        node.publish("tracks", Tracks(header=node.header(frame), tracks=()))
+"""
+
+
+def test_a_service_of_frames_and_the_results_made_from_them_gets_both(zv: Zv, tmp_path: Path):
+    few = FRAMES[:5]
+    about = NodeDescription(
+        node="pairs_front",
+        service="pairs",
+        cameras=("front",),
+        version="1",
+        host="robot",
+        pid=1,
+        started_ns=BEGIN_NS,
+        publishes=(KEY,),
+        subscribes=("vision/front/image/compressed", "vision/front/centroid"),
+    )
+    described = Record(
+        "@vision/node/pairs_front",
+        about.to_bytes(),
+        msgpack_of(NodeDescription.schema_name),
+        log_time_ns=BEGIN_NS,
+        origin="query",
+    )
+    answers = []
+    for each in centroids(few):  # the tracker's
+        header = each.header | {"node": "pairs_front"}
+        answers.append(
+            Record(
+                KEY,
+                msgpack.packb({"header": header, "tracks": []}),
+                msgpack_of(Tracks.schema_name),
+                msgpack.packb(header),
+                log_time_ns=each.log_time_ns + 1,
+            )
+        )
+    run = write(tmp_path / "run.mcap", [described], few, centroids(few), answers)
+    service = tmp_path / "pairs.py"
+    service.write_text(PAIRS)
+    command = f"{sys.executable} {service}"
+    said = zv(run, "--node", "pairs", "--command", command, "--answer", "5s").output
+    assert "5 frames, 5 messages as recorded" in said

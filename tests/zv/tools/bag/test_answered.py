@@ -60,3 +60,10 @@ def test_an_answer_that_overtook_its_frame_is_one_and_later_ones_follow_it():
     early = replace(early, log_time_ns=of[1].log_time_ns - 1)
     results = found([*of, early, late])
     assert [each.answers for each in results] == [[], [early, late]]
+
+
+def test_what_other_nodes_said_of_a_frame_belongs_to_it_and_not_to_the_next():
+    of = frames(2)
+    other = Record("vision/front/tracks", b"", "", of[0].attachment, log_time_ns=of[0].log_time_ns)
+    results = found([*of, other])
+    assert [(each.others, each.results) for each in results] == [([], [other]), ([], [])]
