@@ -72,6 +72,7 @@ class ServiceRun:
         self._answer_s = answer_s
         self._arrived = Wakeup()
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._newest: dict[str, Record] = {}  # by key
         self._open = ExitStack()
 
     def __enter__(self) -> Self:
@@ -117,7 +118,11 @@ class ServiceRun:
             raise ExpectationNotMet(f"{self.node} refuses {dict(values)}: {error}") from None
 
     def send(self, record: Record) -> None:
-        """Send a record that is no frame, such as a calibration."""
+        """Send a record that is no frame, such as a calibration; queries get the newest."""
+        if record.key not in self._newest:  # a tracker asks for it at its first frame
+            queryable = self._session.declare_queryable(record.key, direct(self._reply))
+            self._open.callback(queryable.undeclare)
+        self._newest[record.key] = record
         self._put(record)
 
     def send_frame(
@@ -219,6 +224,13 @@ class ServiceRun:
             return
         self._received.append(record)
         self._arrived.set()
+
+    def _reply(self, query: zenoh.Query) -> None:
+        record = self._newest.get(str(query.key_expr))
+        if record is not None:
+            query.reply(
+                record.key, record.payload, encoding=record.encoding, attachment=record.attachment
+            )
 
     def _put(self, record: Record) -> None:
         publisher = self._publishers.get(record.key)

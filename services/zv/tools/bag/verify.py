@@ -307,10 +307,15 @@ class Verification:
 
     def _frames_to_verify(self) -> Iterator[AnsweredFrame]:
         """Yield the frames with recorded answers, with ``--all-frames`` all; count the others."""
+        left: list[Record] = []
         for each in self._frames():
             self._tally.unanswered += not each.answers
             if each.answers or self._options.all_frames:
+                each.others[:0] = left
+                left.clear()
                 yield each
+            else:  # a calibration that stands before it holds also for the next one
+                left += filter(self._concerns, each.others)
 
     def _report(self, speed: float) -> None:
         tally, name = self._tally, self._node.name

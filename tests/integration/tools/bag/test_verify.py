@@ -26,7 +26,7 @@ from tests.support.waiting import wait_until
 from zenoh_vision.config.settings import load_settings
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import msgpack_of
-from zenoh_vision.messages import Diagnostics, NodeDescription, Tracks
+from zenoh_vision.messages import CameraInfo, Diagnostics, NodeDescription, Tracks
 from zv.bag.record import Record
 from zv.bag.recording import Recording
 from zv.bag.writer import PARTIAL, Writer
@@ -318,6 +318,51 @@ def test_a_node_that_took_pixels_and_not_the_recorded_jpegs_is_said_to_differ(
     path = write(tmp_path / "run.mcap", few, centroids(few), [diagnosed(few[-1], route)])
     said = zv(path, "--node", "tracker", status=1).complaints  # whose results are others
     assert ("took its frames as pixels" in said) == (route == "shm")
+
+
+def calibration() -> Record:
+    """Return the calibration of a plane of 10 pixels a unit, published before the first frame."""
+    key, first = "vision/front/camera_info", FRAMES[0]
+    header = {name: value for name, value in first.header.items() if name != "encoding"}
+    info = CameraInfo.model_validate(
+        {
+            "header": header,
+            "width": header["width"],
+            "height": header["height"],
+            "distortion_model": "plumb_bob",
+            "d": [0.0] * 5,
+            "k": [100.0, 0, 50, 0, 100, 50, 0, 0, 1],
+            "r": [1.0, 0, 0, 0, 1, 0, 0, 0, 1],
+            "p": [100.0, 0, 50, 0, 0, 100, 50, 0, 0, 0, 1, 0],
+            "plane": [0.1, 0, 0, 0, 0.1, 0, 0, 0, 1],
+        }
+    )
+    at_ns = first.log_time_ns - 1
+    encoding, attachment = msgpack_of(CameraInfo.schema_name), msgpack.packb(header)
+    return Record(key, info.to_bytes(), encoding, attachment, log_time_ns=at_ns)
+
+
+def test_a_recorded_calibration_holds_also_if_the_frame_behind_it_had_no_answer(
+    zv: Zv, tmp_path: Path
+):
+    run = write(tmp_path / "run.mcap", [calibration()], FRAMES)
+    zv(run, "--node", "tracker", "--update", "new.mcap")
+    with Recording(tmp_path / "new.mcap") as recording:
+        records = list(recording.records())
+    said = [msgpack.unpackb(each.payload) for each in records if each.key == KEY]
+    tracks = [track for message in said for track in message["tracks"]]
+    assert tracks
+    for track in tracks:  # the plane counts from the centre of the first pixel
+        assert track["world"] == pytest.approx([(track["x"] - 0.5) / 10, (track["y"] - 0.5) / 10])
+    earlier_ns = BEGIN_NS - LATER_NS
+    header = {**FRAMES[0].header, "epoch": earlier_ns, "stamp_ns": earlier_ns}
+    unanswered = replace(FRAMES[0], attachment=msgpack.packb(header), log_time_ns=earlier_ns)
+    before = replace(calibration(), log_time_ns=earlier_ns - 1)
+    rest = [each for each in records if not each.key.endswith("/camera_info")]
+    write(tmp_path / "later.mcap", [before, unanswered], rest)
+    said_of_it = zv("later.mcap", "--node", "tracker").output
+    assert "45 frames" in said_of_it
+    assert "1 frames without a recorded result were left out" in said_of_it
 
 
 PAIRS = """
