@@ -6,8 +6,10 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
+from zenoh_vision import keys
 from zenoh_vision.node.lockstep import FrameId
 from zv.bag.record import Record
+from zv.tools.bag.tape import LATCHED
 
 HORIZON_NS = 5 * 10**9
 """A node answers a frame within this time of the recording."""
@@ -45,6 +47,11 @@ def frame_id(record: Record) -> FrameId | None:
     return None
 
 
+def _is_latched(record: Record) -> bool:
+    """Tell whether a record holds from when it came, whatever frame its header names."""
+    return keys.suffix_of(record.key) in LATCHED
+
+
 def answered_frames(
     records: Iterable[Record],
     is_frame: Callable[[Record], bool],
@@ -78,7 +85,7 @@ def answered_frames(
                 waiting[found] = AnsweredFrame(record, others, answers)
                 others = []
                 size += len(record.payload) + sum(len(each.payload) for each in answers)
-        elif found is not None and found in waiting:
+        elif found is not None and found in waiting and not _is_latched(record):
             waiting[found].results.append(record)
         else:
             others.append(record)

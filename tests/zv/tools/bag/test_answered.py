@@ -67,3 +67,10 @@ def test_what_other_nodes_said_of_a_frame_belongs_to_it_and_not_to_the_next():
     other = Record("vision/front/tracks", b"", "", of[0].attachment, log_time_ns=of[0].log_time_ns)
     results = found([*of, other])
     assert [(each.others, each.results) for each in results] == [([], [other]), ([], [])]
+
+
+def test_a_calibration_holds_from_when_it_came_whatever_frame_it_names():
+    of = frames(3)
+    at_ns = of[1].log_time_ns + 1
+    info = Record("vision/front/camera_info", b"", "", of[0].attachment, log_time_ns=at_ns)
+    assert [each.others for each in found([*of, info])] == [[], [], [info]]
