@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import threading
 from collections.abc import Callable, Collection, Mapping
 
@@ -25,10 +26,11 @@ def publishers(
     """Return the other nodes that publish on some of the keys, by key."""
     (replies,) = ask(link.session, [Query(keys.node_key(namespace, "*"))], stopping)
     wanted = set(played)
+    own = socket.gethostname(), os.getpid()  # in two containers pids may be equal
     return {
         key: about
         for _, about in messages_in(replies, NodeDescription)
-        if about.pid != os.getpid()
+        if (about.host, about.pid) != own
         for key in wanted.intersection(about.publishes)
     }
 
