@@ -28,7 +28,7 @@ from zenoh_vision.image.picture import Picture
 from zenoh_vision.image.pixel_formats import Pixels
 from zenoh_vision.keys import Transport
 from zenoh_vision.message_codec import Message
-from zenoh_vision.messages import Header
+from zenoh_vision.messages import Header, Stamped
 from zenoh_vision.node.announcement import Announcement
 from zenoh_vision.node.core import Core
 from zenoh_vision.node.frame_input import MAX_AGE_S, FrameInput
@@ -450,14 +450,14 @@ class Node:
 
     # Outputs
 
-    def header(self, frame: Frame, encoding: str | None = None) -> Header:
+    def header(self, source: Frame | Stamped, encoding: str | None = None) -> Header:
         """Return the header of a result: the frame's identity, this node's name and revision.
 
         Args:
-            frame: From which the result was made.
-            encoding: Of its pixels, if it is a picture.
+            source: The frame from which the result was made, or another node's message about it.
+            encoding: Of the result's pixels, if it is a picture.
         """
-        return self._outputs.header(frame, encoding)
+        return self._outputs.header(source, encoding)
 
     def publish(
         self,

@@ -209,13 +209,15 @@ class Outputs:
             while self._put_off:
                 self._put_off.popitem()[1]()
 
-    def header(self, frame: Frame, encoding: str | None = None) -> Header:
+    def header(self, source: Frame | Stamped, encoding: str | None = None) -> Header:
         """Return the header of a result: the frame's identity, this node's name and revision."""
-        return frame.header.model_copy(
+        # The newest revision is activated before each item, and a frame keeps that of its turn.
+        revision = source.revision if isinstance(source, Frame) else self._core.revision
+        return source.header.model_copy(
             update={
                 "encoding": encoding,
                 "node": self._core.name,
-                "revision": 0 if frame.revision is None else frame.revision.number,
+                "revision": 0 if revision is None else revision.number,
                 "done_ns": self._core.clock.time_ns(),
             }
         )

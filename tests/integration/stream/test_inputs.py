@@ -16,12 +16,15 @@ from zenoh_vision import (
     Connection,
     Diagnostics,
     Frame,
+    Header,
     Message,
     Node,
     NodeDescription,
     message_topic,
     queue,
 )
+from zenoh_vision.config.revisions import ParameterStore
+from zv.edge.settings import EdgeSettings
 
 
 @pytest.fixture
@@ -133,3 +136,27 @@ def test_a_node_of_no_camera_is_called_as_its_service(router, client):
             next(node.frames())
         with pytest.raises(ValueError, match="serves no camera"):
             _ = node.camera
+
+
+def test_a_result_of_a_message_has_the_identity_of_its_frame_and_the_nodes_own_name(
+    client, connection
+):
+    header = Header(
+        camera="front", epoch=3, seq=8, stamp_ns=5, width=64, height=48, node="finder", revision=9
+    )
+    found = Centroid(header=header, found=False, x=None, y=None, box=None, area=None)
+    parameters = ParameterStore(EdgeSettings())
+    with (
+        Node("finder", connection=connection, publishes=["centroid"]) as finder,
+        Node("picker", connection=connection, parameters=parameters) as picker,
+    ):
+        results = in_time(picker, picker.messages("centroid"), 15)
+        wait_until(lambda: finder.wanted("centroid"))
+        finder.publish("centroid", found)
+        own = picker.header(next(results))
+        revision = parameters.change({"low": 7.0}).after.number
+        wait_until(lambda: finder.publish("centroid", found))
+        changed = picker.header(next(results))
+    assert (own.camera, own.epoch, own.seq, own.stamp_ns, own.width) == ("front", 3, 8, 5, 64)
+    assert (own.node, own.revision) == ("picker_front", 0)
+    assert changed.revision == revision
