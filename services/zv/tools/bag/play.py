@@ -23,7 +23,7 @@ from zenoh_vision.host.allocator import keep_freed_memory
 from zenoh_vision.host.clock import SYSTEM_CLOCK
 from zenoh_vision.host.lifeline import end_with_parent
 from zenoh_vision.messages import Header, Level, NodeDescription, Replay
-from zenoh_vision.node.lockstep import Lockstep
+from zenoh_vision.node.lockstep import FrameId, Lockstep
 from zenoh_vision.node.node import Node
 from zenoh_vision.topics import REPLAY, Topic, is_frame_key, topic_of
 from zenoh_vision.transport.connection import Connection
@@ -33,6 +33,7 @@ from zenoh_vision.transport.query import Query, ask
 from zv.bag.record import Record
 from zv.bag.recording import Recording
 from zv.bag.replayed import Names, Pass, Replayed, Sent
+from zv.tools.bag.answered import frame_id
 from zv.tools.bag.keyboard import HELP, Keyboard
 from zv.tools.bag.live_nodes import LiveWatch, camera_among, publishers
 from zv.tools.bag.play_options import MAX_SPEED, PlayerParameters, PlayOptions, renamed
@@ -161,6 +162,7 @@ class Playing:
         self._live: frozenset[str] = frozenset()
         self._blocked = ""
         self._lockstep: Lockstep | None = None
+        self._unanswered: tuple[int, FrameId | None, Header] | None = None  # the last frame
         self._open = ExitStack()
         self.sent: Counter[str] = Counter()
         self.deviation_ms = Distribution()
@@ -213,6 +215,7 @@ class Playing:
             if keyboard.active:
                 self._output.note(HELP)
             self.player.run()
+        self._wait_for_answers()
         self._synchronize()
 
     def _synchronize(self) -> None:
@@ -323,8 +326,19 @@ class Playing:
         for each in self._states:
             each.offer(lambda: Outgoing.message(message))
 
+    def _wait_for_answers(self) -> None:
+        """Wait until the nodes have answered the last frame, in lockstep."""
+        if self._lockstep is not None and self._unanswered is not None:
+            _, _, header = self._unanswered
+            self._unanswered = None
+            self._lockstep.wait(header)
+
     def _send(self, record: Record, run: Pass) -> None:
         node = self._node
+        # Another form of the frame, and what others said of it, may be what a node waits for.
+        frame = (run.begun_ns, frame_id(record)) if is_frame_key(record.key) else None
+        if frame is not None and self._unanswered is not None and frame != self._unanswered[:2]:
+            self._wait_for_answers()
         node.counters.arrive()
         now_ns = SYSTEM_CLOCK.time_ns()
         sent = self._samples.sample(record, run, now_ns)
@@ -342,8 +356,8 @@ class Playing:
         self.sent[sent.key] += 1
         node.counters.finish()
         node.health.done(None)
-        if self._lockstep is not None and is_frame_key(sent.key):
-            self._lockstep.wait(whole_header(sent))
+        if self._lockstep is not None and frame is not None:
+            self._unanswered = (*frame, whole_header(sent))
 
     def _press(self, word: str) -> None:
         """Do what a key of the terminal means, in the same way as a change over the network."""

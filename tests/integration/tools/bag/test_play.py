@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,13 +15,14 @@ import zenoh
 from tests.integration.conftest import Service
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, Message, open_client
+from tests.support.pictures.encoded import HEIGHT, WIDTH
 from tests.support.processes import Program
 from tests.support.recordings import centroids, frames, write
 from tests.support.routing import Router
 from tests.support.terminal import Terminal
 from tests.support.typist import zv
 from tests.support.waiting import wait_until
-from zenoh_vision import Centroid, Node
+from zenoh_vision import Centroid, Frame, Node, TrackEvent
 from zenoh_vision.testing import at
 
 FRAMES = frames(12)
@@ -153,31 +155,78 @@ def test_results_that_a_live_node_publishes_are_not_played(client, play, service
     assert all("received_ns" in each.header for each in got)  # the recorded ones have none
 
 
+@contextmanager
+def own_node(router: Router, topic: str, run: Callable[[Node], None]) -> Iterator[None]:
+    """Run a node ``own_front`` that publishes a topic, on a thread of its own."""
+    with Node("own", connection=at(router.endpoint), publishes=[topic]) as node:
+        thread = threading.Thread(target=run, args=[node])
+        thread.start()
+        yield
+        node.stop()
+        thread.join(10)
+
+
+def answer(node: Node, frame: Frame) -> None:
+    nothing = Centroid(header=node.header(frame), x=None, y=None, box=None, area=None)
+    node.publish("centroid", nothing)
+
+
 def test_in_lockstep_a_slow_node_gets_every_frame(play, router: Router, recording):
     got: list[int] = []
 
-    @contextmanager
-    def slow_node() -> Iterator[None]:
-        with Node("slow", connection=at(router.endpoint), publishes=["centroid"]) as node:
+    def run(node: Node) -> None:
+        for frame in node.frames(want="gray"):
+            time.sleep(0.1)  # three frames of the recording
+            got.append(frame.header.seq)
+            answer(node, frame)
 
-            def run() -> None:
-                for frame in node.frames(want="gray"):
-                    time.sleep(0.1)  # three frames of the recording
-                    got.append(frame.header.seq)
-                    header = node.header(frame)
-                    node.publish(
-                        "centroid", Centroid(header=header, x=None, y=None, box=None, area=None)
-                    )
-
-            thread = threading.Thread(target=run)
-            thread.start()
-            yield
-            node.stop()
-            thread.join(10)
-
-    with slow_node():
-        ended(play(recording, "--lockstep", "slow_front"))
+    with own_node(router, "centroid", run):
+        ended(play(recording, "--lockstep", "own_front"))
     assert got == list(range(12))
+
+
+def test_in_lockstep_a_frame_that_was_recorded_in_two_forms_is_answered_once(
+    play, router: Router, tmp_path: Path
+):
+    raw = [
+        replace(
+            each,
+            key="vision/front/image",
+            payload=bytes(WIDTH * HEIGHT * 3),
+            encoding="application/octet-stream;vision.Image.v1",
+            log_time_ns=each.log_time_ns - 10**6,
+        )
+        for each in FRAMES
+    ]
+    recording = write(tmp_path / "both.mcap", raw, FRAMES)
+    got: list[int] = []
+
+    def run(node: Node) -> None:
+        for frame in node.frames(want="gray", transport="jpeg"):
+            got.append(frame.header.seq)
+            answer(node, frame)
+
+    with own_node(router, "centroid", run):
+        ended(play(recording, "--lockstep", "own_front", "--answer", "5s"))
+    assert got == list(range(12))
+
+
+def test_in_lockstep_a_node_that_pairs_frames_with_recorded_results_gets_both(
+    play, router: Router, recording
+):
+    got: list[tuple[int, int]] = []
+
+    def run(node: Node) -> None:
+        # The player waits for one who takes frames, so the centroids are subscribed to before.
+        inputs = node.messages("centroid"), node.frames(want="gray")
+        for centroid, frame in node.pairs(*inputs, tolerance_s=0):
+            got.append((frame.header.seq, centroid.header.seq))
+            header = node.header(frame)
+            node.publish("events", TrackEvent(header=header, event="seen", id=1, x=0.0, y=0.0))
+
+    with own_node(router, "events", run):
+        ended(play(recording, "--lockstep", "own_front", "--answer", "5s"))
+    assert got == [(seq, seq) for seq in range(12)]
 
 
 def test_lockstep_names_the_node_that_does_not_run_or_has_gone(play, recording, service):
