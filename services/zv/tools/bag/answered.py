@@ -37,6 +37,12 @@ class AnsweredFrame:
     answers: list[Record] = field(default_factory=list)
     results: list[Record] = field(default_factory=list)
 
+    @property
+    def size(self) -> int:
+        """Bytes of what belongs to the frame."""
+        records = (self.frame, *self.answers, *self.results)
+        return sum(len(each.payload) for each in records)
+
 
 def frame_id(record: Record) -> FrameId | None:
     """Return the identity of the frame to which a record belongs; None without a header."""
@@ -84,9 +90,10 @@ def answered_frames(
                 answers = early.pop(found, [])
                 waiting[found] = AnsweredFrame(record, others, answers)
                 others = []
-                size += len(record.payload) + sum(len(each.payload) for each in answers)
+                size += waiting[found].size
         elif found is not None and found in waiting and not _is_latched(record):
             waiting[found].results.append(record)
+            size += len(record.payload)
         else:
             others.append(record)
         while waiting:
@@ -95,6 +102,6 @@ def answered_frames(
             if age_ns <= HORIZON_NS and size <= MOST_WAITING_BYTES:
                 break
             waiting.popitem(last=False)
-            size -= len(oldest.frame.payload) + sum(len(each.payload) for each in oldest.answers)
+            size -= oldest.size
             yield oldest
     yield from waiting.values()

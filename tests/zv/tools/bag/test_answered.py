@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import pytest
+
 from tests.support.recordings import centroids, frames
 from zv.bag.record import Record
+from zv.tools.bag import answered
 from zv.tools.bag.answered import AnsweredFrame, answered_frames
 
 S = 10**9
@@ -74,3 +77,17 @@ def test_a_calibration_holds_from_when_it_came_whatever_frame_it_names():
     at_ns = of[1].log_time_ns + 1
     info = Record("vision/front/camera_info", b"", "", of[0].attachment, log_time_ns=at_ns)
     assert [each.others for each in found([*of, info])] == [[], [], [info]]
+
+
+def test_pictures_that_others_made_of_a_frame_count_among_what_waits(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(answered, "MOST_WAITING_BYTES", 100_000)
+    (frame,) = of = frames(1)
+    (answer,) = centroids(of)
+    at_ns = frame.log_time_ns
+    drawn = Record(
+        "vision/front/tracked/compressed", bytes(100_000), "", frame.attachment, log_time_ns=at_ns
+    )
+    assert [each.answers for each in found([frame, answer])] == [[answer]]
+    assert [each.answers for each in found([frame, drawn, answer])] == [[]], "given out before it"
