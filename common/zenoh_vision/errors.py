@@ -49,6 +49,12 @@ class RouterUnreachable(VisionError):
     exit_status = 4
 
 
+class ConnectionFault(RouterUnreachable):
+    """The connection to a router is configured wrongly: its name, a certificate or a clock."""
+
+    exit_status = ConfigurationError.exit_status
+
+
 class ToldToStop(VisionError):
     """A signal arrived during a wait; the process ends normally."""
 

@@ -21,7 +21,7 @@ from typing import Any, Generic, TypeVar
 import zenoh
 
 from zenoh_vision import keys
-from zenoh_vision.errors import RouterUnreachable, VisionError
+from zenoh_vision.errors import ConnectionFault, RouterUnreachable, VisionError
 from zenoh_vision.host.abandoned_threads import abandon
 from zenoh_vision.security.credentials import file_state, without_clock
 from zenoh_vision.transport.connection import Connection
@@ -219,7 +219,7 @@ class Link:
             if not self._refused:
                 raise
             within = f"no connection to a router within {self._connection.timeout_s:g} s"
-            raise RouterUnreachable(f"{within}: {self._refused}") from None
+            raise ConnectionFault(f"{within}: {self._refused}") from None
         self._note_refusal("")
         if told:
             took_s = time.monotonic() - began_s

@@ -78,6 +78,7 @@ def open_session(
 
     Raises:
         RouterUnreachable: No router within ``timeout_s``.
+        ConnectionFault: And there cannot be one of that name.
         ToldToStop: Told to stop before there was one.
         ConfigurationError: As for ``client_config``.
     """
@@ -102,7 +103,8 @@ def open_session(
             break
     because = f" ({errors[-1]})" if errors and UNREACHABLE not in errors[-1] else ""
     why = diagnosis.text if diagnosis is not None else f"; {START}"
-    raise RouterUnreachable(
+    kind = diagnosis.error if diagnosis is not None else RouterUnreachable
+    raise kind(
         f"no Zenoh router at {where(connection)} within {connection.timeout_s:g} s{because}{why}"
     )
 

@@ -12,6 +12,7 @@ import threading
 import time
 from typing import Final
 
+from zenoh_vision.errors import ConnectionFault, RouterUnreachable
 from zenoh_vision.transport.endpoints import TcpEndpoint, tcp_endpoint
 
 PROTOCOL: Final = 9
@@ -30,6 +31,7 @@ LOADED: Final = (
     "the link is congested or slow: send less over it (zv camera --max-kbps, zv relay), or wait "
     "longer with --timeout 20s"
 )
+UNKNOWN: Final = "is not known here"
 NO_HANDSHAKE: Final = (
     ": its port is open, but no connection by TLS was made: the router hangs, the link is slow or "
     "congested, or programs whose certificates it refuses keep it busy (zenoh #2685)"
@@ -60,6 +62,11 @@ class Diagnosis:
         is_tls = self._endpoint is not None and self._endpoint.scheme == "tls"
         return self._found or f"; {START_TLS if is_tls else START}"
 
+    @property
+    def error(self) -> type[RouterUnreachable]:
+        """Whether it helps to wait, or only to correct the configuration."""
+        return ConnectionFault if UNKNOWN in self._found else RouterUnreachable
+
     def _examine(self) -> None:
         assert self._endpoint is not None
         self._found = examined(self._endpoint, self._for_s)
@@ -82,7 +89,7 @@ def examined(endpoint: TcpEndpoint, for_s: float) -> str:
     except ConnectionRefusedError:
         return ""
     except socket.gaierror:
-        return f": the name {host} is not known here; check its spelling, and the name server"
+        return f": the name {host} {UNKNOWN}; check its spelling, and the name server"
     except TimeoutError:
         return (
             f": it does not answer within {for_s:.0f} s: the machine is off or a firewall drops "

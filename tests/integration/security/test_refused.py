@@ -65,13 +65,14 @@ def another(system: Secured, name: str, folder: Path, issued: Issued) -> Path:
     return file
 
 
-def refused(system: Secured, file: Path | None, **changes: object) -> str:
-    """Try to connect; return what is said about the refusal."""
+def refused(system: Secured, file: Path | None, status: int = 2, **changes: object) -> str:
+    """Try to connect; check the exit status, and return what is said about the refusal."""
     # A busy machine takes more than a second for the handshake that tells why.
     given = {"connect": system.endpoint, "timeout_s": 2.0, **changes}
     credentials = None if file is None else str(file)
     with pytest.raises(RouterUnreachable) as raised:
         Link(Connection(credentials=credentials, **given)).close()  # type: ignore[arg-type]
+    assert raised.value.exit_status == status
     return str(raised.value)
 
 
@@ -170,7 +171,7 @@ def test_a_name_of_a_router_that_nobody_knows_is_named(system: Secured):
 
 def test_without_a_router_nothing_is_said_of_a_refusal(system: Secured):
     nobody = f"tls/127.0.0.1:{free_port()}"
-    said = refused(system, system.file("guest"), connect=nobody, timeout_s=0.3)
+    said = refused(system, system.file("guest"), 4, connect=nobody, timeout_s=0.3)
     assert "no Zenoh router at tls/127.0.0.1:" in said
 
 

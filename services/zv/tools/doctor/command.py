@@ -48,7 +48,7 @@ def run(options: DoctorOptions, connection: Connection, output: Output) -> None:
         remedy = (expected and expected.router_remedy) or remedy
         diagnosis.add([Finding("FAIL", "router", said, remedy)])
         if not failed_here:
-            raise RouterUnreachable(diagnosis.summary) from None
+            raise type(error)(diagnosis.summary) from None
     except (ConfigurationError, SourceError) as error:
         diagnosis.add([Finding("FAIL", "router", f"not checked: {error}", "correct this first")])
     if diagnosis.failed:
