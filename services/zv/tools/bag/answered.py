@@ -53,7 +53,7 @@ def frame_id(record: Record) -> FrameId | None:
     return None
 
 
-def _is_latched(record: Record) -> bool:
+def is_latched(record: Record) -> bool:
     """Tell whether a record holds from when it came, whatever frame its header names."""
     return keys.suffix_of(record.key) in LATCHED
 
@@ -91,7 +91,7 @@ def answered_frames(
                 waiting[found] = AnsweredFrame(record, others, answers)
                 others = []
                 size += waiting[found].size
-        elif found is not None and found in waiting and not _is_latched(record):
+        elif found is not None and found in waiting and not is_latched(record):
             waiting[found].results.append(record)
             size += len(record.payload)
         else:

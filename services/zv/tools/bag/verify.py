@@ -26,7 +26,7 @@ from zv.bag.record import ChunkLost, Record
 from zv.bag.recorder.syncer import said
 from zv.bag.recording import Recording
 from zv.registry import SERVICES, command_of, model_of
-from zv.tools.bag.answered import HORIZON_NS, AnsweredFrame, answered_frames, frame_id
+from zv.tools.bag.answered import HORIZON_NS, AnsweredFrame, answered_frames, frame_id, is_latched
 from zv.tools.bag.difference_picture import drawn
 from zv.tools.bag.recorded_node import RecordedNode, recorded_node
 from zv.tools.bag.service_run import ServiceRun, marked
@@ -307,15 +307,16 @@ class Verification:
 
     def _frames_to_verify(self) -> Iterator[AnsweredFrame]:
         """Yield the frames with recorded answers, with ``--all-frames`` all; count the others."""
-        left: list[Record] = []
+        latched: dict[str, Record] = {}  # the newest of each key before frames that are left out
         for each in self._frames():
             self._tally.unanswered += not each.answers
             if each.answers or self._options.all_frames:
-                each.others[:0] = left
-                left.clear()
+                each.others[:0] = latched.values()
+                latched.clear()
                 yield each
-            else:  # a calibration that stands before it holds also for the next one
-                left += filter(self._concerns, each.others)
+            else:
+                found = filter(is_latched, filter(self._concerns, each.others))
+                latched |= {record.key: record for record in found}
 
     def _report(self, speed: float) -> None:
         tally, name = self._tally, self._node.name
