@@ -78,7 +78,7 @@ def open_session(
 
     Raises:
         RouterUnreachable: No router within ``timeout_s``.
-        ConnectionFault: And there cannot be one of that name.
+        ConnectionFault: None either, since the name in the endpoint is not known.
         ToldToStop: Told to stop before there was one.
         ConfigurationError: As for ``client_config``.
     """

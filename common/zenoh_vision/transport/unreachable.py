@@ -64,7 +64,7 @@ class Diagnosis:
 
     @property
     def error(self) -> type[RouterUnreachable]:
-        """Whether it helps to wait, or only to correct the configuration."""
+        """The error to raise: whether waiting may help, or only another configuration."""
         return ConnectionFault if UNKNOWN in self._found else RouterUnreachable
 
     def _examine(self) -> None:
