@@ -25,6 +25,8 @@ PATIENCE_S = 40.0
 SEEN = """([key, x, y]) => {
     const [canvas, overlay] = document.querySelectorAll(`.pane[data-key="${key}"] canvas`);
     if (!overlay?.view) return null;
+    const drawn = Math.round(canvas.clientHeight * devicePixelRatio);
+    if (canvas.height !== drawn) return null; // laid out anew, and not drawn since
     const { scale, x: middleX, y: middleY } = overlay.view;
     const [left, top] = [(x - middleX) * scale + canvas.width / 2,
         (y - middleY) * scale + canvas.height / 2];
@@ -113,7 +115,7 @@ class Tab:
 
     def place(self, key: str, x: float, y: float) -> list[float]:
         """Return where on the screen a point of a frame of the large view is, as it is shown."""
-        return list(self.page.evaluate(SEEN, [key, x, y])["at"])
+        return list(wait_until(lambda: self.page.evaluate(SEEN, [key, x, y]), poll_s=POLL_S)["at"])
 
     def wait_for_red(self, key: str, x: float, y: float, red: int) -> None:
         """Wait until a point of a frame of the large view has this grey or red value."""
