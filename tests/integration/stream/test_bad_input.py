@@ -307,11 +307,11 @@ def test_a_flood_of_broken_pictures_leaves_the_frames_of_a_camera_alone(client, 
     def flood() -> None:
         sends[next(turn) % len(sends)](camera)
 
-    with camera.at(30):
+    with camera.at(15):  # a busy machine stops a process for longer than a frame of 30 Hz
         centroids.wait_for(10)
-        quiet = share(camera, centroids, 45)
+        quiet = share(camera, centroids, 30)
         with camera.at(200, flood) as flooding:
-            flooded = share(camera, centroids, 90)
+            flooded = share(camera, centroids, 60)
     assert flooding.calls > 400  # it was a flood
     assert flooded >= 0.9 * quiet, (flooded, quiet)
 
