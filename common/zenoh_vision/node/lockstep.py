@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import zenoh
 
@@ -45,12 +45,12 @@ class Follower:
 
     Attributes:
         cameras: Those whose frames it takes.
-        answered: The newest frame that it answered.
+        answered: The newest frame that it answered of each camera.
     """
 
     name: str
     cameras: frozenset[str]
-    answered: FrameId | None = None
+    answered: dict[str, FrameId] = field(default_factory=dict)
 
 
 class Lockstep:
@@ -137,13 +137,15 @@ class Lockstep:
         begun_s = looked_s = time.monotonic()
 
         def answered() -> bool:
-            return all(each.answered == frame for each in asked)
+            return all(each.answered.get(header.camera) == frame for each in asked)
 
         while not self._arrived.wait_for(done or answered, POLL_S):
             if self._stopping():
                 return False
             now_s = time.monotonic()
-            late = next((each.name for each in asked if each.answered != frame), None)
+            late = next(
+                (each.name for each in asked if each.answered.get(header.camera) != frame), None
+            )
             if late is not None and now_s - looked_s > LOOK_S:
                 looked_s = now_s
                 which = f"frame {header.seq} of {header.camera}"
@@ -185,7 +187,7 @@ class Lockstep:
             except PayloadError:
                 return
             if header.node == follower.name:
-                follower.answered = header.camera, header.epoch, header.seq
+                follower.answered[header.camera] = header.camera, header.epoch, header.seq
                 self._arrived.set()
 
         self._declared.append(

@@ -21,16 +21,28 @@ SETTLE_S = 0.3
 
 
 def publishers(
-    link: Link, namespace: str, played: Collection[str], stopping: Callable[[], bool]
+    link: Link,
+    namespace: str,
+    played: Collection[str],
+    stopping: Callable[[], bool],
+    player: str = "",
 ) -> dict[str, NodeDescription]:
-    """Return the other nodes that publish on some of the keys, by key."""
+    """Return the nodes that publish on some of the keys, by key.
+
+    Args:
+        link: To the router.
+        namespace: First chunk of the keys.
+        played: The keys.
+        stopping: Whether to give up.
+        player: Name of this process's own node, which is left out; empty if there is none yet.
+    """
     (replies,) = ask(link.session, [Query(keys.node_key(namespace, "*"))], stopping)
     wanted = set(played)
-    own = socket.gethostname(), os.getpid()  # in two containers pids may be equal
+    own = player, socket.gethostname(), os.getpid()  # pids of two containers may be equal
     return {
         key: about
         for _, about in messages_in(replies, NodeDescription)
-        if (about.host, about.pid) != own
+        if (about.node, about.host, about.pid) != own
         for key in wanted.intersection(about.publishes)
     }
 

@@ -56,6 +56,9 @@ DEVIATIONS: Final = ("p50", "p99", "max")
 MATCH_S: Final = 5.0
 """How long the subscription of a node that is waited for may take to arrive here."""
 
+Turn = tuple[int, FrameId | None]
+"""When a pass began, and a frame in it."""
+
 
 def run(options: PlayOptions, connection: Connection, output: Output) -> None:
     """Play the recording until its end, or until told to stop.
@@ -162,7 +165,7 @@ class Playing:
         self._live: frozenset[str] = frozenset()
         self._blocked = ""
         self._lockstep: Lockstep | None = None
-        self._unanswered: tuple[int, FrameId | None, Header] | None = None  # the last frame
+        self._unanswered: dict[str, tuple[Turn, Header]] = {}  # each camera's last frame
         self._open = ExitStack()
         self.sent: Counter[str] = Counter()
         self.deviation_ms = Distribution()
@@ -177,6 +180,7 @@ class Playing:
             self._stopping,
             SYSTEM_CLOCK,
             lambda: self._change({"paused": True}),
+            self._wait_for_answers,
         )
 
     def __enter__(self) -> Playing:
@@ -215,7 +219,8 @@ class Playing:
             if keyboard.active:
                 self._output.note(HELP)
             self.player.run()
-        self._wait_for_answers()
+        for camera in [*self._unanswered]:
+            self._wait_for(camera)
         self._synchronize()
 
     def _synchronize(self) -> None:
@@ -244,7 +249,11 @@ class Playing:
         node = self._node
         with suppress(zenoh.ZError):
             found = publishers(
-                node.link, node.connection.namespace, self._keys.values(), self._stopping
+                node.link,
+                node.connection.namespace,
+                self._keys.values(),
+                self._stopping,
+                player=node.name,
             )
             blocked = camera_among(found)
             if blocked != self._blocked:
@@ -326,19 +335,22 @@ class Playing:
         for each in self._states:
             each.offer(lambda: Outgoing.message(message))
 
-    def _wait_for_answers(self) -> None:
-        """Wait until the nodes have answered the last frame, in lockstep."""
-        if self._lockstep is not None and self._unanswered is not None:
-            _, _, header = self._unanswered
-            self._unanswered = None
+    def _wait_for_answers(self, record: Record, run: Pass) -> None:
+        """Wait, before a camera's next frame, until the nodes have answered its last one."""
+        if self._lockstep is None or not is_frame_key(record.key):
+            return
+        last = self._unanswered.get(keys.camera_of(record.key))
+        # Another form of the frame, and what others said of it, may be what a node waits for.
+        if last is not None and last[0] != (run.begun_ns, frame_id(record)):
+            self._wait_for(keys.camera_of(record.key))
+
+    def _wait_for(self, camera: str) -> None:
+        if self._lockstep is not None:
+            _, header = self._unanswered.pop(camera)
             self._lockstep.wait(header)
 
     def _send(self, record: Record, run: Pass) -> None:
         node = self._node
-        # Another form of the frame, and what others said of it, may be what a node waits for.
-        frame = (run.begun_ns, frame_id(record)) if is_frame_key(record.key) else None
-        if frame is not None and self._unanswered is not None and frame != self._unanswered[:2]:
-            self._wait_for_answers()
         node.counters.arrive()
         now_ns = SYSTEM_CLOCK.time_ns()
         sent = self._samples.sample(record, run, now_ns)
@@ -356,8 +368,9 @@ class Playing:
         self.sent[sent.key] += 1
         node.counters.finish()
         node.health.done(None)
-        if self._lockstep is not None and frame is not None:
-            self._unanswered = (*frame, whole_header(sent))
+        if self._lockstep is not None and is_frame_key(record.key):
+            turn = run.begun_ns, frame_id(record)
+            self._unanswered[keys.camera_of(record.key)] = turn, whole_header(sent)
 
     def _press(self, word: str) -> None:
         """Do what a key of the terminal means, in the same way as a change over the network."""

@@ -68,6 +68,8 @@ class Player:
         stopping: Whether to end.
         clock: Tells the time.
         at_end: Called at the end of a recording at which it stays.
+        hold_back: Called with each record and its pass before it is waited for; the record is sent
+            after it returns, unless there was a jump, a pause or an end meanwhile.
 
     Attributes:
         changed: Set when the wish, or ``stopping``, has changed, to end a wait.
@@ -83,8 +85,10 @@ class Player:
         stopping: Callable[[], bool],
         clock: Clock,
         at_end: Callable[[], None] = lambda: None,
+        hold_back: Callable[[Record, Pass], None] = lambda _record, _pass: None,
     ) -> None:
         self._at_end = at_end
+        self._hold_back = hold_back
         self.changed = Wakeup()
         self.begun = 0
         self._tape = tape
@@ -126,6 +130,7 @@ class Player:
             for each in latched:
                 self._send(each, self._pass)
             while record is not None:
+                self._hold_back(record, self._pass)
                 jump_ns = self._wait_for(record)
                 if jump_ns is not None:
                     return jump_ns

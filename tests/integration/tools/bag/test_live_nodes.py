@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import socket
 
+import pytest
 import zenoh
 
 from tests.support.listening import open_client
 from tests.support.routing import Router
+from tests.support.waiting import wait_until
 from zenoh_vision.messages import NodeDescription
 from zenoh_vision.node.node import Node
 from zenoh_vision.testing import at
@@ -16,13 +19,16 @@ from zv.tools.bag.live_nodes import publishers
 FRAMES, RESULTS = "vision/front/image/compressed", "vision/front/centroid"
 
 
-def test_a_node_of_another_host_is_found_also_if_it_has_the_pid_of_the_player(router: Router):
+@pytest.mark.parametrize("host", ["another container", socket.gethostname()])
+def test_the_player_is_left_out_and_a_node_of_a_container_with_its_pid_is_found(
+    host: str, router: Router
+):
     about = NodeDescription(
         node="camera_front",
         service="camera",
         cameras=("front",),
         version="1",
-        host="another container",
+        host=host,
         pid=os.getpid(),
         started_ns=1,
         publishes=(FRAMES,),
@@ -37,5 +43,7 @@ def test_a_node_of_another_host_is_found_also_if_it_has_the_pid_of_the_player(ro
         Node("player", connection=at(router.endpoint), publishes=["centroid"]) as player,
     ):
         client.declare_queryable("@vision/node/camera_front", reply)
-        found = publishers(player.link, "vision", [FRAMES, RESULTS], lambda: False)
-    assert {key: each.host for key, each in found.items()} == {FRAMES: "another container"}
+        found = wait_until(  # until the router has passed the declaration on
+            lambda: publishers(player.link, "vision", [FRAMES, RESULTS], lambda: False, player.name)
+        )
+    assert {key: each.host for key, each in found.items()} == {FRAMES: host}

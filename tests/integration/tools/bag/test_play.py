@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from tests.support.typist import zv
 from tests.support.waiting import wait_until
 from zenoh_vision import Centroid, Frame, Node, TrackEvent
 from zenoh_vision.testing import at
+from zv.bag.record import Record
 
 FRAMES = frames(12)
 RESULTS = centroids(FRAMES)
@@ -156,9 +157,11 @@ def test_results_that_a_live_node_publishes_are_not_played(client, play, service
 
 
 @contextmanager
-def own_node(router: Router, topic: str, run: Callable[[Node], None]) -> Iterator[None]:
-    """Run a node ``own_front`` that publishes a topic, on a thread of its own."""
-    with Node("own", connection=at(router.endpoint), publishes=[topic]) as node:
+def own_node(
+    router: Router, topic: str, run: Callable[[Node], None], camera: str = "front"
+) -> Iterator[None]:
+    """Run a node ``own_CAMERA`` that publishes a topic, on a thread of its own."""
+    with Node("own", camera=camera, connection=at(router.endpoint), publishes=[topic]) as node:
         thread = threading.Thread(target=run, args=[node])
         thread.start()
         yield
@@ -185,20 +188,21 @@ def test_in_lockstep_a_slow_node_gets_every_frame(play, router: Router, recordin
     assert got == list(range(12))
 
 
+def as_raw(frame: Record) -> Record:
+    """Return the raw form of a frame, which arrived 1 ms before it."""
+    return replace(
+        frame,
+        key=frame.key.removesuffix("/compressed"),
+        payload=bytes(WIDTH * HEIGHT * 3),
+        encoding="application/octet-stream;vision.Image.v1",
+        log_time_ns=frame.log_time_ns - 10**6,
+    )
+
+
 def test_in_lockstep_a_frame_that_was_recorded_in_two_forms_is_answered_once(
     play, router: Router, tmp_path: Path
 ):
-    raw = [
-        replace(
-            each,
-            key="vision/front/image",
-            payload=bytes(WIDTH * HEIGHT * 3),
-            encoding="application/octet-stream;vision.Image.v1",
-            log_time_ns=each.log_time_ns - 10**6,
-        )
-        for each in FRAMES
-    ]
-    recording = write(tmp_path / "both.mcap", raw, FRAMES)
+    recording = write(tmp_path / "both.mcap", [as_raw(each) for each in FRAMES], FRAMES)
     got: list[int] = []
 
     def run(node: Node) -> None:
@@ -209,6 +213,27 @@ def test_in_lockstep_a_frame_that_was_recorded_in_two_forms_is_answered_once(
     with own_node(router, "centroid", run):
         ended(play(recording, "--lockstep", "own_front", "--answer", "5s"))
     assert got == list(range(12))
+
+
+def test_in_lockstep_the_forms_of_a_frame_may_stand_around_those_of_another_camera(
+    play, router: Router, tmp_path: Path
+):
+    cameras = {name: frames(12, camera=name) for name in ("front", "left")}
+    raw = [as_raw(each) for name in cameras for each in cameras[name]]
+    recording = write(tmp_path / "both.mcap", raw, *cameras.values())
+    got: dict[str, list[int]] = {name: [] for name in cameras}
+
+    def run(node: Node) -> None:
+        for frame in node.frames(want="gray", transport="jpeg"):
+            got[node.camera].append(frame.header.seq)
+            answer(node, frame)
+
+    names = [f"own_{name}" for name in cameras]
+    with ExitStack() as running:
+        for name in cameras:
+            running.enter_context(own_node(router, "centroid", run, camera=name))
+        ended(play(recording, "--lockstep", ",".join(names), "--answer", "5s"))
+    assert got == {name: list(range(12)) for name in cameras}
 
 
 def test_in_lockstep_a_node_that_pairs_frames_with_recorded_results_gets_both(

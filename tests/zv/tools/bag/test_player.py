@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import pytest
 
@@ -43,10 +43,15 @@ class Play:
         seconds: Length of the recording.
         wishes: Returns the wish at a second of the clock.
         until_s: When it is stopped.
+        held: How long each record is held back, seconds, by its name.
     """
 
     def __init__(
-        self, seconds: int, wishes: Callable[[float], Wish], until_s: float = 1000.0
+        self,
+        seconds: int,
+        wishes: Callable[[float], Wish],
+        until_s: float = 1000.0,
+        held: Mapping[str, float] | None = None,
     ) -> None:
         self.clock = SteppedClock()
         self.sent: list[tuple[str, float]] = []
@@ -63,6 +68,7 @@ class Play:
             lambda record: record.key == FRAME,
             lambda: self.now_s >= until_s,
             self.clock,
+            hold_back=lambda record, _: self.clock.step((held or {}).get(name_of(record), 0.0)),
         )
         # It waits on the machine's clock: let that pass at once.
         self.player.changed.wait = self.clock.step  # type: ignore[method-assign]
@@ -73,9 +79,12 @@ class Play:
         return (self.clock.now_ns - self._start_ns) / 1e9
 
     def _send(self, record: Record, run: Pass) -> None:
-        name = "f" if record.key == FRAME else "r"
-        self.sent.append((f"{name}{record.payload.decode()}", round(self.now_s, 3)))
+        self.sent.append((name_of(record), round(self.now_s, 3)))
         self.passes.append(run.begun_ns)
+
+
+def name_of(record: Record) -> str:
+    return f"{'f' if record.key == FRAME else 'r'}{record.payload.decode()}"
 
 
 def test_records_are_sent_in_their_pace():
@@ -119,6 +128,27 @@ def test_a_jump_while_paused_shows_the_frame_that_is_there():
 
     play = Play(5, wish, until_s=10)
     assert [name for name, _ in play.sent] == ["r1", "f2", "r2"]
+
+
+def test_a_record_that_is_held_back_is_not_sent_after_a_jump():
+    play = Play(5, lambda now_s: Wish(position_s=3.0 * (now_s > 1)), held={"f1": 3.0})
+    assert [name for name, _ in play.sent] == ["f0", "r0", "f3", "r3", "f4", "r4"]
+
+
+def test_a_record_that_is_held_back_waits_for_the_end_of_a_pause():
+    play = Play(2, lambda now_s: Wish(paused=1 < now_s < 9), held={"f1": 3.0})
+    assert [name for name, _ in play.sent] == ["f0", "r0", "f1", "r1"]
+    assert play.sent[2][1] >= 9
+
+
+def test_a_record_that_is_held_back_is_not_sent_after_the_end():
+    play = Play(5, lambda _: Wish(), until_s=2, held={"f1": 3.0})
+    assert [name for name, _ in play.sent] == ["f0", "r0"]
+
+
+def test_a_replay_goes_on_in_its_pace_after_a_record_was_held_back():
+    play = Play(3, lambda _: Wish(), held={"f1": 3.0})
+    assert play.sent[2:] == [("f1", 3.5), ("r1", 4.0), ("f2", 4.5), ("r2", 5.0)]
 
 
 def test_a_jump_to_the_same_place_begins_there_again():
