@@ -26,8 +26,9 @@ from typing import NoReturn
 import click
 
 from zenoh_vision.error_text import did_you_mean, printable, similar_names
-from zenoh_vision.errors import SourceError, VisionError
+from zenoh_vision.errors import ConnectionFault, RouterUnreachable, SourceError, VisionError
 from zenoh_vision.host import abandoned_threads
+from zenoh_vision.host.lifeline import is_launched
 from zenoh_vision.host.signals import SIGNALS
 
 FAULT_STATUS = 70
@@ -128,6 +129,8 @@ def tell(error: Exception, *, debug: bool, program: str = "zv", file: str | None
     if isinstance(error, VisionError):
         if error.exit_status:
             _say(str(error), program)
+        if isinstance(error, ConnectionFault) and is_launched():
+            return RouterUnreachable.exit_status  # zv up is to try again: names and clocks change
         return error.exit_status
     if isinstance(error, OSError) and (
         error.errno in FULL or (error.errno in INACCESSIBLE and error.filename is not None)

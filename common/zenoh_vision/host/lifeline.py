@@ -16,10 +16,18 @@ GRACE_S = 1.5
 SUPERVISED_VARIABLE = "ZV_SUPERVISED"
 """Set by ``zv up`` for its nodes, by the container image, and by the units for systemd."""
 
+LAUNCHED = "zv up"
+"""The value that ``zv up`` gives it."""
+
 
 def is_supervised() -> bool:
     """Tell whether something starts this process again when it ends."""
     return bool(os.environ.get(SUPERVISED_VARIABLE))
+
+
+def is_launched() -> bool:
+    """Tell whether ``zv up`` started this process, and decides by its status on another start."""
+    return os.environ.get(SUPERVISED_VARIABLE) == LAUNCHED
 
 
 def end_with_parent() -> None:

@@ -130,7 +130,7 @@ class Child:
                 line.words,
                 env={
                     **line.environment,
-                    lifeline.SUPERVISED_VARIABLE: "1",
+                    lifeline.SUPERVISED_VARIABLE: lifeline.LAUNCHED,
                     **({lifeline.VARIABLE: str(reading)} if service else {}),
                 },
                 cwd=line.folder,

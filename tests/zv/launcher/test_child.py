@@ -87,6 +87,16 @@ def test_a_wrong_configuration_is_not_started_again(said):
     assert said[-1] == "edge_x ended with status 2 (wrong configuration), not starting again"
 
 
+def test_a_node_that_does_not_find_the_name_of_its_router_is_started_again(said):
+    words = ["edge", "--connect", "tcp/router.invalid:7447", "--timeout", "1s"]
+    child = service_child("edge_x", words, say=said.append)
+    child.start()
+    wait_until(lambda: child.check() or child.exit_status is not None)
+    assert child.state.startswith("restarting in ")
+    wait_until(lambda: any("router.invalid is not known here" in line for line in said))
+    child.finish(time.monotonic())
+
+
 def test_a_node_that_is_not_to_be_restarted_stays_down(said):
     child = service_child(
         "camera_x", ["camera", "--source", "/none"], restart=False, say=said.append
