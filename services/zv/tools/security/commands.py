@@ -12,6 +12,7 @@ from typing import Final
 
 import zenoh
 
+from zenoh_vision.error_text import joined
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.security.credentials import renewal, shown_time
 from zenoh_vision.transport.connection import Connection
@@ -145,6 +146,7 @@ def add(options: AddOptions, _connection: Connection, output: Output) -> None:
         for name, role in named
     ]
     output.result({"added": files}, *(f"wrote {file}" for file in files), _reload(folder, system))
+    _tell_if_shortened(output, issuing, system, [name for name, _ in named])
 
 
 def renew(options: RenewOptions, _connection: Connection, output: Output) -> None:
@@ -179,12 +181,7 @@ def renew(options: RenewOptions, _connection: Connection, output: Output) -> Non
         output.result(
             {"name": name, "ends_s": system.holders[name].ends_s}, f"{name}: valid until {ends}"
         )
-    authority_s = issuing.authority.ends_s
-    if any(system.holders[name].ends_s >= authority_s for name in names):
-        output.note(
-            "that is the end of the authority; before it, make another folder with "
-            "zv security init and copy all files again"
-        )
+    _tell_if_shortened(output, issuing, system, names)
     output.note(
         "copy the files to where they are used; a node takes its own within 5 s, "
         "a container when it is restarted"
@@ -219,6 +216,19 @@ def revoke(options: RevokeOptions, _connection: Connection, output: Output) -> N
         output.note(
             f"a viewer with --tls-clients still admits the browsers of {', '.join(in_browsers)}: "
             "take the name out of its --tls-operators and --tls-guests"
+        )
+
+
+def _tell_if_shortened(
+    output: Output, issuing: Issuing, system: System, names: Iterable[str]
+) -> None:
+    """Say which certificates end with their authority, before the days that were asked for."""
+    authority_s = issuing.authority.ends_s
+    found = [name for name in names if system.holders[name].ends_s >= authority_s]
+    if found:
+        output.note(
+            f"{joined(found)} valid until the authority's end, {shown_time(authority_s)}; before "
+            "it, make another folder with zv security init and copy all files again"
         )
 
 

@@ -140,13 +140,18 @@ class Folder:
         Raises:
             SourceError: There is no such folder, or it has no authority.
         """
-        try:
-            file = (self.path / AUTHORITY).open()
-        except OSError as error:
-            raise self._unreadable(AUTHORITY, error) from None
-        with file:
-            fcntl.flock(file, fcntl.LOCK_EX)
+        with ExitStack() as cleanup:
+            try:
+                self._lock(cleanup)
+                (self.path / AUTHORITY).stat()
+            except OSError as error:
+                raise self._unreadable(AUTHORITY, error) from None
             yield
+
+    def _lock(self, cleanup: ExitStack) -> None:
+        number = os.open(self.path, os.O_RDONLY)
+        cleanup.callback(os.close, number)
+        fcntl.flock(number, fcntl.LOCK_EX)
 
     def system(self) -> System:
         """Read the list of holders.
@@ -271,7 +276,7 @@ class Folder:
 
     @contextmanager
     def made(self) -> Iterator[None]:
-        """Make the folder, which must not have been used, and keep other inits from it meanwhile.
+        """Make the folder, which must not have been used, and keep other commands out of it.
 
         Raises:
             ConfigurationError: It has files.
@@ -280,9 +285,7 @@ class Folder:
         with ExitStack() as cleanup:
             try:
                 self.path.mkdir(mode=0o755, parents=True, exist_ok=True)
-                number = os.open(self.path, os.O_RDONLY)
-                cleanup.callback(os.close, number)
-                fcntl.flock(number, fcntl.LOCK_EX)
+                self._lock(cleanup)
                 listed, begun = self._has(LIST), self._has(AUTHORITY, AUTHORITY_KEY)
             except OSError as error:
                 raise SourceError(f"{self.path}: {error.strerror or error}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
@@ -9,8 +10,7 @@ import stat
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import datetime, tzinfo
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from cryptography import x509
 
 from tests.support.secured import Secured, quietly, secured
 from tests.support.typist import type_zv
+from tests.support.waiting import wait_until
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.security.credentials import (
     CERTIFICATE,
@@ -35,7 +36,13 @@ from zv.registry import SERVICES
 from zv.tools.security import authority as authority_module
 from zv.tools.security import commands, showing
 from zv.tools.security.folder import Folder
-from zv.tools.security.options import CheckOptions, InitOptions, ShowOptions, WebOptions
+from zv.tools.security.options import (
+    AddOptions,
+    CheckOptions,
+    InitOptions,
+    ShowOptions,
+    WebOptions,
+)
 from zv.tools.security.roles import rights_of
 from zv.tools.security.web import web
 from zv.tools.shared.output import Output
@@ -69,21 +76,41 @@ def test_each_node_user_and_router_gets_one_file_that_only_its_owner_reads(syste
         assert "PRIVATE" not in (system.folder / name).read_text()
 
 
-def test_of_two_inits_at_once_in_one_folder_only_one_writes(tmp_path, monkeypatch):
-    both = threading.Barrier(2)
-    new_authority = commands.new_authority
+def during_init(folder: Path, command: Callable[[], None], monkeypatch) -> BaseException | None:
+    """Run a command while ``init`` writes a folder; return the error with which it ends."""
+    begun, waits = threading.Event(), threading.Event()
+    flock, new_authority = fcntl.flock, commands.new_authority
+    started: list[Future[None]] = []
 
-    def met(namespace: str) -> object:
-        with suppress(threading.BrokenBarrierError):
-            both.wait(0.5)
+    def noted(number: int, operation: int) -> None:
+        if begun.is_set():
+            waits.set()
+        flock(number, operation)
+
+    def interrupted(namespace: str) -> object:
+        if not begun.is_set():
+            begun.set()
+            started.append(pool.submit(command))
+            wait_until(lambda: waits.is_set() or started[0].done())
         return new_authority(namespace)
 
-    monkeypatch.setattr(commands, "new_authority", met)
+    monkeypatch.setattr(fcntl, "flock", noted)
+    monkeypatch.setattr(commands, "new_authority", interrupted)
+    with ThreadPoolExecutor(1) as pool:
+        commands.init(InitOptions(folder=str(folder)), Connection(), Output())
+    return started[0].exception()
+
+
+def test_of_two_inits_at_once_in_one_folder_only_one_writes(tmp_path, monkeypatch):
     given = InitOptions(folder=str(tmp_path)), Connection(), Output()
-    with ThreadPoolExecutor(2) as pool:
-        ends = [pool.submit(commands.init, *given) for _ in range(2)]
-    (refused,) = (error for end in ends if (error := end.exception()) is not None)
+    refused = during_init(tmp_path, lambda: commands.init(*given), monkeypatch)
     assert "has the certificates of a system already" in str(refused)
+
+
+def test_an_add_during_init_waits_for_its_end(tmp_path, monkeypatch):
+    given = AddOptions(dir=str(tmp_path), operator=("ann",)), Connection(), Output()
+    assert during_init(tmp_path, lambda: commands.add(*given), monkeypatch) is None
+    assert Folder(str(tmp_path)).file_of("ann").is_file()
 
 
 def test_a_router_keeps_little_for_slow_links_and_enough_for_tls_to_go_on(system: Secured):
@@ -286,10 +313,13 @@ def test_no_certificate_outlives_its_authority(system: Secured, monkeypatch, cap
     monkeypatch.setattr(authority_module, "datetime", later(authority.ends_s - 100 * DAY_S))
     system.renew("guest", days=90)
     assert read_credentials(str(system.file("guest"))).ends_s < authority.ends_s
-    assert "the end of the authority" not in capsys.readouterr().err
+    assert "authority" not in capsys.readouterr().err
     system.renew("guest", days=110)
     assert read_credentials(str(system.file("guest"))).ends_s == authority.ends_s
-    assert "that is the end of the authority; before it, make another" in capsys.readouterr().err
+    assert "guest valid until the authority's end, 20" in capsys.readouterr().err
+    system.add(node="spot_front", publishes=("vision/front/spot",))
+    assert read_credentials(str(system.file("spot_front"))).ends_s == authority.ends_s
+    assert "spot_front valid until the authority's end, 20" in capsys.readouterr().err
 
 
 def test_an_authority_that_has_ended_issues_nothing_and_still_revokes(system: Secured, monkeypatch):
