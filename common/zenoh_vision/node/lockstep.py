@@ -45,11 +45,13 @@ class Follower:
 
     Attributes:
         cameras: Those whose frames it takes.
+        subscribes: The key expressions that it subscribed to when it was found.
         answered: The newest frame that it answered of each camera.
     """
 
     name: str
     cameras: frozenset[str]
+    subscribes: tuple[str, ...] = ()
     answered: dict[str, FrameId] = field(default_factory=dict)
 
 
@@ -82,10 +84,13 @@ class Lockstep:
         self._followers: dict[str, Follower] = {}
         self._declared: list[Declaration[zenoh.Subscriber[None]]] = []
 
-    @property
-    def followers(self) -> Collection[Follower]:
-        """The nodes that are followed."""
-        return self._followers.values()
+    def takes(self, key: str) -> bool:
+        """Tell whether one of the nodes subscribed to a key when it was found."""
+        return any(
+            zenoh.KeyExpr(key).intersects(zenoh.KeyExpr(expression))
+            for each in self._followers.values()
+            for expression in each.subscribes
+        )
 
     def close(self) -> None:
         """End the subscriptions."""
@@ -173,7 +178,8 @@ class Lockstep:
         if not taken:
             return False
         if about.node not in self._followers:
-            follower = self._followers[about.node] = Follower(about.node, frozenset(taken))
+            follower = Follower(about.node, frozenset(taken), about.subscribes)
+            self._followers[about.node] = follower
             for key in answer_keys(about.publishes):
                 self._subscribe(key, follower)
         return True

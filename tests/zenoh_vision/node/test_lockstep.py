@@ -53,3 +53,19 @@ def test_it_is_said_once_for_which_node_one_waits(
     lockstep = Lockstep(link, "vision", ["tracker_front"], stopping)  # type: ignore[arg-type]
     lockstep.find({"front"}, None)
     assert caplog.messages == ["waiting: tracker_front does not run; nodes that run: none"]
+
+
+@pytest.mark.parametrize(
+    ("key", "taken"),
+    [
+        ("vision/front/image/compressed", True),
+        ("vision/front/image", False),  # a form that nobody took is not waited for
+        ("vision/left/image", True),
+        ("vision/left/image/compressed", False),
+    ],
+)
+def test_a_key_is_taken_that_one_of_the_nodes_subscribed_to(key: str, taken: bool) -> None:
+    lockstep = Lockstep(SimpleNamespace(session=None), "vision", [])  # type: ignore[arg-type]
+    for node, expression in (("a", "vision/front/image/compressed"), ("b", "vision/left/image")):
+        lockstep._followers[node] = Follower(node, frozenset({"front"}), (expression,))
+    assert lockstep.takes(key) == taken

@@ -284,9 +284,8 @@ class Playing:
         )
         try:
             lockstep.find(self._cameras, node.connection.timeout_s)
-            taken = {camera for each in lockstep.followers for camera in each.cameras}
             for key, stream in self._streams.items():
-                if is_frame_key(key) and keys.camera_of(key) in taken:
+                if is_frame_key(key) and lockstep.takes(key):
                     self._wait_for_subscriber(stream)
             yield lockstep
         finally:
