@@ -98,8 +98,8 @@ class PlayOptions(ToolOptions):
         str | None,
         Field(
             pattern=r"^[a-z0-9_]+(,[a-z0-9_]+)*$",
-            description="nodes, separated by commas: the next frame is sent when all of them have "
-            "answered the last one",
+            description="nodes, separated by commas: a camera's next frame is sent when all of "
+            "them have answered its last one",
         ),
         Form("names of nodes, separated by commas"),
     ] = None
