@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -35,6 +36,9 @@ TELL_S = 2.0
 POLL_S = 0.1
 ANSWER_S = 30.0
 
+MOST_ANSWERED = 64
+"""Frames of a camera whose answers are remembered until the next wait."""
+
 FrameId = tuple[str, int, int]
 """Camera, epoch and seq."""
 
@@ -46,13 +50,24 @@ class Follower:
     Attributes:
         cameras: Those whose frames it takes.
         subscribes: The key expressions that it subscribed to when it was found.
-        answered: The newest frame that it answered of each camera.
+        answered: By camera, the frames that it has answered since the last wait; more than one,
+            since it may say more of an earlier frame after its answer.
     """
 
     name: str
     cameras: frozenset[str]
     subscribes: tuple[str, ...] = ()
-    answered: dict[str, FrameId] = field(default_factory=dict)
+    answered: dict[str, deque[FrameId]] = field(default_factory=dict)
+
+    def has_answered(self, frame: FrameId) -> bool:
+        """Tell whether it has answered a frame since the last wait for that camera's frames."""
+        return frame in self.answered.get(frame[0], ())
+
+    def note(self, answer: FrameId) -> None:
+        """Note the frame of a message that it has sent."""
+        found = self.answered.setdefault(answer[0], deque(maxlen=MOST_ANSWERED))
+        if answer not in found:
+            found.append(answer)
 
 
 class Lockstep:
@@ -142,15 +157,13 @@ class Lockstep:
         begun_s = looked_s = time.monotonic()
 
         def answered() -> bool:
-            return all(each.answered.get(header.camera) == frame for each in asked)
+            return all(each.has_answered(frame) for each in asked)
 
         while not self._arrived.wait_for(done or answered, POLL_S):
             if self._stopping():
                 return False
             now_s = time.monotonic()
-            late = next(
-                (each.name for each in asked if each.answered.get(header.camera) != frame), None
-            )
+            late = next((each.name for each in asked if not each.has_answered(frame)), None)
             if late is not None and now_s - looked_s > LOOK_S:
                 looked_s = now_s
                 which = f"frame {header.seq} of {header.camera}"
@@ -160,6 +173,9 @@ class Lockstep:
                     raise ExpectationNotMet(
                         f"{late} has not answered {which} within {self._answer_s:g} s"
                     )
+        if done is None:
+            for each in asked:
+                each.answered.pop(header.camera, None)  # it may be sent again, after a jump
         return True
 
     def _key(self, node: str) -> str:
@@ -193,7 +209,7 @@ class Lockstep:
             except PayloadError:
                 return
             if header.node == follower.name:
-                follower.answered[header.camera] = header.camera, header.epoch, header.seq
+                follower.note((header.camera, header.epoch, header.seq))
                 self._arrived.set()
 
         self._declared.append(

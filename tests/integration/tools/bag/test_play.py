@@ -254,6 +254,25 @@ def test_in_lockstep_a_node_that_pairs_frames_with_recorded_results_gets_both(
     assert got == [(seq, seq) for seq in range(12)]
 
 
+def test_in_lockstep_a_node_may_say_more_of_an_earlier_frame_after_its_answer(
+    play, router: Router, recording
+):
+    got: list[int] = []
+
+    def run(node: Node) -> None:
+        before: Frame | None = None
+        for frame in node.frames(want="gray"):
+            got.append(frame.header.seq)
+            answer(node, frame)
+            if before is not None:
+                answer(node, before)
+            before = frame
+
+    with own_node(router, "centroid", run):
+        ended(play(recording, "--lockstep", "own_front", "--answer", "5s", "--speed", "1"))
+    assert got == list(range(12))
+
+
 def test_lockstep_names_the_node_that_does_not_run_or_has_gone(play, recording, service):
     said = ended(play(recording, "--lockstep", "tracker_front", "--timeout", "1s"), status=1)
     assert "tracker_front does not run; nodes that run: player_front" in said
