@@ -127,7 +127,8 @@ def renewal(folder: Path, name: str) -> str:
 def renewal_of(file: Path) -> str:
     """Return the command that writes somebody's file again; that of a router has its own folder."""
     if file.name == ROUTER_FILE:
-        return renewal(file.parent.parent, file.parent.name)
+        folder = file.absolute().parent  # it may be the current one
+        return renewal(folder.parent, folder.name)
     return renewal(file.parent, file.stem)
 
 

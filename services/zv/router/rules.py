@@ -134,11 +134,14 @@ class RouterRules:
 def _validity(file: Path, text: str) -> Validity | None:
     """Return when a router's certificate is valid; None for a file without one of zv security."""
     from cryptography import x509
+    from cryptography.x509.oid import NameOID
 
     try:
         pem = base64.b64decode(parsed_json5(file, text)["transport"]["link"]["tls"][SERVES])
         found = x509.load_pem_x509_certificate(pem)
+        (named,) = found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     except (VisionError, KeyError, TypeError, ValueError):
         return None
+    name = str(named.value).partition(".")[0]  # after a revocation it is router.2
     times = found.not_valid_before_utc.timestamp(), found.not_valid_after_utc.timestamp()
-    return Validity(file.parent.name, file.parent.parent, *times)
+    return Validity(name, file.absolute().parent.parent, *times)

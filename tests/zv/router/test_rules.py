@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
 
 import pytest
@@ -153,6 +154,24 @@ def test_a_router_says_once_that_its_certificate_ends_and_that_it_has_ended(
     assert followed.changed()
     assert followed.trouble() == ""
     assert caplog.messages == []
+
+
+def test_a_router_is_named_as_its_certificate_names_it_wherever_its_file_is(
+    tmp_path, monkeypatch, caplog
+):
+    system = secured(tmp_path, days=20)
+    system.add(router="far", host=("far.example",))
+    system.revoke("far")
+    system.add(router="far", host=("far.example",))
+    copied = shutil.copy(system.file("far"), tmp_path)
+    assert RouterRules(str(copied), ANY).trouble() == ""
+    monkeypatch.chdir(system.file("far").parent)
+    assert RouterRules("router.json5", ANY).trouble() == ""
+    assert [said.split()[3] for said in caplog.messages] == ["far", "far"]
+    assert caplog.messages[1].endswith(f": zv security renew far --dir {system.folder}")
+    system.file("far").write_text("{")
+    with pytest.raises(ConfigurationError, match=f"renew far --dir {system.folder} writes"):
+        RouterRules("router.json5", ANY)
 
 
 def test_a_router_with_a_certificate_of_its_own_making_is_not_judged(tmp_path):
