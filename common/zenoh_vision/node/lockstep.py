@@ -19,6 +19,7 @@ from zenoh_vision.host.wakeup import Wakeup
 from zenoh_vision.messages import Header, NodeDescription
 from zenoh_vision.topics import is_frame_key, topic_of
 from zenoh_vision.transport.link import Declaration, Link
+from zenoh_vision.transport.matching import intersect
 from zenoh_vision.transport.query import Query, ask, messages_in
 from zenoh_vision.transport.session import direct
 
@@ -102,7 +103,7 @@ class Lockstep:
     def takes(self, key: str) -> bool:
         """Tell whether one of the nodes subscribed to a key when it was found."""
         return any(
-            zenoh.KeyExpr(key).intersects(zenoh.KeyExpr(expression))
+            intersect(expression, key)
             for each in self._followers.values()
             for expression in each.subscribes
         )

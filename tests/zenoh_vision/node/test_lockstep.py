@@ -55,6 +55,15 @@ def test_it_is_said_once_for_which_node_one_waits(
     assert caplog.messages == ["waiting: tracker_front does not run; nodes that run: none"]
 
 
+def test_a_frame_that_is_sent_again_is_waited_for_again() -> None:
+    link = SimpleNamespace(session=None)
+    lockstep = Lockstep(link, "vision", [], lambda: True)  # type: ignore[arg-type]
+    follower = lockstep._followers["a"] = Follower("a", frozenset({"front"}))
+    follower.note(("front", 1, 3))
+    assert lockstep.wait(FRAME)
+    assert not lockstep.wait(FRAME)  # told to stop
+
+
 @pytest.mark.parametrize(
     ("key", "taken"),
     [
@@ -67,5 +76,6 @@ def test_it_is_said_once_for_which_node_one_waits(
 def test_a_key_is_taken_that_one_of_the_nodes_subscribed_to(key: str, taken: bool) -> None:
     lockstep = Lockstep(SimpleNamespace(session=None), "vision", [])  # type: ignore[arg-type]
     for node, expression in (("a", "vision/front/image/compressed"), ("b", "vision/left/image")):
-        lockstep._followers[node] = Follower(node, frozenset({"front"}), (expression,))
+        said = ("no//expression", expression)  # a node may say anything
+        lockstep._followers[node] = Follower(node, frozenset({"front"}), said)
     assert lockstep.takes(key) == taken
