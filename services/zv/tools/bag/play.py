@@ -219,8 +219,8 @@ class Playing:
             if keyboard.active:
                 self._output.note(HELP)
             self.player.run()
-        for camera in [*self._unanswered]:
-            self._wait_for(camera)
+            for camera in [*self._unanswered]:
+                self._wait_for(camera)
         self._synchronize()
 
     def _synchronize(self) -> None:

@@ -322,6 +322,23 @@ def test_keys_of_a_terminal_step_jump_and_end_it(client, router: Router, recordi
     assert terminal.end() == 0
 
 
+def test_a_key_of_a_terminal_ends_the_wait_for_the_last_answers(router: Router, recording: Path):
+    seen: list[int] = []
+
+    def run(node: Node) -> None:
+        for frame in node.frames(want="gray"):
+            seen.append(frame.header.seq)
+            if frame.header.seq < 11:
+                answer(node, frame)
+
+    with own_node(router, "centroid", run):
+        words = ["bag", "play", str(recording), "--lockstep", "own_front"]
+        terminal = Terminal([*words, "--connect", router.endpoint])
+        wait_until(lambda: 11 in seen, explain=lambda: terminal.text)
+        terminal.press(b"q")
+        assert terminal.end() == 0
+
+
 def test_a_query_gets_the_newest_frame_that_was_played(client, play, router, recording):
     program = play(recording, "--step")
     wait_until(lambda: "playing" in program.complaints)
