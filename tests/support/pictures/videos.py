@@ -60,6 +60,8 @@ def make_video(
         if codec == "mpeg4":
             stream.codec_context.gop_size = 1
             stream.codec_context.bit_rate = 2_000_000
+        if codec == "mjpeg":  # on one processor FFmpeg would choose tables of its own
+            stream.codec_context.options = {"huffman": "default"}
         for name, value in (tags or {}).items():
             setattr(stream.codec_context, name, value)
         for index, array in enumerate(frames):
