@@ -212,12 +212,18 @@ class Outputs:
     def header(self, source: Frame | Stamped, encoding: str | None = None) -> Header:
         """Return the header of a result: the frame's identity, this node's name and revision."""
         # The newest revision is activated before each item, and a frame keeps that of its turn.
-        revision = source.revision if isinstance(source, Frame) else self._core.revision
+        # What a message says of the arrival of a frame is of another node, by another clock.
+        revision, received_ns = (
+            (source.revision, source.header.received_ns)
+            if isinstance(source, Frame)
+            else (self._core.revision, None)
+        )
         return source.header.model_copy(
             update={
                 "encoding": encoding,
                 "node": self._core.name,
                 "revision": 0 if revision is None else revision.number,
+                "received_ns": received_ns,
                 "done_ns": self._core.clock.time_ns(),
             }
         )

@@ -141,9 +141,8 @@ def test_a_node_of_no_camera_is_called_as_its_service(router, client):
 def test_a_result_of_a_message_has_the_identity_of_its_frame_and_the_nodes_own_name(
     client, connection
 ):
-    header = Header(
-        camera="front", epoch=3, seq=8, stamp_ns=5, width=64, height=48, node="finder", revision=9
-    )
+    frame = Header(camera="front", epoch=3, seq=8, stamp_ns=5, width=64, height=48)
+    header = frame.model_copy(update={"node": "finder", "revision": 9, "received_ns": 6})
     found = Centroid(header=header, found=False, x=None, y=None, box=None, area=None)
     parameters = ParameterStore(EdgeSettings())
     with (
@@ -159,4 +158,5 @@ def test_a_result_of_a_message_has_the_identity_of_its_frame_and_the_nodes_own_n
         changed = picker.header(next(results))
     assert (own.camera, own.epoch, own.seq, own.stamp_ns, own.width) == ("front", 3, 8, 5, 64)
     assert (own.node, own.revision) == ("picker_front", 0)
+    assert own.received_ns is None  # when the frame came, by the clock of another node
     assert changed.revision == revision
