@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -208,10 +208,18 @@ def revoke(options: RevokeOptions, _connection: Connection, output: Output) -> N
         issuing.routers(system)
         folder.write(system)
         in_browsers = [name for name in options.name if folder.browser_file_of(name).exists()]
-        for name in options.name:
-            folder.remove(name)
-    names = ", ".join(dict.fromkeys(options.name))
-    output.result({"revoked": list(options.name)}, f"revoked {names}", _reload(folder, system))
+        try:
+            for name in options.name:
+                folder.remove(name)
+        finally:  # they are revoked, also if a file cannot be deleted
+            _tell_revoked(output, folder, system, options.name, in_browsers)
+
+
+def _tell_revoked(
+    output: Output, folder: Folder, system: System, names: Sequence[str], in_browsers: Sequence[str]
+) -> None:
+    said = f"revoked {', '.join(dict.fromkeys(names))}"
+    output.result({"revoked": list(names)}, said, _reload(folder, system))
     if in_browsers:
         output.note(
             f"a viewer with --tls-clients still admits the browsers of {', '.join(in_browsers)}: "

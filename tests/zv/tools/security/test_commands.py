@@ -410,7 +410,8 @@ def test_the_files_that_routers_elsewhere_need_are_named(system: Secured):
     assert copied in system.add(node="operator")
 
 
-def test_who_is_revoked_is_so_although_the_file_cannot_be_deleted(system: Secured):
+def test_who_is_revoked_is_so_although_the_file_cannot_be_deleted(system: Secured, capsys):
+    quietly(web, WebOptions(dir=str(system.folder), name=("guest",)))
     file = system.file("guest")
     file.unlink()
     file.mkdir()  # as Docker does, for a file that it is to mount and does not find
@@ -418,6 +419,7 @@ def test_who_is_revoked_is_so_although_the_file_cannot_be_deleted(system: Secure
         system.revoke("guest")
     assert "guest" not in Folder(str(system.folder)).system().valid()
     assert "guest" not in system.file("router").read_text()
+    assert "still admits the browsers of guest" in capsys.readouterr().err
 
 
 def test_a_router_that_is_revoked_needs_its_name_again(system: Secured):
