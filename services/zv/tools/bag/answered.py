@@ -37,6 +37,14 @@ class AnsweredFrame:
     answers: list[Record] = field(default_factory=list)
     results: list[Record] = field(default_factory=list)
 
+    def results_by_answer(self) -> tuple[list[Record], list[Record]]:
+        """Return the results that came before the node's last answer, and those that came after."""
+        if not self.answers:
+            return self.results, []
+        last_ns = max(each.log_time_ns for each in self.answers)
+        before = [each for each in self.results if each.log_time_ns <= last_ns]
+        return before, [each for each in self.results if each.log_time_ns > last_ns]
+
     @property
     def size(self) -> int:
         """Bytes of what belongs to the frame."""

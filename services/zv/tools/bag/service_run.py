@@ -32,6 +32,7 @@ START_S: Final = 30.0
 POLL_S: Final = 0.05
 LOOK_S: Final = 1.0
 ANSWER_S: Final = 30.0
+HOLD_S: Final = 1.0
 LATE_S: Final = 0.5
 """How long after the last frame a message may come that was not recorded."""
 
@@ -130,6 +131,7 @@ class ServiceRun:
         frame: Record,
         expected: Counter[str] | None = None,
         results: Iterable[Record] = (),
+        later: Iterable[Record] = (),
     ) -> None:
         """Send a frame, and wait until the service has said something of it, or its time is over.
 
@@ -137,6 +139,8 @@ class ServiceRun:
             frame: With a header.
             expected: How many messages of each key to wait for; by default one of any key.
             results: What other nodes said of the frame, sent before the wait.
+            later: What they said of it after the service had answered, sent after the wait; or
+                after ``HOLD_S`` without an answer, which may depend on it.
 
         Raises:
             ExpectationNotMet: It has ended.
@@ -148,6 +152,7 @@ class ServiceRun:
         self._put(frame)
         for each in results:
             self.send(each)
+        held = [*later]
 
         def complete() -> bool:
             self._sort()
@@ -159,11 +164,15 @@ class ServiceRun:
             now_s = time.monotonic()
             if self._stopping() or now_s - began_s > self._answer_s:
                 break
+            while held and now_s - began_s > HOLD_S:
+                self.send(held.pop(0))
             if found and now_s - began_s > LATE_S + self._answer_s / 10:
                 break  # it has answered, but not with all
             if now_s - looked_s > LOOK_S:
                 looked_s = now_s
                 self._check_running()
+        for each in held:
+            self.send(each)
 
     def take_answers(self, frame: Record) -> list[Record]:
         """Return, once, what the service has said so far of a frame that was sent."""

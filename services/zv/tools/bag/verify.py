@@ -8,6 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -264,8 +265,8 @@ class Verification:
             self._check_header(each.frame)
             self._prepare(service, each)
             awaited = None if self._options.update else _awaited(each.answers) or None
-            results = filter(self._concerns, each.results)
-            service.send_frame(marked(each.frame, begun_ns), awaited, results)
+            results, later = map(partial(filter, self._concerns), each.results_by_answer())
+            service.send_frame(marked(each.frame, begun_ns), awaited, results, later)
             self._check_going_on()
             sent.append(each)
             waiting[each.frame.key] += 1

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgpack
@@ -26,7 +27,7 @@ from tests.support.waiting import wait_until
 from zenoh_vision.config.settings import load_settings
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.keys import msgpack_of
-from zenoh_vision.messages import CameraInfo, Diagnostics, NodeDescription, Tracks
+from zenoh_vision.messages import CameraInfo, Diagnostics, NodeDescription, TrackEvent, Tracks
 from zv.bag.record import Record
 from zv.bag.recording import Recording
 from zv.bag.writer import PARTIAL, Writer
@@ -375,41 +376,71 @@ with Node("pairs", connection=Connection(os.environ["ZV_CONNECT"]), publishes=["
 """
 
 
-def test_a_service_of_frames_and_the_results_made_from_them_gets_both(zv: Zv, tmp_path: Path):
+COUNTS = """
+import os, time
+from zenoh_vision import Connection, Node, TrackEvent
+with Node("counts", connection=Connection(os.environ["ZV_CONNECT"]), publishes=["events"]) as node:
+    found, count = node.messages("centroid"), 0
+    for frame in node.frames():
+        while found.take(0.1) is not None:  # nor does one come a little later
+            count += 1
+        seen = TrackEvent(header=node.header(frame), event="seen", id=count, x=0.0, y=0.0)
+        node.publish("events", seen)
+"""
+
+
+@pytest.mark.parametrize(
+    ("node", "code", "topic", "fields", "after_ns"),
+    [
+        ("pairs", PAIRS, Tracks, lambda _: {"tracks": []}, 1),
+        (
+            "counts",
+            COUNTS,
+            TrackEvent,
+            lambda number: {"event": "seen", "id": number, "x": 0.0, "y": 0.0},
+            -1,
+        ),
+    ],
+    ids=["that of this frame", "those before this frame"],
+)
+def test_a_service_of_frames_and_of_what_another_says_of_them_gets_both_in_their_order(
+    zv: Zv, tmp_path: Path, node: str, code: str, topic: Any, fields: Any, after_ns: int
+):
     few = FRAMES[:5]
+    key = KEY if topic is Tracks else "vision/front/events"
     about = NodeDescription(
-        node="pairs_front",
-        service="pairs",
+        node=f"{node}_front",
+        service=node,
         cameras=("front",),
         version="1",
         host="robot",
         pid=1,
         started_ns=BEGIN_NS,
-        publishes=(KEY,),
+        publishes=(key,),
         subscribes=("vision/front/image/compressed", "vision/front/centroid"),
     )
     described = Record(
-        "@vision/node/pairs_front",
+        f"@vision/node/{node}_front",
         about.to_bytes(),
         msgpack_of(NodeDescription.schema_name),
         log_time_ns=BEGIN_NS,
         origin="query",
     )
     answers = []
-    for each in centroids(few):  # the tracker's
-        header = each.header | {"node": "pairs_front"}
+    for number, each in enumerate(centroids(few)):  # the tracker's
+        header = each.header | {"node": f"{node}_front"}
         answers.append(
             Record(
-                KEY,
-                msgpack.packb({"header": header, "tracks": []}),
-                msgpack_of(Tracks.schema_name),
+                key,
+                msgpack.packb({"header": header, **fields(number)}),
+                msgpack_of(topic.schema_name),
                 msgpack.packb(header),
-                log_time_ns=each.log_time_ns + 1,
+                log_time_ns=each.log_time_ns + after_ns,
             )
         )
     run = write(tmp_path / "run.mcap", [described], few, centroids(few), answers)
-    service = tmp_path / "pairs.py"
-    service.write_text(PAIRS)
+    service = tmp_path / "service.py"
+    service.write_text(code)
     command = f"{sys.executable} {service}"
-    said = zv(run, "--node", "pairs", "--command", command, "--answer", "5s").output
+    said = zv(run, "--node", node, "--command", command, "--answer", "5s").output
     assert "5 frames, 5 messages as recorded" in said
