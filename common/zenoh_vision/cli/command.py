@@ -202,7 +202,7 @@ class Group(_WithExamples, click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Load the command that the first argument names."""
         meant = [words for words in self._longer if words.split()[-1] == args[0]]
-        if args[0] not in self.commands and meant:
+        if args[0] not in self.commands and meant and not ctx.resilient_parsing:
             hint = did_you_mean(meant, before="; ")
             raise click.UsageError(f"no such command {args[0]!r}{hint}", ctx)
         name, _, rest = super().resolve_command(ctx, args)

@@ -48,6 +48,7 @@ def in_bash(typed: str) -> list[str]:
         pytest.param("zv ", list(COMMANDS), id="all commands"),
         pytest.param("zv tracke", ["tracker"], id="a command begun"),
         pytest.param("zv xyz", [], id="no such command"),
+        pytest.param("zv play ", list(COMMANDS), id="a command without its group"),
         pytest.param("zv tracker --hist", ["--history"], id="an option"),
         pytest.param("zv camera --no-l", ["--no-loop"], id="the other half of a switch"),
         pytest.param("zv camera --flip ", ["none", "horizontal", "vertical", "both"], id="values"),
