@@ -269,7 +269,7 @@ class StreamMonitor:
             name = sample.key, None if header is None else header.node
             stream = self._streams.get(name)
             if stream is None:
-                if len(self._streams) >= MAX_STREAMS:
+                if self.is_full:
                     self.left_out += 1
                     continue
                 stream = self._streams[name] = StreamStatistics(*name)
@@ -298,8 +298,13 @@ class StreamMonitor:
             found.setdefault(stream, Samples()).add(time_s, size, delay_ms)
         return found, begin_s
 
+    @property
+    def is_full(self) -> bool:
+        """Whether a stream that is new is left out."""
+        return len(self._streams) >= MAX_STREAMS
+
     def forget(self, stream: StreamStatistics) -> None:
-        """Remove a stream that has ended."""
+        """Remove a stream, for another to have its place."""
         del self._streams[stream.key, stream.node]
 
     def received_any(self) -> bool:

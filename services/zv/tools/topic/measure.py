@@ -27,8 +27,8 @@ from zv.tools.topic.options import BwOptions, DelayOptions, HzOptions
 
 PERIOD_S = 1.0
 SILENT_S = 2.0
-FORGET_S = 10.0
-"""A stream that is silent for this long is no longer shown."""
+GONE_S = 10.0
+"""A stream that is silent for this long is not shown until it is back."""
 
 PLACES = 2
 JSON_PLACES = 6
@@ -251,14 +251,15 @@ def _within(
 ) -> list[Measurement]:
     """Measure the streams over a window, or from their first message on if it is within the window.
 
-    Streams that have ended are skipped.
+    Streams that are silent are skipped. They go on where they were, with what was lost meanwhile.
     """
     found = []
     recent, begin_s = monitor.within(begin_s)
     for stream in monitor.streams:
         total = stream.samples
-        if now_s - total.last_s > max(FORGET_S, now_s - begin_s):
-            monitor.forget(stream)
+        if now_s - total.last_s > max(GONE_S, now_s - begin_s):
+            if monitor.is_full:
+                monitor.forget(stream)
             continue
         samples = recent.get(stream, Samples())
         since_s = max(begin_s, total.first_s)

@@ -9,6 +9,7 @@ from unittest.mock import Mock
 import pytest
 import zenoh
 
+from zenoh_vision.messages import Header
 from zenoh_vision.transport.connection import Connection
 from zv.tools.shared import statistics
 from zv.tools.shared.discovery import Discovery
@@ -53,7 +54,7 @@ class Session:
 class Sample:
     """As much of a sample as the tools look at."""
 
-    attachment = None
+    attachment: zenoh.ZBytes | None = None
     encoding = "text/plain"
     kind = zenoh.SampleKind.PUT
 
@@ -134,3 +135,39 @@ def test_a_moving_window_with_too_many_messages_is_shorter_and_its_rate_right(mo
     assert record["messages"] == 1000  # the newest 10 s
     assert record["rate_hz"] == pytest.approx(100)
     assert record["seconds"] == pytest.approx(10, abs=0.1)
+
+
+def numbered(seq: int) -> Sample:
+    """Return a sample of a camera, with its number."""
+    sample = Sample("vision/a/image/compressed")
+    header = Header(camera="a", epoch=1, seq=seq, stamp_ns=1, width=1, height=1, node="camera_a")
+    sample.attachment = zenoh.ZBytes(header.to_bytes())
+    return sample
+
+
+def test_a_stream_that_was_silent_for_long_is_hidden_and_has_lost_what_it_missed():
+    session = Session()
+    monitor = StreamMonitor(session, ["vision/**"], moving=True)
+
+    def lost(at_s: float, *numbers: int) -> list[int | None]:
+        session.time_s = at_s
+        for seq in numbers:
+            session.receive(numbered(seq))
+        monitor.update()
+        return [found.stream.lost for found in _within(HZ, monitor, at_s - 5.0, at_s)]
+
+    assert lost(1.0, 0, 1) == [0]
+    assert lost(12.0) == []
+    assert lost(13.0, 9, 10) == [7]  # 2 to 8
+
+
+def test_if_there_is_no_room_a_silent_stream_makes_it(monkeypatch):
+    monkeypatch.setattr(statistics, "MAX_STREAMS", 1)
+    session = Session()
+    monitor = StreamMonitor(session, ["vision/**"], moving=True)
+    session.receive(Sample("vision/a/b"))
+    monitor.update()
+    assert _within(HZ, monitor, 6.0, 11.0) == []
+    session.receive(Sample("vision/a/c"))
+    monitor.update()
+    assert [each.key for each in monitor.streams] == ["vision/a/c"]
