@@ -53,3 +53,14 @@ def test_a_camera_that_does_not_run_is_an_error(router, monkeypatch: pytest.Monk
     connection = Connection(router.endpoint, timeout_s=10)
     with pytest.raises(ExpectationNotMet, match="no picture on vision/front/image/compressed"):
         camera.run(CameraOptions(**DESCRIBED), connection, Output())
+
+
+def test_a_plane_without_a_board_names_the_pictures_that_were_searched(
+    router, monkeypatch: pytest.MonkeyPatch
+):
+    grey = np.full((180, 240), 128, np.uint8)
+    monkeypatch.setattr(plane, "from_stream", lambda *_: iter([grey, grey]))
+    options = PlaneOptions(calibration="new.yaml", no_lens="240x180", **DESCRIBED)
+    connection = Connection(router.endpoint, timeout_s=10)
+    with pytest.raises(ExpectationNotMet, match="no chessboard of 8x5 found in 2 pictures of f"):
+        plane.run(options, connection, Output())

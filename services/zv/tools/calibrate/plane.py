@@ -139,11 +139,13 @@ def _view(board: Board, options: PlaneOptions, connection: Connection) -> BoardV
         if view is None:
             raise ExpectationNotMet(f"{words} found in {options.image}")
         return view
+    searched = 0
     with ToolSession(connection) as session:
         for gray in from_stream(session, options.camera, options.for_):
             if (view := board.find(gray)) is not None:
                 return view
-    raise ExpectationNotMet(f"{words} seen by {options.camera} in {options.for_:g} s")
+            searched += 1
+    raise ExpectationNotMet(f"{words} found in {searched} pictures of {options.camera}")
 
 
 def read_pairs(path: str) -> tuple[str, ...]:
