@@ -53,7 +53,9 @@ class Webhook:
             raise NotTaken(f"its answer is not HTTP: {said}") from None
         except aiohttp.InvalidURL:
             raise NotTaken("its URL names no host or no port that there is") from None
-        except (aiohttp.ClientError, TimeoutError, OSError) as error:
+        except TimeoutError:
+            raise NotTaken(f"it does not answer within {ANSWER_S:g} s") from None
+        except (aiohttp.ClientError, OSError) as error:
             said = re.sub(r"https?://\S+", "its URL", str(error))  # which may hold a secret
             raise NotTaken(said or type(error).__name__) from None
         if 200 <= status < 300:

@@ -12,7 +12,7 @@ from contextlib import suppress
 import pytest
 
 from tests.support.waiting import wait_until
-from zv.notify import delivery
+from zv.notify import delivery, webhook
 from zv.notify.delivery import MOST_WAITING, STOP_S, Delivery, NotTaken, Receiver, Refused
 from zv.notify.mqtt import Mqtt
 from zv.notify.notice import Notice
@@ -232,6 +232,16 @@ def test_what_is_wrong_with_a_webhook_is_told_without_its_url(answer: bytes | No
             assert said in sending.fault
             assert "secret" not in sending.fault
         server.shutdown(socket.SHUT_RDWR)
+
+
+def test_a_webhook_that_does_not_answer_is_said_to_be_so(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(webhook, "ANSWER_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as server:  # the system accepts, nobody reads
+        hook = Webhook(f"http://127.0.0.1:{server.getsockname()[1]}/")
+        with Delivery([hook], lambda: 60, lambda: None) as sending:
+            sending.put(notice(0))
+            wait_until(lambda: sending.fault)
+            assert sending.fault == "webhook: it does not answer within 0.2 s"
 
 
 def test_an_error_that_no_receiver_foresees_is_told_and_it_is_sent_again():
