@@ -18,12 +18,11 @@ def size_of(record: Record) -> int:
 
 
 class RecordQueue:
-    """Records that wait, in the order of their arrival; what does not fit is handed back."""
+    """Records that wait, in the order of their arrival; what does not fit, without its bytes."""
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit = limit_bytes
-        self._records: deque[Record] = deque()
-        self._lost: list[Record] = []
+        self._records: deque[tuple[Record, bool]] = deque()
         self._size = 0
         self._last_ns = 0
         self._ready = threading.Condition()
@@ -35,30 +34,25 @@ class RecordQueue:
             if record.log_time_ns <= self._last_ns:  # of two threads, the second was first here
                 record = replace(record, log_time_ns=self._last_ns + 1)
             self._last_ns = record.log_time_ns
-            if self._size + size > self._limit:
-                # Only what the account needs is kept.
-                self._lost.append(
-                    Record(
-                        record.key, b"", record.encoding, record.attachment, origin=record.origin
-                    )
-                )
-                return
-            self._records.append(record)
-            self._size += size
+            fits = self._size + size <= self._limit
+            if fits:
+                self._size += size
+            else:
+                record = replace(record, payload=b"")  # the account needs no more
+            self._records.append((record, fits))
             if len(self._records) == 1:
                 self._ready.notify()
 
-    def take(self, timeout_s: float) -> tuple[list[Record], list[Record]]:
-        """Return all records that wait, and those that did not fit; waits for the first."""
+    def take(self, timeout_s: float) -> list[tuple[Record, bool]]:
+        """Return all records that wait, and whether they did fit; waits for the first."""
         with self._ready:
             if not self._records:
                 self._ready.wait(timeout_s)
-            records, lost = list(self._records), self._lost
+            records = list(self._records)
             self._records.clear()
-            self._lost = []
-        return records, lost
+        return records
 
-    def done(self, records: list[Record]) -> None:
+    def done(self, records: list[tuple[Record, bool]]) -> None:
         """Free the room of records that were taken."""
         with self._ready:
-            self._size -= sum(map(size_of, records))
+            self._size -= sum(size_of(record) for record, fits in records if fits)

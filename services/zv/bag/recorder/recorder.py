@@ -179,12 +179,13 @@ class Recorder:
     def _run(self) -> None:
         while True:
             is_last = self._ended.is_set()
-            records, lost = self._queue.take(0.0 if is_last else POLL_S)
+            records = self._queue.take(0.0 if is_last else POLL_S)
             try:
-                for each in lost:
-                    self._files.ledger.miss(each, "recorder_behind")
-                for record in records:
-                    self._take(record)
+                for record, fits in records:
+                    if fits:
+                        self._take(record)
+                    else:
+                        self._files.ledger.miss(record, "recorder_behind")
                 self._tick()
             except Exception:
                 log.exception("the recorder cannot go on as it should")
