@@ -33,7 +33,9 @@ class _Keys:
 
 
 def run(settings: RecorderSettings, connection: Connection) -> None:
-    """Record until told to stop. While nothing can be written, its health is an error.
+    """Record until told to stop.
+
+    While nothing can be written, its health is an error, and a warning while the disk is too slow.
 
     Raises:
         ConfigurationError: A key expression is none, or an option needs ``last``.
@@ -49,12 +51,16 @@ def run(settings: RecorderSettings, connection: Connection) -> None:
             plan.output.absolute(),
         )
         taken = missed = 0
+        is_slow = False
         try:
             while not node.stopping:
                 node.health.loop_alive()
                 progress = recorder.progress()
-                level = Level.ERROR if progress.failure else Level.OK
-                node.health.report("disk", level, progress.failure)
+                if progress.delay and not is_slow:
+                    log.warning("%s", progress.delay)
+                is_slow = bool(progress.delay)
+                level = Level.ERROR if progress.failure else Level.WARN if is_slow else Level.OK
+                node.health.report("disk", level, progress.failure or progress.delay)
                 for _ in range(progress.taken - taken):
                     node.counters.arrive()
                     node.counters.finish()

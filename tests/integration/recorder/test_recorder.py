@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ import zenoh
 
 from tests.support.fork_server import ZV
 from tests.support.listening import open_client
-from tests.support.processes import Program
+from tests.support.processes import START_S, Program
 from tests.support.publishing import PlainCamera, wait_for_subscriber
 from tests.support.waiting import wait_until
 from zenoh_vision import Node, keys
@@ -31,6 +32,7 @@ from zv.bag.recorder.recorder import Recorder
 from zv.bag.recording import Recording
 from zv.bag.report import report_of
 from zv.bag.snapshot import snapshot
+from zv.bag.writer import CHUNK_BYTES
 from zv.edge.settings import EdgeSettings
 
 
@@ -320,6 +322,34 @@ def test_what_a_slow_disk_cannot_take_is_counted_and_nothing_else_is_lost(
     assert set(report.missed) == {"recorder_behind"}
     assert report.count + report.missed["recorder_behind"] == 60
     assert report.count >= 9
+
+
+def test_a_disk_that_hangs_is_said_to_do_so_and_what_is_missed_is_counted_meanwhile(
+    endpoint: str, client: zenoh.Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, goes_on = os.pwritev, threading.Event()
+
+    def hanging(file: int, buffers: list[memoryview], place: int) -> int:
+        goes_on.wait(START_S)
+        return write(file, buffers, place)
+
+    monkeypatch.setattr("zv.bag.recorder.recorder.SILENT_S", 0.3)
+    camera = PlainCamera(client, pictures=(os.urandom(CHUNK_BYTES),))
+    plan = Plan(tmp_path / "run.mcap", keys=("vision/**",), memory_bytes=10_000_000)
+    with recording(endpoint, plan) as recorder:
+        assert recorder.progress().delay == ""
+        monkeypatch.setattr(os, "pwritev", hanging)
+        wait_for_subscriber(client, "vision/front/image/compressed")
+        for _ in range(5):
+            camera.send()
+        wait_until(lambda: recorder.progress().missed == 3)  # two of 4.2 MB fit into the queue
+        wait_until(lambda: "has taken nothing for " in recorder.progress().delay)
+        assert "what does not fit into memory_mb is missed" in recorder.progress().delay
+        goes_on.set()
+        monkeypatch.setattr("zv.bag.recorder.recorder.HOLD_S", 0.0)
+        wait_until(lambda: recorder.progress().delay == "")
+        wait_until(lambda: (recorder.progress().taken, recorder.progress().missed) == (2, 3))
+        assert recorder.progress().failure == ""
 
 
 def test_the_viewer_s_token_is_in_no_recording(

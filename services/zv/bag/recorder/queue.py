@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections import deque
 from dataclasses import replace
 
@@ -18,11 +20,18 @@ def size_of(record: Record) -> int:
 
 
 class RecordQueue:
-    """Records that wait, in the order of their arrival; what does not fit, without its bytes."""
+    """Records that wait, in the order of their arrival; what does not fit, without its bytes.
+
+    Attributes:
+        lost: How many of those that wait did not fit.
+        lost_s: When the newest of them came, by ``time.monotonic``.
+    """
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit = limit_bytes
         self._records: deque[tuple[Record, bool]] = deque()
+        self.lost = 0
+        self.lost_s = -math.inf
         self._size = 0
         self._last_ns = 0
         self._ready = threading.Condition()
@@ -38,6 +47,8 @@ class RecordQueue:
             if fits:
                 self._size += size
             else:
+                self.lost += 1
+                self.lost_s = time.monotonic()
                 record = replace(record, payload=b"")  # the account needs no more
             self._records.append((record, fits))
             if len(self._records) == 1:
@@ -50,6 +61,7 @@ class RecordQueue:
                 self._ready.wait(timeout_s)
             records = list(self._records)
             self._records.clear()
+            self.lost = 0
         return records
 
     def done(self, records: list[tuple[Record, bool]]) -> None:

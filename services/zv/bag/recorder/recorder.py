@@ -33,6 +33,12 @@ POLL_S: Final = 0.1
 KEPT_QUEUE_BYTES: Final = 64 << 20
 """Limit of the queue beside the last seconds, which have the rest of the memory."""
 
+SILENT_S: Final = 5.0
+"""A disk is too slow if one write takes this long."""
+
+HOLD_S: Final = 5.0
+"""How long it is called too slow after the last sample that did not fit into the queue."""
+
 LONGEST_S: Final = 600.0
 """Triggers that follow each other prolong one file up to this; the next one begins another."""
 
@@ -47,6 +53,7 @@ class Progress:
         size: Bytes of all files.
         writing: The file that is being written.
         failure: Why nothing can be written.
+        delay: Why samples wait or are missed although nothing has failed.
     """
 
     taken: int
@@ -54,6 +61,7 @@ class Progress:
     size: int
     writing: Path | None
     failure: str
+    delay: str
 
 
 class Recorder:
@@ -99,6 +107,7 @@ class Recorder:
         self._health_prefix = keys.diagnostics_key(namespace, "")
         self._queryable: object = None
         self._told = 0
+        self._alive_s = time.monotonic()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
@@ -115,7 +124,22 @@ class Recorder:
     def progress(self) -> Progress:
         """Return how it goes."""
         files, totals = self._files, self._files.ledger.totals
-        return Progress(totals["taken"], totals["missed"], files.size, files.writing, files.failure)
+        # In this order: what the ledger takes over meanwhile is not counted twice.
+        missed = totals["missed"] + self._queue.lost
+        return Progress(
+            totals["taken"], missed, files.size, files.writing, files.failure, self._delay()
+        )
+
+    def _delay(self) -> str:
+        """Return how the disk is too slow, in words; empty if it is not."""
+        now_s = time.monotonic()
+        silent_s = now_s - self._alive_s
+        found = []
+        if silent_s > SILENT_S:
+            found.append(f"has taken nothing for {silent_s:.0f} s")
+        if now_s - self._queue.lost_s < HOLD_S:
+            found.append("is too slow: what does not fit into memory_mb is missed")
+        return f"the disk of {self._plan.output} {', and '.join(found)}" if found else ""
 
     def start(self) -> None:
         """Begin to record.
@@ -178,6 +202,7 @@ class Recorder:
 
     def _run(self) -> None:
         while True:
+            self._alive_s = time.monotonic()
             is_last = self._ended.is_set()
             records = self._queue.take(0.0 if is_last else POLL_S)
             try:
@@ -196,6 +221,7 @@ class Recorder:
         self._tell()
 
     def _take(self, record: Record) -> None:
+        self._alive_s = time.monotonic()
         if record.key.startswith(self._health_prefix):
             self._note_health(record)
         if record.origin == "stream":

@@ -111,7 +111,8 @@ COLUMNS = ("s", "messages", "MB", "missed", "file", "")
 def _row(seconds: float, progress: Progress) -> list[object]:
     name = progress.writing.name if progress.writing else "waits for a trigger"
     size_mb = round(progress.size / 1e6, 1)
-    return [round(seconds), progress.taken, size_mb, progress.missed, name, progress.failure]
+    fault = progress.failure or progress.delay
+    return [round(seconds), progress.taken, size_mb, progress.missed, name, fault]
 
 
 def _entered() -> bool:
