@@ -31,7 +31,7 @@ class RecordedNode:
     Attributes:
         cameras: Those whose frames it takes.
         described: Whether the recorder got its description.
-        started_ns: When it was started, ns since 1970; 0 if unknown.
+        starts_ns: When it was started, and started again, ns since 1970; empty if unknown.
         subscribes: Key expressions.
         changes: Values of parameters that were valid from a revision on.
         routes: On which its frames came.
@@ -42,7 +42,7 @@ class RecordedNode:
     namespace: str
     cameras: tuple[str, ...]
     described: bool = False
-    started_ns: int = 0
+    starts_ns: tuple[int, ...] = ()
     subscribes: tuple[str, ...] = ()
     changes: dict[int, dict[str, Any]] = field(default_factory=dict)
     routes: set[str] = field(default_factory=set)
@@ -125,13 +125,14 @@ def _described(recording: Recording) -> dict[str, RecordedNode]:
             about = NodeDescription.from_bytes(record.payload)
         except PayloadError:
             continue
+        earlier = found[about.node].starts_ns if about.node in found else ()
         found[about.node] = RecordedNode(
             about.node,
             about.service,
             record.key.split("/")[0].removeprefix("@"),
             tuple(about.cameras),
             described=True,
-            started_ns=about.started_ns,
+            starts_ns=tuple(sorted({*earlier, about.started_ns})),
             subscribes=tuple(about.subscribes),
         )
     return found

@@ -168,13 +168,20 @@ class Verification:
         if self._options.update is not None:
             return
         node = self._node
-        started_ns = node.started_ns
-        before_s = (first.frame.log_time_ns - started_ns) / 1e9
-        if started_ns and before_s * 1e9 > EARLIER_NS:
+        for started_ns in node.starts_ns[:1]:
+            before_s = (first.frame.log_time_ns - started_ns) / 1e9
+            if before_s * 1e9 > EARLIER_NS:
+                self._output.note(
+                    f"{node.name} had run for {before_s:.0f} s before its first recorded frame; "
+                    "what it had learned is not in the recording, so its results may differ. "
+                    "--update writes a recording of a run from the start"
+                )
+        for started_ns in node.starts_ns[1:]:
+            at_s = (started_ns - self._recording.start_ns) / 1e9
             self._output.note(
-                f"{node.name} had run for {before_s:.0f} s before its first recorded frame; what "
-                "it had learned is not in the recording, so its results may differ. --update "
-                "writes a recording of a run from the start"
+                f"{node.name} was started again {at_s:.2f} s into the recording, and had learned "
+                "nothing then, so its results may differ. `zv bag cut` makes a recording of each "
+                "run"
             )
         if node.routes - {"jpeg"} and first.frame.encoding == keys.JPEG:
             self._output.note(

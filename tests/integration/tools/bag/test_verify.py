@@ -99,6 +99,20 @@ def tampered(golden: Path, path: Path, seq: int) -> Path:
     return path
 
 
+def test_a_node_that_was_started_again_is_named_with_the_time(golden: Path, tmp_path: Path, zv: Zv):
+    path = tmp_path / "again.mcap"
+    with Recording(golden) as recording:
+        records = list(recording.records())
+    (described,) = (each for each in records if each.key == "@vision/node/tracker_front")
+    about = NodeDescription.from_bytes(described.payload)
+    again = about.model_copy(update={"started_ns": records[0].log_time_ns + 750_000_000})
+    end_ns = records[-1].log_time_ns
+    write(path, records, [replace(described, payload=again.to_bytes(), log_time_ns=end_ns)])
+    complaints = zv(path, "--node", "tracker").complaints
+    assert "tracker_front was started again 0.75 s into the recording" in complaints
+    assert complaints.count(DIFFERS) == 1
+
+
 @pytest.mark.parametrize("command", ["", " ", "python 'sum.py"])
 def test_what_is_no_command_is_refused(command: str):
     with pytest.raises(ConfigurationError, match="--command = "):
