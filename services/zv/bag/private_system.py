@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +18,9 @@ from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceErr
 STOP_S: Final = 5.0
 KEPT_BYTES: Final = 4000
 """Bytes of a log that an error shows."""
+
+WARNING: Final = re.compile(r"^\S+ WARNING +(?!lockstep:)(\S+): (.+)$", re.MULTILINE)
+"""A warning in a log, but of whom a replay waits for."""
 
 
 def zv_command(*words: str) -> list[str]:
@@ -87,6 +92,11 @@ class Child:
         self._log.seek(0, os.SEEK_END)
         self._log.seek(max(0, self._log.tell() - KEPT_BYTES))
         return self._log.read().decode(errors="replace").strip()
+
+    def pass_on_warnings(self) -> None:
+        """Log the last warnings that a command of this program has logged."""
+        for name, words in WARNING.findall(self.said()):
+            logging.getLogger(name).warning("%s", words)
 
     def check(self, expected: int | None = None) -> None:
         """Raise what a command of this program has said if it has ended.

@@ -94,6 +94,7 @@ def of_every_frame(
                 if camera.status is None:
                     raise ExpectationNotMet(f"told to stop after {count} frames")
                 camera.check(expected=0)
+                camera.pass_on_warnings()  # of what it could not read
     return count
 
 

@@ -166,6 +166,7 @@ def _track(
         if stopping():
             return
         camera.check(expected=0)
+        camera.pass_on_warnings()  # of what it could not read
         # It ended when the tracker had begun to answer the last frame: with the centroid.
         (replies,) = ask(session, [Query(CENTROID.key(NAMESPACE, name), timeout_s=LATE_S)])
         last = next((each.header for _, each in messages_in(replies, Centroid)), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,14 @@ def test_each_frame_of_a_recording_has_the_edges_of_its_picture(edge: Edge, tmp_
     (tmp_path / "frame.jpg").write_bytes(recorded[4].payload)
     edge("frame.jpg", "--out", "alone.png")
     assert (tmp_path / "edges/000004.png").read_bytes() == (tmp_path / "alone.png").read_bytes()
+
+
+def test_a_frame_that_cannot_be_read_is_said_to_be_left_out(edge: Edge, tmp_path: Path):
+    *whole, last = frames(3)
+    write(tmp_path / "run.mcap", whole, [replace(last, payload=b"no picture")])
+    said = edge("run.mcap", "--out", "edges").complaints
+    assert "run.mcap: the edges of 2 frames" in said
+    assert said.count("WARNING zv.camera.recorded: a recorded frame is skipped: ") == 1
 
 
 def test_no_frame_of_a_video_is_left_out(edge: Edge, tmp_path: Path):

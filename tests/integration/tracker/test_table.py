@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -78,6 +79,13 @@ def test_the_table_of_a_model_says_class_and_score(track: Track, tmp_path: Path)
     with (tmp_path / "t.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["class"], row["score"]) for row in rows] == [("green", "0.8")] * 8
+
+
+def test_a_frame_that_cannot_be_read_is_said_to_be_left_out(track: Track, tmp_path: Path):
+    write(tmp_path / "damaged.mcap", FRAMES[:5], [replace(FRAMES[5], payload=b"no picture")])
+    said = finished(track("damaged.mcap", "-o", "tracks.csv"))
+    assert "tracks.csv: 5 frames" in said
+    assert said.count("WARNING zv.camera.recorded: a recorded frame is skipped: ") == 1
 
 
 def test_told_to_stop_it_leaves_no_table(track: Track, tmp_path: Path):
