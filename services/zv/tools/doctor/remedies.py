@@ -11,6 +11,7 @@ from zenoh_vision.error_text import joined
 from zenoh_vision.health.counter_change import MISSED
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.keys import suffix_of
+from zenoh_vision.messages import Level
 from zenoh_vision.topics import RAW
 from zv.tools.doctor.observation import Observation, other_form
 
@@ -123,6 +124,8 @@ def remedy_for(reason: str, node: NodeState, seen: Observation) -> str:
     remedy = REMEDIES.get(reason)
     if remedy is None or about is None:
         return "see the log of the node"
+    if reason == MISSED and about.service == "recorder" and report and report.level != Level.OK:
+        return f"its health says why: {report.message}"
     if reason in ("out_of_order", "overwritten") and (name := _twins(seen, node)):
         return f"there are several {name}, see names: stop all but one"
     words = remedy.words

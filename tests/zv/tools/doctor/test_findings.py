@@ -14,6 +14,7 @@ from tests.support.diagnosing import observation
 from tests.support.node_states import node_state, report
 from zenoh_vision.health.counter_change import NOT_LOST
 from zenoh_vision.health.node_state import NodeState
+from zenoh_vision.messages import Level
 from zv.registry import model_of
 from zv.tools.doctor import remedies
 from zv.tools.doctor.network import name_findings
@@ -266,6 +267,16 @@ def test_frames_missed_in_shared_memory_are_not_blamed_on_the_network(transport,
     assert "40.0 % of its frames as missed (120 in 10.0 s)" in found.text
     assert found.remedy.startswith(begin)
     assert found.remedy.endswith(command)
+
+
+def test_what_a_recorder_misses_for_its_disk_is_not_blamed_on_the_network():
+    recorder = observed("recorder", 3.0, {"received": 90, "missed": 60})
+    first, last = recorder.reports
+    slow = last.model_copy(update={"level": Level.WARN, "message": "the disk is too slow"})
+    (found,) = loss_findings(observation(replace(recorder, reports=(first, slow))))
+    assert found.remedy == "its health says why: the disk is too slow"
+    (found,) = loss_findings(observation(recorder))
+    assert found.remedy.startswith("frames are lost in the network")
 
 
 def test_a_consumer_slower_than_a_slow_camera_names_the_rate_that_it_uses_and_so_does_the_camera():
