@@ -17,6 +17,7 @@ from zenoh_vision import keys
 from zenoh_vision.config.constraints import toml_line
 from zenoh_vision.config.settings import Settings, load_settings, local_path, read_config
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
+from zenoh_vision.host.files import write_file
 from zenoh_vision.host.signals import StopSignals
 from zenoh_vision.topics import is_frame_key, topic_of
 from zenoh_vision.transport.connection import Connection
@@ -372,12 +373,13 @@ class Verification:
         options, frame = self._options, each.frame.header
         if found:
             frame = found[0].header
-        stem = Path(options.file).stem
-        path = Path(options.picture or f"{stem}.difference.png")
+        path = options.picture or f"{Path(options.file).stem}.difference.png"
+        shown: str | None = path
+        words = f"picture: {path}"
         try:
-            path.write_bytes(drawn(each.frame, each.answers, found, difference))
-        except OSError as error:
-            raise SourceError(f"{path}: cannot be written: {error.strerror or error}") from None
+            write_file(path, drawn(each.frame, each.answers, found, difference))
+        except SourceError as error:
+            shown, words = None, f"no picture: {error}"
         at_s = (each.frame.log_time_ns - self._recording.start_ns) / 1e9
         if self._output.as_json:
             self._output.record(
@@ -392,13 +394,13 @@ class Verification:
                     "recorded": difference.recorded,
                     "now": difference.now,
                     "tolerance": difference.tolerance,
-                    "picture": str(path),
+                    "picture": shown,
                 }
             )
         raise ExpectationNotMet(
             f"{self._node.name} differs at frame {frame.get('seq')} of {frame.get('camera')}, "
             f"{at_s:.2f} s into the recording, after {self._tally.frames} frames as recorded: "
-            f"{difference.text()}; picture: {path}"
+            f"{difference.text()}; {words}"
         )
 
     def _check_header(self, frame: Record) -> None:

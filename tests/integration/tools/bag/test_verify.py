@@ -152,6 +152,17 @@ def test_a_value_that_differs_is_named_with_frame_field_both_values_and_a_pictur
     zv(wrong, "--node", "tracker", *more)
 
 
+def test_a_difference_is_said_too_where_its_picture_cannot_be_written(
+    zv: Zv, golden: Path, tmp_path: Path
+):
+    wrong = tampered(golden, tmp_path / "wrong.mcap", seq=40)
+    flags = ("--node", "tracker", "--picture", "none/there.png", "--json")
+    program = zv(wrong, *flags, status=1)
+    assert json.loads(program.output)["picture"] is None
+    assert "tracker_front differs at frame 40 of front" in program.complaints
+    assert "; no picture: none/there.png: No such file or directory" in program.complaints
+
+
 def test_parameters_that_were_changed_during_the_run_are_changed_at_the_same_frame(
     zv: Zv, router: Router, service: Service, tmp_path: Path
 ):
