@@ -151,7 +151,7 @@ class Lockstep:
             False if told to stop meanwhile.
 
         Raises:
-            ExpectationNotMet: A node has gone, or has not answered in time.
+            ExpectationNotMet: A node or the router has gone, or a node has not answered in time.
         """
         frame = header.camera, header.epoch, header.seq
         asked = [each for each in self._followers.values() if header.camera in each.cameras]
@@ -169,7 +169,10 @@ class Lockstep:
                 looked_s = now_s
                 which = f"frame {header.seq} of {header.camera}"
                 if self._has_ended(late):
-                    raise ExpectationNotMet(f"{late} ended before it answered {which}")
+                    gone = f"{late} ended before it"
+                    if not self._link.connected:
+                        gone = f"the router was lost before {late}"
+                    raise ExpectationNotMet(f"{gone} answered {which}")
                 if now_s - begun_s > self._answer_s:
                     raise ExpectationNotMet(
                         f"{late} has not answered {which} within {self._answer_s:g} s"

@@ -15,21 +15,22 @@ FRAME = Header(camera="front", epoch=1, seq=3, stamp_ns=1, width=4, height=4)
 
 
 @pytest.mark.parametrize(
-    ("timed_out", "error"),
+    ("connected", "timed_out", "error"),
     [
-        (False, "tracker_front ended before it answered frame 3 of front"),
-        (True, "tracker_front has not answered frame 3 of front within 0.2 s"),
+        (True, False, "tracker_front ended before it answered frame 3 of front"),
+        (False, False, "the router was lost before tracker_front answered frame 3 of front"),
+        (True, True, "tracker_front has not answered frame 3 of front within 0.2 s"),
     ],
-    ids=["not listed", "no list"],
+    ids=["not listed", "no router", "no list"],
 )
 def test_a_node_has_ended_if_a_complete_list_of_nodes_is_without_it(
-    timed_out: bool, error: str, monkeypatch: pytest.MonkeyPatch
+    connected: bool, timed_out: bool, error: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     replies = Replies()
     replies.timed_out = timed_out
     monkeypatch.setattr("zenoh_vision.node.lockstep.ask", lambda *_: [replies])
     monkeypatch.setattr("zenoh_vision.node.lockstep.LOOK_S", 0.0)
-    link = SimpleNamespace(session=None)
+    link = SimpleNamespace(session=None, connected=connected)
     lockstep = Lockstep(link, "vision", ["tracker_front"], answer_s=0.2)  # type: ignore[arg-type]
     lockstep._followers["tracker_front"] = Follower("tracker_front", frozenset({"front"}))
     with pytest.raises(ExpectationNotMet) as caught:
