@@ -40,7 +40,7 @@ class Repaired:
 
     Attributes:
         path: The complete file.
-        messages: How many it has.
+        messages: How many samples it has, as ``zv bag info`` counts them.
         lost_bytes: Bytes of the original that were not readable.
         in_place: No copy was made.
     """
@@ -68,8 +68,7 @@ def repair(
         if recording.is_closed and not recording.problems and output is None:
             if not path.name.endswith(PARTIAL):
                 return None
-            messages = 0 if recording.statistics is None else recording.statistics.message_count
-            return Repaired(_named(path), messages, 0, in_place=True)
+            return _repaired(_named(path), 0, in_place=True)
         account = rest_account(recording, list(recording.accounts()), notes=[KILLED])
         if output is not None:
             return _copied(recording, output, account, progress)
@@ -100,7 +99,12 @@ def repair(
     finally:
         file.close()
         writer.abandon()
-    return Repaired(closed, writer.messages, size - end, in_place=True)
+    return _repaired(closed, size - end, in_place=True)
+
+
+def _repaired(path: Path, lost_bytes: int, *, in_place: bool) -> Repaired:
+    with Recording(path) as recording:
+        return Repaired(path, sum(recording.counts().values()), lost_bytes, in_place)
 
 
 def _adopt(
@@ -211,4 +215,4 @@ def _copied(
         writer.discard()
         raise
     lost = recording.size - sum(each.length for each in recording.chunks)
-    return Repaired(path, writer.messages, max(0, lost), in_place=False)
+    return _repaired(path, max(0, lost), in_place=False)

@@ -44,6 +44,7 @@ def test_a_file_cut_at_200_places_is_completed_with_all_that_it_had(
             assert not recording.problems
             assert list(recording.records()) == before, f"cut at {cut}"
             report = report_of(recording)
+            assert done.messages == sum(each.count for each in report.keys)
             assert report.missed == 0
             assert [each for each in report.keys if each.epochs and not each.is_complete] == []
         with path.open("rb") as file:  # an independent reader, by index, with all CRCs
@@ -63,6 +64,7 @@ def test_a_complete_file_that_has_not_got_its_name_gets_it(tmp_path: Path, whole
     done = repair(partial)
     assert done is not None
     assert (done.path, done.in_place, done.lost_bytes) == (tmp_path / "run.mcap", True, 0)
+    assert done.messages == 2 * 20  # without the accounts
     assert done.path.read_bytes() == whole
     assert not partial.exists()
 
