@@ -53,12 +53,6 @@ def test_the_errors_of_drawing_on_a_frame_are_quoted_with_the_remedy():
     cv2.rectangle(frame.bgr.copy(), (1, 1), (3, 3), (0, 0, 255))
 
 
-def test_type_checkers_are_told_the_same_names():
-    stub = Path(zenoh_vision.__file__).with_suffix(".pyi").read_text()
-    told = re.findall(r"^from (\S+) import (\w+) as \2$", stub, re.MULTILINE)
-    assert {name: module for module, name in told} == zenoh_vision._MODULES
-
-
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="has no attribute 'Nod'"):
         _ = zenoh_vision.Nod  # type: ignore[attr-defined]
