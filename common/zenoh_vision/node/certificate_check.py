@@ -51,7 +51,8 @@ class CertificateCheck:
         if denied != self._health.message(DENIED):
             self._health.report(DENIED, Level.ERROR if denied else Level.OK, denied)
             log.log(logging.ERROR if denied else logging.WARNING, "%s", denied or "denied no more")
-        ended, ending = self._credentials.fault(), self._credentials.warning()
+        validity = self._credentials.validity
+        ended, ending = validity.fault(), validity.warning()
         words = ended or self._unusable or ending
         level = Level.ERROR if ended else Level.WARN if words else Level.OK
         if without_clock(words) != without_clock(self._health.message(VALIDITY)):

@@ -89,8 +89,7 @@ class Credentials:
         endpoint: Where the router is, unless another endpoint is given.
         tls: Zenoh's table ``transport/link/tls``, with the private key.
         rights: As they were when the file was written; the router's rules decide.
-        begins_s: From when the certificate is valid, s since 1970.
-        ends_s: Until when.
+        validity: When the certificate is valid.
     """
 
     path: Path
@@ -100,19 +99,7 @@ class Credentials:
     endpoint: str
     tls: Mapping[str, Any] = field(repr=False)
     rights: Rights
-    begins_s: float
-    ends_s: float
-
-    def fault(self, now_s: float | None = None) -> str:
-        """Return why the certificate is not valid now, with what to do; empty if it is."""
-        return self._validity().fault(now_s)
-
-    def warning(self, now_s: float | None = None) -> str:
-        """Return that the certificate ends within 30 days; empty if it does not."""
-        return self._validity().warning(now_s)
-
-    def _validity(self) -> Validity:
-        return Validity(self.name, self.path.parent, self.begins_s, self.ends_s)
+    validity: Validity
 
     def pem(self, part: str) -> bytes:
         """Return a part of the TLS table, such as ``CERTIFICATE``, as PEM."""
@@ -245,12 +232,13 @@ def read_credentials(path: str) -> Credentials:
         tls = content["transport"]["link"]["tls"]
         name, namespace, role = (str(about[each]) for each in ("name", "namespace", "role"))
         (endpoint,) = content["connect"]["endpoints"]
-        begins_s, ends_s = _checked_certificate(tls, file)
+        times_s = _checked_certificate(tls, file)
     except (KeyError, TypeError, ValueError, binascii.Error) as error:
         said = shortened(str(error)) if isinstance(error, KeyError) else "a wrong value"
         raise ConfigurationError(f"{file}: no credentials of a node ({said}); {again}") from None
     rights = Rights.from_map(about.get("rights"))
-    return Credentials(file, name, namespace, role, str(endpoint), tls, rights, begins_s, ends_s)
+    validity = Validity(name, file.parent, *times_s)
+    return Credentials(file, name, namespace, role, str(endpoint), tls, rights, validity)
 
 
 def _checked_certificate(tls: Mapping[str, Any], file: Path) -> tuple[float, float]:

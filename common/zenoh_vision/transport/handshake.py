@@ -35,7 +35,7 @@ def refusal(endpoints: Iterable[str], credentials: Credentials | None) -> str:
 
     Takes at most ``TIMEOUT_S`` for each step of each endpoint.
     """
-    if credentials is not None and (fault := credentials.fault()):
+    if credentials is not None and (fault := credentials.validity.fault()):
         return fault
     for text in endpoints:
         endpoint = tcp_endpoint(text)

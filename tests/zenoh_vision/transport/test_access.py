@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from zenoh_vision.security.credentials import Credentials
+from zenoh_vision.security.credentials import Credentials, Validity
 from zenoh_vision.security.rights import Rights
 from zenoh_vision.transport import access
 from zenoh_vision.transport.query import Query, Replies, Reply
@@ -19,7 +19,8 @@ OWN, KEY, TOKEN = "ab", "vision/front/edges/contours", "@vision/node/edge_front"
 SHOWN = f"zenoh-vision/holder/edge_front/{OWN}"
 RIGHTS = Rights.of([("publish", (KEY,)), ("answer", (KEY,)), ("announce", (TOKEN,))])
 FILE = Path("security", "edge_front.json5")
-CREDENTIALS = Credentials(FILE, "edge_front", "vision", "edge", "", {}, RIGHTS, 0.0, 1e12)
+VALIDITY = Validity("edge_front", FILE.parent, 0.0, 1e12)
+CREDENTIALS = Credentials(FILE, "edge_front", "vision", "edge", "", {}, RIGHTS, VALIDITY)
 
 
 @dataclass
@@ -112,7 +113,7 @@ def test_what_changes_is_asked_for_within_two_looks(router: Router, change: str)
     elif change == "another key":
         router.keys = {KEY + "/more"}
     else:
-        check.credentials = replace(CREDENTIALS, ends_s=2e12)
+        check.credentials = replace(CREDENTIALS, validity=replace(VALIDITY, ends_s=2e12))
     assert look_for(router, check, 2) == 1
 
 

@@ -29,7 +29,8 @@ MOST_SAID = 1000
 
 def certificate_findings(session: ToolSession, credentials: Credentials) -> Iterator[Finding]:
     """Check when one's own certificate ends, and when the router's does."""
-    own = credentials.fault() or credentials.warning()
+    validity = credentials.validity
+    own = validity.fault() or validity.warning()
     if own:
         said, _, remedy = own.rpartition(": ")
         yield Finding("WARN", "validity", said, remedy)
@@ -42,7 +43,7 @@ def certificate_findings(session: ToolSession, credentials: Credentials) -> Iter
             yield Finding("WARN", "validity", said, renewal(credentials.path.parent, "router"))
             return
     if not own:
-        until = min(filter(None, (credentials.ends_s, ends_s)))
+        until = min(filter(None, (validity.ends_s, ends_s)))
         said = f"the certificate of {credentials.name} is valid until {shown_time(until)}"
         yield Finding("OK", "validity", said)
 

@@ -59,7 +59,7 @@ def web(options: WebOptions, _connection: Connection, output: Output) -> None:
         != [kind]  # which is the default
     )
     for name in people:
-        if fault := read_credentials(str(folder.file_of(name))).fault():
+        if fault := read_credentials(str(folder.file_of(name))).validity.fault():
             output.note(f"browsers with {folder.browser_file_of(name)} are not let in: {fault}")
     output.result(
         {"written": [str(file) for file in files], "names": names},

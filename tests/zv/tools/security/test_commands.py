@@ -293,9 +293,9 @@ def test_renewal_makes_another_key_under_the_same_name(system: Secured):
     after = read_credentials(str(system.file("camera_front")))
     assert before.pem(KEY) != after.pem(KEY)
     assert common_name(system, "camera_front") == "CN=camera_front"
-    assert after.ends_s - after.begins_s == 3 * 86400
+    assert after.validity.ends_s - after.validity.begins_s == 3 * 86400
     assert system.content("router")["access_control"] == rules
-    assert "in 3 days: zv security renew camera_front --dir" in after.warning()
+    assert "in 3 days: zv security renew camera_front --dir" in after.validity.warning()
 
 
 def test_a_router_is_renewed_with_a_further_name(system: Secured):
@@ -312,13 +312,13 @@ def test_no_certificate_outlives_its_authority(system: Secured, monkeypatch, cap
     authority = Folder(str(system.folder)).authority()
     monkeypatch.setattr(authority_module, "datetime", later(authority.ends_s - 100 * DAY_S))
     system.renew("guest", days=90)
-    assert read_credentials(str(system.file("guest"))).ends_s < authority.ends_s
+    assert read_credentials(str(system.file("guest"))).validity.ends_s < authority.ends_s
     assert "authority" not in capsys.readouterr().err
     system.renew("guest", days=110)
-    assert read_credentials(str(system.file("guest"))).ends_s == authority.ends_s
+    assert read_credentials(str(system.file("guest"))).validity.ends_s == authority.ends_s
     assert "guest valid until the authority's end, 20" in capsys.readouterr().err
     system.add(node="spot_front", publishes=("vision/front/spot",))
-    assert read_credentials(str(system.file("spot_front"))).ends_s == authority.ends_s
+    assert read_credentials(str(system.file("spot_front"))).validity.ends_s == authority.ends_s
     assert "spot_front valid until the authority's end, 20" in capsys.readouterr().err
 
 
