@@ -73,7 +73,7 @@ def _offered(formats: Iterable[OfferedFormat]) -> Iterator[tuple[str, str, str]]
     same: dict[tuple[tuple[str, str], ...], list[str]] = {}
     for each in formats:
         if each.usable:
-            sizes = tuple((size.size, str(size.rates)) for size in each.sizes)
+            sizes = tuple(zip(map(str, each.offer.sizes), map(str, each.rates), strict=True))
             same.setdefault(sizes or (("size not stated", ""),), []).append(each.offer.fourcc)
     for sizes, names in same.items():
         for index, (size, rates) in enumerate(sizes):

@@ -77,7 +77,6 @@ class Granted:
         width: Pixels.
         height: Pixels.
         stride: Bytes from one row to the next; of the first plane, if there are several.
-        size: Bytes of a buffer.
         is_bt709: Whether its colours are those of BT.709, instead of BT.601.
         is_full_range: Whether black is 0 and white 255, instead of 16 and 235.
     """
@@ -86,7 +85,6 @@ class Granted:
     width: int
     height: int
     stride: int
-    size: int
     is_bt709: bool
     is_full_range: bool
 
@@ -165,12 +163,6 @@ class Driver:
 
     # Formats
 
-    def format(self) -> Granted:
-        """Return the format that is set."""
-        found = v4l2.v4l2_format()
-        found.type = self.type
-        return self._granted(self.call(v4l2.VIDIOC_G_FMT, found))
-
     def set_format(self, fourcc: str, width: int, height: int) -> Granted:
         """Set a format, and return the one that the driver made of it."""
         wanted = v4l2.v4l2_format()
@@ -181,13 +173,9 @@ class Driver:
         return self._granted(self.call(v4l2.VIDIOC_S_FMT, wanted))
 
     def _granted(self, found: Any) -> Granted:
-        if self.type == CAPTURE:
-            part = found.fmt.pix
-            stride, size, encoding = part.bytesperline, part.sizeimage, part.ycbcr_enc
-        else:
-            part = found.fmt.pix_mp
-            plane = part.plane_fmt[0]
-            stride, size, encoding = plane.bytesperline, plane.sizeimage, part.ycbcr_enc
+        part = found.fmt.pix if self.type == CAPTURE else found.fmt.pix_mp
+        plane = part if self.type == CAPTURE else part.plane_fmt[0]
+        encoding = part.ycbcr_enc
         by_space = part.colorspace in (v4l2.V4L2_COLORSPACE_REC709, v4l2.V4L2_COLORSPACE_DCI_P3)
         is_jpeg = part.colorspace == v4l2.V4L2_COLORSPACE_JPEG
         stated = part.quantization
@@ -195,8 +183,7 @@ class Driver:
             fourcc=fourcc_of(part.pixelformat),
             width=int(part.width),
             height=int(part.height),
-            stride=int(stride),
-            size=int(size),
+            stride=int(plane.bytesperline),
             is_bt709=bool(encoding == v4l2.V4L2_YCBCR_ENC_709 if encoding else by_space),
             is_full_range=bool(stated == v4l2.V4L2_QUANTIZATION_FULL_RANGE if stated else is_jpeg),
         )
@@ -209,7 +196,7 @@ class Driver:
             self.call(v4l2.VIDIOC_G_PARM, found)
         except OSError:
             return None
-        return _rate_of(found.parm.capture.timeperframe)
+        return rate_of(found.parm.capture.timeperframe)
 
     def set_rate(self, rate_hz: float) -> float | None:
         """Set a rate, and return the one that the driver made of it; None if it does not say."""
@@ -221,7 +208,7 @@ class Driver:
             self.call(v4l2.VIDIOC_S_PARM, wanted)
         except OSError:
             return self.rate_hz()
-        return _rate_of(part.timeperframe)
+        return rate_of(part.timeperframe)
 
     def input_fault(self) -> str:
         """Return what the driver says is wrong with its input; empty if nothing is.
@@ -260,5 +247,6 @@ def text_of(field: Any) -> str:
     return bytes(field).partition(b"\0")[0].decode("utf-8", "replace").strip()
 
 
-def _rate_of(interval: Any) -> float | None:
+def rate_of(interval: Any) -> float | None:
+    """Return the rate of an interval between pictures; None for one of 0."""
     return interval.denominator / interval.numerator if interval.numerator else None

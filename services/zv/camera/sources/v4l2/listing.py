@@ -21,26 +21,18 @@ NOTHING_TO_LIST: Final = (errno.ENOTTY, errno.EINVAL)
 
 
 @dataclass(frozen=True, slots=True)
-class OfferedSize:
-    """A size, or a range of sizes, in words, and its rates."""
-
-    size: str
-    rates: Rates
-
-
-@dataclass(frozen=True, slots=True)
 class OfferedFormat:
     """A format of a device.
 
     Attributes:
         offer: As the driver lists it.
         usable: Whether ``zv camera`` can read it.
-        sizes: With their rates.
+        rates: Of each size of the offer; of a range, of the largest.
     """
 
     offer: Offer
     usable: bool
-    sizes: tuple[OfferedSize, ...]
+    rates: tuple[Rates, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,11 +105,9 @@ def listed_devices() -> Iterator[Listed]:
 
 def _formats(driver: Driver) -> Iterator[OfferedFormat]:
     for offer in offers_of(driver):
-        sizes = []
-        for each in offer.sizes:
-            at = (each.width[1], each.height[1])
-            sizes.append(OfferedSize(str(each), rates_of(driver, offer.fourcc, *at)))
-        yield OfferedFormat(offer, preference(offer.fourcc) >= 0, tuple(sizes))
+        largest = ((each.width[1], each.height[1]) for each in offer.sizes)
+        rates = tuple(rates_of(driver, offer.fourcc, *size) for size in largest)
+        yield OfferedFormat(offer, preference(offer.fourcc) >= 0, rates)
 
 
 def _format_map(found: OfferedFormat) -> dict[str, Any]:
@@ -128,10 +118,10 @@ def _format_map(found: OfferedFormat) -> dict[str, Any]:
         "sizes": [
             {
                 **asdict(size),
-                "rates_hz": list(offered.rates.values),
-                "any_rate_between": offered.rates.between,
+                "rates_hz": list(rates.values),
+                "any_rate_between": rates.between,
             }
-            for size, offered in zip(found.offer.sizes, found.sizes, strict=True)
+            for size, rates in zip(found.offer.sizes, found.rates, strict=True)
         ],
     }
 

@@ -17,6 +17,7 @@ from zv.camera.sources.v4l2.driver import (
     FrameSize,
     code_of,
     fourcc_of,
+    rate_of,
     text_of,
 )
 
@@ -124,9 +125,9 @@ def rates_of(driver: Driver, fourcc: str, width: int, height: int) -> Rates:
     rates = []
     for each in driver.listed(ENUM_FRAMEINTERVALS, wanted):
         if each.type != DISCRETE:
-            ends = (each.stepwise.min, each.stepwise.max)
-            return Rates(tuple(sorted(filter(None, map(_rate, ends)), reverse=True)), between=True)
-        rates.append(_rate(each.discrete))
+            ends = map(rate_of, (each.stepwise.min, each.stepwise.max))
+            return Rates(tuple(sorted(filter(None, ends), reverse=True)), between=True)
+        rates.append(rate_of(each.discrete))
     return Rates(tuple(sorted({rate for rate in rates if rate}, reverse=True)))
 
 
@@ -143,10 +144,6 @@ def _sizes(driver: Driver, code: int) -> Iterator[Sizes]:
             return
         width, height = each.discrete.width, each.discrete.height
         yield Sizes((width, width, 1), (height, height, 1))
-
-
-def _rate(interval: Any) -> float:
-    return interval.denominator / interval.numerator if interval.numerator else 0.0
 
 
 def _nearest(sides: tuple[int, int, int], wanted: int) -> int:

@@ -129,7 +129,7 @@ def stride_of(fourcc: str) -> int:
 
 
 def form(fourcc: str, stride: int, *, bt709: bool = False, full: bool = False) -> Granted:
-    return Granted(fourcc, WIDTH, HEIGHT, stride, stride * HEIGHT, bt709, full)
+    return Granted(fourcc, WIDTH, HEIGHT, stride, bt709, full)
 
 
 @pytest.mark.parametrize("fourcc", LAYOUTS)
