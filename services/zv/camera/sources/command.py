@@ -23,6 +23,7 @@ from av.error import FFmpegError
 from zenoh_vision.error_text import printable, shortened, without_password
 from zenoh_vision.errors import SourceError, SourceLost
 from zenoh_vision.host.group_guard import GroupGuard, end_group, signal_group
+from zenoh_vision.image.codecs import JPEG_START
 from zv.camera.sources.base import Source, TimedPicture
 from zv.camera.sources.jpeg_stream import JpegStream
 from zv.camera.sources.kinds import COMMAND, source_words
@@ -38,7 +39,6 @@ LAST_LINES: Final = 3
 MAX_LINE: Final = 300
 MAX_LINE_BYTES: Final = 4096
 """More than is shown, so that a password in a URL is recognised before the line is cut."""
-JPEG_START: Final = b"\xff\xd8\xff"
 QUICK: Final = {"analyzeduration": "100000", "probesize": "1000000", "fpsprobesize": "0"}
 
 

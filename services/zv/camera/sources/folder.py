@@ -8,11 +8,9 @@ from itertools import chain
 from pathlib import Path
 
 from zenoh_vision.errors import PayloadError, SourceError
-from zenoh_vision.image import codecs
-from zenoh_vision.image.files import decoded, images_in
-from zenoh_vision.image.picture import Picture
+from zenoh_vision.image.files import images_in
 from zv.camera.sources.base import TimedPicture
-from zv.camera.sources.mjpeg import upright_jpeg
+from zv.camera.sources.mjpeg import upright_picture
 
 log = logging.getLogger(__name__)
 
@@ -60,24 +58,9 @@ def _pictures(files: list[Path], rate_hz: float) -> Iterator[TimedPicture]:
     count = 0
     for file in files:
         try:
-            picture = _picture(file.read_bytes())
+            picture = upright_picture(file.read_bytes())
         except (OSError, ValueError, PayloadError) as error:
             log.warning("%s: skipped: %s", file, error)
         else:
             yield TimedPicture(picture, due_s=count / rate_hz)
             count += 1
-
-
-def _picture(data: bytes) -> Picture:
-    """Return the contents of an image file as a picture.
-
-    Raises:
-        ValueError, PayloadError: It is not an image, or is damaged or unsupported.
-    """
-    if data.startswith((codecs.JPEG_START, codecs.PNG_START)):
-        codecs.picture_size(data)
-    if data.startswith(codecs.JPEG_START):
-        jpeg = upright_jpeg(data)
-        if jpeg is not None:
-            return jpeg
-    return decoded(data)

@@ -8,19 +8,16 @@ from collections.abc import Callable
 from typing import Final
 
 from zenoh_vision.errors import PayloadError, SourceError, SourceLost
-from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
-from zenoh_vision.image.files import decoded
-from zenoh_vision.image.picture import Picture
+from zenoh_vision.image.codecs import JPEG_START, MAX_COMPRESSED_BYTES
 from zv.camera.sources.base import TimedPicture
 from zv.camera.sources.http_request import Answer, HttpClient, HttpFailure
 from zv.camera.sources.jpeg_stream import JpegStream
-from zv.camera.sources.mjpeg import DamagedJpeg, upright_jpeg
+from zv.camera.sources.mjpeg import upright_picture
 
 log = logging.getLogger(__name__)
 
 SNAPSHOT_HZ: Final = 1.0
 STREAM_TYPES: Final = ("multipart/x-mixed-replace", "multipart/mixed", "multipart/related")
-JPEG_START: Final = b"\xff\xd8\xff"
 
 
 def open_http(
@@ -121,26 +118,10 @@ class Snapshots:
                         f"{self._shown}: the server sends a picture that is far too large, or has "
                         "no end"
                     )
-            return TimedPicture(_upright(bytes(data)), stamp_ns=stamp_ns)
+            return TimedPicture(upright_picture(bytes(data)), stamp_ns=stamp_ns)
         except HttpFailure as error:
             raise SourceError(f"{self._shown}: {error}") from None
         except (ValueError, PayloadError) as error:
             raise SourceError(f"{self._shown}: the picture cannot be used: {error}") from None
         finally:
             answer.close()
-
-
-def _upright(data: bytes) -> Picture:
-    """Return an image file as a picture; a JPEG stays as it is.
-
-    Raises:
-        ValueError, PayloadError: It is no image, or is damaged.
-    """
-    if data.startswith(JPEG_START):
-        try:
-            jpeg = upright_jpeg(data)
-        except DamagedJpeg as error:
-            raise ValueError(str(error)) from None
-        if jpeg is not None:
-            return jpeg
-    return decoded(data)

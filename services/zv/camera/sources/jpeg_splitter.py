@@ -12,9 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from zenoh_vision.image.codecs import MAX_COMPRESSED_BYTES
+from zenoh_vision.image.codecs import JPEG_START, MAX_COMPRESSED_BYTES
 
-START: Final = b"\xff\xd8\xff"
 START_OR_END: Final = re.compile(rb"\xff[\xd8\xd9]")
 START_OF_SCAN: Final = 0xDA
 LEAST_MARKER: Final = 0xC0
@@ -80,7 +79,7 @@ class JpegSplitter:
 
     def _next(self) -> JpegPacket | None:
         while True:
-            if not self._bytes.startswith(START) and not self._begin():
+            if not self._bytes.startswith(JPEG_START) and not self._begin():
                 return None
             if self._scan is None:
                 try:
@@ -106,7 +105,7 @@ class JpegSplitter:
 
     def _begin(self) -> bool:
         """Drop what is before the next JPEG; return whether there is one."""
-        start = self._bytes.find(START, self._searched)
+        start = self._bytes.find(JPEG_START, self._searched)
         head = bytes(self._bytes[: start if start >= 0 else None][-MAX_HEAD_BYTES:])
         times = TIMESTAMP.findall(head)
         self._time_s = float(times[-1]) if times else None
@@ -114,7 +113,7 @@ class JpegSplitter:
             self._drop(start)
             return True
         self._drop(max(0, len(self._bytes) - MAX_HEAD_BYTES))
-        self._searched = max(0, len(self._bytes) - len(START) + 1)
+        self._searched = max(0, len(self._bytes) - len(JPEG_START) + 1)
         return False
 
     def _scan_start(self) -> int | None:

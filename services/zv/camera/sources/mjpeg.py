@@ -58,6 +58,19 @@ def upright_jpeg(packet: bytes) -> Picture | None:
         raise DamagedJpeg(str(error)) from None
 
 
+def upright_picture(file: bytes) -> Picture:
+    """Return an image file as a picture that is upright; a JPEG as for ``upright_jpeg``.
+
+    Raises:
+        ValueError, PayloadError: It is no image, or is damaged, too large or unsupported.
+    """
+    is_jpeg = file.startswith(codecs.JPEG_START)
+    if is_jpeg or file.startswith(codecs.PNG_START):
+        codecs.picture_size(file)  # refuses what is too large before it is decoded
+    jpeg = upright_jpeg(file) if is_jpeg else None
+    return decoded(file) if jpeg is None else jpeg
+
+
 def whole_jpeg(packet: bytes) -> JpegPicture | None:
     """Return the JPEG in a packet as a picture, trimmed and made complete.
 
