@@ -309,8 +309,6 @@ def connection_sentence(error: Exception, timeout_s: float) -> str:
         return "nobody listens there (connection refused)"
     if isinstance(error, ConnectionResetError | BrokenPipeError):
         return "the server closed the connection"
-    if isinstance(error, http.client.RemoteDisconnected):
-        return "the server closed the connection"
     if isinstance(error, http.client.BadStatusLine | http.client.LineTooLong):
         return "the server does not speak HTTP"
     if isinstance(error, http.client.InvalidURL):
