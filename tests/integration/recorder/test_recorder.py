@@ -31,9 +31,9 @@ from zv.bag.recorder.plan import Plan
 from zv.bag.recorder.recorder import Recorder
 from zv.bag.recording import Recording
 from zv.bag.report import report_of
-from zv.bag.snapshot import snapshot
 from zv.bag.writer import CHUNK_BYTES
 from zv.edge.settings import EdgeSettings
+from zv.tools.bag.recorded_node import recorded_node
 
 
 @pytest.fixture
@@ -155,16 +155,13 @@ def test_a_recording_says_who_was_there_and_with_which_parameters(
         store.change({"high": 160})
         wait_until(lambda: recorder.progress().taken > before + 2)  # the change, and health
     with Recording(plan.output) as found:
-        (change,) = (
-            each for each in found.records(keys=["@vision/param/*/high"]) if each.origin == "stream"
-        )
-        at_begin = snapshot(found, change.log_time_ns - 1)
-        at_end = snapshot(found)
-    assert at_begin.nodes["edge_front"].service == "edge"
-    assert at_begin.parameters["edge_front"]["high"] == 150
-    assert at_end.parameters["edge_front"]["high"] == 160
-    assert "Contours" in at_end.schemas
-    assert at_end.health["edge_front"].node == "edge_front"
+        node = recorded_node(found, "edge")
+        recorded = found.keys()
+    assert node.service == "edge"
+    assert node.settings(0)["high"] == 150
+    assert node.settings(max(node.changes))["high"] == 160
+    assert "@vision/schema/Contours" in recorded
+    assert "@vision/diagnostics/edge_front" in recorded
 
 
 def test_a_picture_for_display_only_is_not_asked_for(

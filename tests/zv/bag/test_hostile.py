@@ -22,7 +22,6 @@ from tests.zv.bag.records import frame, recorded
 from zenoh_vision.errors import VisionError
 from zv.bag.recording import Recording
 from zv.bag.report import report_of
-from zv.bag.snapshot import snapshot
 from zv.bag.writer import MAGIC, Writer, record_bytes
 
 MUTANTS = 200
@@ -44,7 +43,6 @@ def read(path: Path) -> int:
     with Recording(path) as recording:
         count = sum(1 for each in recording.records() if each.header is not None)
         report_of(recording).to_map()
-        snapshot(recording)
         recording.keys()
         return count
 

@@ -20,7 +20,6 @@ from zv.bag.recorder.series import Series
 from zv.bag.recording import Recording
 from zv.bag.report import report_of
 from zv.bag.samples import LogClock
-from zv.bag.snapshot import snapshot
 
 STATE = [message(0, "camera_info", "vision.CameraInfo.v1")]
 
@@ -219,17 +218,6 @@ def test_a_clock_that_was_set_is_noted_and_records_stay_in_order(
     with Recording(tmp_path / "run.mcap") as recording:
         notes = report_of(recording).notes
     assert any("the wall clock was set by -36" in each for each in notes)
-
-
-def test_a_snapshot_has_what_was_known_at_the_end(tmp_path: Path) -> None:
-    files = files_of(Plan(tmp_path / "run.mcap"))
-    files.open()
-    files.add(frame(0))
-    files.stop()
-    with Recording(tmp_path / "run.mcap") as recording:
-        found = snapshot(recording)
-    assert not found.calibrations  # the payload is no calibration
-    assert not found.nodes
 
 
 def test_a_recording_for_ros_has_its_account_in_the_metadata(tmp_path: Path) -> None:
