@@ -23,7 +23,7 @@ from zv.bag.index import CUT_OFF
 from zv.bag.record import RecordingError
 from zv.bag.recorder.files import add_account
 from zv.bag.recording import Recording
-from zv.bag.report import rest_account
+from zv.bag.report import report_of, rest_account
 from zv.bag.schemas import CHANNEL_KIND
 from zv.bag.schemas import Schema as OurSchema
 from zv.bag.writer import PARTIAL, Writer, record_bytes
@@ -104,7 +104,7 @@ def repair(
 
 def _repaired(path: Path, lost_bytes: int, *, in_place: bool) -> Repaired:
     with Recording(path) as recording:
-        return Repaired(path, sum(recording.counts().values()), lost_bytes, in_place)
+        return Repaired(path, report_of(recording).messages, lost_bytes, in_place)
 
 
 def _adopt(

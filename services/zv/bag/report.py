@@ -128,6 +128,11 @@ class Report:
         return whole and bool(numbered) and all(each.is_complete for each in numbered)
 
     @property
+    def messages(self) -> int:
+        """Samples in the file, without what the recorder asked for."""
+        return sum(each.count for each in self.keys)
+
+    @property
     def missed(self) -> int:
         """Samples that are known to be missing, of all keys."""
         return sum(each.total_missed for each in self.keys)

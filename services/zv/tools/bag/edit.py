@@ -10,7 +10,9 @@ from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceErr
 from zenoh_vision.transport.connection import Connection
 from zv.bag.editing import opened, selected, write
 from zv.bag.record import ChunkLost, Record
+from zv.bag.recording import Recording
 from zv.bag.repair import repair as complete
+from zv.bag.report import report_of
 from zv.tools.bag.options import (
     ConvertOptions,
     CutOptions,
@@ -103,7 +105,9 @@ def _write(
 def write_checked(
     records: Iterable[Record], target: Path, about: dict[str, str], *, profile: str = ""
 ) -> int:
-    """Write records into a new file, which is deleted if it is empty.
+    """Write records into a new file, which is deleted if it is empty; return its messages.
+
+    They are counted as ``zv bag info`` counts them, without the state at the begin.
 
     Raises:
         SourceError: The disk is full or fails.
@@ -116,7 +120,8 @@ def write_checked(
     if not count:
         target.unlink()
         raise ExpectationNotMet(f"nothing is left for {target}: it was not written")
-    return count
+    with Recording(target) as recording:
+        return report_of(recording).messages
 
 
 def repair(options: RepairOptions, _: Connection, output: Output) -> None:

@@ -40,9 +40,8 @@ def run(options: InfoOptions, _: Connection, output: Output) -> None:
 def file_line(report: Report) -> str:
     """Return a recording in one line."""
     seconds = (report.end_ns - report.start_ns) / 1e9
-    count = sum(each.count for each in report.keys)
     return (
-        f"{report.path}: {count} messages, {report.size / 1e6:.1f} MB, {seconds:.1f} s, "
+        f"{report.path}: {report.messages} messages, {report.size / 1e6:.1f} MB, {seconds:.1f} s, "
         f"{report.verdict}"
     )
 

@@ -34,8 +34,16 @@ from zv.bag.frames import frame_of
 from zv.bag.record import Record, RecordingError
 from zv.bag.recording import Recording
 from zv.bag.writer import Writer
-from zv.tools.bag import edit, export, import_
-from zv.tools.bag.options import CutOptions, ExportOptions, FilterOptions, ImportOptions
+from zv.tools.bag import edit, export, import_, info
+from zv.tools.bag.options import (
+    ConvertOptions,
+    CutOptions,
+    ExportOptions,
+    FilterOptions,
+    ImportOptions,
+    InfoOptions,
+    MergeOptions,
+)
 from zv.tools.bag.play_options import PlayOptions
 from zv.tools.shared.output import Output
 
@@ -94,6 +102,9 @@ def zv(capsys: pytest.CaptureFixture[str]) -> Callable[..., dict[str, object]]:
         ImportOptions: import_.run,
         CutOptions: edit.cut,
         FilterOptions: edit.filter_,
+        MergeOptions: edit.merge,
+        ConvertOptions: edit.convert,
+        InfoOptions: info.run,
     }
 
     def call(options: object) -> dict[str, object]:
@@ -222,6 +233,30 @@ def test_an_existing_output_is_not_overwritten(
         zv(FilterOptions(file=str(run), output=str(tmp_path / "y.mcap"), keys=("a/b",)))
     assert (tmp_path / "x.csv").read_text() == "mine"
     assert {each.name for each in tmp_path.iterdir()} == {"run.mcap", "x.csv", "x.mcap"}
+
+
+@pytest.mark.parametrize(
+    ("options", "more", "messages"),
+    [
+        (CutOptions, {"start": 0.5}, 10),
+        (MergeOptions, {}, 20),
+        (FilterOptions, {"exclude": ("vision/*/tracks",)}, 10),
+        (ConvertOptions, {}, 20),
+    ],
+)
+def test_a_new_recording_has_as_many_messages_as_info_counts(
+    tmp_path: Path,
+    options: type[Settings],
+    more: dict[str, Any],
+    messages: int,
+    zv: Callable[..., dict[str, Any]],
+) -> None:
+    state = Record("vision/front/camera_info", b"1", "text/plain", log_time_ns=START_NS)
+    write(tmp_path / "run.mcap", [replace(state, origin="query"), *records()])
+    target, source = str(tmp_path / "new.mcap"), str(tmp_path / "run.mcap")
+    files = {"files": (source,)} if options is MergeOptions else {"file": source}
+    assert zv(options(**files, output=target, **more))["messages"] == messages
+    assert sum(each["messages"] for each in zv(InfoOptions(file=target))["keys"]) == messages
 
 
 def test_a_folder_of_images_becomes_a_camera_with_the_files_as_they_are(
