@@ -25,7 +25,8 @@ WARNING: Final = re.compile(r"^\S+ WARNING +(?!lockstep:)(\S+): (.+)$", re.MULTI
 
 def zv_command(*words: str) -> list[str]:
     """Return a command of this program, for this interpreter."""
-    return [sys.executable, "-m", "zv", *words]
+    # -P: do not import from a folder named zv in the working directory.
+    return [sys.executable, "-P", "-m", "zv", *words]
 
 
 @dataclass
@@ -111,6 +112,6 @@ class Child:
         if status is None or status == expected:
             return
         lines = self.said().splitlines()
-        words = lines[-1] if lines else f"{self.command[3]} ended with status {status}"
+        words = lines[-1] if lines else f"{self.command[4]} ended with status {status}"
         kinds = {each.exit_status: each for each in (ConfigurationError, SourceError)}
         raise kinds.get(status, ExpectationNotMet)(words.partition("zv: ")[2] or words)
