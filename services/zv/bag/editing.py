@@ -5,15 +5,13 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from zv.bag.derived import add_derived
 from zv.bag.record import Record
-from zv.bag.recorder.files import add_account
+from zv.bag.recorder.files import add_account, add_record
 from zv.bag.recorder.ledger import Ledger
 from zv.bag.recording import Recording, matcher
-from zv.bag.ros2.profile import PROFILE, add_ros2
 from zv.bag.writer import ORIGIN, Writer
 
 Progress = Callable[[int, int], None]
@@ -69,20 +67,11 @@ def _state(
                 newest[record.key] = record
     for key, record in newest.items():
         if matches(key) and not is_excluded(key):
-            yield Record(**{**_fields(record), "log_time_ns": start_ns, "origin": "query"})
-
-
-def _fields(record: Record) -> dict[str, Any]:
-    return {name: getattr(record, name) for name in record.__dataclass_fields__}
+            yield replace(record, log_time_ns=start_ns, origin="query")
 
 
 def write(
-    records: Iterable[Record],
-    output: Path,
-    about: Mapping[str, str],
-    *,
-    profile: str = "",
-    notes: Sequence[str] = (),
+    records: Iterable[Record], output: Path, about: Mapping[str, str], *, profile: str = ""
 ) -> int:
     """Write records into a new file, with accounts of its own; return how many.
 
@@ -91,7 +80,6 @@ def write(
         output: The file, which must not exist; it appears when it is complete.
         about: What the file says about itself.
         profile: ``ros2`` writes messages of ROS, and leaves out what it has none for.
-        notes: Lines of its first account.
 
     Raises:
         RecordingError: The file exists, or cannot be made.
@@ -99,17 +87,11 @@ def write(
         OSError: So.
     """
     writer = Writer(output, about, profile=profile)
-    accounts = _Accounts(writer, profile, notes)
+    accounts = _Accounts(writer, profile)
     count = 0
     try:
         for record in records:
-            if profile == PROFILE:
-                is_written = add_ros2(writer, record)
-            else:
-                writer.add(record)
-                add_derived(writer, record)
-                is_written = True
-            if is_written:
+            if add_record(writer, record, profile):
                 count += 1
                 accounts.take(record)
         accounts.write()
@@ -123,12 +105,10 @@ def write(
 class _Accounts:
     """Accounts by the minute of what is written, by the numbers of the frames."""
 
-    def __init__(self, writer: Writer, profile: str, notes: Sequence[str]) -> None:
+    def __init__(self, writer: Writer, profile: str) -> None:
         self._writer, self._profile = writer, profile
         self._ledger = Ledger()
         self._begin_ns = self._last_ns = 0
-        for note in notes:
-            self._ledger.note(note)
 
     def take(self, record: Record) -> None:
         if not self._begin_ns:

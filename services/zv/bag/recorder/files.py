@@ -144,11 +144,7 @@ class Files:
     def _add(self, record: Record) -> None:
         assert self._writer is not None
         try:
-            if self._plan.profile == PROFILE:
-                add_ros2(self._writer, record)
-            else:
-                self._writer.add(record)
-                add_derived(self._writer, record)
+            add_record(self._writer, record, self._plan.profile)
         except ChunkLost as error:
             self._fail(error)
 
@@ -290,6 +286,19 @@ class Files:
             return False
         self.failure = ""
         return True
+
+
+def add_record(writer: Writer, record: Record, profile: str) -> bool:
+    """Add a sample to a file; return whether it has a message for it, which ROS may not.
+
+    Raises:
+        ChunkLost: As for ``Writer.add_message``.
+    """
+    if profile == PROFILE:
+        return add_ros2(writer, record)
+    writer.add(record)
+    add_derived(writer, record)
+    return True
 
 
 def add_account(writer: Writer, account: Mapping[str, Any], profile: str) -> None:
