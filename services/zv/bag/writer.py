@@ -106,7 +106,6 @@ class Writer:
 
     Attributes:
         size: Bytes that are written.
-        messages: Number of messages that are written.
 
     Raises:
         RecordingError: There is such a file already, it cannot be made, or the path names none.
@@ -153,8 +152,6 @@ class Writer:
         self._chunk_bytes = chunk_bytes
         self.size = self._synced = 0
         self._is_named = False
-        self.messages = 0
-        self.first_ns = self.last_ns = 0
         self._counts: Counter[int] = Counter()
         self._schemas: dict[str, SchemaRecord] = {}
         self._channels: dict[tuple[str, str, str], Channel] = {}
@@ -393,13 +390,8 @@ class Writer:
                 uncompressed_size=chunk.size,
             )
         )
-        if not self.messages:
-            self.first_ns, self.last_ns = chunk.first_ns, chunk.last_ns
-        self.first_ns = min(self.first_ns, chunk.first_ns)
-        self.last_ns = max(self.last_ns, chunk.last_ns)
         for channel, entries in chunk.index.items():
             self._counts[channel] += len(entries)
-            self.messages += len(entries)
 
     def sync_name(self) -> None:
         """Wait until the file's name is on the disk, without which its contents are lost.
@@ -504,9 +496,9 @@ class Writer:
             channel_count=len(self._channels),
             channel_message_counts=dict(self._counts),
             chunk_count=len(self._chunks),
-            message_count=self.messages,
-            message_end_time=self.last_ns,
-            message_start_time=self.first_ns,
+            message_count=self._counts.total(),
+            message_end_time=max((each.message_end_time for each in self._chunks), default=0),
+            message_start_time=min((each.message_start_time for each in self._chunks), default=0),
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -38,7 +37,7 @@ def video_records(
     Raises:
         SourceError: It is no video, or none of its pictures can be read.
     """
-    begin_ns = int(path.stat().st_mtime * 1e9) if path.exists() else time.time_ns()
+    begin_ns = int(path.stat().st_mtime * 1e9)
     count = stated = 0
     failures: list[FFmpegError] = []
     try:

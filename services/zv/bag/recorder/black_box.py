@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 
@@ -68,7 +67,6 @@ class Triggers:
         self._own = keys.diagnostics_key(namespace, own)
         self._level_of: dict[str, int] = {}
         self._asked: deque[str] = deque()
-        self._lock = threading.Lock()
 
     def ask(self, reason: str) -> None:
         """Trigger by a command, a signal or a query; safe in a signal handler and on any thread."""

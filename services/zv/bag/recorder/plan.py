@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.messages import Level
@@ -14,7 +14,6 @@ MEMORY_BYTES: Final = 256 << 20
 MAX_REASON: Final = 64
 """Characters of the reason of a trigger, which becomes part of a file's name."""
 
-LevelName = Literal["warn", "error", "stale"]
 LEVELS: Final[dict[str, int]] = {
     "warn": Level.WARN,
     "error": Level.ERROR,

@@ -105,7 +105,6 @@ class Recorder:
         self._unwritten = ""
         """Why the last seconds are to be written, while no file can be made for them."""
         self._health_prefix = keys.diagnostics_key(namespace, "")
-        self._queryable: object = None
         self._told = 0
         self._alive_s = time.monotonic()
         self._ended = threading.Event()
@@ -161,9 +160,7 @@ class Recorder:
         self._system.start()
         if self._memory is not None:
             key = keys.record_key(self._namespace, self._name)
-            self._queryable = self._link.declare(
-                lambda session: session.declare_queryable(key, self._answer)
-            )
+            self._link.declare(lambda session: session.declare_queryable(key, self._answer))
         self._thread.start()
 
     def trigger(self, reason: str = "command") -> None:

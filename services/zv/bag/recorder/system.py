@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Final
 
 from zenoh_vision import keys
@@ -142,8 +143,5 @@ class SystemState:
 
     def _run(self) -> None:
         while not self._ended.wait(PERIOD_S):
-            try:
+            with suppress(Exception):  # of a session that is being replaced: ask again
                 self.ask()
-            except Exception:
-                if self._ended.is_set():
-                    return

@@ -31,9 +31,9 @@ def cdr(name: str, values: Mapping[str, Any]) -> bytes:
 
 def _message(out: bytearray, name: str, values: Mapping[str, Any]) -> None:
     for kind, field in TYPES[name]:
-        inner, _, size = kind.partition("[")
+        inner, bracket, size = kind.partition("[")
         value = values.get(field)
-        if not _:
+        if not bracket:
             _value(out, inner, value)
             continue
         items: Sequence[Any] | bytes = () if value is None else value

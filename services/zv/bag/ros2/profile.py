@@ -124,7 +124,8 @@ def _message(record: Record, fields: dict[Any, Any]) -> Iterator[Message]:
     if schema == "vision.CameraInfo.v1":
         names = ("height", "width", "distortion_model", "d", "k", "r", "p")
         if all(name in fields for name in names):
-            yield "", "sensor_msgs/CameraInfo", {"header": header, **fields_of(fields, names)}
+            wanted = {each: fields[each] for each in names}
+            yield "", "sensor_msgs/CameraInfo", {"header": header, **wanted}
     elif schema == "vision.Centroid.v1" and _numbers((fields.get("x"), fields.get("y"))):
         point = {"x": fields["x"], "y": fields["y"], "z": 0.0}
         yield "", "geometry_msgs/PointStamped", {"header": header, "point": point}
@@ -137,11 +138,6 @@ def _message(record: Record, fields: dict[Any, Any]) -> Iterator[Message]:
         detections = [_detection(each, header) for each in boxes]
         yield "", "vision_msgs/Detection2DArray", {"header": header, "detections": detections}
         yield "/boxes", "foxglove_msgs/ImageAnnotations", _annotations(boxes, header["stamp"])
-
-
-def fields_of(fields: dict[Any, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    """Return some of the fields."""
-    return {name: fields[name] for name in names}
 
 
 def _detection(track: dict[Any, Any], header: dict[str, Any]) -> dict[str, Any]:
