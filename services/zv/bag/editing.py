@@ -34,7 +34,7 @@ def selected(
     What the recorder had asked for before ``start_ns`` is yielded first, as of that time, so that
     the part can be understood alone.
     """
-    is_excluded = matcher(exclude) if exclude else lambda _: False
+    is_excluded = matcher(exclude, without_any=False)
     begin_ns = min((each.start_ns for each in recordings if each.chunks), default=0)
     finish_ns = max((each.end_ns for each in recordings), default=0)
     if start_ns is not None and start_ns > begin_ns:

@@ -349,8 +349,10 @@ class _Wanted:
         return self._matches(channel)
 
 
-def matcher(keys: Sequence[str]) -> Callable[[str], bool]:
-    """Return what tells whether a key matches one of some key expressions; all do without any.
+def matcher(keys: Sequence[str], *, without_any: bool = True) -> Callable[[str], bool]:
+    """Return what tells whether a key matches one of some key expressions.
+
+    Without any expressions it says ``without_any`` of each key.
 
     Raises:
         ConfigurationError: One of them is no key expression.
@@ -366,7 +368,7 @@ def matcher(keys: Sequence[str]) -> Callable[[str], bool]:
 
     def matches(key: str) -> bool:
         if not expressions:
-            return True
+            return without_any
         if key not in known:
             known[key] = _matches(expressions, key)
         return known[key]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import zenoh
 
@@ -35,10 +35,10 @@ class Subscriptions:
     """
 
     def __init__(
-        self, link: Link, exclude: Iterable[str], receive: Callable[[zenoh.Sample], None]
+        self, link: Link, exclude: Sequence[str], receive: Callable[[zenoh.Sample], None]
     ) -> None:
         self._link = link
-        self._is_excluded = matcher(tuple(exclude)) if exclude else lambda _: False
+        self._is_excluded = matcher(exclude, without_any=False)
         self._receive = receive
         self._declared: dict[str, Declaration[zenoh.Subscriber[None]]] = {}
 
@@ -54,8 +54,7 @@ class Subscriptions:
             return
         if len(self._declared) >= MAX_SUBSCRIPTIONS:
             return
-        before = tuple(self._declared)
-        is_taken = matcher(before) if before else lambda _: False
+        is_taken = matcher(tuple(self._declared), without_any=False)
 
         def on_sample(sample: zenoh.Sample) -> None:
             key = str(sample.key_expr)

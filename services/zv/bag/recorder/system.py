@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -39,13 +39,13 @@ class SystemState:
         self,
         link: Link,
         namespace: str,
-        exclude: Iterable[str],
+        exclude: Sequence[str],
         clock: LogClock,
         take: Callable[[Record], None],
         found: Callable[[Iterable[str]], None],
     ) -> None:
         self._link, self._namespace, self._clock = link, namespace, clock
-        self._is_excluded = matcher(tuple(exclude)) if exclude else lambda _: False
+        self._is_excluded = matcher(exclude, without_any=False)
         self._take, self._found = take, found
         self._known: dict[tuple[str, bytes], None] = {}
         self._nodes: dict[tuple[str, int, int], NodeDescription] = {}

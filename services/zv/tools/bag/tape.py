@@ -43,7 +43,7 @@ class RecordedTape:
     ) -> None:
         self._recording = recording
         is_wanted = matcher(wanted or ("**",))
-        is_excluded = matcher(excluded) if excluded else lambda _: False
+        is_excluded = matcher(excluded, without_any=False)
         recorded = recording.keys()
         self.keys = [
             key
