@@ -64,6 +64,11 @@ def type_of(encoding: str) -> str:
     return form.upper() if kind == "image" else "-"
 
 
+def is_picture(encoding: str) -> bool:
+    """Tell whether samples of a Zenoh encoding are pictures, compressed or raw."""
+    return encoding.startswith("image/") or encoding in UNCOMPRESSED
+
+
 def is_name(text: str) -> bool:
     """Tell whether a text may be a namespace, camera or node name."""
     return NAME.fullmatch(text) is not None

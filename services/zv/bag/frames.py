@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from zenoh_vision.errors import ExpectationNotMet, PayloadError
 from zenoh_vision.image.forms import form_of, opened
 from zenoh_vision.image.frame import Frame
-from zenoh_vision.keys import UNCOMPRESSED
 from zenoh_vision.messages import Centroid, Header, Tracks
 from zv.bag.record import Record
 from zv.bag.recording import Recording
@@ -16,11 +15,6 @@ AHEAD_NS = 2 * 10**9
 """A result is looked for among what arrived this long after its frame."""
 
 Result = Tracks | Centroid
-
-
-def is_picture(record: Record) -> bool:
-    """Tell whether a record is a picture, compressed or raw."""
-    return record.encoding.startswith("image/") or record.encoding in UNCOMPRESSED
 
 
 def the_key(recording: Recording, wanted: str | None, kinds: tuple[str, ...], what: str) -> str:

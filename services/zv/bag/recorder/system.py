@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Final
 
 from zenoh_vision import keys
-from zenoh_vision.keys import UNCOMPRESSED
+from zenoh_vision.keys import is_picture
 from zenoh_vision.messages import NodeDescription
 from zenoh_vision.topics import TOPICS, topic_of
 from zenoh_vision.transport.link import Link
@@ -125,8 +125,7 @@ class SystemState:
     def _keep(self, reply: Reply, *, is_new: bool = False) -> None:
         if reply.ok is None or self._is_excluded(reply.key):
             return
-        encoding = str(reply.ok.encoding)
-        if encoding.startswith("image/") or encoding in UNCOMPRESSED:
+        if is_picture(str(reply.ok.encoding)):
             return  # a picture is not latched: the next one comes
         record = record_of(reply.ok, self._clock.now_ns(), "query")
         known = record.key, record.payload

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError, SourceError
+from zenoh_vision.keys import is_picture
 from zenoh_vision.messages import Tracks
 from zenoh_vision.transport.connection import Connection
-from zv.bag.frames import is_picture, the_key
+from zv.bag.frames import the_key
 from zv.bag.record import Record
 from zv.bag.recording import Recording
 from zv.bag.writer import PARTIAL, PRIVATE
@@ -106,7 +107,7 @@ def _frames(
             table = csv.writer(file)
             table.writerow(("file", "key", "log_time_ns", "zenoh_time_ns", *COLUMNS))
             for record in records_on(key):
-                if not is_picture(record) or record.deleted:
+                if not is_picture(record.encoding) or record.deleted:
                     continue
                 name = f"{count:06d}{_suffix(record.encoding)}"
                 (partial / name).write_bytes(record.payload)

@@ -24,6 +24,7 @@ from zenoh_vision.transport.router import private_router
 from zenoh_vision.transport.session import direct
 from zv.bag.private_system import Child
 from zv.bag.record import Record
+from zv.bag.samples import record_of
 from zv.tools.bag.answered import frame_id
 
 log = logging.getLogger(__name__)
@@ -223,16 +224,10 @@ class ServiceRun:
         raise ExpectationNotMet(f"told to stop before {self.node} was ready")
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        attachment = None if sample.attachment is None else sample.attachment.to_bytes()
-        if attachment is None:
-            return
-        record = Record(
-            str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), attachment
-        )
-        if record.header.get("node") != self.node:
-            return
-        self._received.append(record)
-        self._arrived.set()
+        record = record_of(sample, time.time_ns())
+        if record.header.get("node") == self.node:
+            self._received.append(record)
+            self._arrived.set()
 
     def _reply(self, query: zenoh.Query) -> None:
         record = self._newest.get(str(query.key_expr))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import zenoh
 
 from zenoh_vision.errors import PayloadError
-from zenoh_vision.keys import UNCOMPRESSED, schema_name_of
+from zenoh_vision.keys import is_picture, schema_name_of
 from zenoh_vision.message_codec import MAX_MESSAGE_BYTES
 from zenoh_vision.messages import Header
 from zenoh_vision.stream.sample import MAX_ATTACHMENT_BYTES
@@ -41,11 +41,6 @@ class Received:
     def kind(self) -> str:
         """The schema name of a message, or else the encoding."""
         return schema_name_of(self.encoding) or self.encoding
-
-
-def is_picture(encoding: str) -> bool:
-    """Tell whether samples of an encoding are pictures, compressed or raw."""
-    return encoding.startswith("image/") or encoding in UNCOMPRESSED
 
 
 def received(sample: zenoh.Sample, *, payload: bool = True) -> Received:
