@@ -68,7 +68,7 @@ def _annotations(boxes: tuple[Any, ...], stamp_ns: int) -> bytes:
     stamp = protobuf.timestamp(1, stamp_ns)
     for each in boxes[:MAX_BOXES]:
         box = each.get("box") if isinstance(each, dict) else None
-        numbers = _numbers(box, 4)
+        numbers = numbers_of(box, 4)
         if numbers is None:
             continue
         x, y, width, height = numbers
@@ -96,7 +96,9 @@ def _annotations(boxes: tuple[Any, ...], stamp_ns: int) -> bytes:
 
 
 def _calibration(fields: dict[Any, Any], stamp_ns: int) -> bytes | None:
-    matrices = [_numbers(fields.get(name), size) for name, size in zip("dkrp", SIZES, strict=True)]
+    matrices = [
+        numbers_of(fields.get(name), size) for name, size in zip("dkrp", SIZES, strict=True)
+    ]
     width, height = fields.get("width"), fields.get("height")
     model, header = fields.get("distortion_model"), fields["header"]
     if None in matrices or type(width) is not int or type(height) is not int:
@@ -113,7 +115,7 @@ def _calibration(fields: dict[Any, Any], stamp_ns: int) -> bytes | None:
 SIZES: Final = (None, 9, 9, 12)
 
 
-def _numbers(value: Any, size: int | None) -> tuple[float, ...] | None:
+def numbers_of(value: Any, size: int | None = None) -> tuple[float, ...] | None:
     """Return finite numbers of a message; None if they are not as many, or something else."""
     if not isinstance(value, tuple) or (size is not None and len(value) != size):
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import struct
 from collections.abc import Iterator
 from functools import cache
@@ -11,6 +10,7 @@ from typing import Any, Final
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.keys import RAW_IMAGE
 from zenoh_vision.message_codec import unpack
+from zv.bag.derived import numbers_of
 from zv.bag.layout import PIXEL_BYTES
 from zv.bag.record import Record
 from zv.bag.ros2.cdr import cdr
@@ -126,14 +126,14 @@ def _message(record: Record, fields: dict[Any, Any]) -> Iterator[Message]:
         if all(name in fields for name in names):
             wanted = {each: fields[each] for each in names}
             yield "", "sensor_msgs/CameraInfo", {"header": header, **wanted}
-    elif schema == "vision.Centroid.v1" and _numbers((fields.get("x"), fields.get("y"))):
+    elif schema == "vision.Centroid.v1" and numbers_of((fields.get("x"), fields.get("y"))):
         point = {"x": fields["x"], "y": fields["y"], "z": 0.0}
         yield "", "geometry_msgs/PointStamped", {"header": header, "point": point}
     elif schema == "vision.Tracks.v1" and isinstance(fields.get("tracks"), tuple):
         boxes = [
             each
             for each in fields["tracks"]
-            if isinstance(each, dict) and _numbers(each.get("box"), 4)
+            if isinstance(each, dict) and numbers_of(each.get("box"), 4)
         ]
         detections = [_detection(each, header) for each in boxes]
         yield "", "vision_msgs/Detection2DArray", {"header": header, "detections": detections}
@@ -146,7 +146,7 @@ def _detection(track: dict[Any, Any], header: dict[str, Any]) -> dict[str, Any]:
     score = track.get("score")
     hypothesis = {
         "class_id": track.get("class") or track.get("state") or "",
-        "score": score if _numbers((score,)) else 1.0,
+        "score": score if numbers_of((score,)) else 1.0,
     }
     pose = {"pose": {"orientation": {"w": 1.0}}}
     return {
@@ -190,10 +190,3 @@ def _header(header: dict[Any, Any], record: Record) -> dict[str, Any]:
         stamp_ns = record.log_time_ns
     stamp = {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9}
     return {"stamp": stamp, "frame_id": header.get("camera") or ""}
-
-
-def _numbers(values: Any, count: int | None = None) -> bool:
-    """Tell whether a tuple holds finite numbers, and as many."""
-    if not isinstance(values, tuple) or (count is not None and len(values) != count):
-        return False
-    return all(type(each) in (int, float) and math.isfinite(each) for each in values)

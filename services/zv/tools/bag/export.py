@@ -150,7 +150,7 @@ def _mot(
     count = unread = 0
     with _new_file(target) as file:
         table = csv.writer(file, lineterminator="\n")
-        epoch, first, number, base = None, 0, 0, 1
+        epoch, first, number, base = None, 0, 0, 0
         for record in records_on(key):
             try:
                 tracks = Tracks.from_bytes(record.payload)
@@ -158,8 +158,7 @@ def _mot(
                 unread += 1
                 continue
             if tracks.header.epoch != epoch:
-                base += number if epoch is None else number - base + 1
-                epoch, first = tracks.header.epoch, tracks.header.seq
+                epoch, first, base = tracks.header.epoch, tracks.header.seq, number + 1
             number = base + tracks.header.seq - first
             for each in tracks.tracks:
                 if each.state == "confirmed":
