@@ -10,6 +10,8 @@ from __future__ import annotations
 import json
 import re
 import ssl
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
@@ -21,6 +23,9 @@ from zv.notify.notice import Notice
 
 PORT, TLS_PORT = 1883, 8883
 ANSWER_S: Final = 10.0
+FAILURES: Final = (aiomqtt.MqttError, OSError)
+"""What a broker that is lost raises; a time-out is an OSError."""
+
 MOST_DESCRIBED: Final = 500
 """Entities of cameras and zones that are described; zones have any names."""
 
@@ -61,18 +66,15 @@ class Mqtt:
 
     async def keep(self) -> None:
         """Connect, or find out whether the connection is lost, and be online."""
-        try:
+        async with self._answering():
             if self._client is None:
                 await self._connected()
             else:
                 await self._client.publish(self._status, "online", qos=1, retain=True)
-        except (aiomqtt.MqttError, OSError, TimeoutError) as error:
-            await self._disconnect()
-            raise NotTaken(str(error) or type(error).__name__) from None
 
     async def send(self, notice: Notice) -> None:
         """Publish a notice; each part arrives before this returns (QoS 1)."""
-        try:
+        async with self._answering():
             client = await self._connected()
             await self._describe(client, notice)
             base = f"{self._prefix}/{notice.camera}"
@@ -84,18 +86,22 @@ class Mqtt:
                 await client.publish(f"{base}/zone/{_level(zone)}", state, qos=1, retain=True)
             if notice.announced:
                 await client.publish(f"{base}/events", json.dumps(notice.fields), qos=1)
-        except (aiomqtt.MqttError, OSError, TimeoutError) as error:
-            await self._disconnect()
-            raise NotTaken(str(error) or type(error).__name__) from None
 
     async def close(self) -> None:
         """Say that it is offline, and disconnect."""
         if self._client is not None:
-            try:
+            with suppress(*FAILURES):
                 await self._client.publish(self._status, "offline", qos=1, retain=True)
-            except (aiomqtt.MqttError, OSError, TimeoutError):
-                return
-        await self._disconnect()
+                await self._disconnect()
+
+    @asynccontextmanager
+    async def _answering(self) -> AsyncIterator[None]:
+        """Raise NotTaken, and disconnect, if the broker cannot be reached or does not answer."""
+        try:
+            yield
+        except FAILURES as error:
+            await self._disconnect()
+            raise NotTaken(str(error) or type(error).__name__) from None
 
     @property
     def _status(self) -> str:
@@ -121,10 +127,8 @@ class Mqtt:
     async def _disconnect(self) -> None:
         client, self._client = self._client, None
         if client is not None:
-            try:
+            with suppress(*FAILURES):
                 await client.__aexit__(None, None, None)
-            except (aiomqtt.MqttError, OSError, TimeoutError):
-                return
 
     async def _describe(self, client: aiomqtt.Client, notice: Notice) -> None:
         """Describe the camera and the zone of a notice, once for each connection."""
