@@ -48,8 +48,8 @@ def running_nodes(
         Query(keys.node_key(session.namespace, "*")),
         Query(keys.diagnostics_key(session.namespace, "*")),
     )
-    (tokens,) = session.ask_all(tokens_query(session.namespace))  # many of them delay other replies
-    living = {token.name for token in tokens} if names is None else set(names)
+    # Asked alone: many tokens delay other replies.
+    living = _living(session) if names is None else set(names)
     health: dict[tuple[str, str], tuple[Diagnostics]] = {}
     for reply, report in messages_in(reports, Diagnostics):
         with suppress(PayloadError):
@@ -106,8 +106,7 @@ def matching_nodes(session: ToolSession, pattern: str) -> tuple[list[str], int]:
     Raises:
         ExpectationNotMet: There is none; the text has the existing names.
     """
-    (tokens,) = session.ask_all(tokens_query(session.namespace))
-    found = sorted({token.name for token in tokens if fnmatchcase(token.name, pattern)})
+    found = sorted(name for name in _living(session) if fnmatchcase(name, pattern))
     if not found:
         raise missing_node(session, pattern)
     return found[:MAX_NODES], max(0, len(found) - MAX_NODES)
@@ -115,14 +114,19 @@ def matching_nodes(session: ToolSession, pattern: str) -> tuple[list[str], int]:
 
 def missing_node(session: ToolSession, node: str) -> VisionError:
     """Return the error for a node, or a pattern, that has not answered for parameters."""
-    (tokens,) = session.ask_all(tokens_query(session.namespace))
+    living = _living(session)
     if session.stopping:
         return ToldToStop("told to stop while waiting for an answer")
-    living = {token.name for token in tokens}
     if silent := sorted(name for name in living if fnmatchcase(name, node)):
         verbs = "runs, but does" if len(silent) == 1 else "run, but do"
         return ExpectationNotMet(f"{joined(silent)} {verbs} not answer for parameters")
     return ExpectationNotMet(nothing_matches(node, living, kind="node"))
+
+
+def _living(session: ToolSession) -> set[str]:
+    """Return the names of the nodes that show a liveliness token."""
+    (tokens,) = session.ask_all(tokens_query(session.namespace))
+    return {token.name for token in tokens}
 
 
 def node_facts(node: NodeState) -> dict[str, Any]:
