@@ -8,15 +8,15 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from zenoh_vision.config.constraints import Form
+from zenoh_vision.transport.endpoints import MAX_PORT
 from zv.tools.shared.options import SECONDS, ToolOptions
 
 ADDRESS = re.compile(r"(\[[^\[\]]+\]|[^:\[\]\s]+):([0-9]{1,5})")
-HIGHEST_PORT = 65535
 
 
 def _address(text: str) -> str:
     found = ADDRESS.fullmatch(text)
-    if found is None or int(found[2]) > HIGHEST_PORT:
+    if found is None or int(found[2]) > MAX_PORT:
         raise ValueError("not HOST:PORT, such as 127.0.0.1:9464 or [::1]:9464")
     return text
 

@@ -182,18 +182,23 @@ class _Printer:
             ConfigurationError: Messages of its type can never have such a field.
         """
         names = self._options.field
-        try:
-            values = {name: _field(sample, fields, name) for name in names}
-        except NoSuchField as error:
-            missing = _missing(sample, fields, names)
+        values: dict[str, Any] = {}
+        missing: dict[str, tuple[str, ...]] = {}  # with the fields that there are
+        for name in names:
+            try:
+                values[name] = _field(sample, fields, name)
+            except NoSuchField as error:
+                missing[name] = error.args
+        if missing:
             if not self._many_keys and not self.printed:
                 found = self._type_of(sample)
                 declared = None if found is None else found.fields
-                _check_fields(sample, fields, missing, declared, always=self._options.once)
+                _check_fields(sample, fields, [*missing], declared, always=self._options.once)
             if not self.without_field:
+                available = next(iter(missing.values()))
                 self._output.note(
                     f"skipping messages without {' or '.join(missing)}: {sample.key} "
-                    f"({sample.kind}) has {', '.join(error.args)}"
+                    f"({sample.kind}) has {', '.join(available)}"
                 )
             self._missed |= dict.fromkeys(missing)
             self.without_field += 1
@@ -275,17 +280,6 @@ def _field(sample: Received, fields: dict[str, Any], name: str) -> Any:
 def _own_names(sample: Received) -> tuple[str, str]:
     """Return the names of a message that may precede the name of a field: ``centroid.x``."""
     return type_of(sample.encoding).lower(), sample.key.rpartition("/")[2]
-
-
-def _missing(sample: Received, fields: dict[str, Any], names: Sequence[str]) -> list[str]:
-    """Return those of the names for which a sample has no field."""
-    missing = []
-    for name in names:
-        try:
-            _field(sample, fields, name)
-        except NoSuchField:
-            missing.append(name)
-    return missing
 
 
 def _check_fields(
