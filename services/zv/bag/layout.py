@@ -97,13 +97,7 @@ def _described(record: Record, stamp_ns: int) -> tuple[Schema, bytes]:
 
 
 def decoded(key: str, schema: Schema, message: memoryview, log_time_ns: int) -> Record:
-    """Return the sample in a message.
-
-    Args:
-        key: The topic of its channel.
-        schema: One of ``SAMPLES``.
-        message: The bytes of the message.
-        log_time_ns: From the message's record.
+    """Return the sample in a message, whose schema is one of ``SAMPLES``.
 
     Raises:
         WireError: The bytes are no such message.

@@ -33,10 +33,7 @@ def zv_command(*words: str) -> list[str]:
 class Child:
     """A process at a router, which ends with this program, whatever ends that.
 
-    Args:
-        command: The program and its flags; ``ZV_CONNECT`` and ``ZV_NAMESPACE`` are set for it.
-        endpoint: Of the router.
-        namespace: First chunk of the keys.
+    ``ZV_CONNECT`` and ``ZV_NAMESPACE`` are set for it.
     """
 
     command: Sequence[str]
@@ -102,8 +99,7 @@ class Child:
     def check(self, expected: int | None = None) -> None:
         """Raise what a command of this program has said if it has ended.
 
-        Args:
-            expected: Its exit status with which nothing is raised.
+        With the exit status ``expected`` nothing is raised.
 
         Raises:
             ConfigurationError, SourceError, ExpectationNotMet: By its exit status.

@@ -91,13 +91,7 @@ class Replayed:
         self._begun_ns = 0
 
     def sample(self, record: Record, run: Pass, now_ns: int) -> Sent:
-        """Return the sample of a record.
-
-        Args:
-            record: As it was recorded.
-            run: The pass to which it belongs.
-            now_ns: When it is sent, ns since 1970.
-        """
+        """Return the sample of a record in a pass; ``now_ns`` is when it is sent, since 1970."""
         if run.begun_ns != self._begun_ns:
             self._begun_ns = run.begun_ns
             self._epochs.clear()

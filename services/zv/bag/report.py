@@ -219,11 +219,7 @@ def rest_account(
 ) -> dict[str, Any]:
     """Return the account of what came after the last account of a recording.
 
-    Args:
-        recording: Open.
-        minutes: Its accounts.
-        counts: Gets the number of published records of the whole recording added, by key.
-        notes: Lines of the account.
+    ``counts`` gets the number of published records of the whole recording added, by key.
     """
     ledger = Ledger()
     ledger.resume(minutes)

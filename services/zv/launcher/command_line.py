@@ -56,9 +56,7 @@ def zv_command_line(
 ) -> CommandLine:
     """Return the command line that starts a command of ``zv`` with this interpreter.
 
-    Args:
-        words: The command and its arguments.
-        variables: Environment variables to add to the inherited ones.
+    ``variables`` are added to the inherited environment.
     """
     environment = _without_resolved()
     if ROOT.name not in ("site-packages", "dist-packages"):  # a checkout, perhaps not installed
@@ -124,12 +122,7 @@ def program_command_line(
 ) -> CommandLine:
     """Return the command line of a program that is no command of ``zv``.
 
-    Args:
-        node: Name of its node.
-        words: The program and its arguments.
-        variables: Environment variables of the launch file, which override all others.
-        folder: Its working directory.
-        connection: How it reaches the router.
+    ``variables`` are those of the launch file, which override all others.
     """
     environment = {
         "PYTHONUNBUFFERED": "1",  # otherwise its lines would appear only when its buffer is full

@@ -30,11 +30,6 @@ class SecureFiles:
     def of(cls, folder: str, nodes: Iterable[PlannedNode | PlannedProgram], namespace: str) -> Self:
         """Find and check the files of a folder, before anything is started.
 
-        Args:
-            folder: The folder.
-            nodes: The nodes that need certificates.
-            namespace: That of the nodes.
-
         Raises:
             SourceError: One is missing or cannot be read.
             ConfigurationError: One cannot be used, or is for another namespace.

@@ -59,14 +59,7 @@ def scaled(calibration: Calibration, width: int, height: int) -> Calibration:
 
 
 class Relay:
-    """Publishes each frame in its new form.
-
-    Args:
-        node: Open.
-        camera: The camera of the frames.
-        to: The camera as which they are published.
-        is_camera: Whether that is another camera, with its own coordinates.
-    """
+    """Publishes each frame in its new form: on a topic of its camera, or as another camera."""
 
     def __init__(self, node: Node, camera: str, to: str, *, is_camera: bool) -> None:
         self._node = node

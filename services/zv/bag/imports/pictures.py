@@ -26,13 +26,8 @@ def video_records(
 ) -> Iterator[Record]:
     """Yield the frames of a video, at its own times after that of its file.
 
-    MJPEG is taken as it is, and any other video decoded.
-
-    Args:
-        path: Of the video.
-        stream: Makes its frames.
-        progress: Called with each frame.
-        note: Called with a line about what of a damaged video is left out.
+    MJPEG is taken as it is, and any other video decoded. ``note`` is called with a line about what
+    of a damaged video is left out.
 
     Raises:
         SourceError: It is no video, or none of its pictures can be read.

@@ -12,11 +12,7 @@ from zv.bag.record import Record
 class CameraStream:
     """Makes records of a camera's pictures, with headers.
 
-    Args:
-        namespace: First chunk of the keys.
-        camera: Its name.
-        quality: JPEG quality of what is no JPEG or PNG.
-        lossless: Make PNG of that instead.
+    What is no JPEG or PNG becomes a JPEG of this quality, or with ``lossless`` a PNG.
     """
 
     def __init__(self, namespace: str, camera: str, quality: int, *, lossless: bool) -> None:

@@ -28,10 +28,7 @@ def system_keys(namespace: str) -> tuple[str, ...]:
 class Subscriptions:
     """Subscriptions to key expressions, which may overlap.
 
-    Args:
-        link: To the router.
-        exclude: Key expressions of what is left out.
-        receive: Called with each sample, once, on Zenoh's threads.
+    ``receive`` is called with each sample, once, on Zenoh's threads.
     """
 
     def __init__(

@@ -27,11 +27,7 @@ class Series:
         self._suffix = plan.output.suffix or ".mcap"
 
     def next_path(self, label: str = "") -> Path:
-        """Return a path that no file has.
-
-        Args:
-            label: A word that becomes part of the name.
-        """
+        """Return a path that no file has; the label becomes part of the name."""
         if not self._plan.is_series:
             return self._plan.output
         at_ms = max(time.time_ns() // 10**6, self._last_ms + 1)
@@ -55,11 +51,7 @@ class Series:
         yield from sorted(found, key=lambda each: each.name[len(self._begin) :])
 
     def make_room(self, writing: Collection[Path]) -> None:
-        """Delete the oldest files until all are within the limit.
-
-        Args:
-            writing: Names of files that are being written or closed, which are not deleted.
-        """
+        """Delete the oldest files until all are within the limit, but none being written."""
         limit = self._plan.total_bytes
         if limit is None or not self._plan.is_series:
             return

@@ -29,12 +29,7 @@ def publishers(
 ) -> dict[str, NodeDescription]:
     """Return the nodes that publish on some of the keys, by key.
 
-    Args:
-        link: To the router.
-        namespace: First chunk of the keys.
-        played: The keys.
-        stopping: Whether to give up.
-        player: Name of this process's own node, which is left out; empty if there is none yet.
+    ``player`` is the name of this process's own node, which is left out; empty without one.
     """
     (replies,) = ask(link.session, [Query(keys.node_key(namespace, "*"))], stopping)
     wanted = set(played)
@@ -59,13 +54,7 @@ def camera_among(found: Mapping[str, NodeDescription]) -> str:
 
 
 class LiveWatch:
-    """Looks again for publishers whenever a node starts or ends.
-
-    Args:
-        link: To the router.
-        namespace: First chunk of the keys.
-        look: Called on a thread after each such event.
-    """
+    """Calls ``look`` on a thread, to find publishers again, when a node has started or ended."""
 
     def __init__(self, link: Link, namespace: str, look: Callable[[], None]) -> None:
         self._look = look

@@ -398,9 +398,7 @@ class Playing:
 def topic_for(key: str, *, lossless: bool) -> Topic:
     """Return how the samples of a key are sent: by its topic, or as messages.
 
-    Args:
-        key: Of the samples.
-        lossless: Wait for a slow link instead of dropping frames, whatever the topic.
+    ``lossless`` waits for a slow link instead of dropping frames, whatever the topic.
     """
     topic = topic_of(key)
     if topic is None:

@@ -31,14 +31,7 @@ def write_video(
     *,
     draw_results: bool,
 ) -> tuple[int, int]:
-    """Write an MP4 of frames at their times of capture.
-
-    Args:
-        recording: Where the results are.
-        records: The frames.
-        key: Theirs.
-        file: Gets the video.
-        draw_results: Draw the tracks, or else the centroid, of each frame.
+    """Write an MP4 of frames at their times of capture, with tracks or else centroids if wanted.
 
     Returns:
         How many frames it has, and how many could not be read.

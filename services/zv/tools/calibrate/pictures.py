@@ -51,9 +51,7 @@ def board_of(options: BoardOptions) -> Board:
 def from_folder(folder: str, skipped: Callable[[str], None]) -> Iterator[tuple[str, Gray]]:
     """Yield name and picture of each image file of a folder, in the order of their names.
 
-    Args:
-        folder: Its path.
-        skipped: Called with the reason for each file that cannot be read.
+    ``skipped`` is called with the reason for each file that cannot be read.
 
     Raises:
         SourceError: It cannot be read, or has no images.

@@ -177,12 +177,7 @@ def _one_of(node: str, connection: Connection) -> ParameterList:
 
 
 def _ask(session: ToolSession, node: str, payload: bytes | None = None) -> ParameterList:
-    """Query the parameters of a node, or change them.
-
-    Args:
-        session: An open session.
-        node: Its name.
-        payload: A change of parameters, which the node makes before it replies.
+    """Return the parameters of a node, with a payload after the change that it asks for.
 
     Raises:
         ConfigurationError: The name has wildcards.

@@ -75,11 +75,7 @@ def new_authority(namespace: str) -> Issued:
 def issue(authority: Issued, common_name: str, hosts: Iterable[str], days: int) -> Issued:
     """Issue a certificate; with hosts it also serves as that of a router there.
 
-    Args:
-        authority: Signs it.
-        common_name: Whom it names; access rules go by it.
-        hosts: Names and addresses.
-        days: How long it is valid, but no longer than the authority.
+    It ends with the authority at the latest. Access rules go by the common name.
 
     Raises:
         ConfigurationError: The authority has ended.

@@ -28,11 +28,7 @@ def verdict(
 ) -> Verdict:
     """Judge messages to the router from the holder of a certificate.
 
-    Args:
-        access: Zenoh's table ``access_control``.
-        common_name: The name in the certificate.
-        messages: Kinds of messages, each of which must be allowed.
-        key: Their key expression.
+    ``access`` is Zenoh's table ``access_control``. Each of the kinds of messages must be allowed.
     """
     subjects = {
         each["id"] for each in access["subjects"] if common_name in each["cert_common_names"]

@@ -168,12 +168,9 @@ def discover(session: ToolSession) -> Discovery:
 
 
 def nothing_matches(wanted: str, existing: Iterable[str], *, kind: str = "key") -> str:
-    """Return the error text for a name or key expression that matches nothing.
+    """Return the error text, with what exists, for a name or key expression that matches nothing.
 
-    Args:
-        wanted: The name or key expression that was given.
-        existing: The names that exist, of which the most similar are shown.
-        kind: The kind of things that they name, in the singular.
+    ``kind`` is what they name, in the singular.
     """
     known = sorted({name for name in existing if len(name) <= MAX_COMPARED})
     if not known:

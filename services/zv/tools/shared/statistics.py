@@ -77,13 +77,6 @@ def rate_of(count: int, first_s: float, last_s: float, begin_s: float, end_s: fl
     The time before the first message and after the last counts only where it exceeds the mean
     period. Counted in full, it would make a steady stream look too slow; ignored, it would make
     a stream that began late or stopped look too fast.
-
-    Args:
-        count: Number of messages.
-        first_s: When the first one arrived.
-        last_s: When the last one arrived.
-        begin_s: When the measurement began.
-        end_s: When it ended.
     """
     if count < 2:
         return 0.0
@@ -176,13 +169,7 @@ class SequenceGaps:
 
 
 def rate_of_parts(parts: Sequence[Samples], begin_s: float, end_s: float) -> float | None:
-    """Return the rate of several publishers of one key together; None for fewer than two samples.
-
-    Args:
-        parts: The samples of each, at least one.
-        begin_s: When the measurement began.
-        end_s: When it ended.
-    """
+    """Return the rate of one or more publishers of a key; None for fewer than two samples."""
     count = sum(part.count for part in parts)
     if count < 2:
         return None

@@ -34,9 +34,7 @@ Result = Centroid | Tracks
 class Join:
     """Collects pictures and results of one camera until some belong to the same frame.
 
-    Args:
-        camera: Its name.
-        wanted: Classes of the results that a complete frame needs.
+    ``wanted`` are the classes of the results that a complete frame needs.
     """
 
     def __init__(self, camera: str, wanted: set[type[Message]]) -> None:
@@ -72,8 +70,7 @@ class Join:
     def newest(self, *, complete: bool = True) -> tuple[Picture, Result] | None:
         """Return the newest picture with its tracks, or else its centroid.
 
-        Args:
-            complete: Return a picture only if all wanted results of its frame have arrived.
+        With ``complete`` only if all wanted results of its frame have arrived.
         """
         wanted = self._wanted if complete else set()
         for frame in sorted(self._pictures, reverse=True):

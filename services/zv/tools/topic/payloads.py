@@ -77,10 +77,7 @@ class Payload:
 def payload_for(key: str, data: str, message: MessageType | None) -> Payload:
     """Return the payload for a key, from JSON, a file or standard input (``-``).
 
-    Args:
-        key: Where it is sent.
-        data: JSON, or the name of a file.
-        message: The type to send; None for the type of the key's topic.
+    ``message`` None is the type of the key's topic.
 
     Raises:
         ConfigurationError: The key has no type, or the data does not match it.
