@@ -17,67 +17,58 @@ class ReplayClock:
         position_ns: Where in the recording to begin, ns since 1970.
         speed: Seconds of the recording in a second; 0: as fast as possible.
         paused: Whether to begin paused.
+
+    Attributes:
+        speed: As it is now; ``set`` changes it, and ``paused``.
+        paused: Whether the time of the recording stands still.
     """
 
     def __init__(
         self, clock: Clock, position_ns: int, speed: float = 1.0, *, paused: bool = False
     ) -> None:
         self._clock = clock
-        self._speed = speed
-        self._paused = paused
-        self._jump(position_ns)
+        self.speed = speed
+        self.paused = paused
+        self.jump(position_ns)
 
-    def _jump(self, position_ns: int) -> None:
+    def jump(self, position_ns: int) -> None:
+        """Go on from another moment of the recording."""
         self._position_ns = position_ns
         self._since_ns = self._clock.monotonic_ns()
         self._wall_ns = self._clock.time_ns()
 
     @property
-    def paused(self) -> bool:
-        """Whether the time of the recording stands still."""
-        return self._paused
-
-    @property
-    def speed(self) -> float:
-        """Seconds of the recording in a second; 0: as fast as possible."""
-        return self._speed
-
-    @property
     def position_ns(self) -> int:
         """The moment of the recording that is due now; at speed 0, that of the last record."""
-        if self._paused or not self._speed:
+        if self.paused or not self.speed:
             return self._position_ns
         passed_ns = self._clock.monotonic_ns() - self._since_ns
-        return self._position_ns + round(passed_ns * self._speed)
+        return self._position_ns + round(passed_ns * self.speed)
 
     def set(self, speed: float, *, paused: bool) -> None:
         """Go on from here at a speed, or pause."""
-        if (speed, paused) != (self._speed, self._paused):
+        if (speed, paused) != (self.speed, self.paused):
             here_ns = self.position_ns
-            self._speed, self._paused = speed, paused
-            self._jump(here_ns)
-
-    def jump(self, position_ns: int) -> None:
-        """Go on from another moment of the recording."""
-        self._jump(position_ns)
+            self.speed, self.paused = speed, paused
+            self.jump(here_ns)
 
     def wait_s(self, moment_ns: int) -> float | None:
         """Return how long to wait until a moment is due, seconds; None while paused.
 
         A moment that is due since over ``CATCH_UP_NS`` becomes the present one.
         """
-        if self._paused:
+        if self.paused:
             return None
-        if not self._speed:
+        if not self.speed:
             self._position_ns = max(self._position_ns, moment_ns)
             return 0.0
-        wait_ns = round((moment_ns - self.position_ns) / self._speed)
+        wait_ns = round((moment_ns - self.position_ns) / self.speed)
         if wait_ns < -CATCH_UP_NS:
-            self._jump(moment_ns)
+            self.jump(moment_ns)
         return max(0.0, wait_ns / 1e9)
 
     def wall_ns(self, moment_ns: int) -> int:
         """Return the wall-clock time at which a moment is due, or was; now if that is unknown."""
-        if self._paused or not self._speed:
+        if self.paused or not self.speed:
             return self._clock.time_ns()
-        return self._wall_ns + round((moment_ns - self._position_ns) / self._speed)
+        return self._wall_ns + round((moment_ns - self._position_ns) / self.speed)
