@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from contextlib import suppress
 
 from zenoh_vision.errors import ExpectationNotMet, PayloadError
 from zenoh_vision.image.forms import form_of, opened
@@ -72,30 +72,24 @@ class Results:
         while self._next is not None and self._next.log_time_ns <= until_ns:
             epoch, seq = self._next.number("epoch"), self._next.number("seq")
             if epoch is not None and seq is not None:
-                try:
+                with suppress(PayloadError):
                     found = self._kind.from_bytes(self._next.payload)
                     self._known[epoch, seq] = self._next.log_time_ns, found
-                except PayloadError:
-                    pass
             self._next = next(self._records, None)
-        old = [
-            name
-            for name, (at_ns, _) in self._known.items()
-            if at_ns < record.log_time_ns - AHEAD_NS
-        ]
-        for name in old:
-            del self._known[name]
+        self._known = {
+            name: known
+            for name, known in self._known.items()
+            if known[0] >= record.log_time_ns - AHEAD_NS
+        }
         epoch, seq = record.number("epoch"), record.number("seq")
         return self._known.get((epoch or 0, seq or 0), (0, None))[1]
 
 
 def results_of(recording: Recording, picture_key: str) -> Results | None:
     """Return the tracks, or else the centroids, of the camera of a picture's key."""
-    keys, camera = set(recording.keys()), "/".join(picture_key.split("/")[:2])
+    keys, camera = recording.keys(), "/".join(picture_key.split("/")[:2])
     kinds: tuple[tuple[str, type[Result]], ...] = (("tracks", Tracks), ("centroid", Centroid))
-    found: Iterator[Results] = (
-        Results(recording, f"{camera}/{name}", kind)
-        for name, kind in kinds
-        if f"{camera}/{name}" in keys
-    )
-    return next(found, None)
+    for name, kind in kinds:
+        if f"{camera}/{name}" in keys:
+            return Results(recording, f"{camera}/{name}", kind)
+    return None

@@ -74,15 +74,10 @@ def ros_records(
     progress: Progress,
     note: Callable[[str], None],
 ) -> Iterator[Record]:
-    """Yield the images and calibrations of a recording of ROS.
+    """Yield the images and calibrations of a ``.bag``, a ``.mcap``, or a folder of ROS 2.
 
-    Args:
-        path: A ``.bag``, a ``.mcap``, or the folder of a recording of ROS 2.
-        make_stream: Returns the stream of a camera.
-        namespace: First chunk of the keys.
-        camera: Name of the camera, if there is only one.
-        progress: Called from time to time.
-        note: Called with a line about what is left out.
+    ``camera`` is the name of the camera if there is only one. ``note`` is called with a line about
+    what is left out.
 
     Raises:
         SourceError: It cannot be read, ``rosbags`` is not installed, or it has no images.

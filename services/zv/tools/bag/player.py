@@ -100,6 +100,7 @@ class Player:
         first = wish()
         self._position_s = first.position_s
         self._steps = first.steps
+        self._stepped = False
         self.time = ReplayClock(clock, tape.begin_ns, first.speed, paused=first.paused)
         self._pass = Pass(0, self.time.wall_ns)
 
@@ -171,8 +172,6 @@ class Player:
         if due:
             self.time.jump(record.log_time_ns)
         return due
-
-    _stepped = False
 
     def _follow(self) -> int | None:
         """Follow the wish; return where to jump, if that is new."""
