@@ -9,6 +9,7 @@ import zenoh
 from zenoh_vision.error_text import joined
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError
 from zenoh_vision.host.files import write_file
+from zenoh_vision.image.picture import PixelPicture
 from zenoh_vision.keys import JPEG, PNG
 from zenoh_vision.messages import Centroid, Tracks
 from zenoh_vision.transport.connection import Connection
@@ -19,7 +20,7 @@ from zv.tools.shared.output import Output
 from zv.tools.shared.session import ToolSession, key_expression
 from zv.tools.snapshot.joining import join
 from zv.tools.snapshot.options import STDOUT, SnapshotOptions
-from zv.tools.snapshot.picture import Picture, checked, encoded, form_of
+from zv.tools.snapshot.picture import Picture, checked, form_of
 
 ANSWER_S = 2.0
 PATIENCE_S = 5.0
@@ -121,11 +122,11 @@ def _several(pattern: str, keys: list[str]) -> ConfigurationError:
 def _drawn(picture: Picture, result: Centroid | Tracks, options: SnapshotOptions) -> bytes:
     """Return a picture with its detections drawn, as a file with 8 bits per channel."""
     try:
-        bgr = draw(picture.frame.bgr, result)
+        drawn = PixelPicture(draw(picture.frame.bgr, result))
     except PayloadError as error:
         raise ExpectationNotMet(f"{picture.sample.key}: {error}") from None
     form = form_of(options.output, default=JPEG if picture.form.encoding == JPEG else PNG)
-    return encoded(bgr, "bgr8", form, options.quality)
+    return drawn.jpeg(options.quality) if form == JPEG else drawn.png()
 
 
 def _write(name: str, file: bytes) -> None:

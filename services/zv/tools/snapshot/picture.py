@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any
 
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, PayloadError
-from zenoh_vision.image import codecs, forms, pixel_formats
+from zenoh_vision.image import forms
 from zenoh_vision.image.depth import RangeFinder
 from zenoh_vision.image.exif import as_stored
 from zenoh_vision.image.forms import FORMS, PictureForm
@@ -83,11 +83,8 @@ class Picture:
         if form == mime:
             payload = bytes(self.sample.payload)
             return as_stored(payload) if form == JPEG else payload
-        depth = self.frame.picture.depth
-        if depth is not None:
-            return codecs.encode_png(depth)
         picture = self.frame.picture
-        return encoded(picture.pixels, picture.encoding, form, quality)
+        return picture.jpeg(quality) if form == JPEG else picture.png()
 
     def _has_16_bits(self, mime: str) -> bool:
         if mime == PNG:  # regardless of a header that was assumed here
@@ -128,12 +125,3 @@ def form_of(output: str, *, default: str) -> str:
     if output == STDOUT:
         return default
     return PNG if PurePath(output).suffix.lower() == ".png" else JPEG
-
-
-def encoded(pixels: pixel_formats.Pixels, encoding: str, form: str, quality: int) -> bytes:
-    """Return pixels, (height, width[, channels]), as a file; ``quality`` is for JPEG only."""
-    if form == JPEG:
-        return codecs.encode_jpeg(pixels, encoding, quality)
-    if encoding in ("rgb8", "rgba8"):  # a PNG is written from BGR
-        pixels = pixel_formats.convert(pixels, encoding, encoding.replace("rgb", "bgr"))
-    return codecs.encode_png(pixels)
