@@ -65,14 +65,12 @@ def _pairs(name: str, role: Role, namespace: str) -> Pairs:
             yield "answer", [keys.launch_key(namespace, "*")]
         if role.kind == OPERATOR:
             yield from _setter(namespace)
-        return
-    if role.kind == OWN_NODE:
+    elif role.kind == OWN_NODE:
         yield from _node(name, namespace, role.publishes, role.subscribes)
-        return
-    if role.kind == PLAYER:
+    elif role.kind == PLAYER:
         yield from _player(name, namespace, role.cameras)
-        return
-    yield from _service(name, role, namespace)
+    else:
+        yield from _service(name, role, namespace)
 
 
 def _service(name: str, role: Role, namespace: str) -> Pairs:
@@ -131,17 +129,13 @@ def _node(name: str, namespace: str, publishes: Iterable[str], subscribes: Itera
     yield "subscribe", [*subscribes, health]
     yield "query", [*subscribes, own]
     pictures = {COMPRESSED.name, RAW.name}
-    yield from _memory_owner(
-        namespace, (keys.camera_of(key) for key in publishes if keys.suffix_of(key) in pictures)
-    )
+    for key in publishes:
+        if keys.suffix_of(key) in pictures:
+            offers = keys.shared_memory_key(namespace, keys.camera_of(key), "*", "*")
+            yield "announce", [offers]
     yield from _memory_consumer(
         namespace, (keys.camera_of(key) for key in subscribes if keys.suffix_of(key) in pictures)
     )
-
-
-def _memory_owner(namespace: str, cameras: Iterable[str]) -> Pairs:
-    for camera in cameras:
-        yield "announce", [keys.shared_memory_key(namespace, camera, "*", "*")]
 
 
 def _memory_consumer(namespace: str, cameras: Iterable[str]) -> Pairs:
