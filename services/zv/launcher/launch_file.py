@@ -70,6 +70,9 @@ class PlannedProgram:
     required: bool = False
 
 
+Planned = PlannedNode | PlannedProgram
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """The content of a launch file.
@@ -85,7 +88,7 @@ class Plan:
     connection: dict[str, str]
     listen: str | None
     router_config: str | None
-    nodes: tuple[PlannedNode | PlannedProgram, ...]
+    nodes: tuple[Planned, ...]
     grace_s: float = GRACE_S
 
 
@@ -104,7 +107,7 @@ def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan
         ConfigurationError: The file is wrong; the text has the key, its value and what is allowed.
     """
     tables = read_tables(path)
-    nodes: list[PlannedNode | PlannedProgram] = []
+    nodes: list[Planned] = []
     for index, table in enumerate(_remapped(path, tables, remap or {})):
         place = f"{path}: node[{index}]"
         node = (
@@ -124,9 +127,7 @@ def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan
     )
 
 
-def _check_two(
-    place: str, node: PlannedNode | PlannedProgram, other: PlannedNode | PlannedProgram
-) -> None:
+def _check_two(place: str, node: Planned, other: Planned) -> None:
     """Raise ConfigurationError if two nodes would publish the same keys, or have the same name."""
     if (
         isinstance(node, PlannedNode)

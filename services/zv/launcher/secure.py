@@ -9,7 +9,7 @@ from typing import Self
 
 from zenoh_vision.errors import ConfigurationError, SourceError
 from zenoh_vision.security.credentials import SUFFIX, credentials_file, read_credentials
-from zv.launcher.launch_file import PlannedNode, PlannedProgram
+from zv.launcher.launch_file import Planned, PlannedProgram
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class SecureFiles:
     launcher: Path
 
     @classmethod
-    def of(cls, folder: str, nodes: Iterable[PlannedNode | PlannedProgram], namespace: str) -> Self:
+    def of(cls, folder: str, nodes: Iterable[Planned], namespace: str) -> Self:
         """Find and check the files of a folder, before anything is started.
 
         Raises:
@@ -42,7 +42,7 @@ class SecureFiles:
         return cls(router, found, _own(path, "launcher", namespace, "--node launcher"))
 
 
-def _named(node: PlannedNode | PlannedProgram) -> str:
+def _named(node: Planned) -> str:
     """Return how zv security add is told of a node that is not known to it."""
     if isinstance(node, PlannedProgram) or getattr(node.settings, "to", False):
         return f"--node {node.name} --publishes KEY --subscribes KEY"

@@ -17,7 +17,7 @@ from zenoh_vision.topics import CENTROID, COMPRESSED, EDGES
 from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.endpoints import MAX_PORT, local_endpoint, tcp_endpoint
 from zenoh_vision.transport.zenoh_config import client_config, listen_endpoints, router_config
-from zv.launcher.launch_file import Plan, PlannedNode, PlannedProgram
+from zv.launcher.launch_file import Plan, Planned, PlannedNode, PlannedProgram
 from zv.launcher.options import UpOptions
 from zv.launcher.secure import SecureFiles
 from zv.launcher.supervisor import System, run
@@ -174,9 +174,7 @@ def with_ports(plan: Plan) -> Plan:
     return replace(plan, nodes=tuple(_with_port(plan, node, recordings) for node in plan.nodes))
 
 
-def _with_port(
-    plan: Plan, node: PlannedNode | PlannedProgram, recordings: str | None
-) -> PlannedNode | PlannedProgram:
+def _with_port(plan: Plan, node: Planned, recordings: str | None) -> Planned:
     if isinstance(node, PlannedProgram) or not isinstance(node.settings, ViewerSettings):
         return node
     settings = node.settings

@@ -30,7 +30,7 @@ from zv.launcher.command_line import (
     service_flags,
     zv_command_line,
 )
-from zv.launcher.launch_file import Plan, PlannedNode, PlannedProgram
+from zv.launcher.launch_file import Plan, Planned, PlannedProgram
 from zv.launcher.node_control import NodeControl
 from zv.launcher.output_thread import written_on_threads
 from zv.launcher.secure import SecureFiles
@@ -258,7 +258,7 @@ class System:
         self._guard.close()
         closing.join(max(0.0, deadline_s - time.monotonic()))
 
-    def _child(self, node: PlannedNode | PlannedProgram, debug_flag: list[str]) -> Child:
+    def _child(self, node: Planned, debug_flag: list[str]) -> Child:
         own = {} if self._secure is None else {CREDENTIALS: str(self._secure.nodes[node.name])}
         if isinstance(node, PlannedProgram):
             variables = {**own, **node.variables}
@@ -272,7 +272,6 @@ class System:
             if self._connection.zenoh_config:
                 flags += ["--zenoh-config", self._connection.zenoh_config]
             line = zv_command_line(flags, {**secrets, **own, **node.variables})
-        program = isinstance(node, PlannedProgram)
         return Child(
             node.name,
             line,
@@ -280,7 +279,7 @@ class System:
             finishes=isinstance(node, PlannedProgram) or node.service == "camera",
             required=node.required,
             say=self.display.say,
-            guard=self._guard if program else None,
+            guard=self._guard if isinstance(node, PlannedProgram) else None,
         )
 
 

@@ -12,6 +12,7 @@ from zenoh_vision.transport.endpoints import local_endpoint
 from zv.launcher.command_line import service_flags
 from zv.launcher.launch_file import (
     Plan,
+    Planned,
     PlannedNode,
     PlannedProgram,
     read_launch_file,
@@ -64,7 +65,7 @@ class Expectation:
         ]
         return or_ok(problems, "expected", f"all {len(names)} nodes of {plan.place} run")
 
-    def _problem(self, node: PlannedNode | PlannedProgram, *, announced: bool) -> Finding:
+    def _problem(self, node: Planned, *, announced: bool) -> Finding:
         named = f"{node.name} of {self.plan.place}"
         if announced:
             said, remedy = f"{named} does not answer", "it hangs: end it and start it again"
