@@ -24,6 +24,7 @@ from zv.bag.record import RecordingError
 from zv.bag.recorder.files import add_account
 from zv.bag.recording import Recording
 from zv.bag.report import report_of, rest_account
+from zv.bag.ros2.profile import PROFILE
 from zv.bag.schemas import CHANNEL_KIND
 from zv.bag.schemas import Schema as OurSchema
 from zv.bag.writer import PARTIAL, Writer, record_bytes
@@ -69,9 +70,12 @@ def repair(
             if not path.name.endswith(PARTIAL):
                 return None
             return _repaired(_named(path), 0, in_place=True)
-        account = rest_account(recording, list(recording.accounts()), notes=[KILLED])
+        minutes = list(recording.accounts())
+        account = rest_account(recording, minutes, notes=[KILLED])
         if output is not None:
-            return _copied(recording, output, account, progress)
+            # Those of a file for ROS are metadata, and not copied with the messages.
+            kept = minutes if recording.profile == PROFILE else []
+            return _copied(recording, output, [*kept, account], progress)
         problems = [each for each in recording.problems if not each.startswith(CUT_OFF)]
         if problems or recording.is_closed:
             raise _damaged(path, problems[0] if problems else "")
@@ -188,7 +192,7 @@ def _damaged(path: Path, why: str) -> RecordingError:
 
 
 def _copied(
-    recording: Recording, output: Path, account: dict[str, Any], progress: Progress
+    recording: Recording, output: Path, accounts: Sequence[dict[str, Any]], progress: Progress
 ) -> Repaired:
     about = {**recording.about, "repaired_from": str(Path(recording.path).name)}
     writer = Writer(output, about, profile=recording.profile)
@@ -208,8 +212,9 @@ def _copied(
             )
             if count % 1000 == 0:
                 progress(writer.size, recording.size)
-        if account["keys"]:
-            add_account(writer, account, recording.profile)
+        for account in accounts:
+            if account["keys"]:
+                add_account(writer, account, recording.profile)
         path = writer.close({"how": "repaired"})
     except BaseException:
         writer.discard()

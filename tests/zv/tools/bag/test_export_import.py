@@ -43,6 +43,7 @@ from zv.tools.bag.options import (
     ImportOptions,
     InfoOptions,
     MergeOptions,
+    RepairOptions,
 )
 from zv.tools.bag.play_options import PlayOptions
 from zv.tools.shared.output import Output
@@ -104,6 +105,7 @@ def zv(capsys: pytest.CaptureFixture[str]) -> Callable[..., dict[str, object]]:
         FilterOptions: edit.filter_,
         MergeOptions: edit.merge,
         ConvertOptions: edit.convert,
+        RepairOptions: edit.repair,
         InfoOptions: info.run,
     }
 
@@ -242,6 +244,7 @@ def test_an_existing_output_is_not_overwritten(
         (MergeOptions, {}, 20),
         (FilterOptions, {"exclude": ("vision/*/tracks",)}, 10),
         (ConvertOptions, {}, 20),
+        (RepairOptions, {}, 20),
     ],
 )
 def test_a_new_recording_has_as_many_messages_as_info_counts(
@@ -254,6 +257,9 @@ def test_a_new_recording_has_as_many_messages_as_info_counts(
     state = Record("vision/front/camera_info", b"1", "text/plain", log_time_ns=START_NS)
     write(tmp_path / "run.mcap", [replace(state, origin="query"), *records()])
     target, source = str(tmp_path / "new.mcap"), str(tmp_path / "run.mcap")
+    if options is RepairOptions:  # of one for ROS, in which boxes are beside the tracks
+        zv(ConvertOptions(file=source, output=str(tmp_path / "ros.mcap")))
+        source = str(tmp_path / "ros.mcap")
     files = {"files": (source,)} if options is MergeOptions else {"file": source}
     assert zv(options(**files, output=target, **more))["messages"] == messages
     assert sum(each["messages"] for each in zv(InfoOptions(file=target))["keys"]) == messages
