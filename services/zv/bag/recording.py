@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import os
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from itertools import chain, count
 from typing import Any, Final, Self
 
@@ -34,6 +35,9 @@ from zv.bag.writer import ABOUT, ORIGIN
 
 MAX_WAITING_BYTES: Final = 256 << 20
 """Limit of the messages that are kept to bring chunks into order whose times overlap."""
+
+MAX_KEYS: Final = 10_000
+"""Most keys of which is remembered whether they match."""
 
 MAX_PROBLEMS: Final = 100
 MAX_METADATA: Final = 10_000
@@ -364,14 +368,10 @@ def matcher(keys: Sequence[str], *, without_any: bool = True) -> Callable[[str],
             f"{list(keys)!r}: not a key expression ({zenoh_error_text(error)}); allowed are "
             "chunks between single slashes, * for one chunk, ** for any number"
         ) from None
-    known: dict[str, bool] = {}
 
+    @lru_cache(MAX_KEYS)  # anyone can publish on any number of them
     def matches(key: str) -> bool:
-        if not expressions:
-            return without_any
-        if key not in known:
-            known[key] = _matches(expressions, key)
-        return known[key]
+        return _matches(expressions, key) if expressions else without_any
 
     return matches
 

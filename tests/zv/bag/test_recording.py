@@ -15,7 +15,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from tests.zv.bag.records import START_NS, frame, header, message, written
 from zenoh_vision.errors import ConfigurationError
 from zv.bag.record import Record, RecordingError, ZenohTime
-from zv.bag.recording import Recording
+from zv.bag.recording import MAX_KEYS, Recording, matcher
 from zv.bag.schemas import Schema
 from zv.bag.writer import Writer
 
@@ -236,3 +236,11 @@ def test_the_capture_time_is_the_publish_time_and_the_number_the_sequence(tmp_pa
     assert [each.sequence for each in found] == [5, 0]
     assert found[0].publish_time == frame(5).number("stamp_ns")
     assert found[0].log_time == frame(5).log_time_ns
+
+
+def test_a_matcher_forgets_keys_of_which_there_are_too_many() -> None:
+    matches = matcher(["vision/**"])
+    for number in range(MAX_KEYS + 100):
+        assert matches(f"vision/{number}")
+        assert not matches(f"x/{number}")
+    assert matches.cache_info().currsize == MAX_KEYS  # type: ignore[attr-defined]
