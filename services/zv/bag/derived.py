@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any, Final
 
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.message_codec import unpack
 from zv.bag import protobuf
-from zv.bag.record import Record
+from zv.bag.record import Record, TooManyKeys
 from zv.bag.schemas import ANNOTATIONS, CALIBRATION, Schema
 from zv.bag.writer import Writer
 
@@ -28,7 +29,8 @@ def add_derived(writer: Writer, record: Record) -> None:
     found = derived(record)
     if found is not None:
         topic, schema, data, stamp_ns = found
-        writer.add_message(topic, schema, (data,), record.log_time_ns, stamp_ns)
+        with suppress(TooManyKeys):  # the sample itself is there
+            writer.add_message(topic, schema, (data,), record.log_time_ns, stamp_ns)
 
 
 def derived(record: Record) -> tuple[str, Schema, bytes, int] | None:

@@ -94,6 +94,10 @@ class RecordingError(SourceError):
     """A file cannot be opened, is no recording, or cannot be read on; the text says which."""
 
 
+class TooManyKeys(SourceError):
+    """A file has no room for another key; the text names it."""
+
+
 class ChunkLost(Exception):
     """A chunk could not be written, so its messages are lost; the file is as before it.
 

@@ -32,11 +32,10 @@ from mcap.records import (
 )
 from mcap.records import Schema as SchemaRecord
 
-from zenoh_vision.errors import SourceError
 from zv.bag.layout import encoded
-from zv.bag.record import ChunkLost, Record, RecordingError
+from zv.bag.record import ChunkLost, Record, RecordingError, TooManyKeys
 from zv.bag.renaming import rename_new, sync_folder
-from zv.bag.schemas import CHANNEL_KIND, Schema
+from zv.bag.schemas import ACCOUNT, CHANNEL_KIND, Schema
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 PARTIAL: Final = ".partial"
@@ -48,6 +47,9 @@ MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
 CHUNK_HEAD: Final = struct.Struct("<BQQQQIIQ")
 """Opcode, length, first and last time, size, CRC, length of the compression's name, data length."""
 FOOTER: Final = struct.Struct("<BQQQ")
+
+MAX_CHANNELS: Final = 65_000
+"""Their ids have 16 bits."""
 
 MOST_BUFFERS: Final = 1024
 """Most buffers of one call to ``writev``."""
@@ -155,6 +157,7 @@ class Writer:
         self._counts: Counter[int] = Counter()
         self._schemas: dict[str, SchemaRecord] = {}
         self._channels: dict[tuple[str, str, str], Channel] = {}
+        self._last_id = 0  # of a channel
         self._chunk = _Chunk()
         self._chunks: list[ChunkIndex] = []
         self._metadata: list[MetadataIndex] = []
@@ -221,6 +224,7 @@ class Writer:
         for each in channels:
             key = each.topic, names.get(each.schema_id, ""), each.metadata.get(ORIGIN, "")
             self._channels[key] = each
+            self._last_id = max(self._last_id, each.id)
         chunk = _Chunk()
         for channel, log_ns, offset in messages:
             chunk.note(channel, log_ns)
@@ -303,6 +307,7 @@ class Writer:
 
         Raises:
             ChunkLost: As for ``flush``.
+            TooManyKeys: The file has ``MAX_CHANNELS`` already.
         """
         channel = self._channel(topic, schema, metadata or {})
         chunk = self._chunk
@@ -471,16 +476,17 @@ class Writer:
         known = self._channels.get(key)
         if known is not None:
             return known
-        if len(self._channels) >= 65_000:
-            raise SourceError(f"more than 65000 keys in one file: {topic} is too many")
+        if len(self._channels) >= MAX_CHANNELS and schema.kind != ACCOUNT.kind:
+            raise TooManyKeys(f"more than {MAX_CHANNELS} keys in one file: {topic} is too many")
         found = self._schemas.get(schema.name)
         if found is None:
             number = max((each.id for each in self._schemas.values()), default=0) + 1
             found = SchemaRecord(number, schema.data, schema.encoding, schema.name)
             self._schemas[schema.name] = found
         kind = {CHANNEL_KIND: schema.kind} if schema.kind else {}
+        self._last_id += 1
         channel = Channel(
-            max((each.id for each in self._channels.values()), default=0) + 1,
+            self._last_id,
             topic,
             schema.message_encoding,
             {**kind, **metadata},

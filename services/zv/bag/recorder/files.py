@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from zv.bag.derived import add_derived
-from zv.bag.record import ChunkLost, Record, RecordingError
+from zv.bag.record import ChunkLost, Record, RecordingError, TooManyKeys
 from zv.bag.recorder.ledger import Ledger
 from zv.bag.recorder.plan import Plan
 from zv.bag.recorder.series import Series
@@ -71,7 +71,7 @@ class Files:
         self.written_bytes = 0
         self._writer: Writer | None = None
         self._accounts: list[dict[str, Any]] = []
-        self._is_between = False
+        self._is_between = self._is_full = False
         self._begun_s = self._flushed_s = self._account_s = self._failed_s = self._lost_s = -1e9
         self._account_ns = self._last_ns = 0
         self._syncer: Syncer | None = None
@@ -113,6 +113,7 @@ class Files:
             self.ledger.forget()
         self._account_ns = begin_ns or self._last_ns or self._clock.now_ns()
         self._syncer = Syncer(self._writer)
+        self._is_full = False
         for record in self._state():
             self._add(replace(record, log_time_ns=self._account_ns, origin="query"))
 
@@ -147,6 +148,12 @@ class Files:
             add_record(self._writer, record, self._plan.profile)
         except ChunkLost as error:
             self._fail(error)
+        except TooManyKeys as error:
+            if record.origin == "stream":
+                self.ledger.lose([record], "too_many_keys")
+            if not self._is_full:
+                self._is_full = True
+                log.error("%s: what comes on further ones is missed", error)
 
     def tick(self) -> None:
         """Do what is due: close the chunk, write the account, begin another file."""

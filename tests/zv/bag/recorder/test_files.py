@@ -220,6 +220,23 @@ def test_a_clock_that_was_set_is_noted_and_records_stay_in_order(
     assert any("the wall clock was set by -36" in each for each in notes)
 
 
+def test_keys_for_which_a_file_has_no_room_are_missed_and_the_others_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("zv.bag.writer.MAX_CHANNELS", 3)
+    files = files_of(Plan(tmp_path / "run.mcap"))
+    files.open()  # with the state, on a key of its own
+    for seq in range(4):
+        for camera in "abcd":
+            files.add(arrived(frame(seq, camera), CLOCK))
+    files.stop()
+    with Recording(tmp_path / "run.mcap") as recording:
+        verdicts = {each.key.split("/")[1]: each.verdict for each in report_of(recording).keys}
+    missed = "missed 4 too_many_keys"
+    assert verdicts == {"a": "complete", "b": "complete", "c": missed, "d": missed}
+    assert caplog.text.count("vision/c/image/compressed is too many") == 1
+
+
 def test_a_recording_for_ros_has_its_account_in_the_metadata(tmp_path: Path) -> None:
     files = files_of(Plan(tmp_path / "run.mcap", profile="ros2"))
     files.open()
