@@ -75,11 +75,7 @@ def write(
 ) -> int:
     """Write records into a new file, with accounts of its own; return how many.
 
-    Args:
-        records: In the order of their arrival.
-        output: The file, which must not exist; it appears when it is complete.
-        about: What the file says about itself.
-        profile: ``ros2`` writes messages of ROS, and leaves out what it has none for.
+    It appears when it is complete. The profile ``ros2`` leaves out what ROS has no message for.
 
     Raises:
         RecordingError: The file exists, or cannot be made.

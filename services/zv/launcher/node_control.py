@@ -37,10 +37,7 @@ class _Request:
 class NodeControl:
     """Carries out requests on the thread that supervises the processes.
 
-    Args:
-        namespace: First chunk of the keys.
-        children: The processes, by the names of their nodes.
-        grace_s: How long a node may take to end before it is killed.
+    The processes are known by the names of their nodes.
     """
 
     def __init__(self, namespace: str, children: Mapping[str, Child], grace_s: float) -> None:

@@ -44,11 +44,7 @@ RETRY_S: Final = 2.0
 class Files:
     """Writes records into one file after the other; never raises for a failing disk.
 
-    Args:
-        plan: Which files.
-        about: What each file says about itself.
-        state: Returns the records with which each file begins.
-        clock: By which records arrive.
+    Each begins with the records that ``state`` returns, and says ``about`` about itself.
 
     Attributes:
         failure: Why nothing can be written at present; empty if it can.

@@ -67,13 +67,9 @@ class Progress:
 class Recorder:
     """Records by a plan, between ``start`` and ``stop``.
 
-    Args:
-        link: To the router.
-        namespace: Of the nodes.
-        plan: What, where and when.
-        name: Its name in triggers by query, and in the files.
-        done: Called with the path of each file that was closed, on the recorder's thread.
-        is_patient: Try again if the first file cannot be made.
+    Its name is that in triggers by query, and in the files. ``done`` is called on its thread with
+    the path of each file that was closed. One that is patient tries again if the first file cannot
+    be made.
     """
 
     def __init__(

@@ -26,13 +26,8 @@ MAX_BYTES: Final = 64 << 20
 class SystemState:
     """Asks the nodes for descriptions, parameters, schemas and latched messages, on a thread.
 
-    Args:
-        link: To the router.
-        namespace: Of the nodes.
-        exclude: Key expressions of what is left out.
-        clock: By which replies arrive.
-        take: Called with each reply that says something new.
-        found: Called with the keys that nodes publish.
+    ``take`` is called with each reply that says something new, ``found`` with the keys that nodes
+    publish.
     """
 
     def __init__(

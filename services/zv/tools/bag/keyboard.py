@@ -27,8 +27,7 @@ POLL_S: Final = 0.2
 class Keyboard:
     """Calls a function with the word for each key, while in its ``with`` and on a terminal.
 
-    Args:
-        pressed: Called on a thread with one of the words of ``KEYS``.
+    It is called on a thread, with one of the words of ``KEYS``.
     """
 
     def __init__(self, pressed: Callable[[str], None]) -> None:

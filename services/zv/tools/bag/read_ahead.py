@@ -15,11 +15,7 @@ POLL_S = 0.5
 
 
 class ReadAhead:
-    """The records of an iterator, in order; one thread takes them.
-
-    Args:
-        records: Is read on another thread.
-    """
+    """The records of an iterator, in order, which another thread reads; one thread takes them."""
 
     def __init__(self, records: Iterator[Record]) -> None:
         self._records = records

@@ -60,10 +60,7 @@ class RecordedNode:
 def recorded_node(recording: Recording, wanted: str, *, may_be_new: bool = False) -> RecordedNode:
     """Return the node of a name, or the only one of a service.
 
-    Args:
-        recording: Open.
-        wanted: The name of the node or of the service.
-        may_be_new: Without such a node, return one of that name for the cameras of the recording.
+    With ``may_be_new``, without such a node, it is one for the cameras of the recording.
 
     Raises:
         ExpectationNotMet: The recording has none, or several.

@@ -18,12 +18,7 @@ LATCHED = ("camera_info",)
 class RecordedTape:
     """Some keys of a recording, from a moment to another.
 
-    Args:
-        recording: Open.
-        wanted: Key expressions; by default all keys but those that begin with ``@``.
-        excluded: Key expressions of keys that are not played.
-        start_s: Where to begin, seconds since the first sample.
-        end_s: Where to end; None for the end of the recording.
+    By default those of all keys that do not begin with ``@``, to the end of the recording.
 
     Attributes:
         keys: The keys of the samples that are played.

@@ -26,11 +26,6 @@ class Updated:
 
     The file gets its name when all is written; an interrupted one leaves none.
 
-    Args:
-        path: The new file.
-        recording: The other one.
-        is_left_out: Which of its records are the node's results.
-
     Attributes:
         answers: Number of results that were written.
 
@@ -42,8 +37,7 @@ class Updated:
         self, path: Path, recording: Recording, is_left_out: Callable[[Record], bool]
     ) -> None:
         self.answers = 0
-        about = {name: value for name, value in recording.about.items() if isinstance(value, str)}
-        self._writer = Writer(path, about)
+        self._writer = Writer(path, recording.about)
         self._rest = recording.records()
         self._is_left_out = is_left_out
         self._system: tuple[str, ...] = ()
