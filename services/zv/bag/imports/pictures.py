@@ -32,7 +32,7 @@ def video_records(
     Raises:
         SourceError: It is no video, or none of its pictures can be read.
     """
-    begin_ns = int(path.stat().st_mtime * 1e9)
+    begin_ns = _written_ns(path)
     count = stated = 0
     failures: list[FFmpegError] = []
     try:
@@ -104,7 +104,7 @@ def folder_records(
         SourceError: The folder has no image, or one that cannot be read.
     """
     files = images_in(path)
-    begin_ns = int(files[0].stat().st_mtime * 1e9)
+    begin_ns = _written_ns(files[0])
     for number, file in enumerate(files):
         progress(number, len(files))
         stamp_ns = begin_ns + round(number * 1e9 / (rate_hz or DEFAULT_HZ))
@@ -114,6 +114,10 @@ def folder_records(
             raise SourceError(f"{file}: cannot be read: {error.strerror}") from None
         except (PayloadError, ValueError) as error:
             raise SourceError(f"{file}: {error}") from None
+
+
+def _written_ns(file: Path) -> int:
+    return max(0, file.stat().st_mtime_ns)  # a recording has no time before 1970
 
 
 def _image(data: bytes) -> Picture:

@@ -286,6 +286,17 @@ def test_a_folder_of_images_becomes_a_camera_with_the_files_as_they_are(
     assert {after - before for before, after in pairwise(stamps)} == {200_000_000}
 
 
+def test_an_image_that_says_it_is_from_before_1970_is_imported(
+    tmp_path: Path, zv: Callable[..., dict[str, object]]
+) -> None:
+    image = tmp_path / "images" / "1.png"
+    image.parent.mkdir()
+    cv2.imwrite(str(image), picture(0))
+    os.utime(image, (-3600, -3600))
+    options = ImportOptions(source=str(image.parent), output=str(tmp_path / "x.mcap"))
+    assert zv(options)["messages"] == 1
+
+
 def test_a_video_becomes_a_camera(tmp_path: Path, zv: Callable[..., dict[str, object]]) -> None:
     video = tmp_path / "walk.avi"
     write_video(video, frames=7, rate_hz=10)
