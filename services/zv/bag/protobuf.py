@@ -6,6 +6,7 @@ hand: the protobuf library would be a dependency of 20 times this size, and slow
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ TYPES: Final = {
 """Numbers of the types in a descriptor."""
 
 OPTIONAL, REPEATED = 1, 3
+FIELD: Final = re.compile(r"(repeated )?([\w.]+)(?:\(([\w|]+)\))? (\w+) = (\d+)")
 
 
 class WireError(ValueError):
@@ -124,32 +126,36 @@ def _varint_at(message: memoryview, place: int) -> tuple[int, int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
-    """One field of a message in a schema.
-
-    Attributes:
-        type: One of ``TYPES``, or the full name of a message or an enumeration.
-        choices: Of an enumeration, in order from 0; it is nested in the message.
-    """
-
+class _Field:
     name: str
     number: int
     type: str
-    repeated: bool = False
-    choices: tuple[str, ...] = ()
+    repeated: bool
+    choices: tuple[str, ...]
 
 
-Messages = Mapping[str, Sequence[Field]]
-"""Fields of messages by their full names, such as ``foxglove.Point2``."""
+def _fields(text: str) -> list[_Field]:
+    found = []
+    for each in text.split(", "):
+        parts = FIELD.fullmatch(each)
+        assert parts is not None, each
+        repeated, kind, choices, name, number = parts.groups("")
+        options = tuple(choices.split("|")) if choices else ()
+        found.append(_Field(name, int(number), kind, bool(repeated), options))
+    return found
 
 
-def descriptor_set(messages: Messages) -> bytes:
+def descriptor_set(messages: Mapping[str, str]) -> bytes:
     """Return the serialized ``FileDescriptorSet`` of messages, one file for each, in this order.
 
-    Each message may use those before it.
+    Args:
+        messages: By their full names, their fields as in a .proto file: ``string text = 3, repeated
+            foxglove.Point2 points = 4``. Each message may use those before it. An enumeration is
+            nested in its message: ``Type(UNKNOWN|POINTS) type = 2``, in order from 0.
     """
     files, places = b"", dict[str, str]()
-    for full_name, fields in messages.items():
+    for full_name, text in messages.items():
+        fields = _fields(text)
         package, _, name = full_name.rpartition(".")
         places[full_name] = file_name = f"{full_name.replace('.', '/')}.proto"
         used = sorted({places[each.type] for each in fields if each.type in places} - {file_name})
@@ -160,7 +166,7 @@ def descriptor_set(messages: Messages) -> bytes:
     return files
 
 
-def _descriptor(full_name: str, name: str, fields: Sequence[Field]) -> bytes:
+def _descriptor(full_name: str, name: str, fields: Sequence[_Field]) -> bytes:
     out = part(1, name)
     for field in fields:
         kind = "enum" if field.choices else "message" if "." in field.type else field.type

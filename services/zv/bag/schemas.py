@@ -6,31 +6,21 @@ Field numbers and types of Foxglove's messages: https://docs.foxglove.dev/docs/s
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from zv.bag.protobuf import Field, Messages, descriptor_set
+from zv.bag.protobuf import descriptor_set
 
 ENCODING, ATTACHMENT, TIME, CLOCK, KIND, ORIGIN, QOS = range(100, 107)
 """Numbers of the added fields, in every schema of samples."""
 
 ADDED: Final = (
-    Field("zenoh_encoding", ENCODING, "string"),
-    Field("zenoh_attachment", ATTACHMENT, "bytes"),
-    Field("zenoh_time_ntp64", TIME, "fixed64"),
-    Field("zenoh_time_clock", CLOCK, "string"),
-    Field("zenoh_deleted", KIND, "bool"),
-    Field("zenoh_queried", ORIGIN, "bool"),
-    Field("zenoh_qos", QOS, "uint32"),
+    f"string zenoh_encoding = {ENCODING}, bytes zenoh_attachment = {ATTACHMENT}, "
+    f"fixed64 zenoh_time_ntp64 = {TIME}, string zenoh_time_clock = {CLOCK}, "
+    f"bool zenoh_deleted = {KIND}, bool zenoh_queried = {ORIGIN}, uint32 zenoh_qos = {QOS}"
 )
-
-_TIMESTAMP: Final[Messages] = {
-    "google.protobuf.Timestamp": (
-        Field("seconds", 1, "int64"),
-        Field("nanos", 2, "int32"),
-    )
-}
-_STAMP = Field("timestamp", 1, "google.protobuf.Timestamp")
+_STAMP: Final = "google.protobuf.Timestamp timestamp = 1"
 
 
 @dataclass(frozen=True)
@@ -52,76 +42,50 @@ class Schema:
     payload: int = 0
 
 
-def _protobuf(name: str, kind: str, messages: Messages, payload: int = 0) -> Schema:
-    data = descriptor_set({**_TIMESTAMP, **messages})
+def _protobuf(name: str, kind: str, messages: Mapping[str, str], payload: int = 0) -> Schema:
+    stamp = {"google.protobuf.Timestamp": "int64 seconds = 1, int32 nanos = 2"}
+    data = descriptor_set({**stamp, **messages})
     return Schema(name, kind, "protobuf", "protobuf", data, payload)
 
 
-def _sample(name: str, *fields: Field, payload: int) -> Schema:
-    return _protobuf(name, "sample.v1", {name: (_STAMP, *fields, *ADDED)}, payload)
+def _sample(name: str, fields: str, *, payload: int) -> Schema:
+    return _protobuf(name, "sample.v1", {name: f"{_STAMP}, {fields}, {ADDED}"}, payload)
 
 
 COMPRESSED_IMAGE: Final = _sample(
-    "foxglove.CompressedImage",
-    Field("frame_id", 4, "string"),
-    Field("data", 2, "bytes"),
-    Field("format", 3, "string"),
-    payload=2,
+    "foxglove.CompressedImage", "string frame_id = 4, bytes data = 2, string format = 3", payload=2
 )
 RAW_IMAGE: Final = _sample(
     "foxglove.RawImage",
-    Field("frame_id", 7, "string"),
-    Field("width", 2, "fixed32"),
-    Field("height", 3, "fixed32"),
-    Field("encoding", 4, "string"),
-    Field("step", 5, "fixed32"),
-    Field("data", 6, "bytes"),
+    "string frame_id = 7, fixed32 width = 2, fixed32 height = 3, string encoding = 4, "
+    "fixed32 step = 5, bytes data = 6",
     payload=6,
 )
-SAMPLE: Final = _sample("zenoh_vision.Sample", Field("payload", 2, "bytes"), payload=2)
+SAMPLE: Final = _sample("zenoh_vision.Sample", "bytes payload = 2", payload=2)
 ANNOTATIONS: Final = _protobuf(
     "foxglove.ImageAnnotations",
     "derived.v1",
     {
-        "foxglove.Color": tuple(
-            Field(name, number, "double") for number, name in enumerate("rgba", 1)
-        ),
-        "foxglove.Point2": (Field("x", 1, "double"), Field("y", 2, "double")),
+        "foxglove.Color": "double r = 1, double g = 2, double b = 3, double a = 4",
+        "foxglove.Point2": "double x = 1, double y = 2",
         "foxglove.CircleAnnotation": (
-            _STAMP,
-            Field("position", 2, "foxglove.Point2"),
-            Field("diameter", 3, "double"),
-            Field("thickness", 4, "double"),
-            Field("fill_color", 5, "foxglove.Color"),
-            Field("outline_color", 6, "foxglove.Color"),
+            f"{_STAMP}, foxglove.Point2 position = 2, double diameter = 3, double thickness = 4, "
+            "foxglove.Color fill_color = 5, foxglove.Color outline_color = 6"
         ),
         "foxglove.PointsAnnotation": (
-            _STAMP,
-            Field(
-                "type",
-                2,
-                "Type",
-                choices=("UNKNOWN", "POINTS", "LINE_LOOP", "LINE_STRIP", "LINE_LIST"),
-            ),
-            Field("points", 3, "foxglove.Point2", repeated=True),
-            Field("outline_color", 4, "foxglove.Color"),
-            Field("outline_colors", 5, "foxglove.Color", repeated=True),
-            Field("fill_color", 6, "foxglove.Color"),
-            Field("thickness", 7, "double"),
+            f"{_STAMP}, Type(UNKNOWN|POINTS|LINE_LOOP|LINE_STRIP|LINE_LIST) type = 2, "
+            "repeated foxglove.Point2 points = 3, foxglove.Color outline_color = 4, "
+            "repeated foxglove.Color outline_colors = 5, foxglove.Color fill_color = 6, "
+            "double thickness = 7"
         ),
         "foxglove.TextAnnotation": (
-            _STAMP,
-            Field("position", 2, "foxglove.Point2"),
-            Field("text", 3, "string"),
-            Field("font_size", 4, "double"),
-            Field("text_color", 5, "foxglove.Color"),
-            Field("background_color", 6, "foxglove.Color"),
+            f"{_STAMP}, foxglove.Point2 position = 2, string text = 3, double font_size = 4, "
+            "foxglove.Color text_color = 5, foxglove.Color background_color = 6"
         ),
         "foxglove.ImageAnnotations": (
-            Field("circles", 1, "foxglove.CircleAnnotation", repeated=True),
-            Field("points", 2, "foxglove.PointsAnnotation", repeated=True),
-            Field("texts", 3, "foxglove.TextAnnotation", repeated=True),
-            Field("timestamp", 5, "google.protobuf.Timestamp"),
+            "repeated foxglove.CircleAnnotation circles = 1, "
+            "repeated foxglove.PointsAnnotation points = 2, "
+            "repeated foxglove.TextAnnotation texts = 3, google.protobuf.Timestamp timestamp = 5"
         ),
     },
 )
@@ -130,12 +94,9 @@ CALIBRATION: Final = _protobuf(
     "derived.v1",
     {
         "foxglove.CameraCalibration": (
-            _STAMP,
-            Field("frame_id", 9, "string"),
-            Field("width", 2, "fixed32"),
-            Field("height", 3, "fixed32"),
-            Field("distortion_model", 4, "string"),
-            *(Field(name, n, "double", repeated=True) for n, name in enumerate("DKRP", 5)),
+            f"{_STAMP}, string frame_id = 9, fixed32 width = 2, fixed32 height = 3, "
+            "string distortion_model = 4, repeated double D = 5, repeated double K = 6, "
+            "repeated double R = 7, repeated double P = 8"
         )
     },
 )
