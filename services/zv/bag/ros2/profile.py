@@ -57,8 +57,8 @@ def add_ros2(writer: Writer, record: Record) -> bool:
     for suffix, name, fields in messages_of(record):
         try:
             data = cdr(name, fields)
-        except (struct.error, UnicodeError, OverflowError):
-            continue  # numbers that no message of ROS can hold
+        except (struct.error, UnicodeError, OverflowError, TypeError):
+            continue  # values that no message of ROS can hold
         latched = name == "sensor_msgs/CameraInfo"
         metadata = {
             "offered_qos_profiles": QOS.format(durability=TRANSIENT if latched else VOLATILE)

@@ -112,6 +112,14 @@ def test_rosbags_reads_pictures_detections_and_calibration(path: Path) -> None:
     assert found["/vision/front/camera_info"].k.tolist() == CALIBRATION["k"]
 
 
+@pytest.mark.parametrize("wrong", [{"d": True}, {"k": 5}, {"p": ["a"] * 12}, {"width": -1}])
+def test_a_calibration_that_ros_cannot_hold_is_left_out(
+    tmp_path: Path, wrong: dict[str, object]
+) -> None:
+    record = packed("camera_info", "vision.CameraInfo.v1", CALIBRATION | wrong)
+    assert write([record, frame(4)], tmp_path / "ros.mcap", {}, profile="ros2") == 1
+
+
 def test_types_have_the_hashes_that_ros_computes() -> None:
     store = get_typestore(Stores.EMPTY)
     for name, text in ((name, definition(name)) for name in TYPES):
