@@ -69,11 +69,15 @@ class SchemaCheck:
         self._left = MAX_STEPS
         try:
             error = next(self._validator.iter_errors(_brief(value)), None)
+            if error is None:
+                return ""
+            error = best_match([error])
         except RecursionError:
             raise UnusableSchema("its references have no end") from None
-        if error is None:
-            return ""
-        error = best_match([error])
+        except UnusableSchema:
+            raise
+        except Exception:  # the library expects a schema that is right
+            raise UnusableSchema("a type in it is not JSON Schema") from None
         place = ".".join([name, *map(str, error.absolute_path)])
         return f"{place}: {error.message:.200}"
 

@@ -138,6 +138,10 @@ HOSTILE = {
     "elsewhere": ({"properties": {"a": {"$ref": "http://127.0.0.1:9/a"}}}, "$ref"),
     "no schema": ({"properties": {"a": 3}}, "properties = {'a': 3}"),
     "no type": ({"properties": {"a": {"type": "text"}}}, "type = 'text' is not JSON Schema"),
+    "no type of a choice": ({"properties": {
+        "a": {"anyOf": [{"type": "integer"}], "type": "text"}}}, "a type in it"),
+    "a number as type": ({"properties": {
+        "a": {"anyOf": [{"type": "integer"}], "type": 1}}}, "a type in it"),
     "no number": ({"properties": {"b": {"type": "number", "minimum": "x"}}}, "minimum = 'x'"),
     "no length": ({"properties": {"a": {"type": "string", "maxLength": []}}}, "maxLength = []"),
     "required": ({"properties": {"a": True}, "required": 3}, "required"),
