@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+import zenoh
+
 from zenoh_vision.error_text import joined, suggestion
 from zenoh_vision.errors import ConfigurationError, SourceError, VisionError
 from zenoh_vision.security.credentials import (
@@ -215,20 +217,23 @@ class Folder:
                     "another system; copy it and its key back from a backup"
                 )
 
-    def read_router(self, name: str) -> dict[str, Any]:
-        """Read the configuration of a router.
+    @contextmanager
+    def router(self, name: str) -> Iterator[dict[str, Any]]:
+        """Yield the configuration of a router, whose parts are then read.
 
         Raises:
             SourceError: It cannot be read.
-            ConfigurationError: Others can read it, or it is damaged.
+            ConfigurationError: Others can read it, it is damaged, or a part is none.
         """
         file = self.router_file_of(name)
         if not file.is_file():
             raise SourceError(f"{file}: no such file; {renewal_of(file)} writes it again")
         found = read_json5(file)
-        if not all(isinstance(found.get(each), dict) for each in ("transport", "access_control")):
-            raise ConfigurationError(f"{file}: damaged; {renewal_of(file)} writes it again")
-        return found
+        try:
+            yield found
+        except (KeyError, TypeError, ValueError, zenoh.ZError):
+            again = f"{renewal_of(file)} writes it again"
+            raise ConfigurationError(f"{file}: damaged; {again}") from None
 
     def write(self, system: System) -> None:
         """Write the list of holders."""

@@ -129,10 +129,10 @@ class Issuing:
             VisionError: A file cannot be read or written.
         """
         for name in system.routers():
-            tls = self.folder.read_router(name)["transport"]["link"]["tls"]
-            issued = Issued(
-                _decoded(tls, "listen_certificate"), _decoded(tls, "listen_private_key")
-            )
+            with self.folder.router(name) as content:
+                tls = content["transport"]["link"]["tls"]
+                parts = (tls[f"listen_{each}_base64"] for each in ("certificate", "private_key"))
+                issued = Issued(*map(base64.b64decode, parts))
             self._write_router(system, name, issued)
 
     def _write_router(self, system: System, name: str, issued: Issued) -> None:
@@ -178,7 +178,3 @@ class Issuing:
             "transport": {"shared_memory": {"enabled": False}, "link": {"tls": tls}},
             "metadata": {METADATA: about},
         }
-
-
-def _decoded(tls: dict[str, Any], part: str) -> bytes:
-    return base64.b64decode(tls[f"{part}_base64"])

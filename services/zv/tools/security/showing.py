@@ -64,8 +64,9 @@ def check(options: CheckOptions, _connection: Connection, output: Output) -> Non
     holder = system.holder(options.node)
     router = next(iter(system.routers()))
     common_name = holder.common_name(options.node)
-    rules = folder.read_router(router)["access_control"]
-    found = verdict(rules, common_name, TO_ROUTER[options.action], options.key)
+    with folder.router(router) as content:
+        rules = content["access_control"]
+        found = verdict(rules, common_name, TO_ROUTER[options.action], options.key)
     asked = {"node": options.node, "key": options.key, "action": options.action}
     if found.rules:
         said = "; ".join(f"rule {rule!r} allows {key}" for rule, key in found.rules)

@@ -633,10 +633,17 @@ def test_a_damaged_list_of_holders_is_named(system: Secured, damage: Callable[[s
         system.add(camera=("left",))
 
 
-def test_a_routers_file_without_its_rules_is_named_with_what_writes_it_again(system: Secured):
-    (system.folder / "router" / "router.json5").write_text("{}")
+@pytest.mark.parametrize("part", [None, {}, 5, {"link": {"tls": 5}, "subjects": [{"id": []}]}])
+def test_a_damaged_file_of_a_router_is_named_with_what_writes_it_again(
+    system: Secured, part: object
+):
+    system.rewrite("router", {"transport": part, "access_control": part})
     with pytest.raises(ConfigurationError, match=r"router\.json5: damaged; zv security renew"):
         check(system, "camera_front", "vision/front/image", "publish")
+    with pytest.raises(ConfigurationError, match=r"router\.json5: damaged; zv security renew"):
+        system.add(camera=("left",))
+    assert "router: valid until" in system.renew("router")
+    assert "allowed" in check(system, "camera_front", "vision/front/image", "publish")
 
 
 def test_the_key_of_the_authority_may_be_kept_elsewhere(system: Secured):
