@@ -1,4 +1,4 @@
-"""Maps pixels of a camera to positions, velocities and covariances on a plane."""
+"""Maps pixels of a camera to positions on a plane, and back."""
 
 from __future__ import annotations
 
@@ -60,26 +60,6 @@ class PlaneView:
             return None
         columns = (around[1] - around[2], around[3] - around[4])
         return np.stack(columns, axis=1) / (2 * STEP_PX)
-
-    def velocity(self, x: float, y: float, vx: float, vy: float) -> tuple[float, float] | None:
-        """Map a velocity vx, vy in pixels per second, at a pixel, to the plane.
-
-        Returns:
-            World units per second; None if the pixel shows no point of the plane.
-        """
-        jacobian = self.jacobian(x, y)
-        return None if jacobian is None else pair(jacobian @ (vx, vy))
-
-    def covariance(
-        self, x: float, y: float, covariance: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
-        """Map the covariance of a pixel position, (2, 2), to the plane, to first order: J C J'.
-
-        Returns:
-            (2, 2), square world units; None if the pixel shows no point of the plane.
-        """
-        jacobian = self.jacobian(x, y)
-        return None if jacobian is None else np.asarray(jacobian @ covariance @ jacobian.T)
 
 
 def pair(numbers: NDArray[np.float64]) -> tuple[float, float] | None:

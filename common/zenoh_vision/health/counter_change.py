@@ -24,13 +24,11 @@ class CounterChange:
     Attributes:
         span_s: Time between the two.
         arrived: Frames captured or received.
-        done: Frames published or processed.
         losses: Frames lost by reason, drops and ``missed``; reasons that lost none are left out.
     """
 
     span_s: float
     arrived: int
-    done: int
     losses: dict[str, int]
 
     @property
@@ -62,7 +60,6 @@ def counter_change(
     return CounterChange(
         span_s=span_s,
         arrived=change.get("captured", change.get("received", 0)),
-        done=change.get("published", change.get("processed", 0)),
         losses=losses(change),
     )
 

@@ -21,12 +21,12 @@ MAX_WORDS = 500
 class HealthFile:
     """Writes the state of the process, at most once a period unless it changes.
 
-    Without a path, by argument or the environment variable ``ZV_HEALTH_FILE``, it does nothing.
+    Without the environment variable ``ZV_HEALTH_FILE``, it does nothing.
     A file that cannot be written is logged once and stops nothing.
     """
 
-    def __init__(self, path: str | None = None) -> None:
-        named = os.environ.get(VARIABLE) if path is None else path
+    def __init__(self) -> None:
+        named = os.environ.get(VARIABLE)
         self._path = Path(named) if named else None
         self._written = ""
         self._due_s = 0.0

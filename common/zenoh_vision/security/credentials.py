@@ -85,7 +85,6 @@ class Credentials:
         path: The file.
         name: Whom the certificate names.
         namespace: First chunk of the keys of its rights.
-        role: ``camera``, ``operator``, ...
         endpoint: Where the router is, unless another endpoint is given.
         tls: Zenoh's table ``transport/link/tls``, with the private key.
         rights: As they were when the file was written; the router's rules decide.
@@ -95,7 +94,6 @@ class Credentials:
     path: Path
     name: str
     namespace: str
-    role: str
     endpoint: str
     tls: Mapping[str, Any] = field(repr=False)
     rights: Rights
@@ -230,7 +228,7 @@ def read_credentials(path: str) -> Credentials:
     try:
         about = content["metadata"][METADATA]
         tls = content["transport"]["link"]["tls"]
-        name, namespace, role = (str(about[each]) for each in ("name", "namespace", "role"))
+        name, namespace = (str(about[each]) for each in ("name", "namespace"))
         (endpoint,) = content["connect"]["endpoints"]
         times_s = _checked_certificate(tls, file)
     except (KeyError, TypeError, ValueError, binascii.Error) as error:
@@ -238,7 +236,7 @@ def read_credentials(path: str) -> Credentials:
         raise ConfigurationError(f"{file}: no credentials of a node ({said}); {again}") from None
     rights = Rights.from_map(about.get("rights"))
     validity = Validity(name, file.parent, *times_s)
-    return Credentials(file, name, namespace, role, str(endpoint), tls, rights, validity)
+    return Credentials(file, name, namespace, str(endpoint), tls, rights, validity)
 
 
 def _checked_certificate(tls: Mapping[str, Any], file: Path) -> tuple[float, float]:

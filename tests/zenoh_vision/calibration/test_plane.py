@@ -116,28 +116,19 @@ def test_positions_return_to_their_pixels():
     np.testing.assert_allclose(view.pixels(view.positions(PIXELS)), PIXELS, atol=1e-3)
 
 
-def test_velocity_is_the_movement_in_a_short_time():
+def test_the_jacobian_tells_how_far_a_small_step_leads():
     view = PlaneView(BENT, TILTED)
-    x, y, vx, vy, time_s = 450.0, 80.0, 120.0, -60.0, 1e-3
-    here, there = view.positions(np.array([(x, y), (x + vx * time_s, y + vy * time_s)]))
-    np.testing.assert_allclose(view.velocity(x, y, vx, vy), (there - here) / time_s, rtol=1e-3)
+    pixel, step = np.array((450.0, 80.0)), np.array((0.12, -0.06))
+    here, there = view.positions(np.stack((pixel, pixel + step)))
+    np.testing.assert_allclose(view.jacobian(*pixel) @ step, there - here, rtol=1e-3)
 
 
-def test_velocity_on_a_plane_seen_straight_on_is_scaled():
+def test_the_jacobian_of_a_plane_seen_straight_on_is_its_scale():
     view = PlaneView(CameraModel(640, 480, K), Plane((0.01, 0, -2, 0, -0.01, 3, 0, 0, 1)))
-    assert view.velocity(100, 100, 50, 20) == pytest.approx((0.5, -0.2))
+    np.testing.assert_allclose(view.jacobian(100, 100), [[0.01, 0], [0, -0.01]], atol=1e-12)
 
 
-def test_covariance_is_that_of_many_points_drawn_around_the_pixel():
-    view = PlaneView(BENT, TILTED)
-    spread = np.array([[2.0, 0.7], [0.7, 1.0]])
-    drawn = np.random.default_rng(1).multivariate_normal((420.0, 90.0), spread, 20_000)
-    expected = np.cov(view.positions(drawn).T)
-    np.testing.assert_allclose(view.covariance(420, 90, spread), expected, rtol=0.06)
-
-
-def test_a_pixel_beyond_the_horizon_has_neither_position_nor_velocity_nor_covariance():
+def test_a_pixel_beyond_the_horizon_has_neither_position_nor_jacobian():
     view = PlaneView(CameraModel(640, 480, K), Plane((1, 0, 0, 0, 0, 1000, 0, 1, -100)))
     assert view.position(10, 50) is None
-    assert view.velocity(10, 50, 1, 1) is None
-    assert view.covariance(10, 50, np.eye(2)) is None
+    assert view.jacobian(10, 50) is None

@@ -9,14 +9,16 @@ from zenoh_vision.host.health_file import HealthFile
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / "health"
+def file(tmp_path: Path, monkeypatch) -> Path:
+    found = tmp_path / "health"
+    monkeypatch.setenv("ZV_HEALTH_FILE", str(found))
+    return found
 
 
 @pytest.fixture
 def heartbeat(file: Path) -> HealthFile:
     """Of a node that has said that it is well."""
-    found = HealthFile(str(file))
+    found = HealthFile()
     found.beat()
     return found
 
@@ -56,9 +58,12 @@ def test_without_the_variable_nothing_is_written(tmp_path: Path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_file_that_cannot_be_written_is_said_once_and_then_tried_again(tmp_path: Path, caplog):
+def test_a_file_that_cannot_be_written_is_said_once_and_then_tried_again(
+    tmp_path: Path, caplog, monkeypatch
+):
     folder = tmp_path / "not there yet"
-    heartbeat = HealthFile(str(folder / "health"))
+    monkeypatch.setenv("ZV_HEALTH_FILE", str(folder / "health"))
+    heartbeat = HealthFile()
     heartbeat.beat()
     heartbeat.beat("x")
     heartbeat.beat()

@@ -20,7 +20,7 @@ SHOWN = f"zenoh-vision/holder/edge_front/{OWN}"
 RIGHTS = Rights.of([("publish", (KEY,)), ("answer", (KEY,)), ("announce", (TOKEN,))])
 FILE = Path("security", "edge_front.json5")
 VALIDITY = Validity("edge_front", FILE.parent, 0.0, 1e12)
-CREDENTIALS = Credentials(FILE, "edge_front", "vision", "edge", "", {}, RIGHTS, VALIDITY)
+CREDENTIALS = Credentials(FILE, "edge_front", "vision", "", {}, RIGHTS, VALIDITY)
 
 
 @dataclass
