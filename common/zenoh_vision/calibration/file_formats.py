@@ -59,24 +59,23 @@ def fields_of(content: bytes) -> object:
     if _is_ini(text):
         return _of_ini(text.decode())
     from_opencv = OPENCV_DIRECTIVE.match(text) or b"opencv-matrix" in text
-    fields = yaml.load(OPENCV_DIRECTIVE.sub(b"", text), Loader=CalibrationLoader)  # noqa: S506 - safe
-    if not isinstance(fields, dict):
-        return fields
+    read = yaml.load(OPENCV_DIRECTIVE.sub(b"", text), Loader=CalibrationLoader)  # noqa: S506 - safe
+    if not isinstance(read, dict):
+        return read
+    fields = {OPENCV_KEYS.get(key, key): value for key, value in read.items()}
     if from_opencv and fields.pop("fisheye_model", 0):
         fields["distortion_model"] = "equidistant"
     elif from_opencv:
-        fields.setdefault("distortion_model", _opencv_model(fields))
-    return {OPENCV_KEYS.get(key, key): value for key, value in fields.items()}
+        fields.setdefault("distortion_model", _model(fields))
+    return fields
 
 
-def _opencv_model(fields: dict[Any, Any]) -> str:
-    """Return the distortion model that OpenCV means by its number of coefficients."""
-    for key in ("distortion_coefficients", "Distortion_Coefficients", "distCoeffs"):
-        matrix = fields.get(key)
-        data = matrix.get("data") if isinstance(matrix, dict) else None
-        if isinstance(data, list) and len(data) > LONGEST_PLUMB_BOB:
-            return "rational_polynomial"
-    return "plumb_bob"
+def _model(fields: dict[Any, Any]) -> str:
+    """Return the distortion model that is meant by the number of coefficients."""
+    matrix = fields.get("distortion_coefficients")
+    data = matrix.get("data") if isinstance(matrix, dict) else None
+    longer = isinstance(data, list) and len(data) > LONGEST_PLUMB_BOB
+    return "rational_polynomial" if longer else "plumb_bob"
 
 
 def _is_ini(text: bytes) -> bool:
@@ -96,9 +95,7 @@ def _of_ini(text: str) -> dict[str, Any]:
             key, rows, columns = INI_SHAPES[name]
             fields[key] = {"rows": rows, "cols": columns or len(numbers), "data": numbers}
             fields.setdefault("camera_name", section)
-    count = len(fields.get("distortion_coefficients", {}).get("data", ()))
-    fields["distortion_model"] = "rational_polynomial" if count > LONGEST_PLUMB_BOB else "plumb_bob"
-    return fields
+    return fields | {"distortion_model": _model(fields)}
 
 
 def _ini_entries(text: str) -> Iterator[tuple[str, str, list[str]]]:
