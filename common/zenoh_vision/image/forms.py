@@ -204,6 +204,7 @@ class BitsForm(PictureForm):
     def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return packed bits as a picture of 0 and 255."""
         del size
+        self.check(payload, header)
         return PixelPicture(unpack_bits(payload, header.width, header.height), bilevel=True)
 
     def make(self, picture: Picture, quality: int) -> bytes:
@@ -218,14 +219,7 @@ def pack_bits(picture: NDArray[np.uint8]) -> bytes:
 
 
 def unpack_bits(bits: Payload, width: int, height: int) -> NDArray[np.uint8]:
-    """Return packed bits as (height, width) uint8, 0 or 255.
-
-    Raises:
-        PayloadError: ``wrong_size``.
-    """
-    expected = (width + 7) // 8 * height
-    if len(bits) != expected:
-        raise PayloadError("wrong_size", f"{len(bits)} bytes of bits instead of {expected}")
+    """Return packed bits as (height, width) uint8, 0 or 255."""
     rows = np.frombuffer(bits, np.uint8).reshape(height, -1)
     return np.unpackbits(rows, axis=1, count=width) * np.uint8(255)
 
