@@ -89,7 +89,7 @@ class Delivery:
             self._region, self._region_turn = settings.region, settings.geometry.turn
             again = "" if picture.form is None else "; its JPEGs are encoded again"
             part = f"region {settings.region} of" if settings.region else "all of"
-            size = "x".join(map(str, settings.geometry.turned_size(picture.size)))
+            size = "x".join(map(str, settings.geometry.turn.size(picture.size)))
             whole = f"{size}{again if settings.region else ''}"
             self._log.info("published from now on: %s %s", part, whole)
         self.moved = self._moved(settings.geometry, picture.size)

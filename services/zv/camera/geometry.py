@@ -49,10 +49,6 @@ class Geometry:
         """Whether top and bottom are exchanged."""
         return self.flip in ("vertical", "both")
 
-    def turned_size(self, size: Size) -> Size:
-        """Return the size of a source's picture after it is turned."""
-        return self.turn.size(size)
-
     def check(self, size: Size) -> None:
         """Check that the rectangle is within a source's pictures of a size.
 
@@ -61,7 +57,7 @@ class Geometry:
         """
         if (box := self.box) is None:
             return
-        width, height = self.turned_size(size)
+        width, height = self.turn.size(size)
         if box[0] + box[2] > width or box[1] + box[3] > height:
             raise ParameterRefused(
                 f"region = {','.join(map(str, box))} is not within the picture of {width}x{height}",
@@ -109,11 +105,11 @@ class Geometry:
 
     def _of_source(self, box: Box, size: Size) -> Box:
         """Return where a rectangle of the turned picture is in the source's, which has a size."""
-        return self.turn.inverse.box(box, self.turned_size(size))
+        return self.turn.inverse.box(box, self.turn.size(size))
 
     def _track(self, track: Track, size: Size) -> Track | None:
         x, y, width, height = self.turn.box(track.box, size)
-        left, top, *limits = self.box or (0, 0, *self.turned_size(size))
+        left, top, *limits = self.box or (0, 0, *self.turn.size(size))
         vx, vy = self.turn.vector(track.vx, track.vy)
         right, bottom = min(limits[0], x + width - left), min(limits[1], y + height - top)
         left, top = max(0, x - left), max(0, y - top)

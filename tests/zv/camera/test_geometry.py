@@ -286,7 +286,7 @@ def test_a_point_of_the_world_is_where_the_turned_picture_shows_it(rotate: int, 
         assert abs(u + 10 - left) < 1.01
         assert abs(v + 20 - top) < 1.01
     # Exactly, by the corners: pixel centres map onto pixel centres.
-    wide, high = geometry.turned_size(SIZE)
+    wide, high = geometry.turn.size(SIZE)
     corner = np.array([wide - 1, high - 1]) / 2 - (10, 20)
     middle = np.linalg.inv(k) @ (159.5, 119.5, 1)
     assert turned.camera.matrix @ to_turned @ middle == pytest.approx((*corner, 1))
