@@ -39,6 +39,21 @@ def test_a_camera_whose_name_is_none_is_named_with_the_rule(browser: Any, system
         tab.page.wait_for_selector("#wall-misnamed", state="hidden")
 
 
+def test_the_filter_finds_a_stream_whether_its_letters_or_those_of_the_filter_are_capitals(
+    browser: Any, system: Running
+) -> None:
+    others = "vision/front/Depth/compressed"  # as another program may name its topic
+    with served_page(browser, system.address, stream(CAMERA), stream(others)) as (tab, server):
+        tab.open()
+        server.wait_for(others)
+        for words in ("depth", "Depth", "DEPTH front"):
+            tab.page.fill("#filter", words)
+            tab.wait("document.querySelectorAll('.tile').length === 1")
+            assert tab.page.get_attribute(".tile", "data-key") == others
+            tab.page.fill("#filter", "")
+            tab.wait("document.querySelectorAll('.tile').length === 2")
+
+
 def test_twelve_cameras_are_all_live_at_once_and_one_that_ends_is_not_whatever_others_do(
     browser: Any, system: Running
 ) -> None:

@@ -76,7 +76,7 @@ export class Wall {
 			? this.chosen.map((key) => all.find((one) => one.key === key) ?? streamOf(key))
 			: all.filter((one) => !this.isHidden(one, all));
 		const shown = candidates.filter((stream) =>
-			words.every((word) => `${streamName(stream)} ${stream.key}`.includes(word)));
+			words.every((word) => `${streamName(stream)} ${stream.key}`.toLowerCase().includes(word)));
 		this.tiles = drawList(this.list, shown, (stream) => new Tile(stream, this), (tile) => tile.close());
 		this.drawTopics(this.chosen.length ? [] : all);
 		const cameras = new Set(shown.map((stream) => stream.camera)).size;
