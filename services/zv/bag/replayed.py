@@ -12,10 +12,8 @@ import msgpack
 from zenoh_vision import keys
 from zenoh_vision.errors import PayloadError
 from zenoh_vision.message_codec import unpack
+from zv.bag.layout import MAX_TIME_NS
 from zv.bag.record import Record
-
-IDENTITY: Final = ("camera", "epoch", "seq", "stamp_ns")
-"""Fields by which a map is known to be a header."""
 
 TIMES: Final = ("stamp_ns", "received_ns", "done_ns")
 MOST_SHIFTS: Final = 1000
@@ -97,7 +95,7 @@ class Replayed:
             self._epochs.clear()
             self._shifts.clear()
         key, header = self._names.key(record.key), record.header
-        if not all(name in header for name in IDENTITY):
+        if not _is_header(header):
             return Sent(key, record.payload, record.attachment)
         shift_ns = self._shift_ns(header, record, run) if self._renew else 0
         changes = self._changes(header, run, shift_ns)
@@ -115,7 +113,7 @@ class Replayed:
     def _changes(self, header: dict[str, Any], run: Pass, shift_ns: int) -> dict[str, Any]:
         """Return the fields of a header that change, with their new values."""
         camera = header["camera"]
-        renamed = self._names.cameras.get(camera, camera) if isinstance(camera, str) else camera
+        renamed = self._names.cameras.get(camera, camera)
         changes: dict[str, Any] = {} if renamed == camera else {"camera": renamed}
         if changes and header.get("origin") is not None:
             changes["origin"] = None  # a camera of its own now
@@ -136,9 +134,16 @@ class Replayed:
         return self._shifts[frame]
 
 
+def _is_header(fields: dict[str, Any]) -> bool:
+    numbers = (fields.get(name) for name in ("epoch", "seq", "stamp_ns"))
+    return isinstance(fields.get("camera"), str) and all(type(each) is int for each in numbers)
+
+
 def _shifted(fields: dict[str, Any], shift_ns: int) -> dict[str, Any]:
     return {
-        name: max(0, fields[name] + shift_ns) for name in TIMES if type(fields.get(name)) is int
+        name: min(max(0, fields[name] + shift_ns), MAX_TIME_NS)
+        for name in TIMES
+        if type(fields.get(name)) is int
     }
 
 

@@ -102,3 +102,16 @@ def test_what_has_no_header_stays_as_it_is(attachment: bytes | None):
         b"\x01\x02",
         attachment,
     )
+
+
+@pytest.mark.parametrize("changes", [{"epoch": {}}, {"seq": [1]}, {"camera": 5}, {"stamp_ns": ""}])
+def test_what_is_not_quite_a_header_stays_as_it_is(changes: dict[str, object]):
+    record = replace(FRAME, attachment=msgpack.packb(FRAME.header | changes))
+    sent = Replayed(Names({"front": "left"}), renew=True).sample(record, RUN, NOW_NS)
+    assert (sent.payload, sent.attachment) == (record.payload, record.attachment)
+
+
+def test_a_stamp_far_in_the_future_is_moved_as_far_as_its_field_goes():
+    record = replace(FRAME, attachment=msgpack.packb(FRAME.header | {"stamp_ns": 2**64 - 1}))
+    sent = Replayed(Names(), renew=True).sample(record, RUN, NOW_NS)
+    assert header_of(sent.attachment)["stamp_ns"] == 2**63 - 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, TypeGuard
 
@@ -107,7 +108,7 @@ def shapes_in(fields: Any) -> Iterator[tuple[Sequence[float] | None, tuple[float
 
 
 def _is_number(value: Any) -> TypeGuard[float]:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return type(value) in (int, float) and math.isfinite(value)
 
 
 def _write(picture: Picture, line: int, text: str, colour: tuple[int, int, int]) -> None:
