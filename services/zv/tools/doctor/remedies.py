@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections import Counter
 from dataclasses import dataclass
@@ -195,7 +196,7 @@ def setting(seen: Observation, node: str, parameter: str, factor: float = 0.0) -
     now = seen.value(node, parameter)
     known = seen.parameters.get((node, parameter))
     value = "VALUE"
-    if now is not None and factor:
+    if now is not None and factor and math.isfinite(now * factor):
         wanted = now * factor
         if known is not None and known.maximum is not None:
             wanted = min(wanted, known.maximum)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.diagnosing import observation
-from tests.support.node_states import node_state, report
+from tests.support.node_states import node_state, parameter, report
 from zenoh_vision.health.counter_change import NOT_LOST
 from zenoh_vision.health.node_state import NodeState
 from zenoh_vision.messages import Level
@@ -99,6 +99,15 @@ def test_a_parameter_that_is_named_exists(reason):
     services = ["camera"] if remedy.of_camera else ["camera", "tracker", "edge"]
     fields = set().union(*(model_of(service).model_fields for service in services))
     assert not remedy.parameter or remedy.parameter in fields
+
+
+@pytest.mark.parametrize(
+    ("value", "factor", "shown"), [(40, 0.75, "30"), (40, 1e308, "VALUE"), (1e300, 1e300, "VALUE")]
+)
+def test_a_value_is_proposed_if_there_is_such_a_number(value: float, factor: float, shown: str):
+    known = {("edge_front", "quality"): parameter("edge_front", value, 0, "quality")}
+    found = remedies.setting(observation(parameters=known), "edge_front", "quality", factor)
+    assert found == f"zv param set edge_front quality={shown}"
 
 
 @pytest.mark.parametrize("service", remedies.CHEAPER)
