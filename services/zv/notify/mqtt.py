@@ -47,14 +47,14 @@ class Mqtt:
     shows_state = True
 
     def __init__(self, url: str, prefix: str, discovery: str, node: str) -> None:
-        parts = urlsplit(url)
         try:
-            port = parts.port
+            parts = urlsplit(url)
+            host, port = parts.hostname, parts.port
         except ValueError:
-            port = 0
-        if not parts.hostname or port == 0:
+            host = None
+        if not host or port == 0:
             raise ConfigurationError("mqtt names no host or no port; allowed: mqtt://HOST:PORT")
-        self._host = parts.hostname
+        self._host = host
         is_tls = parts.scheme == "mqtts"
         self._port = port or (TLS_PORT if is_tls else PORT)
         self._user = unquote(parts.username) if parts.username else None

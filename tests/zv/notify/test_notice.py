@@ -55,6 +55,6 @@ def test_an_unknown_kind_is_refused_with_those_that_there_are():
 def test_a_receiver_is_needed_and_a_broker_needs_a_host():
     with pytest.raises(ConfigurationError, match="nobody receives the events; allowed: --webhook"):
         receivers_of(NotifySettings())
-    for url in ("mqtt://:1883", "mqtt://host:99999"):
+    for url in ("mqtt://:1883", "mqtt://host:99999", "mqtt://[::1"):
         with pytest.raises(ConfigurationError, match="allowed: mqtt://HOST:PORT"):
             Mqtt(url, "p", "", "notify")
