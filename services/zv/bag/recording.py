@@ -47,9 +47,6 @@ KNOWN_KINDS: Final = ("sample.v1", "derived.v1", "account.v1")
 class Recording:
     """One file; opening it reads its index, or finds its chunks if it has none.
 
-    Args:
-        path: A recording of this project.
-
     Attributes:
         is_closed: It was closed; if not, the recorder was killed, or still writes it.
         problems: What is wrong with the file, found so far; reading goes on after it.

@@ -98,9 +98,7 @@ def read_launch_file(path: Path, remap: Mapping[str, str] | None = None) -> Plan
     A node's ``settings`` are as its flags: they override the environment, which overrides its
     ``config``. ``ZV_CAMERA_SOURCE`` is thus the source of every camera that has none there.
 
-    Args:
-        path: The file.
-        remap: Cameras of the file by the names to use instead; added to those in the file.
+    ``remap`` has names to use instead of cameras, beside those in the file.
 
     Raises:
         SourceError: The file cannot be opened.

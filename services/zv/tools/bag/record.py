@@ -54,7 +54,6 @@ def run(options: RecordOptions, connection: Connection, output: Output) -> None:
         signal.signal(signal.SIGUSR1, lambda *_: recorder.trigger("signal"))
         recorder.start()
         output.note(_started(options))
-        progress = recorder.progress()
         try:
             _wait(options, session, recorder, output)
         finally:

@@ -74,11 +74,7 @@ def _asked(question: str) -> str:
 def drawn(bgr: Bgr, form: Form, columns: int, rows: int) -> str:
     """Return a picture as text that draws it at the cursor, within columns and rows.
 
-    Args:
-        bgr: (height, width, 3).
-        form: How.
-        columns: Characters across.
-        rows: Lines; a character is twice as high as wide.
+    The picture is (height, width, 3); a character is twice as high as wide.
     """
     if form == "blocks":
         return blocks(_fitted(bgr, columns, 2 * rows))
