@@ -84,10 +84,8 @@ def changed(settings: S, values: Mapping[Any, object], others: Iterable[str] = (
     Options that are not live are accepted if their value stays the same, so that a whole
     configuration file can be sent. Values are checked as strictly as in a TOML file.
 
-    Args:
-        settings: Are not modified.
-        values: By name.
-        others: Names of parameters that are no options, for errors.
+    The given settings are not modified. ``others`` are the names of parameters that are no options,
+    for errors.
 
     Raises:
         ParameterRefused: Names every option and value that is wrong.

@@ -62,11 +62,7 @@ class Head:
 class Layout:
     """How a JPEG is divided: its size, and the height of its bands, of which the last may be lower.
 
-    Attributes:
-        head: The segments up to the coded data.
-        width: Of the picture.
-        height: Of the picture.
-        rows: Height of a band.
+    Its head is the segments up to the coded data; ``rows`` is the height of a band.
     """
 
     head: Head
@@ -127,10 +123,7 @@ def layout(jpeg: bytes) -> Layout | None:
 def decode(jpeg: bytes, found: Layout, decode_rows: Callable[[bytes, slice], object]) -> bool:
     """Decode a JPEG in its bands.
 
-    Args:
-        jpeg: The file.
-        found: Its layout.
-        decode_rows: Decodes a JPEG of some of the rows; called by several threads.
+    Several threads call ``decode_rows``, which decodes a JPEG of some of the rows.
 
     Returns:
         False if its bands are not complete, so that nothing was decoded.

@@ -76,10 +76,7 @@ class PictureForm(ABC):
     def open(self, payload: Payload, header: Header, size: tuple[int, int] | None) -> Picture:
         """Return a payload that was checked as a picture; nothing need be decoded.
 
-        Args:
-            payload: The bytes.
-            header: Their header.
-            size: What ``size`` returned, if it was asked.
+        ``size`` is what the method ``size`` returned, if it was asked.
 
         Raises:
             PayloadError: ``corrupt``.

@@ -118,11 +118,7 @@ class Picture(ABC):
 
         A JPEG that was not decoded yet is decoded at a reduced scale, and not kept.
 
-        Args:
-            encoding: Its name.
-            width: The least width that will do; the picture may be smaller itself.
-            height: The least height.
-            values: As for ``in_8_bits``.
+        The size is the least that will do; the picture may be smaller itself.
 
         Raises:
             PayloadError: ``corrupt``, if the picture cannot be decoded.

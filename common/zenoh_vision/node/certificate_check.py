@@ -26,10 +26,8 @@ VALIDITY: Final = "certificate"
 class CertificateCheck:
     """Watches a node's rights and the validity of its certificate.
 
-    Args:
-        link: The node's.
-        credentials: As they were when it connected; those of a changed file take their place.
-        health: Told of what is denied, and of an end within 30 days.
+    The credentials of a changed file take the place of those with which it connected. The health is
+    told of what is denied, and of an end within 30 days.
     """
 
     def __init__(self, link: Link, credentials: Credentials, health: Health) -> None:

@@ -30,12 +30,7 @@ MAX_AGE_S = 0.4
 class RoutedFrames:
     """The route of one camera's frames to an intake, as chosen by the setting ``transport``.
 
-    Args:
-        core: Of the node.
-        intake: Takes the frames.
-        camera: Whose frames.
-        transport: The first choice.
-        memory_by_itself: Whether ``auto`` includes shared memory.
+    ``memory_by_itself`` tells whether ``auto`` includes shared memory.
     """
 
     def __init__(

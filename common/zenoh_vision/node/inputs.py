@@ -34,10 +34,7 @@ class Input(Generic[T]):
     an item is measured, and the item counted as processed, when it asks for the next. Silence on an
     input of frames is part of the node's health.
 
-    Args:
-        core: Of the node that it belongs to.
-        intake: Receives its samples.
-        subscription: Passes samples to the intake; by default one to the intake's key.
+    Without a subscription, it subscribes to the intake's key.
 
     Attributes:
         closed: Whether it has unsubscribed for good.
@@ -135,10 +132,7 @@ def merged(core: Core, inputs: Sequence[Input[Any]], every_s: float | None = Non
     The inputs are served in turn, so that a fast one does not starve the others. The newest
     revision of the node's parameters is activated before each item.
 
-    Args:
-        core: Of the node.
-        inputs: Its inputs.
-        every_s: Yield None in this interval too, whether items arrive or not; None: never.
+    With ``every_s``, None is yielded in this interval too, whether items arrive or not.
 
     Raises:
         RuntimeError: An input is closed, as a loop over it has ended.

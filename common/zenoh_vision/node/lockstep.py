@@ -74,12 +74,7 @@ class Follower:
 class Lockstep:
     """Follows nodes by what they publish.
 
-    Args:
-        link: To the router.
-        namespace: First chunk of the keys.
-        nodes: Their names.
-        stopping: Whether to give up.
-        answer_s: How long a node may take for one frame.
+    A node may take ``answer_s`` for one frame; ``stopping`` tells whether to give up.
     """
 
     def __init__(
@@ -117,9 +112,7 @@ class Lockstep:
     def find(self, cameras: Collection[str], timeout_s: float | None) -> None:
         """Wait until all nodes run and take frames, then follow them.
 
-        Args:
-            cameras: Whose frames will be sent.
-            timeout_s: How long to wait; None waits until told to stop.
+        Without ``timeout_s`` it waits until told to stop.
 
         Raises:
             ExpectationNotMet: A node does not run, or takes no frames of the cameras.
@@ -143,9 +136,7 @@ class Lockstep:
     def wait(self, header: Header, done: Callable[[], bool] | None = None) -> bool:
         """Wait until each node that takes a camera's frames has answered one.
 
-        Args:
-            header: Of the frame.
-            done: Asked every ``POLL_S``, and waited for instead of the answers.
+        ``done`` is asked every ``POLL_S``, and waited for instead of the answers.
 
         Returns:
             False if told to stop meanwhile.

@@ -28,11 +28,7 @@ long again, the failure is over."""
 class MemoryOffer:
     """Offers the frames of one camera to the processes of this machine.
 
-    Args:
-        link: To the router.
-        namespace: First chunk of the keys.
-        camera: Whose frames.
-        clock: Measures when a failure is over, and names the offers.
+    The clock measures when a failure is over, and names the offers.
 
     Attributes:
         failure: Why the last frame that someone asked for could not be written; empty if it was,

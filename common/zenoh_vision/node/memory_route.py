@@ -33,12 +33,8 @@ WAIT_S = 0.1
 class MemoryRoute(Route):
     """Follows the offers of one camera, and takes its frames from the newest, on a thread.
 
-    Args:
-        link: To the router.
-        namespace: First chunk of the keys.
-        camera: Whose frames.
-        intake: Checks the samples, whose key is that of the camera's compressed frames.
-        clock: Measures when an offer that failed is tried again.
+    The clock measures when an offer that failed is tried again. The key of the intake's samples is
+    that of the camera's compressed frames.
 
     Anyone can declare any number of tokens. Only tokens with a doorbell are used, since only
     processes of this user can make doorbells.

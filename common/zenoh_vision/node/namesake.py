@@ -39,11 +39,7 @@ RESULTS = "both publish on the same keys"
 class NamesakeMonitor:
     """Watches the diagnostics on a node's own key for those of another node.
 
-    Args:
-        node: The name.
-        health: Told of the other node.
-        describe: Returns this node's description.
-        clock: Measures how long another node has been silent.
+    The health is told of the other node; the clock measures how long that has been silent.
     """
 
     def __init__(

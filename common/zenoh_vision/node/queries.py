@@ -16,12 +16,7 @@ from zenoh_vision.topics import Topic, topic_named
 
 
 class Queries:
-    """Answers queries for schemas, for parameters, and on the topics that a service answers.
-
-    Args:
-        core: Has the parameters.
-        outputs: Have the topics, whose messages have the schemas.
-    """
+    """Answers queries for schemas, for parameters, and on the topics that a service answers."""
 
     def __init__(self, core: Core, outputs: Outputs) -> None:
         self._core = core

@@ -31,11 +31,7 @@ JOIN_S = 1.0
 
 
 class Route(ABC):
-    """One way on which frames come; may be started and stopped on any thread.
-
-    Args:
-        key: The key whose frames it takes.
-    """
+    """One way on which the frames of a key come; may be started and stopped on any thread."""
 
     def __init__(self, key: str) -> None:
         self.key = key
@@ -77,11 +73,7 @@ class Route(ABC):
 class TopicRoute(Route):
     """Frames over Zenoh, from one key.
 
-    Args:
-        link: To the router.
-        intake: Checks the samples.
-        key: The key.
-        name: ``jpeg`` for the key of the compressed frames, ``raw`` for that of the raw pixels.
+    Its name is ``jpeg`` for compressed frames, ``raw`` for raw pixels.
     """
 
     def __init__(self, link: Link, intake: Intake[Any, Any], key: str, name: RouteName) -> None:

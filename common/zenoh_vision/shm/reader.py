@@ -14,12 +14,7 @@ from zenoh_vision.stream.sample import Sample
 
 
 class FrameReader:
-    """Receives the frames of an offer as samples; used by one thread, in a ``with``.
-
-    Args:
-        offer: Its name.
-        key: The key of the samples.
-        clock: What their times of arrival are read from.
+    """Receives the frames of an offer as samples on a key; used by one thread, in a ``with``.
 
     Raises:
         SharedMemoryError: It cannot be opened.

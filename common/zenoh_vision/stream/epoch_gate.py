@@ -186,11 +186,7 @@ class EpochGate:
         Only accepted frames count for the least lateness of the last minute: broken frames with
         false headers must not make the good ones look late.
 
-        Args:
-            header: Of the frame.
-            arrived_ns: Time of its arrival.
-            now_ns: The current time.
-            max_age_ns: As for ``is_stale``; None if no frame is too old.
+        ``max_age_ns`` is as for ``is_stale``; None if no frame is too old.
 
         Raises:
             PayloadError: ``overwritten``: a later frame of its epoch was accepted first, since

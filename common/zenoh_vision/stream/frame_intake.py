@@ -276,10 +276,7 @@ def snapshot_of(sample: Sample, encoding: str = JPEG, max_pixels: int = MAX_PIXE
 
     The camera of a bare picture on a key that names none is ``unknown``.
 
-    Args:
-        sample: Of any form.
-        encoding: Zenoh encoding of the pictures on its key, if the sample names none.
-        max_pixels: A larger frame is refused.
+    ``encoding`` is that of the pictures on its key, if the sample names none.
 
     Raises:
         PayloadError: It is no picture, or its header does not fit.

@@ -55,10 +55,7 @@ def declare_holder(
 ) -> None:
     """Show at the router whose certificate a session has, which routers do not tell otherwise.
 
-    Args:
-        link: Of the session.
-        credentials: Its holder's.
-        denied: Returns what to answer to who asks what is denied; nothing if that is empty.
+    ``denied`` returns what to answer to who asks what is denied; nothing if that is empty.
     """
     key = keys.holder_key(credentials.name)
 
@@ -73,12 +70,8 @@ def declare_holder(
 class AccessCheck:
     """Compares what a node declares with what its router has accepted.
 
-    Args:
-        link: The node's.
-        credentials: Whose rights these are.
-
     Attributes:
-        credentials: The same; those of a renewed file take their place.
+        credentials: Whose rights these are; those of a renewed file take their place.
         denied: What the router denies, and what to do; empty if that is nothing, or unknown.
     """
 

@@ -75,11 +75,7 @@ MESSAGE_DELIVERY = (zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HI
 
 
 class Demand:
-    """Whether someone subscribes to the key of a publisher, as Zenoh says when that changes.
-
-    Attributes:
-        exists: Whether someone does.
-    """
+    """Whether someone subscribes to the key of a publisher, as Zenoh says when that changes."""
 
     def __init__(self) -> None:
         self.exists = False

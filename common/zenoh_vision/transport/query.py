@@ -218,12 +218,8 @@ def newest(
 ) -> list[zenoh.Sample]:
     """Return what the streams on keys answer when they are asked for their newest, by key.
 
-    Args:
-        session: The current session.
-        keys: Without wildcards; asked together, for at most ``REPLY_S``.
-        most_bytes: Larger answers are left out.
-        stopping: Ends the wait early.
-        frame: Wanted rather than the newest, by streams that have it still.
+    The keys, without wildcards, are asked together, for at most ``REPLY_S``. Streams that have the
+    ``frame`` still return it rather than their newest. Answers above ``most_bytes`` are left out.
     """
     named = "" if frame is None else f"?epoch={frame.epoch};seq={frame.seq}"
     found = ask(session, [Query(f"{key}{named}") for key in keys], stopping)

@@ -128,12 +128,8 @@ def try_session(
 ) -> zenoh.Session | None:
     """Try once to open a session; None if there is no router, or if told to stop.
 
-    Args:
-        connection: Where the router is.
-        stopping: Ends the wait.
-        timeouts: By default those for a link that may have become slow.
-        deadline_s: A monotonic time that ends the wait too.
-        errors: Gets the text of an error.
+    The wait also ends at ``deadline_s``, a monotonic time. The time-outs are by default those for a
+    link that may have become slow. ``errors`` gets the text of an error.
     """
     opened: list[zenoh.Session] = []
     config = client_config(connection)

@@ -27,13 +27,6 @@ def sample_of(
 ) -> Sample:
     """Return a copy of a sample of Zenoh's, with the current time as its time of arrival.
 
-    Args:
-        sample: As it arrived.
-        limit: Of the size of its payload.
-        key: Its key, if that is known.
-        route: How it came.
-        clock: What its time of arrival is read from.
-
     Raises:
         PayloadError: The limit's reason for a payload over it, or ``bad_header`` for an attachment
             that is too large. Nothing is copied then.
@@ -65,12 +58,7 @@ def subscribe(
 ) -> Declaration[zenoh.Subscriber[None]]:
     """Pass the samples on a key to an intake until ``undeclare()``.
 
-    Args:
-        link: To the router.
-        intake: Checks and keeps them.
-        key: By default the intake's.
-        route: What their ``Sample.route`` says.
-        delivered: Called with each that is good.
+    The key is by default the intake's; ``delivered`` is called with each sample that is good.
     """
     expression = key or intake.key
     only_key = None if "*" in expression else expression

@@ -17,15 +17,10 @@ POLL_S = 0.2
 
 
 def wait_for_subscribers(node: Node, wanted: int, stopping: Callable[[], bool]) -> None:
-    """Wait until so many other programs subscribe to a camera's frames, in any form.
+    """Wait until so many other programs subscribe to an open camera's frames, in any form.
 
     Until then its health says how many there are. Without the router's admin space, which counts
     them, it goes on with a warning.
-
-    Args:
-        node: The camera, open.
-        wanted: How many.
-        stopping: Tells whether to give up.
     """
     told: int | None = -1
     pause = Wakeup()

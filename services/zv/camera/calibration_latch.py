@@ -17,9 +17,7 @@ def without_encoding(header: Header) -> Header:
 class CalibrationLatch:
     """Makes the calibration message to be sent when the geometry of the frames changes.
 
-    Args:
-        calibration: Of frames that are rotated and flipped as at the start, without a region.
-        at_start: The geometry at the start.
+    The calibration is of frames that are rotated and flipped as at the start, without a region.
     """
 
     def __init__(self, calibration: Calibration, at_start: Geometry) -> None:
@@ -32,10 +30,7 @@ class CalibrationLatch:
     def follow(self, header: Header, geometry: Geometry, source: Size) -> CameraInfo | None:
         """Return the message before the first frame of an epoch, size or geometry; else None.
 
-        Args:
-            header: Header of the frame.
-            geometry: How it shows the source's picture.
-            source: Width and height of the source's picture.
+        ``source`` is the size of the source's picture, which the frame shows with the geometry.
 
         Raises:
             CalibrationFault: The picture has another ratio of width to height than the calibration.

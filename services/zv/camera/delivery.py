@@ -27,10 +27,6 @@ KEEPS_METRES = (
 class Delivery:
     """Tracks the kind and size of a source's pictures, and checks the settings against them.
 
-    Args:
-        kind: Kind of the source.
-        log: Called with a line for the user.
-
     Attributes:
         moved: A text that says that the region was set before the picture was turned; else empty.
     """

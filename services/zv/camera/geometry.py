@@ -92,9 +92,7 @@ class Geometry:
     def calibration(self, calibration: Calibration, size: Size) -> Calibration:
         """Return the calibration of the frames.
 
-        Args:
-            calibration: Of the source's pictures, in any size.
-            size: That of the source's pictures.
+        The source's pictures have this size; the given calibration is theirs in any size.
 
         Raises:
             CalibrationFault: They have another ratio of width to height than the calibration.

@@ -29,11 +29,7 @@ def frames(
 
     Stamps are the file's own times, counted from when it was opened, whenever they are read.
 
-    Args:
-        parameters: The settings; with ``loop`` the file is read again, in a new epoch.
-        counters: Count the frames as captured.
-        open_source: Opens the source.
-        stopping: Tells whether to end.
+    With the setting ``loop`` the file is read again, in a new epoch.
 
     Raises:
         ConfigurationError: The source is no file.

@@ -25,9 +25,7 @@ class RecordedSource:
     JPEGs are passed on undecoded. A frame that cannot be read is skipped with a warning. Frames
     are due at the distance of their stamps, which are those of their capture.
 
-    Args:
-        path: A recording.
-        camera: The camera to take if the recording has several.
+    ``camera`` is the one to take if the recording has several.
 
     Raises:
         SourceError: It cannot be read, or has no frames, or those of several other cameras.

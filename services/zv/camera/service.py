@@ -220,10 +220,7 @@ def stream_limit(node: Node, max_kbps: Callable[[], int | None]) -> StreamLimit:
 class FrameMaker:
     """Makes the frames of what a camera captured; publishes their calibration and ground truth.
 
-    Args:
-        node: Publishes them.
-        at_start: How the picture is turned and cut out at the start of the camera.
-        calibration: Of these frames, without a region; None without one.
+    The calibration is of frames that are turned as at the start, without a region.
     """
 
     def __init__(self, node: Node, at_start: Geometry, calibration: Calibration | None) -> None:

@@ -54,11 +54,7 @@ def of_every_frame(
 
     A camera of its own reads the file, and goes on when the edges of a frame are written.
 
-    Args:
-        file: A video or a recording.
-        settings: Of the edge detector.
-        mask: Where edges are looked for; None for everywhere.
-        write: Called with the number of each frame, from 0, and its edges.
+    ``write`` gets the number of each frame, from 0. Without a mask, edges are found everywhere.
 
     Raises:
         SourceError: The file cannot be read.

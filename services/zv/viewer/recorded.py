@@ -22,10 +22,8 @@ log = logging.getLogger(__name__)
 def playing(file: str, connection: Connection, start_s: float) -> Iterator[Connection]:
     """Play a recording to a router that only this viewer and the player use.
 
-    Args:
-        file: The recording.
-        connection: Of the viewer; its namespace holds if it was chosen.
-        start_s: Where to begin, since the first sample.
+    The namespace of the viewer's ``connection`` holds if it was chosen. ``start_s`` counts from the
+    first sample.
 
     Yields:
         The connection to that router.

@@ -52,9 +52,6 @@ class DeviceSource:
         timeout_s: Longest wait for a picture.
         still_wanted: Called often during a wait; raises ``SourceLost`` to end it.
 
-    Attributes:
-        controls: Its controls.
-
     Raises:
         SourceError: It cannot be opened, or does not offer what is asked; the text says which
             devices there are, or what it offers, and has a remedy.

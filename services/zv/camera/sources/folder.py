@@ -20,9 +20,7 @@ class FolderSource:
 
     JPEG files are passed on undecoded. An image that cannot be read is skipped with a warning.
 
-    Args:
-        path: A folder, or a single image.
-        rate_hz: Images per second.
+    ``path`` may be a single image too.
 
     Raises:
         SourceError: The folder does not exist, or has no readable image.

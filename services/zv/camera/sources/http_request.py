@@ -50,12 +50,6 @@ class TimeLimit:
 
     A socket's own time-out begins again with each byte, so a server that sends one now and then
     would hold a reader for ever.
-
-    Args:
-        limit_s: From now.
-
-    Attributes:
-        passed: Whether the time is over.
     """
 
     def __init__(self, limit_s: float) -> None:

@@ -137,11 +137,7 @@ class VideoDecoder:
 
 
 def video_stream(container: InputContainer, number: int = 0) -> VideoStream:
-    """Return the video of a container.
-
-    Args:
-        container: Open.
-        number: Which of its videos, from 0.
+    """Return the video of an open container, by its number among the videos, from 0.
 
     Raises:
         NoVideo: It has none, none of this number, or one that cannot be decoded.

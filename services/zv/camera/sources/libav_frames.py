@@ -73,10 +73,7 @@ class FrameConverter:
 class VideoPicture(Picture):
     """A frame of a video, in libav's memory.
 
-    Args:
-        frame: As libav decoded it; kept.
-        planes: Its ``stored_planes``.
-        converter: That of the stream.
+    ``planes`` are the frame's ``stored_planes``; the frame is kept.
     """
 
     def __init__(

@@ -89,12 +89,6 @@ class Leg(NamedTuple):
 class Actor:
     """One object of the scene, and its path in closed form.
 
-    Args:
-        index: The object's number, from 0.
-        width: Of the picture, pixels.
-        height: Of the picture, pixels.
-        seed: Of the scene.
-
     Attributes:
         poses: Sprites of one cycle, facing right under 1 and left under -1; all of one size.
         shadow: On the ground; None for an object that flies.

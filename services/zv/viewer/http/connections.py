@@ -24,9 +24,7 @@ class Connection(asyncio.Protocol):
     A client that never completes its first request, as in a slowloris attack, is disconnected
     after ``FIRST_REQUEST_S``. Later requests have the limit of the wrapped protocol.
 
-    Args:
-        inner: The protocol that answers requests.
-        idle: The server's connections without a request, the one idle for longest first.
+    ``idle`` has the server's connections without a request, the one idle for longest first.
     """
 
     _transport: asyncio.Transport

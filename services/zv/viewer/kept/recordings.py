@@ -20,12 +20,9 @@ LEAD_S: Final = 3.0
 def recordings_of(folder: Path, camera: str, at_ns: int) -> list[dict[str, Any]]:
     """Return the recordings that hold a moment of a camera, the one that was closed first first.
 
-    Those that are not closed, cannot be read, or are no recordings are left out.
-
-    Args:
-        folder: Where they are; folders in it are not searched.
-        camera: Its name.
-        at_ns: When a sample arrived, ns since 1970, by the clock of this machine.
+    Those that are not closed, cannot be read, or are no recordings are left out. Folders in the
+    folder are not searched. ``at_ns`` is when a sample arrived, ns since 1970, by the clock of this
+    machine.
 
     Returns:
         For each the file's name, ``at_s`` since its begin, and the command that shows it from

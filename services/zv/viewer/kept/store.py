@@ -106,10 +106,7 @@ class Wanted:
 
 
 class EventStore:
-    """One file; safe between threads, and between viewers that share it.
-
-    Args:
-        path: Of the file; its folder is made.
+    """One file, whose folder is made; safe between threads, and between viewers that share it.
 
     Attributes:
         fault: Why events are not kept; empty if they are.

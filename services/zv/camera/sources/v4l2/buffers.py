@@ -47,10 +47,7 @@ class Filled:
 
 
 class Buffers:
-    """The buffers of an open device while it delivers pictures.
-
-    Args:
-        driver: The device, whose format is set.
+    """The buffers of an open device, whose format is set, while it delivers pictures.
 
     Raises:
         OSError: EBUSY: another program has its buffers; others as the driver answers.

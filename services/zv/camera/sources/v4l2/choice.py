@@ -50,11 +50,6 @@ RatesOf = Callable[[str, int, int], Rates]
 def choose(offers: Sequence[Offer], wish: DeviceWish, rates_of: RatesOf) -> Mode:
     """Return the mode for a wish.
 
-    Args:
-        offers: What the device lists.
-        wish: What is asked for.
-        rates_of: Asks the device.
-
     Raises:
         SourceError: The device does not offer it; the text has the wish and what is offered.
     """

@@ -92,9 +92,6 @@ class Granted:
 class Driver:
     """An open device; its calls are safe between threads.
 
-    Args:
-        path: The device.
-
     Raises:
         OSError: It cannot be opened, or is no Video4Linux device.
     """

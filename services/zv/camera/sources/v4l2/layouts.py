@@ -146,9 +146,7 @@ comes late, since a camera that has colours too is expected to show them."""
 def preference(fourcc: str, *, deep: bool = False) -> int:
     """Return the place of a format in the order of preference; -1 if it cannot be read.
 
-    Args:
-        fourcc: Four characters.
-        deep: Whether formats of more than 8 bits come first.
+    Formats of more than 8 bits come first if ``deep``.
     """
     if fourcc not in PREFERENCE:
         return -1
@@ -157,12 +155,9 @@ def preference(fourcc: str, *, deep: bool = False) -> int:
 
 
 def raw_picture(data: NDArray[np.uint8], form: Granted, converter: FrameConverter) -> Picture:
-    """Return a picture of a buffer, whose memory is copied.
+    """Return a picture of a buffer, (n,) uint8, whose memory is copied.
 
-    Args:
-        data: The bytes of the buffer, (n,).
-        form: Its format, neither ``MJPG`` nor ``JPEG``.
-        converter: That of the device.
+    The format is neither ``MJPG`` nor ``JPEG``.
 
     Raises:
         PayloadError: ``wrong_size``: the driver delivered only a part of the picture.
