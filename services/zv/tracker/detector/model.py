@@ -32,9 +32,13 @@ from zv.tracker.detector.suppression import (
 MAX_SIDE: Final = 4096
 MAX_BATCH: Final = 8
 
-MEAN: Final = (0.485, 0.456, 0.406)
-DEVIATION: Final = (0.229, 0.224, 0.225)
-"""Of ImageNet's pictures, R, G, B from 0 to 1."""
+RANGES: Final[dict[Values, tuple[tuple[float, ...], tuple[float, ...]]]] = {
+    "0-1": ((0.0,) * 3, (1.0,) * 3),
+    "0-255": ((0.0,) * 3, (1 / 255,) * 3),
+    "signed": ((0.5,) * 3, (0.5,) * 3),
+    "imagenet": ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)),
+}
+"""What is subtracted from R, G and B of 0 to 1, and by what the rest is divided then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,19 +286,9 @@ class Model:
 
 def _tables(values: Values) -> list[NDArray[np.float32]]:
     """Return the input's number for each of the 256 values of R, G and B."""
-    levels = np.arange(256, dtype=np.float64)
-    tables: list[NDArray[Any]]
-    match values:
-        case "0-1":
-            tables = [levels / 255] * 3
-        case "0-255":
-            tables = [levels] * 3
-        case "signed":
-            tables = [(levels - 127.5) / 127.5] * 3
-        case "imagenet":
-            pairs = zip(MEAN, DEVIATION, strict=True)
-            tables = [(levels / 255 - mean) / deviation for mean, deviation in pairs]
-    return [each.astype(np.float32) for each in tables]
+    levels = np.arange(256) / 255
+    pairs = zip(*RANGES[values], strict=True)
+    return [((levels - mean) / scale).astype(np.float32) for mean, scale in pairs]
 
 
 def _image_of(file: OnnxFile) -> Tensor:
