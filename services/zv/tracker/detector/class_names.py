@@ -5,12 +5,12 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from zenoh_vision.error_text import suggestion
+from zenoh_vision.error_text import joined, suggestion
 from zenoh_vision.errors import ConfigurationError
 from zv.tracker.detector.errors import UnusableModel
 
@@ -103,18 +103,14 @@ def check_known(wanted: Wanted, names: Names) -> None:
         if names and name not in known:
             meant = suggestion(name, known, before="; ")
             raise ConfigurationError(
-                f"classes: the model has no class {name!r}{meant}; it has {_listed(sorted(known))}"
+                f"classes: the model has no class {name!r}{meant}; it has "
+                f"{joined(sorted(known), most=100)}"
             )
         if not names and not name.isdecimal():
             raise ConfigurationError(
                 f"classes: {name!r}: the model does not say the names of its classes; give them "
                 "with --class-names FILE, one a line, or use the numbers of the classes"
             )
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:100])
-    return shown if len(names) <= 100 else f"{shown} and {len(names) - 100} more"
 
 
 def _clean(name: object) -> str:

@@ -188,7 +188,7 @@ def distances(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     middle = 0.5 if grids else 0.0
     if found.shape[0] == cells(facts.size):
         strides, middle = STRIDES, 0.5
-    classes = facts.classes or nanodet_classes(found.shape[1])
+    classes = facts.classes or found.shape[1] - 32  # there are 4 x 8 bins in what is published
     if grids:
         classes = outputs[grids[0][0]].shape[1]
     kept, best, numbers = best_classes(found[:, :classes], least)
@@ -199,11 +199,6 @@ def distances(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     reach = (bins @ np.arange(bins.shape[2], dtype=np.float32)) * sides
     boxes = np.concatenate([centres - reach[:, :2], centres + reach[:, 2:]], axis=1)
     return Candidates(boxes.astype(np.float32), best, numbers, classes)
-
-
-def nanodet_classes(width: int) -> int:
-    """Return the number of classes of rows of NanoDet, whose bins are 4 x 8 as published."""
-    return width - 32
 
 
 def queries(outputs: Outputs, facts: Facts, least: float) -> Candidates:
@@ -239,7 +234,7 @@ def shares(outputs: Outputs, facts: Facts, least: float) -> Candidates:
     background first.
     """
     if len(outputs) == 1:
-        rows = largest({"": next(iter(outputs.values())).reshape(-1, 7)})
+        rows = next(iter(outputs.values())).reshape(-1, 7)
         rows = rows[rows[:, 0] >= 0]  # the first without an object ends them
         found = Candidates(scaled(rows[:, 3:7], facts), rows[:, 2], whole(rows[:, 1]))
         return found.only(~(found.scores < least))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -151,7 +151,7 @@ def _model(path: Path, data: memoryview) -> OnnxFile:
             metadata[entry.get(1, "")] = entry.get(2, "")
     if found is None or not found.inputs or not found.outputs:
         raise _Malformed("it has no graph with inputs and outputs")
-    return OnnxFile(path, found.inputs, found.outputs, metadata, found.operators)
+    return replace(found, metadata=metadata)
 
 
 def _graph(path: Path, data: memoryview) -> OnnxFile:
