@@ -42,7 +42,7 @@ class LineWatch:
     """Finds and counts the crossings of one line by all objects."""
 
     def __init__(self, line: Line) -> None:
-        self.line = line
+        self.shape = line
         self.count = LineCount()
         self._paths: dict[int, _Path] = {}
 
@@ -52,7 +52,7 @@ class LineWatch:
         The crossings of an unconfirmed object are yielded when it is confirmed.
         """
         path = self._paths.setdefault(id_, _Path())
-        point = sighting.position(self.line.unit)
+        point = sighting.position(self.shape.unit)
         if point is not None:  # else beyond the world plane's horizon
             self._follow(path, sighting, point)
         if confirmed:
@@ -76,18 +76,18 @@ class LineWatch:
             self._pass(path, path.last, sighting, point)
         path.last = sighting
         if path.passages != path.settled and (
-            distance(point, self.line.start, self.line.end) > sighting.margin(self.line.unit)
+            distance(point, self.shape.start, self.shape.end) > sighting.margin(self.shape.unit)
         ):
             path.settle()
 
     def _pass(self, path: _Path, last: Sighting, sighting: Sighting, point: Point) -> None:
         """Count a passage if the step from the last sighting to this one crosses the line."""
-        start, end = self.line.start, self.line.end
-        before = last.position(self.line.unit)
+        start, end = self.shape.start, self.shape.end
+        before = last.position(self.shape.unit)
         assert before is not None
         share = passage(before, point, start, end)
         if share is not None:
-            direction = sighting.side_sign(self.line.unit) * (
+            direction = sighting.side_sign(self.shape.unit) * (
                 1 if turn(start, end, point) >= 0 else -1
             )
             path.passages += direction
@@ -97,6 +97,6 @@ class LineWatch:
         for direction, at in path.crossings:
             count = getattr(self.count, direction) + 1
             self.count = self.count.model_copy(update={direction: count})
-            name = self.line.name
+            name = self.shape.name
             yield Event("line_crossed", id_, at, shape=name, direction=direction, count=count)
         path.crossings.clear()

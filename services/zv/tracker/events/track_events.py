@@ -75,15 +75,14 @@ class TrackEvents:
         Unchanged shapes keep their counts and state. A removed or changed zone ends the stays in
         it; a changed shape counts from 0 again.
         """
-        if rules == self.rules:
-            return
         for zone, watch in self._zones.items():
             if zone not in rules.zones:
                 self._waiting += watch.close(self._stamp_ns)
         self._lines = {line: self._lines.get(line) or LineWatch(line) for line in rules.lines}
         self._zones = {zone: self._zones.get(zone) or ZoneWatch(zone) for zone in rules.zones}
         if rules.anchor != self.rules.anchor:
-            self._restart(self._watches())
+            for each in self._watches():
+                each.restart()
         self.rules = rules
 
     def update(
@@ -100,7 +99,9 @@ class TrackEvents:
         self._stamp_ns = stamp_ns = max(stamp_ns, self._stamp_ns)
         if plane != self._plane:
             self._plane = plane
-            self._restart(each for each in self._watches() if _unit(each) == "world")
+            for each in self._watches():
+                if each.shape.unit == "world":
+                    each.restart()
         found, self._waiting = self._waiting, []
         present = {track.id for track in tracks}
         for id_ in [id_ for id_ in self._objects if id_ not in present]:
@@ -137,13 +138,11 @@ class TrackEvents:
         elif track.state == "confirmed" and known.lost:
             known.lost = False
             yield Event("confirmed", track.id, sighting.at)
-        yield from self._see(track.id, sighting, confirmed=known.confirmed)
-
-    def _see(self, id_: int, sighting: Sighting, *, confirmed: bool) -> Iterator[Event]:
+        confirmed, dwell_s = known.confirmed, self.rules.dwell_s
         for line in self._lines.values():
-            yield from line.see(id_, sighting, confirmed=confirmed)
+            yield from line.see(track.id, sighting, confirmed=confirmed)
         for zone in self._zones.values():
-            yield from zone.see(id_, sighting, confirmed=confirmed, dwell_s=self.rules.dwell_s)
+            yield from zone.see(track.id, sighting, confirmed=confirmed, dwell_s=dwell_s)
 
     def _end(self, id_: int) -> Iterator[Event]:
         known = self._objects.pop(id_)
@@ -158,16 +157,7 @@ class TrackEvents:
         yield from self._lines.values()
         yield from self._zones.values()
 
-    @staticmethod
-    def _restart(watches: Iterable[LineWatch | ZoneWatch]) -> None:
-        for watch in watches:
-            watch.restart()
-
 
 def _in_order(events: Iterable[Event]) -> list[Event]:
     """Sort the events of one track by time. Across tracks, the order is that of the counts."""
     return sorted(events, key=lambda event: event.at.stamp_ns)
-
-
-def _unit(watch: LineWatch | ZoneWatch) -> str:
-    return watch.line.unit if isinstance(watch, LineWatch) else watch.zone.unit

@@ -33,7 +33,7 @@ class ZoneWatch:
     """Finds and counts the stays of all objects in one zone."""
 
     def __init__(self, zone: Polygon) -> None:
-        self.zone = zone
+        self.shape = zone
         self.count = ZoneCount()
         self._before: dict[int, Sighting] = {}
         self._stays: dict[int, _Stay] = {}
@@ -46,7 +46,7 @@ class ZoneWatch:
 
         The events of an unconfirmed object are yielded when it is confirmed.
         """
-        point = sighting.position(self.zone.unit)
+        point = sighting.position(self.shape.unit)
         if point is not None:  # else beyond the world plane's horizon
             self._follow(id_, sighting, point)
         stay = self._stays.get(id_)
@@ -58,7 +58,7 @@ class ZoneWatch:
                 yield from self._report(id_, stay, dwell_s)
         if point is None or stay is None or stay.out is None:
             return
-        if self._outside_by(point) > sighting.margin(self.zone.unit):
+        if self._outside_by(point) > sighting.margin(self.shape.unit):
             yield from self._leave(id_, stay.out)
 
     def end(self, id_: int) -> Iterator[Event]:
@@ -85,7 +85,7 @@ class ZoneWatch:
         before = self._before.get(id_)
         self._before[id_] = sighting
         stay = self._stays.get(id_)
-        inside = contains(self.zone.points, point)
+        inside = contains(self.shape.points, point)
         if stay is None:
             if not inside:
                 return
@@ -98,17 +98,17 @@ class ZoneWatch:
 
     def _edge(self, before: Sighting | None, now: Sighting) -> Moment:
         """Return when and where the step between two sightings passed the edge."""
-        start = None if before is None else before.position(self.zone.unit)
-        end = now.position(self.zone.unit)
+        start = None if before is None else before.position(self.shape.unit)
+        end = now.position(self.shape.unit)
         assert end is not None
         if before is None or start is None:
             return now.at
-        shares = [passage(start, end, *edge) for edge in self.zone.edges]
+        shares = [passage(start, end, *edge) for edge in self.shape.edges]
         found = [share for share in shares if share is not None]
         return between(before.at, now.at, max(found)) if found else now.at
 
     def _outside_by(self, point: Point) -> float:
-        return min(distance(point, *edge) for edge in self.zone.edges)
+        return min(distance(point, *edge) for edge in self.shape.edges)
 
     def _report(self, id_: int, stay: _Stay, dwell_s: float) -> Iterator[Event]:
         """Yield the events of a stay other than its end, each once."""
@@ -145,5 +145,5 @@ class ZoneWatch:
     def _event(
         self, kind: Kind, id_: int, at: Moment, count: int, dwell_s: float | None = None
     ) -> Event:
-        name, inside = self.zone.name, self.count.inside
+        name, inside = self.shape.name, self.count.inside
         return Event(kind, id_, at, shape=name, count=count, inside=inside, dwell_s=dwell_s)
