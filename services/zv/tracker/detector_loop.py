@@ -29,15 +29,10 @@ WAIT_S: Final = 1.0
 a later one. A model that usually takes longer is not waited for."""
 
 REPORT_S: Final = 1.0
-EXPIRE_S: Final = 0.5
+"""Interval in which the model's state is reported, and the tracks of silent cameras end."""
 
-
-@dataclass(slots=True)
-class Waiting:
-    """A frame that is not finished, with the input that it came from."""
-
-    source: Input[Frame]
-    frame: Frame
+Arrived = tuple[Input[Frame], Frame]
+"""A frame that is not finished, after the input that it came from."""
 
 
 @dataclass(slots=True)
@@ -47,8 +42,8 @@ class Lane:
     tracking: CameraTracking  # tracks its objects
     request: Request | None = None  # what the model has not answered yet
     asked: Frame | None = None  # the frame of that request
-    held: Waiting | None = None  # the same frame, if it waits for the answer
-    next: Waiting | None = None  # the newest frame that arrived meanwhile
+    held: Arrived | None = None  # the same frame, if it waits for the answer
+    next: Arrived | None = None  # the newest frame that arrived meanwhile
 
 
 class DetectorLoop:
@@ -67,7 +62,7 @@ class DetectorLoop:
         self._lanes: dict[str, Lane] = {}
         self._results: deque[Request] = deque()
         self._worker = ModelWorker(model, self._finished)
-        self._reported_s = self._expired_s = 0.0
+        self._reported_s = 0.0
         log.info("model %s, layout %s, %d classes", model.words, model.layout, len(model.names))
 
     def run(self, inputs: Sequence[Input[Frame]]) -> None:
@@ -79,7 +74,7 @@ class DetectorLoop:
                 if arrived is None:
                     self._report()
                 else:
-                    self._arrive(*arrived)
+                    self._arrive(arrived)
         finally:
             self._worker.close()
 
@@ -87,7 +82,8 @@ class DetectorLoop:
         self._results.append(request)
         self._node.wake()
 
-    def _arrive(self, source: Input[Frame], frame: Frame) -> None:
+    def _arrive(self, arrived: Arrived) -> None:
+        source, frame = arrived
         camera = frame.header.camera
         lane = self._lanes.get(camera)
         if lane is None:
@@ -96,27 +92,23 @@ class DetectorLoop:
                 source.done(frame)
                 return
             lane = self._lanes[camera] = Lane(tracking)
-        arrived = Waiting(source, frame)
         if lane.held is not None:
-            if lane.request is None or lane.request.begun_s is not None:
-                self._overwrite(lane.next)
+            is_seen = lane.request is None or lane.request.begun_s is not None
+            if lane.next is not None or not is_seen:
+                self._node.counters.drop("overwritten")
+            if is_seen:
                 lane.next = arrived
                 return
-            self._overwrite(lane.held)
             lane.held = lane.request = None
         self._start(lane, arrived)
 
-    def _overwrite(self, waiting: Waiting | None) -> None:
-        if waiting is not None:
-            self._node.counters.drop("overwritten")
-
-    def _start(self, lane: Lane, arrived: Waiting) -> None:
-        frame = arrived.frame
+    def _start(self, lane: Lane, arrived: Arrived) -> None:
+        source, frame = arrived
         settings: TrackerSettings = frame.revision.settings
         try:
             if settings.pipeline != "detector":
                 lane.tracking.process(frame, decoded(frame, settings))
-                arrived.source.done(frame)
+                source.done(frame)
                 return
             needs_motion = settings.every != 1 or settings.on_motion
             wants = lane.tracking.begin(frame, decoded(frame, settings) if needs_motion else None)
@@ -145,10 +137,11 @@ class DetectorLoop:
         load = self._worker.load()
         return max(load.run_s, load.since_s) < WAIT_S
 
-    def _finish(self, lane: Lane, waiting: Waiting, request: Request | None) -> None:
+    def _finish(self, lane: Lane, waiting: Arrived, request: Request | None) -> None:
+        source, frame = waiting
         found = None if request is None or request.found is None else request.found.detections
-        lane.tracking.finish(waiting.frame, found)
-        waiting.source.done(waiting.frame)
+        lane.tracking.finish(frame, found)
+        source.done(frame)
 
     def _take_results(self) -> None:
         while self._results:
@@ -180,9 +173,8 @@ class DetectorLoop:
         for lane in self._lanes.values():
             if lane.held is None or lane.request is None:
                 continue
-            if lane.held.frame.header.replay is not None:
-                continue
-            if now_s - lane.request.asked_s >= WAIT_S:
+            is_replay = lane.held[1].header.replay is not None
+            if not is_replay and now_s - lane.request.asked_s >= WAIT_S:
                 held, lane.held = lane.held, None
                 self._finish(lane, held, None)
                 self._start_next(lane)
@@ -209,13 +201,11 @@ class DetectorLoop:
     def _report(self) -> None:
         """Report the model's state in the node's health, once a second; expire silent cameras."""
         now_s = time.monotonic()
-        if now_s - self._expired_s >= EXPIRE_S:
-            self._expired_s = now_s
-            for lane in self._lanes.values():
-                lane.tracking.expire(now_s)
         if now_s - self._reported_s < REPORT_S:
             return
         self._reported_s = now_s
+        for lane in self._lanes.values():
+            lane.tracking.expire(now_s)
         load = self._worker.load()
         words = f"model {self._worker.model.words}"
         if load.run_s:
