@@ -6,7 +6,7 @@ import logging
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import lru_cache, partial
 from typing import Final
 
@@ -288,7 +288,7 @@ def robust_parameters(settings: TrackerSettings) -> RobustParameters:
     )
     return RobustParameters(
         foreground=foreground,
-        tracking=replace(TrackingParameters(), keep_lost_s=settings.keep_lost),
+        tracking=TrackingParameters(keep_lost_s=settings.keep_lost),
         min_area=settings.min_area,
         max_area=settings.max_area or math.inf,
         convex=settings.convex,

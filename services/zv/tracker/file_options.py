@@ -7,23 +7,22 @@ from typing import Annotated
 from pydantic import Field
 
 from zenoh_vision.config.settings import Argument, Letter, Settings
-
-FileName = Annotated[str, Field(min_length=1)]
+from zv.tracker.settings import FileName
 
 
 class FileOptions(Settings):
     """The files that ``zv track`` reads and writes; all settings of ``zv tracker`` apply too."""
 
     file: Annotated[
-        FileName | None,
+        FileName,
         Argument("FILE"),
         Field(description="video, recording or folder of images whose objects are tracked"),
     ] = None
-    image: Annotated[
-        FileName | None, Field(description="find the objects of this image by --model")
-    ] = None
+    image: Annotated[FileName, Field(description="find the objects of this image by --model")] = (
+        None
+    )
     out: Annotated[
-        FileName | None,
+        FileName,
         Letter("o"),
         Field(
             description="of a FILE, its tracks: .csv, or .txt in the format of MOTChallenge; of "

@@ -16,7 +16,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Literal, TypeVar
 
 MAX_CHARACTERS = 8000
@@ -83,13 +83,13 @@ def polygons(text: str, *, world: bool = True) -> tuple[Polygon, ...]:
     return _shapes(text, _polygon, world=world)
 
 
-def lines(text: str, *, world: bool = True) -> tuple[Line, ...]:
+def lines(text: str) -> tuple[Line, ...]:
     """Parse the lines of a text, in its order; see ``polygons``.
 
     Raises:
         ShapeError: As for polygons; a line has two different points.
     """
-    return _shapes(text, _line, world=world)
+    return _shapes(text, _line)
 
 
 def contains(points: Sequence[Point], point: Point) -> bool:
@@ -152,7 +152,7 @@ def passage(start: Point, end: Point, a: Point, b: Point) -> float | None:
 
 
 def _shapes(
-    text: str, make: Callable[[str, Points, Unit], Shape], *, world: bool
+    text: str, make: Callable[[str, Points, Unit], Shape], *, world: bool = True
 ) -> tuple[Shape, ...]:
     if len(text) > MAX_CHARACTERS:
         raise ShapeError(f"{len(text)} characters, above {MAX_CHARACTERS}")
@@ -226,21 +226,19 @@ def _polygon(name: str, points: Points, unit: Unit) -> Polygon:
 
 def _refuse_crossing(polygon: Polygon) -> None:
     edges = polygon.edges
-    for first, (a, b) in enumerate(edges):
-        for second in range(first + 1, len(edges)):
-            c, d = edges[second]
-            # Neighbours share a corner. They touch elsewhere only if the second turns back.
-            if b == c and second == first + 1:
-                crossing = _turns_back(a, b, d)
-            elif first == 0 and second == len(edges) - 1:
-                crossing = _turns_back(c, a, b)
-            else:
-                crossing = touch(a, b, c, d)
-            if crossing:
-                raise ShapeError(
-                    f"{polygon.name!r}: the edge from point {_ends(first, edges)} crosses or "
-                    f"touches the edge from point {_ends(second, edges)}"
-                )
+    for (first, (a, b)), (second, (c, d)) in combinations(enumerate(edges), 2):
+        # Neighbours share a corner. They touch elsewhere only if the second turns back.
+        if second == first + 1:
+            crossing = _turns_back(a, b, d)
+        elif first == 0 and second == len(edges) - 1:
+            crossing = _turns_back(c, a, b)
+        else:
+            crossing = touch(a, b, c, d)
+        if crossing:
+            raise ShapeError(
+                f"{polygon.name!r}: the edge from point {_ends(first, edges)} crosses or "
+                f"touches the edge from point {_ends(second, edges)}"
+            )
 
 
 def _turns_back(a: Point, b: Point, c: Point) -> bool:

@@ -96,8 +96,6 @@ def _velocity_error(
 
 def _count(times_s: Floats, end: int, window_s: float) -> int:
     """Return how many of the first ``end`` positions lie in the window before the last of them."""
-    if end == 0:
-        return 0
     return end - int(np.searchsorted(times_s[:end], times_s[end - 1] - window_s, side="left"))
 
 

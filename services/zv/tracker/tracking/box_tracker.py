@@ -53,18 +53,11 @@ class BoxLife:
 class BoxTracker(TrackerBase[BoxState]):
     """Turns boxes of a model, and regions of motion, into tracks; see ``TrackerBase``."""
 
-    def __init__(
-        self,
-        size: tuple[int, int],
-        first_id: int = 1,
-        keep_lost_s: float = 2.0,
-        life: BoxLife | None = None,
-        limits: BoxLimits | None = None,
-    ) -> None:
+    def __init__(self, size: tuple[int, int], first_id: int = 1, keep_lost_s: float = 2.0) -> None:
         super().__init__(BoxState, size, 1.0, first_id)
         self.keep_lost_s = keep_lost_s
-        self._life = life or BoxLife()
-        self._limits = limits or BoxLimits()
+        self._life = BoxLife()
+        self._limits = BoxLimits()
         self._places: deque[tuple[float, dict[int, Center]]] = deque()
 
     def see(self, found: Sequence[ScoredBox]) -> None:
