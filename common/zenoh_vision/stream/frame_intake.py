@@ -158,8 +158,10 @@ class FrameIntake(Intake[Arrival, Frame]):
                 frame.find_range(stream.finder)  # first, as it follows the stream
             if callable(want):
                 want(frame)
-            elif want is not None or arrival.unverified:
-                frame.view(want or "gray")
+            elif want is not None:
+                frame.view(want)
+            if arrival.unverified:  # a function may have decoded nothing of it
+                frame.view("gray")
             stream.gate.accept(header, sample.arrived_ns, self.clock.monotonic_ns(), max_age_ns)
         except PayloadError as error:
             self._drop(error)

@@ -87,6 +87,15 @@ def test_a_picture_that_cannot_be_decoded_is_dropped_when_it_is_taken():
     assert taker.drops == ["corrupt"]
 
 
+def test_a_consumer_that_decodes_later_gets_no_damaged_picture_of_a_new_epoch():
+    """Its header alone would end the true stream."""
+    taker = Taker()
+    intake = taker.frames()
+    intake.receive(sample(0, JPEG[:-200]))
+    assert intake.take(0, lambda _: None, 0.4) is None
+    assert taker.drops == ["corrupt"]
+
+
 def test_what_the_transport_could_not_read_is_counted():
     taker = Taker()
     taker.frames().reject(PayloadError("too_large", "100 MB"))
