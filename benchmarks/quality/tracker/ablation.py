@@ -23,6 +23,7 @@ RULES: dict[str, dict[str, Any]] = {
     "steadying": {"foreground.steady.better": 0.0},
     "doubt of what shares a region": {"tracking.association.doubt": 0.0},
     "shadows left out": {"foreground.detect_shadows": False},
+    "brightness of shadows from black": {"foreground.background.black": 50.0},
     "brightness in the distance": {"foreground.background.share": 0.0},
     "noise in the distance": {"foreground.background.noise": 0.0},
     "medians at the start": {"foreground.background.starts_s": (0.5,)},

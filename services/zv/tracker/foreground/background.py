@@ -30,8 +30,11 @@ class BackgroundLimits:
     strong: float = 2.0  # a pixel is strong at this multiple of the distance
     every_s: float = 0.25  # interval of learning, seconds
     noise_s: float = 10.0  # time constant of the noise, seconds
-    # Range of a shadow's brightness, relative to the background's.
+    # Range of a shadow's brightness, relative to the background's, both above that of black.
     shadow: tuple[float, float] = (0.6, 1.0)
+    # Black is this percentile of the background: haze, a lens or a tone curve brightens it, and
+    # what is much darker than the background would be taken for its shadow.
+    black: float = 2.0
     # Times since the first picture at which the median of the pictures so far is taken.
     starts_s: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
     keep_s: float = 0.1  # interval of these pictures, seconds
@@ -131,7 +134,8 @@ class Background:
         Source: T. Horprasert et al., "A statistical approach for real-time robust background
         subtraction and shadow detection", 1999.
         """
-        one, other = shown.astype(np.float32), expected.astype(np.float32)
+        black = self.light.curve[self._black]
+        one, other = (np.maximum(each - black, 0, dtype=np.float32) for each in (shown, expected))
         ones = np.ones(3, np.float32)
         square = np.maximum((other * other) @ ones, 1.0)
         ratio = ((one * other) @ ones) / square
@@ -194,6 +198,10 @@ class Background:
 
     def _refresh(self) -> None:
         self.unlit = np.asarray(cv2.convertScaleAbs(self._values), np.uint8)
+        percents = self._limits.black, 100.0 - self._limits.black
+        dark, bright = np.percentile(self.unlit[::4, ::4], percents).tolist()
+        # A scene whose bright parts are less than twice as bright may show nothing black.
+        self._black = round(min(dark, max(0.0, bright - 2 * dark)))
         self._illuminate()
 
     def _illuminate(self) -> None:

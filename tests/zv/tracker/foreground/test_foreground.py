@@ -163,6 +163,21 @@ def test_a_shadow_is_left_out():
     assert learned(detect_shadows=False).update(shadow, 6.0, [])[0].any()
 
 
+def test_a_dark_object_in_haze_is_no_shadow_but_a_shadow_is():
+    """Haze that halves the contrast makes 0.4 of the brightness 0.64 to 0.78 of it."""
+
+    def shown(part: float) -> np.ndarray:
+        scene = backdrop().astype(np.float32)
+        scene[:10], scene[10:20] = 0, 255
+        scene[40:80, 60:80] *= part
+        return (50 + 0.5 * scene).astype(np.uint8)
+
+    background = Background(shown(1.0), BackgroundLimits(), LightLimits())
+    mask, _ = background.foreground(shown(0.4), shadows=True)
+    assert np.count_nonzero(mask != expected()) <= 8  # the corners, by the median
+    assert not background.foreground(shown(0.8), shadows=True)[0].any()
+
+
 def test_another_threshold_applies_at_once():
     picture = backdrop()
     picture[40:80, 60:80] += 40
