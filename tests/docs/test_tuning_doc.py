@@ -36,4 +36,6 @@ def test_the_picture_is_there_and_its_settings_are_those_of_today():
     assert (ROOT / "docs" / "images" / "tuning.png").is_file()
     code = (ROOT / "docs" / "images" / "make_tuning.py").read_text()
     known = set().union(*(model.model_fields for model in MODELS))
-    assert set(re.findall(r'"(\w+)": [0-9.]+', code)) <= known
+    named = set(re.findall(r'"(\w+)": [0-9.]+', code))
+    assert named
+    assert named <= known, named - known
