@@ -107,12 +107,6 @@ def test_wrong_bytes_are_refused_naming_the_field(message: type[Message], row: d
     assert caught.value.detail.startswith((f"{message.__name__}.{row['names']}", row["names"]))
 
 
-def test_nil_is_told_from_left_out_where_something_must_stand():
-    """Each field of a message is there even when it is nil: readers need no ``get``."""
-    still = FILES["Centroid"]["vectors"][1]["map"]
-    assert [still[name] for name in ("x", "y", "box", "area")] == [None] * 4
-
-
 def arrays_as_tuples(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: arrays_as_tuples(item) for key, item in value.items()}
