@@ -5,12 +5,14 @@ from __future__ import annotations
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_vision.image import codecs
+from zenoh_vision.image.pixel_formats import ENCODINGS
 
 WIDTH, HEIGHT = 320, 240
 SIDE = 40
@@ -24,6 +26,16 @@ def scene(step: int | None) -> NDArray[np.uint8]:
         x, y = 10 + 6 * (step % 40), 100
         picture[y : y + SIDE, x : x + SIDE] = (250, 240, 230)
     return np.asarray(picture, np.uint8)
+
+
+def noise(encoding: str, width: int, height: int) -> NDArray[Any]:
+    """Return random pixels in an encoding."""
+    known = ENCODINGS[encoding]
+    shape = (height, width) if known.channels == 1 else (height, width, known.channels)
+    random = np.random.default_rng(3)
+    if known.dtype.kind == "f":
+        return random.random(shape, np.float32) * 10
+    return random.integers(0, int(np.iinfo(known.dtype).max) + 1, shape, known.dtype)
 
 
 def jpeg(pixels: NDArray[np.uint8], quality: int = 90) -> bytes:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.support.headers import header
+from tests.support.pictures.encoded import noise
 from tests.support.processes import ROOT, environment
 from tests.support.shm_reading import Reading
 from tests.support.waiting import wait_until
@@ -83,12 +84,10 @@ def way() -> Iterator[Way]:
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_pixels_of_every_encoding_arrive_unchanged_with_their_header(way, encoding):
-    known = ENCODINGS[encoding]
-    shape = (HEIGHT, WIDTH) if known.channels == 1 else (HEIGHT, WIDTH, known.channels)
-    pixels = np.random.default_rng(1).integers(0, 250, shape).astype(known.dtype)
+    pixels = noise(encoding, WIDTH, HEIGHT)
     sample = way.send(Frame(a_header(7, encoding), pixels))
     assert Header.from_bytes(sample.attachment).seq == 7
-    assert np.array_equal(np.frombuffer(sample.payload, known.dtype).reshape(shape), pixels)
+    assert np.array_equal(np.frombuffer(sample.payload, pixels.dtype).reshape(pixels.shape), pixels)
     assert (sample.route, sample.encoding) == ("shm", RAW_IMAGE)
 
 
