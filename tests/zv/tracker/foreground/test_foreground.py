@@ -17,6 +17,7 @@ from zv.tracker.foreground.foreground import (
 )
 from zv.tracker.foreground.light import LightLimits
 from zv.tracker.foreground.regions import RegionLimits, regions_of
+from zv.tracker.foreground.steadying import SteadyLimits
 from zv.tracker.tracking.region import Region
 
 
@@ -241,7 +242,9 @@ def test_a_region_without_strong_pixels_is_noise():
     assert regions_of(mask, np.zeros_like(mask), 20, np.inf, RegionLimits()) == []
 
 
-@pytest.mark.parametrize("limits", [BackgroundLimits, LightLimits, SceneLimits, RegionLimits])
+@pytest.mark.parametrize(
+    "limits", [BackgroundLimits, LightLimits, SceneLimits, RegionLimits, SteadyLimits]
+)
 def test_the_constants_say_what_they_are(limits: type):
     lines = [line.strip() for line in inspect.getsource(limits).splitlines()]
     for name in limits.__slots__:  # type: ignore[attr-defined]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-
 import cv2
 import numpy as np
 import pytest
@@ -188,10 +186,3 @@ def test_a_walker_before_a_camera_that_shakes_is_the_only_track_and_where_the_fr
             assert track.steady is not None
             centre = np.add(track.steady, track.offset)
             assert centre == pytest.approx((track.x, track.y), abs=3)
-
-
-def test_the_constants_say_what_they_are():
-    lines = [line.strip() for line in inspect.getsource(SteadyLimits).splitlines()]
-    for name in SteadyLimits.__slots__:  # type: ignore[attr-defined]
-        (at,) = (number for number, line in enumerate(lines) if line.startswith(f"{name}: "))
-        assert "  # " in lines[at] or lines[at - 1].startswith("# ")
