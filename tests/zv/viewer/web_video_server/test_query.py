@@ -8,8 +8,13 @@ from zv.viewer.web_video_server.query import InvalidQuery, parse_query
 TOPIC = {"topic": "/front/image"}
 
 
-def test_nothing_but_a_topic_asks_for_jpeg_as_it_is():
-    query = parse_query(TOPIC)
+@pytest.mark.parametrize(
+    "more",
+    [{}, {"width": "-1", "height": "-1"}, {"t": "1790000000", "_": "1"}],
+    ids=["a topic", "minus one, as in ROS", "against caches"],
+)
+def test_what_asks_for_nothing_else_asks_for_jpeg_as_it_is(more):
+    query = parse_query(TOPIC | more)
     assert query.options == RenderOptions(format="jpeg")
     assert not query.raw
 
@@ -27,21 +32,9 @@ def test_ros_compressed_is_what_the_camera_sent_whatever_else_is_asked():
     assert parse_query(TOPIC | {"type": "ros_compressed", "width": "10"}).options == RenderOptions()
 
 
-def test_minus_one_is_not_set_as_in_ros():
-    assert parse_query(TOPIC | {"width": "-1", "height": "-1"}).options == RenderOptions(
-        format="jpeg"
-    )
-
-
 @pytest.mark.parametrize(("text", "on"), [("", True), ("1", True), ("true", True), ("no", False)])
 def test_invert_is_on_without_a_value(text, on):
     assert parse_query(TOPIC | {"invert": text}).options.invert == on
-
-
-def test_parameters_against_caches_are_no_mistake():
-    assert parse_query(TOPIC | {"t": "1790000000", "_": "1"}).options == RenderOptions(
-        format="jpeg"
-    )
 
 
 @pytest.mark.parametrize(
