@@ -34,37 +34,23 @@ def png_claiming(width: int, height: int) -> bytes:
     return png_of((b"IHDR", head), (b"IDAT", zlib.compress(b"")), (b"IEND", b""))
 
 
-@pytest.mark.parametrize(
-    ("picture", "reason"),
-    [
-        (b"", "empty"),
-        (b"hello", "not_an_image"),
-        (b"GIF89a" + bytes(100), "not_an_image"),
-        (b"BM" + bytes(100), "not_an_image"),
-        (codecs.PNG_START, "not_an_image"),
-        (PNG[:24], "not_an_image"),
-        (codecs.JPEG_START, "corrupt"),
-        (JPEG[: JPEG.index(b"\xff\xc0")], "corrupt"),
-        (bytes(codecs.MAX_COMPRESSED_BYTES + 1), "too_large"),
-        (JPEG + bytes(codecs.MAX_COMPRESSED_BYTES), "too_large"),
-        (png_claiming(0, 4), "too_large"),
-        (png_claiming(4, 0), "too_large"),
-    ],
-    ids=[
-        "no bytes",
-        "text",
-        "GIF",
-        "BMP",
-        "PNG start",
-        "PNG cut in IHDR",
-        "JPEG start",
-        "JPEG cut before its size",
-        "32 MiB of zeros",
-        "a JPEG and 32 MiB",
-        "no width",
-        "no height",
-    ],
-)
+NO_PICTURES = {
+    "no bytes": (b"", "empty"),
+    "text": (b"hello", "not_an_image"),
+    "GIF": (b"GIF89a" + bytes(100), "not_an_image"),
+    "BMP": (b"BM" + bytes(100), "not_an_image"),
+    "PNG start": (codecs.PNG_START, "not_an_image"),
+    "PNG cut in IHDR": (PNG[:24], "not_an_image"),
+    "JPEG start": (codecs.JPEG_START, "corrupt"),
+    "JPEG cut before its size": (JPEG[: JPEG.index(b"\xff\xc0")], "corrupt"),
+    "32 MiB of zeros": (bytes(codecs.MAX_COMPRESSED_BYTES + 1), "too_large"),
+    "a JPEG and 32 MiB": (JPEG + bytes(codecs.MAX_COMPRESSED_BYTES), "too_large"),
+    "no width": (png_claiming(0, 4), "too_large"),
+    "no height": (png_claiming(4, 0), "too_large"),
+}
+
+
+@pytest.mark.parametrize(("picture", "reason"), NO_PICTURES.values(), ids=NO_PICTURES)
 def test_what_is_no_picture_is_refused_by_its_first_bytes(picture: bytes, reason: str):
     with pytest.raises(PayloadError) as caught:
         codecs.picture_size(picture)

@@ -130,27 +130,18 @@ def test_a_picture_without_a_header_is_saved_all_the_same(key):
     assert np.array_equal(seen(bare.file("a.png", 90)), seen(STILL))
 
 
-@pytest.mark.parametrize(
-    "broken",
-    [
-        sample(JPEG, damaged(STILL)),
-        sample(JPEG, STILL[:-400]),
-        sample(PNG, png(COLOUR)[:-20]),
-        sample(RAW_IMAGE, b"123"),
-        sample(RAW_IMAGE, COLOUR.tobytes(), "yuv422"),
-        Sample("vision/front/x", COLOUR.tobytes(), RAW_IMAGE),
-        Sample("vision/rear/x", STILL, JPEG, header("bgr8").to_bytes()),
-    ],
-    ids=[
-        "damaged",
-        "JPEG cut short",
-        "PNG cut short",
-        "wrong size",
-        "unknown encoding",
-        "raw without a header",
-        "of another camera",
-    ],
-)
+BROKEN = {
+    "damaged": sample(JPEG, damaged(STILL)),
+    "JPEG cut short": sample(JPEG, STILL[:-400]),
+    "PNG cut short": sample(PNG, png(COLOUR)[:-20]),
+    "wrong size": sample(RAW_IMAGE, b"123"),
+    "unknown encoding": sample(RAW_IMAGE, COLOUR.tobytes(), "yuv422"),
+    "raw without a header": Sample("vision/front/x", COLOUR.tobytes(), RAW_IMAGE),
+    "of another camera": Sample("vision/rear/x", STILL, JPEG, header("bgr8").to_bytes()),
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
 def test_what_is_broken_is_refused_and_named(broken):
     with pytest.raises(ExpectationNotMet, match=f"{broken.key}: "):
         checked(broken)
