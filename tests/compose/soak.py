@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from tests.support.containers.stack import OURS, SERVICES, Stack, run
-from tests.support.containers.witness import CENTROID, EDGES, IMAGE, STREAMS, Witness
+from tests.support.containers.witness import STREAMS, Witness
 from tests.support.listening import balance
 from tests.support.processes import ROOT
 
@@ -24,7 +24,6 @@ EVERY_S = 10.0
 OLD_S = 0.4
 SLOPE_MB_PER_H = 30.0
 RECOVERY_S = 15.0
-KEY_OF = {"camera": IMAGE, "tracker": CENTROID, "edge": EDGES}
 
 
 @dataclass

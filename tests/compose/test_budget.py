@@ -22,7 +22,6 @@ pytestmark = [pytest.mark.compose, pytest.mark.timeout(400)]
 LISTENER = Path(__file__).parents[1] / "support/containers/listener.py"
 WATCHER = Path(__file__).parents[1] / "support/programs/watch_stream.py"
 CENTROID, IMAGE = "vision/front/centroid", "vision/front/image/compressed"
-HEALTH = "vision/@nodes/camera_front/diagnostics"
 SETTLES_S, LASTS_S = 15.0, 30.0
 SCENE = {
     "ZV_CAMERA_WIDTH": "320",

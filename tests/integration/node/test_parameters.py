@@ -21,7 +21,6 @@ from zv.camera.synthetic.scene import Scene
 
 SIZE = (160, 120)
 CAMERA = "@vision/param/camera_front"
-TRACKER = "@vision/param/tracker_front"
 EDGE = "@vision/param/edge_front"
 QUIET = ("--width", SIZE[0], "--height", SIZE[1], "--noise", 0, "--rate", 25)
 

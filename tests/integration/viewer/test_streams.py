@@ -30,7 +30,6 @@ from zenoh_vision.image import codecs
 from zenoh_vision.testing import first_picture
 
 TOPIC = "topic=/front/image/compressed"
-NODE = "@vision/node/viewer"
 GET_STREAM = f"GET /stream?{TOPIC} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
 
 
