@@ -19,6 +19,7 @@ import zenoh
 from tests.support.listening import known_queryable, open_client, wait_until_listed
 from tests.support.pictures.encoded import HEIGHT, STILL, WIDTH, jpeg
 from tests.support.publishing import RAW_PIXELS, Paced, raw_frames
+from tests.support.publishing import header as publishing_header
 from tests.support.waiting import DEADLINE_S
 from zenoh_vision.errors import ConfigurationError, ExpectationNotMet, SourceError
 from zenoh_vision.transport.connection import Connection
@@ -56,17 +57,8 @@ def zv(endpoint: str, capsysbinary) -> Callable[..., tuple[bytes, str]]:
 
 
 def header(seq: int = 5, **changes: Any) -> dict[str, Any]:
-    return {
-        "camera": "c",
-        "epoch": 1_000,
-        "seq": seq,
-        "stamp_ns": time.time_ns(),
-        "width": WIDTH,
-        "height": HEIGHT,
-        "encoding": "bgr8",
-        "node": "camera_c",
-        **changes,
-    }
+    known = {"width": WIDTH, "height": HEIGHT, "encoding": "bgr8"}
+    return publishing_header(seq, **known | changes)
 
 
 @contextmanager

@@ -9,9 +9,9 @@ import pytest
 import zenoh
 
 from tests.support.listening import open_client
+from tests.support.node_states import description
 from tests.support.routing import Router
 from tests.support.waiting import wait_until
-from zenoh_vision.messages import NodeDescription
 from zenoh_vision.node.node import Node
 from zenoh_vision.testing import at
 from zv.tools.bag.live_nodes import publishers
@@ -23,17 +23,7 @@ FRAMES, RESULTS = "vision/front/image/compressed", "vision/front/centroid"
 def test_the_player_is_left_out_and_a_node_of_a_container_with_its_pid_is_found(
     host: str, router: Router
 ):
-    about = NodeDescription(
-        node="camera_front",
-        service="camera",
-        cameras=("front",),
-        version="1",
-        host=host,
-        pid=os.getpid(),
-        started_ns=1,
-        publishes=(FRAMES,),
-        subscribes=(),
-    )
+    about = description("camera_front", host=host, pid=os.getpid(), publishes=(FRAMES,))
 
     def reply(query: zenoh.Query) -> None:
         query.reply("@vision/node/camera_front", about.to_bytes())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,8 +17,8 @@ from tests.integration.conftest import Service
 from tests.support import detector_models
 from tests.support.fork_server import ZV
 from tests.support.listening import Listener, open_client, wait_for_nodes
-from tests.support.node_states import report
-from tests.support.processes import Program, environment
+from tests.support.node_states import description, report
+from tests.support.processes import Program, run_program
 from tests.support.publishing import wait_for_subscriber
 from tests.support.recordings import BEGIN_NS, centroids, frames, write
 from tests.support.routing import Router
@@ -30,7 +29,7 @@ from zenoh_vision.keys import msgpack_of
 from zenoh_vision.messages import CameraInfo, Diagnostics, NodeDescription, TrackEvent, Tracks
 from zv.bag.record import Record
 from zv.bag.recording import Recording
-from zv.bag.writer import PARTIAL, Writer
+from zv.bag.writer import PARTIAL
 from zv.tools.bag.verify_options import VerifyOptions
 
 FRAMES = frames(45, still=25)
@@ -85,24 +84,25 @@ def golden(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return whole
 
 
+def records_of(path: Path) -> list[Record]:
+    with Recording(path) as recording:
+        return list(recording.records())
+
+
 def tampered(golden: Path, path: Path, seq: int) -> Path:
     """Write the recording with another x and y of the first track of a frame."""
-    with Recording(golden) as recording:
-        writer = Writer(path, {"namespace": "vision"})
-        for record in recording.records():
-            if record.key == KEY and record.header["seq"] == seq:
-                fields = msgpack.unpackb(record.payload)
-                fields["tracks"][0] |= {"x": 1.5, "y": 1.5}
-                record = replace(record, payload=msgpack.packb(fields))
-            writer.add(record)
-        writer.close()
-    return path
+    records = records_of(golden)
+    for number, record in enumerate(records):
+        if record.key == KEY and record.header["seq"] == seq:
+            fields = msgpack.unpackb(record.payload)
+            fields["tracks"][0] |= {"x": 1.5, "y": 1.5}
+            records[number] = replace(record, payload=msgpack.packb(fields))
+    return write(path, records)
 
 
 def test_a_node_that_was_started_again_is_named_with_the_time(golden: Path, tmp_path: Path, zv: Zv):
     path = tmp_path / "again.mcap"
-    with Recording(golden) as recording:
-        records = list(recording.records())
+    records = records_of(golden)
     (described,) = (each for each in records if each.key == "@vision/node/tracker_front")
     about = NodeDescription.from_bytes(described.payload)
     again = about.model_copy(update={"started_ns": records[0].log_time_ns + 750_000_000})
@@ -191,12 +191,11 @@ def test_parameters_that_were_changed_during_the_run_are_changed_at_the_same_fra
     assert (said["same"], said["frames"] > 20) == (True, True)
     # The change is in the recording alone: without it, the first frame of another result differs.
     left = tmp_path / "left.mcap"
-    with Recording(run) as recording:
-        writer = Writer(left, {"namespace": "vision"})
-        for record in recording.records():
-            if "/param/" not in record.key or msgpack.packb(1_000_000.0) not in record.payload:
-                writer.add(record)
-        writer.close()
+    change = msgpack.packb(1_000_000.0)
+    kept = [
+        each for each in records_of(run) if "/param/" not in each.key or change not in each.payload
+    ]
+    write(left, kept)
     difference = json.loads(zv(left, "--node", "tracker", "--json", status=1).output)
     assert difference["frame"]["seq"] >= changed.header["seq"]
 
@@ -212,18 +211,15 @@ def last_revision(path: Path) -> int:
 def test_a_recording_may_end_between_the_messages_of_a_frame(
     zv: Zv, golden: Path, tmp_path: Path, follow: bool
 ):
-    with Recording(golden) as recording:
-        records = list(recording.records())
+    records = records_of(golden)
     last = max(record.header["seq"] for record in records if record.key == KEY)
-    cut = tmp_path / "cut.mcap"
-    writer = Writer(cut, {"namespace": "vision"})
+    kept = []
     for record in records:
         of_node = record.header.get("node") == "tracker_front"
         seq = record.header.get("seq", 0) if of_node else 0
-        if (seq == last - 1 and record.key != KEY) or (seq == last and not follow):
-            continue
-        writer.add(record)
-    writer.close()
+        if not ((seq == last - 1 and record.key != KEY) or (seq == last and not follow)):
+            kept.append(record)
+    cut = write(tmp_path / "cut.mcap", kept)
     program = zv(cut, "--node", "tracker", status=int(follow))
     if follow:
         assert f"differs at frame {last - 1} of front" in program.complaints
@@ -233,16 +229,12 @@ def test_a_recording_may_end_between_the_messages_of_a_frame(
 
 
 def test_frames_that_the_node_did_not_answer_are_left_out(zv: Zv, golden: Path, tmp_path: Path):
-    changed = tmp_path / "changed.mcap"
-    with Recording(golden) as recording:
-        writer = Writer(changed, {"namespace": "vision"})
-        for record in recording.records():
-            if record.header.get("node") == "tracker_front":
-                if record.header["seq"] < 30:
-                    writer.add(record)
-                continue
-            writer.add(record)
-        writer.close()
+    kept = [
+        each
+        for each in records_of(golden)
+        if each.header.get("node") != "tracker_front" or each.header["seq"] < 30
+    ]
+    changed = write(tmp_path / "changed.mcap", kept)
     assert "15 frames without a recorded result were left out" in (
         zv(changed, "--node", "tracker_front").output
     )
@@ -269,8 +261,7 @@ def test_a_service_that_does_not_start_is_quoted(zv: Zv, golden: Path):
 
 
 def test_an_update_keeps_the_frames_and_never_overwrites(zv: Zv, golden: Path, tmp_path: Path):
-    with Recording(golden) as recording:
-        kept = [each for each in recording.records() if each.key.endswith("image/compressed")]
+    kept = [each for each in records_of(golden) if each.key.endswith("image/compressed")]
     assert [each.payload for each in kept] == [each.payload for each in FRAMES]
     assert [each.attachment for each in kept] == [each.attachment for each in FRAMES]
     said = zv(golden, "--node", "tracker", "--update", golden, status=3).complaints
@@ -305,15 +296,8 @@ def test_what_a_tracker_says_of_an_epoch_after_the_first_message_of_the_next_one
 
 def test_an_update_onto_a_full_disk_says_so_and_leaves_no_file(golden: Path, tmp_path: Path):
     words = [sys.executable, "-m", "zv", "bag", "verify", golden, "--node", "tracker"]
-    done = subprocess.run(
-        ["sh", "-c", 'ulimit -f 100; exec "$@"', "sh", *words, "--update", "new.mcap"],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=90,
-        check=False,
-    )
+    limited = ["sh", "-c", 'ulimit -f 100; exec "$@"', "sh"]
+    done = run_program([*limited, *words, "--update", "new.mcap"], folder=tmp_path)
     assert (done.returncode, done.stderr) == (3, "zv: cannot write new.mcap: File too large\n")
     assert not list(tmp_path.iterdir())
 
@@ -373,8 +357,7 @@ def test_a_recorded_calibration_holds_also_if_the_frame_behind_it_had_no_answer(
 ):
     run = write(tmp_path / "run.mcap", [calibration()], FRAMES)
     zv(run, "--node", "tracker", "--update", "new.mcap")
-    with Recording(tmp_path / "new.mcap") as recording:
-        records = list(recording.records())
+    records = records_of(tmp_path / "new.mcap")
     said = [msgpack.unpackb(each.payload) for each in records if each.key == KEY]
     tracks = [track for message in said for track in message["tracks"]]
     assert tracks
@@ -433,14 +416,9 @@ def test_a_service_of_frames_and_of_what_another_says_of_them_gets_both_in_their
 ):
     few = FRAMES[:5]
     key = KEY if topic is Tracks else "vision/front/events"
-    about = NodeDescription(
-        node=f"{node}_front",
+    about = description(
+        f"{node}_front",
         service=node,
-        cameras=("front",),
-        version="1",
-        host="robot",
-        pid=1,
-        started_ns=BEGIN_NS,
         publishes=(key,),
         subscribes=("vision/front/image/compressed", "vision/front/centroid"),
     )

@@ -14,12 +14,12 @@ from prometheus_client.openmetrics.parser import (
 )
 from prometheus_client.parser import text_string_to_metric_families as parse
 
-from tests.support.node_states import report
+from tests.support.node_states import description, report
 from zenoh_vision.health.fleet import Fleet
 from zenoh_vision.health.fleet_monitor import FleetMonitor
 from zenoh_vision.health.latency import LatencyMonitor
 from zenoh_vision.health.node_state import S
-from zenoh_vision.messages import Diagnostics, Histogram, NodeDescription
+from zenoh_vision.messages import Diagnostics, Histogram
 from zv.tools.metrics.collector import NodeCollector
 from zv.tools.metrics.families import COUNTERS, FAMILIES, PREFIX
 
@@ -136,18 +136,7 @@ def test_a_node_without_a_histogram_has_no_latency(fleet: Fleet):
 
 def test_the_info_metric_describes_a_node(fleet: Fleet):
     fleet.token("tracker_front", True, time.monotonic_ns())
-    said = NodeDescription(
-        node="tracker_front",
-        service="tracker",
-        cameras=("front", "back"),
-        version="0.1.0",
-        host="here",
-        pid=1,
-        started_ns=1,
-        publishes=(),
-        subscribes=(),
-    )
-    fleet.describe("tracker_front", said)
+    fleet.describe("tracker_front", description(cameras=("front", "back"), host="here"))
     (line,) = [line for line in text(fleet).splitlines() if line.startswith(f"{PREFIX}node_info")]
     assert line == (
         'zenoh_vision_node_info{camera="front,back",host="here",node="tracker_front",'
