@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 
 import pytest
 
-from tests.support.processes import ROOT, environment
+from tests.support.processes import ROOT, run_program
 from zenoh_vision.topics import TOPICS
 from zv.registry import EVERY_TOPIC, SERVICES
 
@@ -38,12 +37,5 @@ def test_the_registry_loads_no_library():
         "import sys, zv.registry\n"
         "print({'pydantic', 'zenoh', 'cv2', 'numpy', 'zenoh_vision'} & set(sys.modules))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=ROOT,
-        env=environment(),
-    )
-    assert done.stdout == "set()\n"
+    done = run_program([sys.executable, "-c", program])
+    assert (done.stdout, done.stderr) == ("set()\n", "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.support.pictures.videos import colour_bars, decoded, jpeg_of, noise, with_orientation
-from tests.support.processes import environment
+from tests.support.processes import run_program
 from zenoh_vision.errors import SourceError
 from zenoh_vision.image.picture import Picture
 from zenoh_vision.keys import JPEG
@@ -174,10 +173,7 @@ def test_an_image_of_any_format_over_8k_is_left_out_before_it_takes_memory(tmp_p
     for name in ("a.tif", "b.bmp", "c.pgm"):
         save(tmp_path / name, np.zeros((8000, 16_000), np.uint8))
     save(tmp_path / "d.png", noise(5, 7))
-    run = [sys.executable, "-c", TOO_LARGE, str(tmp_path)]
-    done = subprocess.run(
-        run, capture_output=True, text=True, check=True, timeout=60, env=environment()
-    )
+    done = run_program([sys.executable, "-c", TOO_LARGE, tmp_path])
     said, peak_kb = done.stdout.splitlines()
     assert "(4 images, 7x5, 10 Hz)" in said
     assert done.stderr.count("skipped") == 3

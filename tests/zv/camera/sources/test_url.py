@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -17,7 +16,7 @@ from tests.support.pictures import http_camera
 from tests.support.pictures.http_camera import PICTURES_BEFORE_TROUBLE, HttpCamera, level
 from tests.support.pictures.url_sources import SHORT_S, SLACK_S, Opened, read_until_lost
 from tests.support.pictures.videos import decoded, make_video
-from tests.support.processes import environment
+from tests.support.processes import run_program
 from zenoh_vision.errors import SourceError, SourceLost
 from zv.camera.sources.base import KnowsNextDue, TimedPicture
 
@@ -129,10 +128,8 @@ print(open("/proc/self/status").read().partition("VmHWM:")[2].split()[0])
 def test_a_picture_without_an_end_is_given_up_before_it_takes_the_memory(
     camera: HttpCamera, manner: str
 ):
-    run = [sys.executable, "-c", ENDLESS, camera.url(f"/{manner}")]
-    said, peak_kb = subprocess.run(
-        run, capture_output=True, text=True, check=True, timeout=60, env=environment()
-    ).stdout.splitlines()
+    done = run_program([sys.executable, "-c", ENDLESS, camera.url(f"/{manner}")])
+    said, peak_kb = done.stdout.splitlines()
     assert "far too large, or has no end" in said
     assert int(peak_kb) * 1024 < 400e6  # a block grows by copying: twice the limit, and the program
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import subprocess
 import sys
 
 import cv2
 import numpy as np
 import pytest
 
+from tests.support.processes import run_program
 from zv.camera.synthetic.frame_code import extent
 from zv.camera.synthetic.scene import Scene
 
@@ -115,9 +115,7 @@ def test_frame_k_is_the_same_in_another_process() -> None:
         "pixels, truth = Scene(160, 120, seed=4).frame(250)\n"
         "print(hashlib.sha256(pixels.tobytes() + repr(truth).encode()).hexdigest())\n"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
-    )
+    run = run_program([sys.executable, "-c", program])
     assert run.stdout.strip() == digest(Scene(160, 120, seed=4), 250)
 
 
