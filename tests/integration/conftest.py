@@ -16,6 +16,7 @@ from tests.support.listening import open_client
 from tests.support.pictures.encoded import write_video
 from tests.support.processes import Program
 from tests.support.routing import Router
+from zenoh_vision.transport.connection import Connection
 
 Service = Callable[..., Program]
 
@@ -87,6 +88,11 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Of a router for all tests of a module."""
     with a_router(tmp_path_factory.mktemp("router")) as running:
         yield running.endpoint
+
+
+@pytest.fixture
+def connection(router: Router) -> Connection:
+    return Connection(router.endpoint, timeout_s=20)
 
 
 @pytest.fixture

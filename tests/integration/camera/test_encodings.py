@@ -22,7 +22,6 @@ from zenoh_vision.image.frame import Frame
 from zenoh_vision.image.picture import PixelPicture
 from zenoh_vision.messages import Header
 from zenoh_vision.node.node import Node
-from zenoh_vision.transport.connection import Connection
 from zv.camera.service import run
 from zv.camera.settings import CameraSettings
 from zv.camera.sources.base import TimedPicture
@@ -87,10 +86,9 @@ def header_now(seq: int, epoch: int, encoding: str) -> Header:
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-def test_published_pixels_arrive_exactly_on_the_raw_key(router, client, encoding):
+def test_published_pixels_arrive_exactly_on_the_raw_key(connection, client, encoding):
     pixels = pixels_in(encoding)
     raws, images = Listener(client, RAW), Listener(client, COMPRESSED)
-    connection = Connection(connect=router.endpoint, timeout_s=20)
     epoch, numbers = time.time_ns(), iter(range(1_000_000))
 
     def sent() -> bool:
@@ -109,9 +107,8 @@ def test_published_pixels_arrive_exactly_on_the_raw_key(router, client, encoding
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-def test_a_node_that_takes_the_raw_key_gets_the_pixels_exactly(router, client, encoding):
+def test_a_node_that_takes_the_raw_key_gets_the_pixels_exactly(connection, client, encoding):
     pixels = pixels_in(encoding)
-    connection = Connection(connect=router.endpoint, timeout_s=20)
     sent = header_now(0, time.time_ns(), encoding)
 
     def put() -> None:
@@ -168,10 +165,9 @@ def read(path: Path, encoding: str) -> np.ndarray:
 
 
 def test_a_camera_of_colours_takes_no_encoding_of_depth_at_its_start_or_later(
-    router, client, service, tmp_path
+    connection, client, service, tmp_path
 ):
     assert cv2.imwrite(str(tmp_path / "colour.png"), scene(7))
-    connection = Connection(connect=router.endpoint, timeout_s=20)
     refused = "encoding = 16UC1 is depth, but the source delivers bgr8"
     flags = ("--source", tmp_path, "--loop", "--rate", 20)
     with pytest.raises(ConfigurationError, match=f"{refused}; allowed: mono8, mono16, bgr8"):
@@ -186,7 +182,7 @@ def test_a_camera_of_colours_takes_no_encoding_of_depth_at_its_start_or_later(
 
 
 def test_an_encoding_set_before_the_first_picture_drops_frames_and_ends_no_camera(
-    router, client, tmp_path
+    connection, client, tmp_path
 ):
     may_read = threading.Event()
 
@@ -206,7 +202,6 @@ def test_an_encoding_set_before_the_first_picture_drops_frames_and_ends_no_camer
             may_read.set()
 
     settings = CameraSettings(source=str(tmp_path), stall_after=60)
-    connection = Connection(connect=router.endpoint, timeout_s=20)
     health = Listener(client, "@vision/diagnostics/camera_front")
     with ThreadPoolExecutor(1) as beside:
         running = beside.submit(run, settings, connection, lambda *_: Slow())

@@ -16,7 +16,7 @@ from tests.support.listening import Listener, Message, newest, wait_for_nodes
 from tests.support.pictures.encoded import jpeg
 from tests.support.processes import START_S
 from tests.support.waiting import in_time, wait_until
-from zenoh_vision import Connection, Node
+from zenoh_vision import Node
 from zenoh_vision.calibration.calibration import Calibration
 from zenoh_vision.calibration.camera_model import CameraModel
 from zenoh_vision.calibration.ros_yaml import write_calibration
@@ -94,9 +94,10 @@ def test_while_it_is_set_only_the_region_is_sent(client, service, folder: Path, 
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_service_sees_the_change_on_every_way(router, client, service, folder, whole, way: str):
+def test_a_service_sees_the_change_on_every_way(
+    connection, client, service, folder, whole, way: str
+):
     service("camera", "--source", folder, "--loop", "--rate", 20)
-    connection = Connection(router.endpoint, timeout_s=10)
     with Node("taker", connection=connection) as node:
         frames = in_time(node, iter(node.frames(want="pixels", transport=way)), START_S)
         assert next(frames).pixels.shape == (240, 320, 3)

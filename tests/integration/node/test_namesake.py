@@ -12,7 +12,6 @@ import zenoh
 
 from tests.support.listening import Listener, wait_for_nodes
 from tests.support.node_states import description
-from tests.support.routing import Router
 from tests.support.waiting import wait_until
 from zenoh_vision.health.health import Health
 from zenoh_vision.messages import Level, NodeDescription
@@ -30,22 +29,22 @@ def _reports_come_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(namesake, "ASK_AGAIN_S", 1.5)
 
 
-def camera(router: Router) -> Node:
+def camera(connection: Connection) -> Node:
     return Node(
         "camera",
-        connection=Connection(router.endpoint, timeout_s=20),
+        connection=connection,
         publishes=["image/compressed"],
         counts=("captured", "published"),
     )
 
 
 def test_two_cameras_of_one_name_both_tell_which_other_and_whose_frames_are_taken(
-    router: Router, client: zenoh.Session, caplog: pytest.LogCaptureFixture
+    connection: Connection, client: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.WARNING)
-    with camera(router) as older:
+    with camera(connection) as older:
         wait_for_nodes(client, "camera_front")
-        with camera(router) as newer:
+        with camera(connection) as newer:
             wait_until(
                 lambda: (
                     "pid" in older.health.message("namesake")
@@ -71,17 +70,15 @@ def test_two_cameras_of_one_name_both_tell_which_other_and_whose_frames_are_take
 
 
 def test_a_node_that_publishes_no_frames_says_that_both_publish_on_its_keys(
-    router: Router, caplog: pytest.LogCaptureFixture
+    connection: Connection,
 ) -> None:
-    connection = Connection(router.endpoint, timeout_s=20)
     with Node("seer", connection=connection) as one, Node("seer", connection=connection):
         wait_until(lambda: "both publish on the same keys" in one.health.message("namesake"))
 
 
 def test_a_node_without_a_camera_is_not_told_to_take_another_camera(
-    router: Router, caplog: pytest.LogCaptureFixture
+    connection: Connection, caplog: pytest.LogCaptureFixture
 ) -> None:
-    connection = Connection(router.endpoint, timeout_s=20)
     with (
         Node("seer", camera=(), connection=connection),
         Node("seer", camera=(), connection=connection),
@@ -91,11 +88,10 @@ def test_a_node_without_a_camera_is_not_told_to_take_another_camera(
 
 
 def test_an_observer_and_another_camera_are_no_namesakes(
-    router: Router, client: zenoh.Session
+    connection: Connection, client: zenoh.Session
 ) -> None:
     listening = Listener(client, "@vision/diagnostics/**")
-    connection = Connection(router.endpoint, timeout_s=20)
-    with camera(router) as node, Node("camera", camera="rear", connection=connection):
+    with camera(connection) as node, Node("camera", camera="rear", connection=connection):
         wait_until(lambda: len(listening.messages) > 12)
         assert node.health.message("namesake") == ""
 
@@ -154,7 +150,7 @@ def reply(number: int) -> Reply:
 
 
 def test_of_thousands_of_descriptions_few_are_read(
-    router: Router, monkeypatch: pytest.MonkeyPatch
+    connection: Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Query] = []
 
@@ -165,7 +161,7 @@ def test_of_thousands_of_descriptions_few_are_read(
     monkeypatch.setattr(namesake, "send", answer)
     health = Health("seer", FrameCounters())
     watched = NamesakeMonitor("seer", health, lambda: description(node="seer"))
-    with Node("other", connection=Connection(router.endpoint, timeout_s=20)) as node:
+    with Node("other", connection=connection) as node:
         watched.declare(node.link, "vision")
         watched._newest = health.diagnostics().to_bytes()
         watched.check()
@@ -174,12 +170,12 @@ def test_of_thousands_of_descriptions_few_are_read(
 
 
 def test_a_report_is_sent_whatever_becomes_of_the_query_for_namesakes(
-    router: Router, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+    connection: Connection, client: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_monitor: NamesakeMonitor) -> None:
         raise zenoh.ZError("the session is closed")
 
     monkeypatch.setattr(NamesakeMonitor, "check", fail)
     reports = Listener(client, "@vision/diagnostics/seer")
-    with Node("seer", camera=(), connection=Connection(router.endpoint, timeout_s=20)):
+    with Node("seer", camera=(), connection=connection):
         reports.wait_for(2)

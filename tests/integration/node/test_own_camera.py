@@ -17,7 +17,6 @@ from tests.support.pictures.encoded import PICTURES
 from tests.support.pictures.videos import jpeg_of, noise
 from tests.support.waiting import wait_until
 from zenoh_vision import (
-    Connection,
     Frame,
     Header,
     Level,
@@ -58,11 +57,6 @@ def lossless(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let frames wait for a busy machine's network, since each of them is expected."""
     delivery = (zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA)
     monkeypatch.setattr(publisher, "FRAME_DELIVERY", delivery)
-
-
-@pytest.fixture
-def connection(router) -> Connection:
-    return Connection(router.endpoint, timeout_s=20)
 
 
 def test_pictures_become_frames_with_numbers_in_one_epoch_and_are_counted(client, connection):
@@ -172,31 +166,20 @@ def test_a_png_of_16_bits_is_named_so(client, connection):
     assert eight_bits.header.encoding == "bgr8"
 
 
-@pytest.mark.parametrize(
-    ("picture", "encoding", "reason"),
-    [
-        (b"GIF89a", None, "not_an_image"),
-        (np.zeros((4, 4), np.float64), None, "unsupported_encoding"),
-        (PIXELS, "mono8", "unsupported_encoding"),
-        (PIXELS, "yuv422", "unsupported_encoding"),
-        (np.zeros((0, 4), np.uint8), None, "too_large"),
-        (np.zeros((65_501, 4), np.uint8), None, "too_large"),
-        (np.zeros(16, np.uint8), "mono8", "unsupported_encoding"),
-        (np.zeros(16, np.uint8), None, "unsupported_encoding"),
-        (None, "mono8", "unsupported_encoding"),
-    ],
-    ids=[
-        "no picture",
-        "floats",
-        "another encoding",
-        "an unknown encoding",
-        "no rows",
-        "too many rows",
-        "a row",
-        "a row without encoding",
-        "None",
-    ],
-)
+INVALID = {
+    "no picture": (b"GIF89a", None, "not_an_image"),
+    "floats": (np.zeros((4, 4), np.float64), None, "unsupported_encoding"),
+    "another encoding": (PIXELS, "mono8", "unsupported_encoding"),
+    "an unknown encoding": (PIXELS, "yuv422", "unsupported_encoding"),
+    "no rows": (np.zeros((0, 4), np.uint8), None, "too_large"),
+    "too many rows": (np.zeros((65_501, 4), np.uint8), None, "too_large"),
+    "a row": (np.zeros(16, np.uint8), "mono8", "unsupported_encoding"),
+    "a row without encoding": (np.zeros(16, np.uint8), None, "unsupported_encoding"),
+    "None": (None, "mono8", "unsupported_encoding"),
+}
+
+
+@pytest.mark.parametrize(("picture", "encoding", "reason"), INVALID.values(), ids=INVALID)
 def test_an_invalid_picture_is_dropped_and_the_next_one_is_published(
     connection, picture, encoding, reason
 ):

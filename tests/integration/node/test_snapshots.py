@@ -20,7 +20,6 @@ from zenoh_vision.image import codecs, pixel_formats
 from zenoh_vision.image.frame import Frame
 from zenoh_vision.messages import Header
 from zenoh_vision.node.node import Node
-from zenoh_vision.transport.connection import Connection
 
 # The camera's last frame is its 20th: after it, the newest sample of every stream stays.
 STALLED = ("--faults", "stall@20+999999", "--stall-after", 3600, "--rate", 20)
@@ -184,8 +183,7 @@ class OwnCamera:
 
 
 @pytest.fixture
-def camera(router) -> Iterator[OwnCamera]:
-    connection = Connection(connect=router.endpoint, timeout_s=20)
+def camera(connection) -> Iterator[OwnCamera]:
     with Node("camera", connection=connection, publishes=["image/compressed", "image"]) as node:
         yield OwnCamera(node)
 
@@ -257,11 +255,12 @@ def test_a_key_that_has_nothing_yet_answers_nothing_at_once(client, camera):
     assert time.monotonic() - started_s < 1
 
 
-def test_results_that_nobody_wants_are_put_off_until_a_query_asks_for_the_newest(client, router):
+def test_results_that_nobody_wants_are_put_off_until_a_query_asks_for_the_newest(
+    client, connection
+):
     published: list[tuple[str, int]] = []
     topics = ["mask/compressed", "edges/compressed"]
     cameras = ("left", "right")
-    connection = Connection(router.endpoint, timeout_s=20)
     with Node("edge", camera=cameras, connection=connection, publishes=topics) as node:
 
         def offer(seq: int) -> None:
@@ -291,10 +290,10 @@ def test_results_that_nobody_wants_are_put_off_until_a_query_asks_for_the_newest
         assert len(published) == 4
 
 
-def test_results_are_not_put_off_where_one_is_always_sent(client, router):
+def test_results_are_not_put_off_where_one_is_always_sent(client, connection):
     topics = ["centroid", "mask/compressed"]
     published: list[int] = []
-    with Node("tracker", connection=Connection(router.endpoint), publishes=topics) as node:
+    with Node("tracker", connection=connection, publishes=topics) as node:
         head = Header(camera="front", epoch=1, seq=7, stamp_ns=1, width=64, height=48)
         frame = Frame(head, np.zeros((48, 64), np.uint8))
         node.publish_if_wanted(frame, lambda: published.append(frame.header.seq))

@@ -7,13 +7,12 @@ import time
 
 import msgpack
 import numpy as np
-import pytest
 
 from tests.support.headers import header
 from tests.support.listening import Listener, open_client
 from tests.support.publishing import Paced, wait_for_subscriber
 from tests.support.waiting import in_time, wait_until
-from zenoh_vision import Connection, Frame, Header, Node
+from zenoh_vision import Frame, Header, Node
 from zenoh_vision.image import codecs
 from zenoh_vision.image.depth import ValueRange
 from zenoh_vision.topics import COMPRESSED, RAW
@@ -22,11 +21,6 @@ from zv.tracker.settings import TrackerSettings
 KEY = "vision/front/image/compressed"
 ROOM = np.array([[0, 2000, 2500, 3000]], np.uint16)
 METRES = np.array([[math.nan, 2.0, 2.5, 3.0]], np.float32)
-
-
-@pytest.fixture
-def connection(router) -> Connection:
-    return Connection(router.endpoint, timeout_s=10)
 
 
 def header_now(seq: int, encoding: str, width: int = 4, height: int = 1) -> Header:

@@ -28,7 +28,6 @@ from tests.support.publishing import Paced, PlainCamera
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision.node.node import Node
 from zenoh_vision.shm.machine import why_impossible
-from zenoh_vision.transport.connection import Connection
 from zenoh_vision.transport.zenoh_config import LEASE_MS
 
 WAYS = ("jpeg",) if why_impossible() else ("jpeg", "shm")
@@ -46,7 +45,9 @@ LISTENER = "tests.support.containers.listener"
 
 @pytest.mark.quiet
 @pytest.mark.parametrize("transport", WAYS)
-def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, service, transport):
+def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(
+    connection, client, service, transport
+):
     service("camera", "--rate", 30, *SMALL)
     wait_for_nodes(client, "camera_front")
     health = {
@@ -56,7 +57,6 @@ def test_a_consumer_of_200_ms_at_30_hz_sees_only_fresh_frames(router, client, se
     seen: list[tuple[int, int]] = []
     ages_ms: list[float] = []
     work = threading.Event()
-    connection = Connection(connect=router.endpoint, timeout_s=20)
     with Node("slow", connection=connection) as node:
         frames = node.frames("image/compressed", want="bgr", transport=transport)
         for frame in in_time(node, frames, SECONDS):

@@ -13,7 +13,6 @@ from tests.support.publishing import PlainCamera
 from tests.support.waiting import in_time, wait_until
 from zenoh_vision import (
     Centroid,
-    Connection,
     Diagnostics,
     Frame,
     Header,
@@ -25,11 +24,6 @@ from zenoh_vision import (
 )
 from zenoh_vision.config.revisions import ParameterStore
 from zv.edge.settings import EdgeSettings
-
-
-@pytest.fixture
-def connection(router) -> Connection:
-    return Connection(router.endpoint, timeout_s=10)
 
 
 def test_one_loop_takes_frames_of_every_camera_and_messages_of_every_node(client, connection):
@@ -128,8 +122,8 @@ def test_a_start_that_fails_half_way_leaves_nothing_open(client, connection, mon
         wait_for_nodes(client, "broken_front")
 
 
-def test_a_node_of_no_camera_is_called_as_its_service(router, client):
-    with Node("onlooker", camera=(), connection=Connection(router.endpoint)) as node:
+def test_a_node_of_no_camera_is_called_as_its_service(connection, client):
+    with Node("onlooker", camera=(), connection=connection) as node:
         wait_for_nodes(client, "onlooker")
         assert newest(client, "@vision/node/onlooker").body["cameras"] == []
         with pytest.raises(ValueError, match="serves no camera"):

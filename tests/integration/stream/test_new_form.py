@@ -15,7 +15,7 @@ from tests.support.listening import newest
 from tests.support.publishing import Paced
 from tests.support.routing import free_port
 from tests.support.waiting import in_time, wait_until
-from zenoh_vision import Connection, Node, Topic
+from zenoh_vision import Node, Topic
 from zenoh_vision.image import forms
 from zenoh_vision.testing import running_service
 from zv.tools.shared.output import Output
@@ -54,11 +54,10 @@ def fetched(url: str) -> bytes:
 
 
 def test_a_form_that_is_registered_works_everywhere(
-    client, router, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    client, router, connection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(forms, "FORMS", dict(forms.FORMS))
     exec(DEFLATED, {})  # here, and below in the viewer's process
-    connection = Connection(router.endpoint, timeout_s=20)
     view = f"{DEFLATED}\nfrom zv.__main__ import main\nmain()"
     port = free_port()
     with (

@@ -14,18 +14,18 @@ from tests.support.library import LampSettings
 from tests.support.listening import balance
 from tests.support.publishing import PlainCamera, put_centroid, wait_for_subscriber
 from tests.support.waiting import POLL_S, in_time
-from zenoh_vision import Centroid, Connection, Frame, Node, queue
+from zenoh_vision import Centroid, Frame, Node, queue
 
 PERIOD_NS = 33_333_333
 
 
 @pytest.fixture
-def node(router) -> Iterator[Node]:
+def node(connection) -> Iterator[Node]:
     """A node of two cameras, with parameters."""
     with Node(
         "stereo",
         camera=("left", "right"),
-        connection=Connection(router.endpoint, timeout_s=20),
+        connection=connection,
         parameters=LampSettings(),
     ) as node:
         yield node
@@ -117,8 +117,8 @@ def test_frames_without_a_partner_are_counted_and_do_not_wait_for_ever(node: Nod
     assert balance(counted) == 0
 
 
-def test_a_frame_and_the_result_made_from_it_are_a_pair_without_tolerance(router, client):
-    with Node("judge", camera="c", connection=Connection(router.endpoint)) as node:
+def test_a_frame_and_the_result_made_from_it_are_a_pair_without_tolerance(connection, client):
+    with Node("judge", camera="c", connection=connection) as node:
         frames = node.frames(want="gray", max_age_s=None, buffering=queue(9))
         centroids = node.messages("centroid")
         camera = PlainCamera(client, camera="c")

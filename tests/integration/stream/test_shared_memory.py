@@ -19,7 +19,7 @@ import zenoh
 from tests.support.listening import balance, newest, wait_for_nodes
 from tests.support.publishing import Paced, PlainCamera
 from tests.support.waiting import in_time, wait_until
-from zenoh_vision import Connection, Frame, Level, Node, ServiceSettings, queue
+from zenoh_vision import Frame, Level, Node, ServiceSettings, queue
 from zenoh_vision.config.consumer_options import FrameTransport
 from zenoh_vision.errors import ConfigurationError
 from zenoh_vision.image.codecs import encode_jpeg
@@ -49,8 +49,7 @@ class TakerSettings(ServiceSettings):
 
 
 @pytest.fixture
-def taker(router) -> Iterator[Node]:
-    connection = Connection(router.endpoint, timeout_s=10)
+def taker(connection) -> Iterator[Node]:
     with Node("taker", connection=connection, parameters=TakerSettings()) as node:
         yield node
 
@@ -190,10 +189,10 @@ def test_shm_alone_takes_nothing_else_and_says_what_it_waits_for(client, service
 
 
 def test_inputs_that_are_told_nothing_take_it_unless_the_environment_says_otherwise(
-    monkeypatch, service, router
+    monkeypatch, service, connection
 ):
     service("camera", *SMALL)
-    with Node("plain", connection=Connection(router.endpoint, timeout_s=10)) as node:
+    with Node("plain", connection=connection) as node:
         frames = in_time(node, iter(node.frames("image/compressed")))
         next(frame for frame in frames if way_of(node) == "shm")
         frames.close()
@@ -263,7 +262,7 @@ def test_false_offers_keep_none_away_however_many(client, service, taker):
     assert len(false) == 300
 
 
-def test_the_offer_of_another_camera_is_none_of_this_one(client, router, service, taker):
+def test_the_offer_of_another_camera_is_none_of_this_one(client, connection, service, taker):
     """Anyone can declare a token of one camera that ends like that of another."""
     service("camera", *SMALL)
     own = offers(client, "front")
@@ -271,7 +270,6 @@ def test_the_offer_of_another_camera_is_none_of_this_one(client, router, service
     (left,) = offers(client, "left")
     false = left.replace("/left/", "/front/")
     assert false > own[0], "the later one is preferred"
-    connection = Connection(router.endpoint, timeout_s=10)
     with (
         client.liveliness().declare_token(false),
         Node("other", camera="left", connection=connection) as other,
@@ -290,8 +288,7 @@ def offers(client: zenoh.Session, camera: str) -> list[str]:
 
 
 @pytest.mark.parametrize("told", ["jpeg", "raw"])
-def test_a_camera_that_is_told_so_offers_no_shared_memory(monkeypatch, client, router, told):
-    connection = Connection(router.endpoint, timeout_s=10)
+def test_a_camera_that_is_told_so_offers_no_shared_memory(monkeypatch, client, connection, told):
     pattern = shared_memory_key("vision", "front", machine_identity(), "*")
     tokens = client.liveliness()
     with Node("camera", connection=connection, publishes=["image"]):
@@ -310,11 +307,11 @@ def test_a_camera_refuses_a_transport_that_does_not_exist(monkeypatch):
 
 
 def test_jpegs_of_a_source_come_through_shared_memory_as_they_are_and_decoded_once(
-    client, router, taker
+    client, connection, taker
 ):
     """A webcam's MJPEG: the camera decodes nothing, and the network carries nothing twice."""
     jpeg = encode_jpeg(np.full((240, 320, 3), 77, np.uint8), "bgr8", 90)
-    with Node("camera", connection=Connection(router.endpoint), publishes=BOTH) as camera:
+    with Node("camera", connection=connection, publishes=BOTH) as camera:
         feeding = Paced(60, lambda: camera.publish_picture("image/compressed", jpeg))
         with feeding:
             frames = in_time(taker, iter(taker.frames(transport="auto")))

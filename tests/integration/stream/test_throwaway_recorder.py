@@ -9,7 +9,6 @@ import msgpack
 from tests.support.publishing import PlainCamera
 from tests.support.waiting import in_time
 from zenoh_vision import (
-    Connection,
     Consumer,
     FrameCounters,
     FrameIntake,
@@ -40,9 +39,8 @@ def replay(file: Path, intake: FrameIntake) -> None:
                 intake.receive(Sample(key, payload, attachment=attachment))
 
 
-def test_what_was_recorded_gives_the_same_frames_again(router, client, tmp_path):
+def test_what_was_recorded_gives_the_same_frames_again(connection, client, tmp_path):
     camera = PlainCamera(client)
-    connection = Connection(router.endpoint, timeout_s=10)
     with Node("recorder", camera=(), connection=connection) as node, camera.at(50):
         record(node, tmp_path / "recording", frames=10)
         counted = node.counters.snapshot()

@@ -8,14 +8,9 @@ import zenoh
 from tests.support.listening import newest
 from tests.support.publishing import RAW_PIXELS, Paced, PlainCamera, raw_frames
 from tests.support.waiting import in_time
-from zenoh_vision import Connection, Node, NodeDescription
+from zenoh_vision import Node, NodeDescription
 
 COMPRESSED_KEY, RAW_KEY = "vision/r1/image/compressed", "vision/r1/image"
-
-
-@pytest.fixture
-def connection(router) -> Connection:
-    return Connection(router.endpoint, timeout_s=10)
 
 
 def wanted(publisher: zenoh.Publisher) -> bool:

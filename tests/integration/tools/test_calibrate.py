@@ -13,7 +13,6 @@ from tests.support.pictures.boards import poses_of, seen
 from tests.support.processes import START_S
 from zenoh_vision.calibration.ros_yaml import read_calibration
 from zenoh_vision.errors import ExpectationNotMet
-from zenoh_vision.transport.connection import Connection
 from zv.tools.calibrate import camera, pictures, plane
 from zv.tools.calibrate.board import Board
 from zv.tools.calibrate.options import CameraOptions, PlaneOptions
@@ -26,7 +25,7 @@ SIZE = (240, 180)  # a board is found in a quarter of the time that 480x360 take
 
 
 def test_lens_and_plane_are_found_from_a_stream(
-    router, service, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
+    connection, service, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
 ):
     boards = tmp_path / "boards"
     boards.mkdir()
@@ -36,7 +35,7 @@ def test_lens_and_plane_are_found_from_a_stream(
             cv2.imwrite(str(boards / f"{number}_{still}.png"), picture)
     service("camera", "--source", boards, "--rate", 5, "--loop")
     monkeypatch.setattr(pictures, "SILENT_S", START_S)
-    connection, output = Connection(router.endpoint, timeout_s=10), Output(as_json=True)
+    output = Output(as_json=True)
     file = tmp_path / "front.yaml"
     camera.run(CameraOptions(output=str(file), for_=60, **DESCRIBED), connection, output)
     out, err = capsys.readouterr()
@@ -48,19 +47,17 @@ def test_lens_and_plane_are_found_from_a_stream(
     assert read_calibration(file).plane is not None
 
 
-def test_a_camera_that_does_not_run_is_an_error(router, monkeypatch: pytest.MonkeyPatch):
+def test_a_camera_that_does_not_run_is_an_error(connection, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(pictures, "SILENT_S", 0.3)
-    connection = Connection(router.endpoint, timeout_s=10)
     with pytest.raises(ExpectationNotMet, match="no picture on vision/front/image/compressed"):
         camera.run(CameraOptions(**DESCRIBED), connection, Output())
 
 
 def test_a_plane_without_a_board_names_the_pictures_that_were_searched(
-    router, monkeypatch: pytest.MonkeyPatch
+    connection, monkeypatch: pytest.MonkeyPatch
 ):
     grey = np.full((180, 240), 128, np.uint8)
     monkeypatch.setattr(plane, "from_stream", lambda *_: iter([grey, grey]))
     options = PlaneOptions(calibration="new.yaml", no_lens="240x180", **DESCRIBED)
-    connection = Connection(router.endpoint, timeout_s=10)
     with pytest.raises(ExpectationNotMet, match="no chessboard of 8x5 found in 2 pictures of f"):
         plane.run(options, connection, Output())

@@ -13,7 +13,7 @@ from tests.support.headers import header
 from tests.support.listening import Listener, ask
 from tests.support.track_walks import track
 from tests.support.waiting import wait_until
-from zenoh_vision import Connection, Frame, Node, Tracks
+from zenoh_vision import Frame, Node, Tracks
 from zenoh_vision.config.revisions import ParameterStore
 from zenoh_vision.transport.query import Query
 from zenoh_vision.transport.query import ask as ask_tools
@@ -28,8 +28,7 @@ SETTINGS = TrackerSettings(lines="gate 100,0 100,200", zones="belt 110,0 200,0 2
 
 
 @pytest.fixture
-def node(router) -> Iterator[Node]:
-    connection = Connection(connect=router.endpoint, timeout_s=20)
+def node(connection) -> Iterator[Node]:
     with Node("tracker", connection=connection, publishes=["events"]) as opened:
         yield opened
 
@@ -121,13 +120,13 @@ def test_a_clock_that_is_set_back_ends_the_tracks_and_the_new_time_counts_from_t
     assert found[3:6] == [("started", 2, 900), ("confirmed", 2, 900), ("line_crossed", 2, 950)]
 
 
-def test_a_tracker_continues_after_the_cameras_clock_was_set_back(router):
+def test_a_tracker_continues_after_the_cameras_clock_was_set_back(connection):
     """By an hour, while a square moves on: without that, no time would pass for an hour."""
     live = ParameterStore(TrackerSettings())
     revision = live.activate()
     node = Node(
         "tracker",
-        connection=Connection(connect=router.endpoint, timeout_s=20),
+        connection=connection,
         publishes=published_by("tracker"),
         parameters=live,
     )
