@@ -23,6 +23,9 @@ UNITS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.
 """Seconds by unit."""
 
 EXAMPLES = "5, 5s, 500ms, 2m"
+LONGEST_S = 9e9
+"""Threads cannot wait for longer than 2^63 ns."""
+
 NUMBER = re.compile(r"([0-9]+\.?[0-9]*|\.[0-9]+) *([a-z]*)")
 
 
@@ -39,7 +42,10 @@ def seconds_of(value: object) -> object:
     if found is None or factor is None:
         raise ValueError("not a duration")
     # 1e-3 is not exact: 500ms is 500 / 1000.
-    return float(found[1]) / 1000 if found[2] == "ms" else float(found[1]) * factor
+    seconds = float(found[1]) / 1000 if found[2] == "ms" else float(found[1]) * factor
+    if seconds > LONGEST_S:
+        raise ValueError("not a duration: longer than 285 years")
+    return seconds
 
 
 def duration_text(seconds: float) -> str:

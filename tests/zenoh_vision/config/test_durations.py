@@ -36,11 +36,19 @@ def test_a_duration_is_typed_with_or_without_a_unit(text: str, seconds: float):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "s", "5x", "1.2.3", "-1s", "5 s s", "nan", "inf", "1e3", "2M"]
+    "text",
+    ["", "s", "5x", "1.2.3", "-1s", "5 s s", "nan", "inf", "1e3", "2M", "9" * 400, "110000d"],
 )
 def test_what_is_no_duration_is_refused(text: str):
     with pytest.raises(ValueError, match="not a duration"):
         seconds_of(text)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_limit_in_megabytes_is_too_large_for_a_number_of_bytes(model: type[Settings]):
+    for name, field in model.model_fields.items():
+        if name.endswith("_mb"):
+            assert any(getattr(each, "le", 1e99) <= 1e9 for each in field.metadata), name
 
 
 @pytest.mark.parametrize(

@@ -47,14 +47,15 @@ class RecordOptions(ToolOptions):
         float | None, Field(gt=0, description="how long to record; default: until Ctrl-C"), SECONDS
     ] = None
     split_mb: Annotated[
-        float | None, Field(gt=0, description="begin another file when one has this many MB")
+        float | None,
+        Field(gt=0, le=1e9, description="begin another file when one has this many MB"),
     ] = None
     split: Annotated[
         float | None, Field(ge=1, description="begin another file after this time"), SECONDS
     ] = None
     total_mb: Annotated[
         float | None,
-        Field(gt=0, description="delete the oldest files when all have more MB than this"),
+        Field(gt=0, le=1e9, description="delete the oldest files when all have more MB than this"),
     ] = None
     last: Annotated[
         float | None,
@@ -73,7 +74,7 @@ class RecordOptions(ToolOptions):
         Field(description="health of any node that triggers; repeatable"),
     ] = ()
     memory_mb: Annotated[
-        float, Field(ge=1, description="limit of what waits for the disk, and of --last")
+        float, Field(ge=1, le=1e6, description="limit of what waits for the disk, and of --last")
     ] = 256.0
     profile: Annotated[
         Literal["", "ros2"],
