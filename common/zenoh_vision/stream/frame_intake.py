@@ -278,7 +278,8 @@ def snapshot_of(sample: Sample, encoding: str = JPEG, max_pixels: int = MAX_PIXE
 
     The camera of a bare picture on a key that names none is ``unknown``.
 
-    ``encoding`` is that of the pictures on its key, if the sample names none.
+    ``encoding`` is that of the pictures on its key, if the sample names none. One with more than
+    ``max_pixels`` is refused.
 
     Raises:
         PayloadError: It is no picture, or its header does not fit.

@@ -75,7 +75,8 @@ def write(
 ) -> int:
     """Write records into a new file, with accounts of its own; return how many.
 
-    It appears when it is complete. The profile ``ros2`` leaves out what ROS has no message for.
+    The records are in the order of their arrival. The file appears when it is complete. The profile
+    ``ros2`` leaves out what ROS has no message for.
 
     Raises:
         RecordingError: The file exists, or cannot be made.

@@ -37,7 +37,8 @@ class _Request:
 class NodeControl:
     """Carries out requests on the thread that supervises the processes.
 
-    The processes are known by the names of their nodes.
+    The processes are known by the names of their nodes. One that has not ended after ``grace_s`` is
+    killed.
     """
 
     def __init__(self, namespace: str, children: Mapping[str, Child], grace_s: float) -> None:

@@ -18,7 +18,8 @@ LATCHED = ("camera_info",)
 class RecordedTape:
     """Some keys of a recording, from a moment to another.
 
-    By default those of all keys that do not begin with ``@``, to the end of the recording.
+    By default those of all keys that do not begin with ``@``, to the end of the recording. Both
+    moments are seconds since the first sample.
 
     Attributes:
         keys: The keys of the samples that are played.
