@@ -16,8 +16,7 @@ from zenoh_vision.node.inputs import Input
 from zv.registry import published_by
 from zv.tracker.camera_tracking import CameraTracking, decoded
 from zv.tracker.detector.errors import ModelFailed
-from zv.tracker.detector.model import Model, ModelOptions
-from zv.tracker.detector.options import size_of
+from zv.tracker.detector.model import Model
 from zv.tracker.detector.placement import Pixels
 from zv.tracker.detector.worker import Load, ModelWorker, Request
 from zv.tracker.pipelines.detector import UNSURE
@@ -255,20 +254,3 @@ def _request(frame: Frame, settings: TrackerSettings) -> Request:
 def _longest_s(load: Load) -> float:
     """Return how long the model takes for a picture, in the mean or at the moment."""
     return max(load.run_s, load.since_s)
-
-
-def options_of(settings: TrackerSettings) -> ModelOptions:
-    """Return the options of the model from the settings."""
-    assert settings.model is not None
-    return ModelOptions(
-        settings.model,
-        layout=settings.layout,
-        class_names=settings.class_names,
-        input_size=None if settings.input_size is None else size_of(settings.input_size),
-        fit=settings.fit,
-        colours=settings.colours,
-        values=settings.values,
-        runtime=settings.runtime,
-        device=settings.device,
-        threads=settings.model_threads,
-    )

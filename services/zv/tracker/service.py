@@ -8,9 +8,9 @@ from zenoh_vision import Connection, Node
 from zenoh_vision.host.allocator import keep_freed_memory
 from zv.registry import published_by
 from zv.tracker.detector.class_names import Wanted, check_known
-from zv.tracker.detector.model import Model
-from zv.tracker.detector.options import classes_of
-from zv.tracker.loop import TrackerLoop, options_of
+from zv.tracker.detector.model import Model, ModelOptions
+from zv.tracker.detector.options import classes_of, size_of
+from zv.tracker.loop import TrackerLoop
 from zv.tracker.settings import TrackerSettings
 
 log = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ def loaded_model(settings: TrackerSettings) -> Model:
         UnusableModel: It cannot be run.
         ConfigurationError: A setting does not fit it.
     """
-    model = Model(options_of(settings))
+    model = Model(_options_of(settings))
     if settings.pipeline != "detector":
         log.warning(
             "the model is loaded but not used: pipeline = %s; allowed too: detector",
@@ -54,3 +54,20 @@ def loaded_model(settings: TrackerSettings) -> Model:
         )
     check_known(Wanted(settings.least_score, classes_of(settings.classes)), model.names)
     return model
+
+
+def _options_of(settings: TrackerSettings) -> ModelOptions:
+    """Return the options of the model from the settings."""
+    assert settings.model is not None
+    return ModelOptions(
+        settings.model,
+        layout=settings.layout,
+        class_names=settings.class_names,
+        input_size=None if settings.input_size is None else size_of(settings.input_size),
+        fit=settings.fit,
+        colours=settings.colours,
+        values=settings.values,
+        runtime=settings.runtime,
+        device=settings.device,
+        threads=settings.model_threads,
+    )

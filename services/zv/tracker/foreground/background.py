@@ -200,7 +200,7 @@ class Background:
         self.unlit = np.asarray(cv2.convertScaleAbs(self._values), np.uint8)
         percents = self._limits.black, 100.0 - self._limits.black
         dark, bright = np.percentile(self.unlit[::4, ::4], percents).tolist()
-        # A scene whose bright parts are less than twice as bright may show nothing black.
+        # A plain scene, less than three times as bright where it is bright, may show nothing black.
         self._black = round(min(dark, max(0.0, bright - 2 * dark)))
         self._illuminate()
 
